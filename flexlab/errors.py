@@ -1,0 +1,29 @@
+"""The one exception family of flexlab. Every text is a sentence for the person at the screen."""
+
+
+class FlexlabError(Exception):
+    """Base of all errors that a user can cause and mend; `str(error)` is the sentence to show."""
+
+
+class ScenarioError(FlexlabError):
+    """A scenario, or a change to one, is not valid. `problems` lists (field path, sentence) pairs."""
+
+    def __init__(self, problems: list[tuple[str, str]]):
+        self.problems = problems
+        super().__init__("\n".join(sentence for _, sentence in problems))
+
+
+class PresetError(FlexlabError):
+    """A preset or scenario file cannot be found or read."""
+
+
+class RecordingError(FlexlabError):
+    """A recording cannot be written, opened or read."""
+
+
+class LabError(FlexlabError):
+    """The lab's server cannot be started as asked."""
+
+
+class StudyError(FlexlabError):
+    """A study (run, batch, export, benchmark) was asked for something that cannot be done."""

@@ -1,0 +1,119 @@
+"""Building blocks of the scenario models: numbers with title, symbol, unit and range, stated once as field metadata.
+
+`quantity(...)` declares a field; `describe(model, name)` gives its `Quantity` back to whoever needs a label, a slider or
+an error sentence. `Part` is the base of every scenario model: frozen, unknown keys refused, ranges checked.
+"""
+
+import math
+import numbers
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What the screen and the error sentences say about one scenario field.
+
+    `low`, `high`: allowed range of every number in the field, in `unit`. `slider`: the part of that range that a slider
+    covers; `logarithmic`: whether equal ratios are equally far apart on it. `live`: whether a change acts at once on a
+    running lab ("continuous"), reshapes the beam ("projected") or starts the run anew ("restart").
+    """
+
+    title: str
+    unit: str = ""
+    symbol: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    slider: tuple[float, float] | None = None
+    logarithmic: bool = False
+    live: str = "continuous"
+
+    def range_text(self) -> str:
+        """The allowed range with its unit, as in "0.001 to 1e+09 N·m²"."""
+        return f"{self.low:g} to {self.high:g}{self.unit_text()}"
+
+    def unit_text(self) -> str:
+        """The unit with a space before it, as it follows a number; empty for pure numbers."""
+        return f" {self.unit}" if self.unit not in ("", "1") else ""
+
+
+def quantity(default: Any = ..., *, title: str, **description: Any) -> Any:
+    """A pydantic field that carries a `Quantity`. `default` may be left out for a required field."""
+    return Field(default, title=title, json_schema_extra={"quantity": Quantity(title, **description).__dict__})
+
+
+def describe(model: type[BaseModel], name: str) -> Quantity:
+    """The `Quantity` of field `name` of `model` (a bare one with the field's title if it was declared without)."""
+    field = model.model_fields[name]
+    extra = field.json_schema_extra
+    if isinstance(extra, dict) and "quantity" in extra:
+        return Quantity(**extra["quantity"])  # type: ignore[arg-type]
+    return Quantity(field.title or name.replace("_", " "))
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not math.isfinite(value):
+        raise PydanticCustomError("number", "needs a finite number")
+    return float(value)
+
+
+def _whole_number(value: Any) -> int:
+    number = _number(value)
+    if number != int(number):
+        raise PydanticCustomError("number", "needs a whole number")
+    return int(number)
+
+
+def _numbers(value: Any) -> tuple[float, ...]:
+    if isinstance(value, (str, bytes)) or not (isinstance(value, Sequence) or hasattr(value, "__array__")):
+        raise PydanticCustomError("numbers", "needs a list of numbers")
+    return tuple(_number(item) for item in value)
+
+
+def _fixed_length(count: int) -> Any:
+    def check(value: Any) -> tuple[float, ...]:
+        numbers = _numbers(value)
+        if len(numbers) != count:
+            raise PydanticCustomError("numbers", "needs {count} numbers", {"count": count})
+        return numbers
+
+    return check
+
+
+def _one_or_three(value: Any) -> float | tuple[float, ...]:
+    return _number(value) if isinstance(value, numbers.Real) else _fixed_length(3)(value)
+
+
+Number = Annotated[float, BeforeValidator(_number)]
+Count = Annotated[int, BeforeValidator(_whole_number)]
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
+Pair = Annotated[tuple[float, float], BeforeValidator(_fixed_length(2))]
+Triple = Annotated[tuple[float, float, float], BeforeValidator(_fixed_length(3))]
+OneOrThree = Annotated[float | tuple[float, float, float], BeforeValidator(_one_or_three)]
+
+
+def _flatten(value: Any) -> Iterator[float]:
+    if isinstance(value, (int, float)):
+        yield value
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from _flatten(item)
+
+
+class Part(BaseModel):
+    """Base of the scenario models: immutable, strict about names and about ranges."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _in_range(cls, value: Any, info: ValidationInfo) -> Any:
+        about = describe(cls, info.field_name or "")
+        for number in _flatten(value):
+            if not about.low <= number <= about.high:
+                raise PydanticCustomError("range", "is outside the allowed range {range}", {"range": about.range_text()})
+        return value

@@ -1,0 +1,47 @@
+"""The runner's published picture of the running lab: immutable, replaced whole by one reference assignment."""
+
+from dataclasses import dataclass
+
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Samples, Status
+
+TICK = 0.001
+"""Sample period of the live engine, s: fine enough for the 44 Hz ring of the paper's beam and for a 1 kHz recording."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened to a run: a command that took effect, a status, a problem. `time`: simulation time, s."""
+
+    time: float
+    text: str
+    command: object | None = None
+    level: str = "info"
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Everything that a screen shows, at one moment.
+
+    `run_number` counts runs (reset and preset start a new one); `latest` holds the newest sample (N = 1) as computed,
+    `display` the state to draw (N = 1: interpolated between samples in slow motion, never ahead of `latest`).
+    """
+
+    run_number: int
+    name: str
+    scenario: Scenario
+    status: Status
+    playing: bool
+    latest: Samples
+    display: Samples
+    target_speed: float
+    actual_speed: float
+    """Simulated seconds per wall second over the last second (0 while paused)."""
+    too_slow: bool
+    """Whether the machine could not keep up within the last second, so that backlog was dropped."""
+    dropped_samples: int
+    """Samples that did not reach a consumer since the run began."""
+    first_frequency: float
+    """f1 of the payload beam with its grips held, Hz."""
+    events: tuple[Event, ...]
+    """The newest events of this run, oldest first."""

@@ -1,0 +1,79 @@
+"""Where arms and beam are in the plane, from samples: forward kinematics and Hermite interpolation, for drawing only.
+
+Pure NumPy on whole blocks of samples; the equations of motion do not use this file.
+"""
+
+import numpy as np
+
+from flexlab.errors import ScenarioError
+from flexlab.scenario import Payload, Scenario
+from flexlab.sim.samples import Samples
+
+HELD_COORDINATES: dict[str, tuple[int, ...]] = {
+    "pinned-pinned": (0, -2),
+    "clamped-clamped": (0, 1, -2, -1),
+    "clamped-pinned": (0, 1, -2),
+    "pinned-clamped": (0, -2, -1),
+    "clamped-free": (0, 1),
+}
+"""Nodal coordinates (deflection, slope per node, left to right) that each boundary holds at zero, negative from the end."""
+
+
+def arm_points(scenario: Scenario, samples: Samples) -> np.ndarray:
+    """Base, second joint, third joint and grip of every arm, m, (N, arms, 4, 2), from the joint angles."""
+    angle = np.cumsum(samples.joint_angle, axis=2)
+    length = np.array([arm.link_length for arm in scenario.arms])
+    base = np.array([arm.base for arm in scenario.arms])
+    link = length[None, :, :, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    points = np.empty((len(samples), len(scenario.arms), 4, 2))
+    points[:, :, 0] = base
+    points[:, :, 1:] = base[None, :, None, :] + np.cumsum(link, axis=2)
+    return points
+
+
+def beam_points(scenario: Scenario, samples: Samples, count: int, exaggeration: float = 1.0) -> np.ndarray:
+    """`count` points along the beam from s = -L/2 to L/2, deflection times `exaggeration`, m, (N, count, 2)."""
+    position = np.linspace(-0.5, 0.5, count) * scenario.payload.length
+    deflection = exaggeration * deflection_at(scenario.payload, samples.beam_coordinates, position)
+    angle = samples.pose[:, 2:3]
+    x = samples.pose[:, 0:1] + position * np.cos(angle) - deflection * np.sin(angle)
+    y = samples.pose[:, 1:2] + position * np.sin(angle) + deflection * np.cos(angle)
+    return np.stack([x, y], axis=-1)
+
+
+def link_points(scenario: Scenario, pose: np.ndarray) -> np.ndarray:
+    """Both ends of the virtual link at each pose (N, 3), m, (N, 2, 2): left grip, right grip."""
+    half = 0.5 * scenario.payload.length * np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=-1)
+    return np.stack([pose[:, :2] - half, pose[:, :2] + half], axis=1)
+
+
+def deflection_at(payload: Payload, beam_coordinates: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """w(s) in m at material coordinates `position` (count,) in m, for free coordinates (N, n_q): (N, count)."""
+    return beam_coordinates @ shape_functions(payload, position).T
+
+
+def shape_functions(payload: Payload, position: np.ndarray) -> np.ndarray:
+    """N(s) of the free coordinates at `position` (count,) in m: (count, n_q). Raises `ScenarioError` outside the beam."""
+    half = 0.5 * payload.length
+    if np.any(np.abs(position) > half * (1 + 1e-9)):
+        worst = float(position[np.argmax(np.abs(position))])
+        text = f"beam position = {worst:g} m is not on the beam: choose -{half:g} to {half:g} m."
+        raise ScenarioError([("beam_position", text)])
+    nodes = payload.element_count + 1
+    width = payload.length / payload.element_count
+    along = (np.asarray(position, float) + half) / width
+    element = np.clip(along.astype(int), 0, payload.element_count - 1)
+    z = along - element
+    rows = np.arange(len(z))
+    full = np.zeros((len(z), 2 * nodes))
+    full[rows, 2 * element] = 1 - 3 * z**2 + 2 * z**3
+    full[rows, 2 * element + 1] = width * (z - 2 * z**2 + z**3)
+    full[rows, 2 * element + 2] = 3 * z**2 - 2 * z**3
+    full[rows, 2 * element + 3] = width * (z**3 - z**2)
+    return np.delete(full, held_columns(payload), axis=1)
+
+
+def held_columns(payload: Payload) -> list[int]:
+    """Indices of the held nodal coordinates among all 2 (n + 1)."""
+    total = 2 * (payload.element_count + 1)
+    return [index % total for index in HELD_COORDINATES[payload.boundary]]

@@ -16,7 +16,7 @@ HELD_COORDINATES: dict[str, tuple[int, ...]] = {
     "pinned-clamped": (0, -2, -1),
     "clamped-free": (0, 1),
 }
-"""Nodal coordinates (deflection, slope per node, left to right) that each boundary holds at zero, negative from the end."""
+"""Nodal coordinates (deflection, slope per node, left to right) that each boundary holds at zero; < 0: from the end."""
 
 
 def arm_points(scenario: Scenario, samples: Samples) -> np.ndarray:
@@ -53,7 +53,7 @@ def deflection_at(payload: Payload, beam_coordinates: np.ndarray, position: np.n
 
 
 def shape_functions(payload: Payload, position: np.ndarray) -> np.ndarray:
-    """N(s) of the free coordinates at `position` (count,) in m: (count, n_q). Raises `ScenarioError` outside the beam."""
+    """N(s), the free coordinates' share at `position` (count,) in m, (count, n_q); `ScenarioError` if outside."""
     half = 0.5 * payload.length
     if np.any(np.abs(position) > half * (1 + 1e-9)):
         worst = float(position[np.argmax(np.abs(position))])

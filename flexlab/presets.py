@@ -1,0 +1,117 @@
+"""Presets and scenario files: named experiments as JSON, read and written.
+
+A preset is a scenario file `<name>.json`: those of flexlab itself, and a person's own in a folder `presets` where they
+work. A name of flexlab's own always means flexlab's own file, so that "paper" is the paper everywhere.
+"""
+
+import difflib
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from flexlab.assets import presets_folder
+from flexlab.errors import PresetError, ScenarioError
+from flexlab.scenario import Scenario, parse_scenario
+
+OWN_FOLDER = Path("presets")
+"""A person's own presets, relative to the working directory."""
+
+_NUMBER_LIST = re.compile(r"\[\s+([^\[\]{}\"]*?)\s+\]")
+
+
+def preset_files(own: Path = OWN_FOLDER) -> dict[str, Path]:
+    """Name → file of every preset: "paper" first, the others by name. `own`: the folder of the person's own presets."""
+    files = {path.stem: path for folder in (own, presets_folder()) for path in folder.glob("*.json")}
+    return {name: files[name] for name in sorted(files, key=lambda name: (name != "paper", name))}
+
+
+def preset_names(own: Path = OWN_FOLDER) -> list[str]:
+    """The names of all presets, "paper" first."""
+    return list(preset_files(own))
+
+
+def load_preset(name: str, own: Path = OWN_FOLDER) -> Scenario:
+    """The scenario of preset `name`. Raises `PresetError` (unknown or unreadable) or `ScenarioError` (not valid)."""
+    files = preset_files(own)
+    if name not in files:
+        raise PresetError(_unknown(name, list(files)))
+    return load_scenario_file(files[name])
+
+
+def load_scenario_file(path: str | Path) -> Scenario:
+    """The scenario in a JSON file. Raises `PresetError` (unreadable, not JSON) or `ScenarioError` (not valid)."""
+    path = Path(path)
+    try:
+        return parse_scenario(_read_json(path))
+    except ScenarioError as error:
+        raise ScenarioError([(field, f"{path}: {sentence}") for field, sentence in error.problems]) from None
+
+
+def find_scenario(name_or_path: str, own: Path = OWN_FOLDER) -> tuple[str, Scenario]:
+    """(short name, scenario) of a preset name or of a path to a scenario file, as people type it.
+
+    Raises `PresetError` or `ScenarioError`.
+    """
+    if name_or_path in preset_files(own):
+        return name_or_path, load_preset(name_or_path, own)
+    if name_or_path.endswith(".json") or "/" in name_or_path or "\\" in name_or_path:
+        return Path(name_or_path).stem, load_scenario_file(name_or_path)
+    raise PresetError(_unknown(name_or_path, preset_names(own)))
+
+
+def save_scenario(scenario: Scenario, path: str | Path) -> None:
+    """Write a scenario as JSON: title and watch first, every field, one line per list. Raises `PresetError`."""
+    try:
+        Path(path).write_text(scenario_text(scenario), encoding="utf-8")
+    except OSError as error:
+        raise PresetError(f"{path} cannot be written ({error.strerror}): choose another file.") from None
+
+
+def scenario_text(scenario: Scenario) -> str:
+    """The JSON text of a scenario, as `save_scenario` writes it."""
+    text = json.dumps(_kind_first(scenario.model_dump(mode="json")), indent=2, ensure_ascii=False, allow_nan=False)
+    return _NUMBER_LIST.sub(lambda match: "[" + re.sub(r"\s+", " ", match[1]) + "]", text) + "\n"
+
+
+def _kind_first(data: Any) -> Any:
+    if not isinstance(data, dict):
+        return data
+    order = sorted(data, key=lambda name: name != "kind")
+    return {name: _kind_first(data[name]) for name in order}
+
+
+def _read_json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_fields)
+    except FileNotFoundError:
+        raise PresetError(f"There is no scenario file {path}: check the name.") from None
+    except OSError as error:
+        raise PresetError(f"{path} cannot be read: {error.strerror}.") from None
+    except UnicodeDecodeError:
+        raise PresetError(f"{path} is not a text file in UTF-8: a scenario file is JSON text.") from None
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise PresetError(f"{path}, {where}, is not valid JSON: {_lower_first(error.msg)}.") from None
+    except (ValueError, RecursionError) as error:
+        raise PresetError(f"{path} cannot be read as a scenario: {_lower_first(str(error))}.") from None
+
+
+def _fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object; a name given twice is refused, since one of its values would be lost unseen."""
+    fields: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in fields:
+            raise ValueError(f"the field {name!r} is given twice in one place")
+        fields[name] = value
+    return fields
+
+
+def _unknown(name: str, names: list[str]) -> str:
+    close = difflib.get_close_matches(name.lower(), names, n=1)
+    hint = f"; did you mean {close[0]}?" if close else "."
+    return f"There is no preset {name!r}: the presets are {', '.join(names)}{hint}"
+
+
+def _lower_first(text: str) -> str:
+    return text[:1].lower() + text[1:].split("\n")[0].rstrip(".")

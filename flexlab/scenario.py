@@ -235,6 +235,18 @@ class AdaptiveSlidingMode(Controller):
     )
 
 
+class VibrationDamping(AdaptiveSlidingMode):
+    """The paper's law with active damping of the beam (its future work): a_lat = k_v hᵀq̇, α = k_θ gᵀq̇."""
+
+    kind: Literal["vibration-damping"] = "vibration-damping"  # type: ignore[assignment]
+    lateral_vibration_gain: Number = quantity(
+        100.0, title="Lateral vibration gain", symbol="k_v", unit="1/(kg·s)", low=0, high=1e5, slider=(0, 300)
+    )
+    angular_vibration_gain: Number = quantity(
+        0.0, title="Angular vibration gain", symbol="k_θ", unit="1/(kg·m²·s)", low=0, high=1e6, slider=(0, 3000)
+    )
+
+
 class ComputedTorque(Controller):
     """Inverse dynamics of the rigid system with pose feedback: ẍ → ẍ_d - K_d ė - K_p e."""
 
@@ -265,7 +277,10 @@ class NoControl(Controller):
     kind: Literal["none"] = "none"
 
 
-Law = Annotated[AdaptiveSlidingMode | ComputedTorque | ProportionalDerivative | NoControl, Field(discriminator="kind")]
+Law = Annotated[
+    AdaptiveSlidingMode | VibrationDamping | ComputedTorque | ProportionalDerivative | NoControl,
+    Field(discriminator="kind"),
+]
 
 
 class Initial(Part):
@@ -381,7 +396,7 @@ def _set(data: dict[str, Any], path: str, value: Any) -> None:
     data[name] = value
 
 
-_TAGS = {"nodal", "stiffness", "modal", "adaptive-sliding-mode", "computed-torque", "pd", "none", "sine"}
+_TAGS = {"nodal", "stiffness", "modal", "adaptive-sliding-mode", "computed-torque", "pd", "none", "sine", "vibration-damping"}
 
 
 def _problem(item: Any) -> tuple[str, str]:
@@ -418,7 +433,7 @@ def _shown(value: Any) -> str:
 def _find(names: list[str]) -> Quantity | None:
     """The description of a field by path in the default scenario, if it has one."""
     kinds: tuple[type[Part], ...] = (NodalDamping, StiffnessDamping, ModalDamping)
-    laws: tuple[type[Part], ...] = (AdaptiveSlidingMode, ComputedTorque, ProportionalDerivative, NoControl)
+    laws: tuple[type[Part], ...] = (VibrationDamping, ComputedTorque, ProportionalDerivative, NoControl)
     owners: dict[str, tuple[type[Part], ...]] = {
         "": (Scenario,),
         "payload": (Payload,),

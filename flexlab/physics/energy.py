@@ -1,0 +1,36 @@
+"""Energies of arms and payload."""
+
+from flexlab.compiled import compiled
+from flexlab.physics.plant import ETA, OMEGA2, P
+
+
+@compiled
+def kinetic_energy(y, velocity, eta_dot):
+    """T = ½(Pᵀẋ + πᵀη̇), J, of arms and payload, after `find_velocities`."""
+    total = 0.0
+    for a in range(3):
+        total += y[P + a] * velocity[a]
+    n = len(eta_dot)
+    for k in range(n):
+        total += y[ETA + n + k] * eta_dot[k]
+    return total / 2
+
+
+@compiled
+def elastic_energy(plant, y):
+    """½ηᵀΩ²η, J."""
+    total = 0.0
+    for k in range(plant.modal.shape[1]):
+        total += plant.modal[OMEGA2, k] * y[ETA + k] * y[ETA + k]
+    return total / 2
+
+
+@compiled
+def gravity_energy(plant, terms, y, w_bar):
+    """Potential energy of all weights, J, zero where y = 0."""
+    moment = plant.m * y[1] + terms.trig[0] * w_bar
+    for i in range(len(plant.arms)):
+        arm = plant.arms[i]
+        moment += arm.mass * arm.base_y + arm.gamma_1 * terms.direction[i, 1] + arm.gamma_2 * terms.direction[i, 3]
+        moment += arm.gamma_3 * arm.tip * terms.trig[1]
+    return plant.gravity * moment

@@ -1,0 +1,87 @@
+"""What the arms do to the payload beyond moving it, by two independent routes (Eqs. 13-15 and Eq. 26)."""
+
+import numpy as np
+
+from flexlab.compiled import compiled
+from flexlab.physics.beam import BeamMatrices
+
+
+@compiled
+def internal_forces(terms, u, x_ddot, v, force, moving):
+    """F_i = J_iᵀf_i - share f (arms, 3), with J_iᵀf_i = u_i - M̄_iẍ - C̄_iẋ - Ḡ_i and f their sum; moving = share f (3,).
+
+    Eqs. (13)-(15) with equal shares.
+    """
+    for a in range(3):
+        total = 0.0
+        for i in range(len(u)):
+            grip = u[i, a] - terms.G[i, a]
+            for b in range(3):
+                grip -= terms.M[i, a, b] * x_ddot[b] + terms.C[i, a, b] * v[b]
+            force[i, a] = grip
+            total += grip
+        moving[a] = total / len(u)
+        for i in range(len(u)):
+            force[i, a] -= moving[a]
+
+
+def internal_force_by_eq_26(
+    beam: BeamMatrices,
+    D: np.ndarray,
+    M_bar: np.ndarray,
+    C_bar: np.ndarray,
+    G_bar: np.ndarray,
+    u: np.ndarray,
+    pose: np.ndarray,
+    pose_rate: np.ndarray,
+    q: np.ndarray,
+    q_dot: np.ndarray,
+    gravity: float = 0.0,
+) -> np.ndarray:
+    """F_i of two arms by Eq. (26) in nodal coordinates, with the sign of Eqs. (13)-(15), (2, 3).
+
+    D: nodal damping matrix (n_q, n_q); M_bar, C_bar (2, 3, 3), G_bar, u (2, 3). The print leaves out damping and weight,
+    which join K_F q and Ḡ here, and has the opposite sign.
+    """
+    A, C, weight = payload_matrices(beam, pose, pose_rate, q, q_dot, gravity)
+    A11, A12, A21, A22 = A[:3, :3], A[:3, 3:], A[3:, :3], A[3:, 3:]
+    vibration = C[3:, :3] @ pose_rate + C[3:, 3:] @ q_dot + beam.K_F @ q + D @ q_dot + weight[3:]
+    coupling = A12 @ np.linalg.solve(A22, vibration)
+    schur = A11 - A12 @ np.linalg.solve(A22, A21)
+    drive = u.sum(axis=0) - (C_bar.sum(axis=0) + C[:3, :3]) @ pose_rate - C[:3, 3:] @ q_dot
+    drive = drive - G_bar.sum(axis=0) - weight[:3] + coupling
+    x_ddot = np.linalg.solve(M_bar.sum(axis=0) + schur, drive)
+    printed = [
+        -u[i]
+        - coupling / 2
+        + (C_bar[i] + C[:3, :3] / 2) @ pose_rate
+        + C[:3, 3:] @ q_dot / 2
+        + G_bar[i]
+        + weight[:3] / 2
+        + (M_bar[i] + schur / 2) @ x_ddot
+        for i in range(2)
+    ]
+    return -np.array(printed)
+
+
+def payload_matrices(
+    beam: BeamMatrices,
+    pose: np.ndarray,
+    pose_rate: np.ndarray,
+    q: np.ndarray,
+    q_dot: np.ndarray,
+    gravity: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, the Christoffel matrix B and the weight of the payload (Eq. 8) in p = (x0, y0, θ, q): (N, N), (N, N), (N,)."""
+    c, s, omega = np.cos(pose[2]), np.sin(pose[2]), pose_rate[2]
+    e1, e2 = np.array([c, s]), np.array([-s, c])
+    w_bar, w_bar_rate, Mq = beam.h @ q, beam.h @ q_dot, beam.M_q @ q
+    size = 3 + len(q)
+    A, B, weight = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    A[:2, :2], A[:2, 2], A[2, 2] = beam.m * np.eye(2), -w_bar * e1, beam.I + q @ Mq
+    A[:2, 3:], A[2, 3:], A[3:, 3:] = np.outer(e2, beam.h), beam.g, beam.M_q
+    A[2, :2], A[3:, :3] = A[:2, 2], A[:3, 3:].T
+    B[:2, 2], B[:2, 3:] = -w_bar * omega * e2 - w_bar_rate * e1, -omega * np.outer(e1, beam.h)
+    B[2, 2], B[2, 3:], B[3:, 2] = Mq @ q_dot, omega * Mq, -omega * Mq
+    weight[1], weight[2], weight[3:] = beam.m * gravity, -gravity * s * w_bar, gravity * c * beam.h
+    return A, B, weight

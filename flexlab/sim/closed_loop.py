@@ -1,0 +1,83 @@
+"""Plant and control law closed into one right-hand side, the thing that every integrator calls."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlab.compiled import compiled
+from flexlab.control.law import Control, control_law
+from flexlab.control.trajectory import Sine, desired_motion
+from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
+from flexlab.physics.plant import G, MEMORY, Plant, find_velocities, momentum_rates
+
+
+class System(NamedTuple):
+    """Everything constant between two commands."""
+
+    plant: Plant
+    control: Control
+    trajectory: Sine
+    held_torque: np.ndarray
+    """Joint torques that a sampled controller holds, N·m, (arms, 3)."""
+
+
+@compiled
+def limit_torques(limit, tau, flags):
+    """Clip joint torques (3,) to their limits and note in flags[1] that one was reached."""
+    for joint in range(3):
+        if abs(tau[joint]) > limit[joint]:
+            tau[joint] = np.copysign(limit[joint], tau[joint])
+            flags[1] = 1
+
+
+@compiled
+def find_inputs(system, t, y, ws):
+    """Fill C̄_i, the desired motion, u and the memory's rates after `find_velocities`."""
+    plant, control = system.plant, system.control
+    c, s, v = ws.arm.trig[0], ws.arm.trig[1], ws.velocity
+    for i in range(len(plant.arms)):
+        arm_velocity_terms(plant.arms[i], c, s, v[0], v[1], v[2], ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
+    if ws.desired_time[0] != t:
+        desired_motion(system.trajectory, t, ws.desired)
+        ws.desired_time[0] = t
+    if control.sampled:
+        for i in range(len(plant.arms)):
+            task_input(ws.arm.J[i], system.held_torque[i], ws.u[i])
+        for a in range(3):
+            ws.memory_rate[a] = 0.0
+        return
+    control_law(
+        control, plant.gravity, y[0:3], v, ws.beam_rate, ws.arm, ws.desired, y[MEMORY : MEMORY + 3], ws.u, ws.memory_rate
+    )
+    if control.limited:
+        for i in range(len(plant.arms)):
+            joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], ws.tau)
+            limit_torques(control.torque_limit, ws.tau, ws.flags)
+            task_input(ws.arm.J[i], ws.tau, ws.u[i])
+
+
+@compiled
+def find_state(system, t, y, ws):
+    """Velocities, arm terms and inputs of state y at time t; returns a fault code and h·η."""
+    plant = system.plant
+    code, w_bar, w_bar_rate = find_velocities(plant, y, ws)
+    if code != 0:
+        return code, 0.0
+    g_rate = 0.0
+    for k in range(plant.modal.shape[1]):
+        g_rate += plant.modal[G, k] * ws.eta_dot[k]
+    ws.beam_rate[0], ws.beam_rate[1] = w_bar_rate, g_rate
+    find_inputs(system, t, y, ws)
+    return code, w_bar
+
+
+@compiled
+def rates(system, t, y, ws, dy, whole):
+    """dy/dt of the closed loop; `whole` as in `momentum_rates`. Returns a fault code of `arm_configuration`."""
+    code, w_bar = find_state(system, t, y, ws)
+    if code != 0:
+        return code
+    momentum_rates(system.plant, y, w_bar, ws.beam_rate[0], ws.u, ws, dy, whole)
+    for a in range(3):
+        dy[MEMORY + a] = ws.memory_rate[a]
+    return code

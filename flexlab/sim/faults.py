@@ -1,0 +1,94 @@
+"""Why a run stops: fault codes of the kernels turned into sentences."""
+
+import math
+
+import numpy as np
+
+from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
+from flexlab.scenario import Scenario
+from flexlab.sim.advance import BENT
+from flexlab.sim.samples import Status
+
+DEFLECTION_LIMIT = 1.0
+"""Mid-span deflection over length at which a run stops: the linear beam model has lost all meaning long before."""
+
+
+def arm_name(scenario: Scenario, index: int) -> str:
+    """ "left arm" or "right arm"."""
+    return "left arm" if index == 0 else "right arm"
+
+
+def wrist_reach(scenario: Scenario, index: int, pose: np.ndarray) -> tuple[float, float, float]:
+    """Distance base-wrist of an arm at a pose, and the shortest and longest it can have, m."""
+    arm, side = scenario.arms[index], (-1 if index == 0 else 1)
+    reach = side * (scenario.payload.length / 2 + arm.link_length[2])
+    x = pose[0] + reach * math.cos(pose[2]) - arm.base[0]
+    y = pose[1] + reach * math.sin(pose[2]) - arm.base[1]
+    l1, l2, _ = arm.link_length
+    return math.hypot(x, y), abs(l1 - l2), l1 + l2
+
+
+def elbow_sine(distance: float, l1: float, l2: float) -> float:
+    """|sin| of the elbow angle for a wrist at `distance`; 0 outside the workspace."""
+    cosine = (distance**2 - l1**2 - l2**2) / (2 * l1 * l2)
+    return math.sqrt(max(0.0, 1 - cosine**2)) if abs(cosine) <= 1 else 0.0
+
+
+def pose_fault(scenario: Scenario, pose: np.ndarray, time: float, what: str) -> Status | None:
+    """The status of the first arm that cannot take a pose, or None. `what` names the pose ("the desired pose")."""
+    for index in range(len(scenario.arms)):
+        distance, shortest, longest = wrist_reach(scenario, index, pose)
+        l1, l2, _ = scenario.arms[index].link_length
+        where = f"at x = {pose[0]:.3f} m, y = {pose[1]:.3f} m, θ = {pose[2]:.3f} rad (t = {time:.3f} s)"
+        name = arm_name(scenario, index)
+        if not shortest <= distance <= longest:
+            limit, side = (longest, "beyond") if distance > longest else (shortest, "short of")
+            return Status(
+                "unreachable",
+                f"The {name} cannot reach {what} {where}: its wrist would be {distance:.3f} m from its base, "
+                f"{abs(distance - limit):.3f} m {side} the {limit:.3f} m it can span. "
+                "Move the trajectory's centre, make its amplitude smaller, or move the arm's base.",
+                time,
+            )
+        if elbow_sine(distance, l1, l2) < SINGULAR_SINE:
+            posture = "stretched" if distance > math.hypot(l1, l2) else "folded"
+            return Status(
+                "singular",
+                f"The {name} is {posture} at {what} {where}: its wrist is {distance:.3f} m from its base, "
+                f"and the elbow's sine is {elbow_sine(distance, l1, l2):.3f}, below the {SINGULAR_SINE:g} it needs. "
+                "Beyond that the elbow could flip. Make the trajectory smaller or move the arm's base.",
+                time,
+            )
+    return None
+
+
+def runtime_fault(scenario: Scenario, code: int, pose: np.ndarray, time: float) -> Status:
+    """The status for a kernel's fault code; `pose`: the last good one."""
+    kept = f"The last good state, at t = {time:.3f} s, is kept."
+    if code in (UNREACHABLE, SINGULAR):
+        name = "unreachable" if code == UNREACHABLE else "singular"
+        margins = []
+        for index in range(len(scenario.arms)):
+            distance, shortest, longest = wrist_reach(scenario, index, pose)
+            margins.append((min(longest - distance, distance - shortest), index, distance, longest))
+        margin, index, distance, longest = min(margins)
+        return Status(
+            name,
+            f"The {arm_name(scenario, index)} left its workspace just after t = {time:.3f} s, near x = {pose[0]:.3f} m, "
+            f"y = {pose[1]:.3f} m, θ = {pose[2]:.3f} rad: its wrist is {distance:.3f} m from its base, {margin:.3f} m from "
+            f"the limit of what it spans (up to {longest:.3f} m). {kept} Reset, then use a smaller amplitude or higher gains.",
+            time,
+        )
+    if code == BENT:
+        return Status(
+            "diverged",
+            f"The beam's mid-span deflection passed {DEFLECTION_LIMIT:g} times its length just after t = {time:.3f} s, "
+            f"where the linear beam model means nothing. {kept} Reset with a stiffer beam, more damping or lower gains.",
+            time,
+        )
+    return Status(
+        "diverged",
+        f"The computation diverged just after t = {time:.3f} s: a state is no longer a finite number. {kept} "
+        "Reset with lower gains or a shorter step.",
+        time,
+    )

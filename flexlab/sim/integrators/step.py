@@ -1,0 +1,14 @@
+"""One step of the chosen integrator."""
+
+from flexlab.compiled import compiled
+from flexlab.sim.integrators.etdrk4 import etdrk4_step
+from flexlab.sim.integrators.rk4 import rk4_step
+from flexlab.sim.integrators.scheme import ETDRK4
+
+
+@compiled
+def integrate(system, scheme, t, dt, y, ws):
+    """Advance y by dt in place; returns a fault code."""
+    if scheme.kind == ETDRK4:
+        return etdrk4_step(system, scheme.operators, t, dt, y, ws)
+    return rk4_step(system, t, dt, y, ws)

@@ -1,0 +1,73 @@
+"""Writing one sample: every signal that follows from a state."""
+
+from flexlab.compiled import compiled
+from flexlab.control.adaptive_sliding_mode import sliding_variable
+from flexlab.physics.arm import joint_angles, joint_torques
+from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
+from flexlab.physics.internal_force import internal_forces
+from flexlab.physics.plant import DISSIPATED, ETA, MEMORY, MID, WORK, acceleration
+from flexlab.sim import columns
+from flexlab.sim.closed_loop import find_state
+
+ACCELERATION, DESIRED, ERROR, SLIDING = columns.ACCELERATION, columns.DESIRED, columns.ERROR, columns.SLIDING
+POSE, RATE, ESTIMATES, MOVING = columns.POSE, columns.RATE, columns.ESTIMATES, columns.MOVING
+TIME, MIDSPAN, QUASI_STATIC, SATURATED = columns.TIME, columns.MIDSPAN, columns.QUASI_STATIC, columns.SATURATED
+KINETIC, ELASTIC, GRAVITY, POWER_IN, LOSS = (
+    columns.KINETIC,
+    columns.ELASTIC,
+    columns.GRAVITY,
+    columns.WORK,
+    columns.DISSIPATION,
+)
+ARMS, PER_ARM = columns.ARMS, columns.PER_ARM
+
+
+@compiled
+def observe(system, t, y, ws, row):
+    """Write the sample of state y at time t into `row`; returns a fault code."""
+    plant = system.plant
+    code, w_bar = find_state(system, t, y, ws)
+    if code != 0:
+        return code
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    x_ddot = row[ACCELERATION : ACCELERATION + 3]
+    acceleration(plant, y, w_bar, ws.beam_rate[0], ws.u, ws, x_ddot)
+    row[TIME] = t
+    sliding_variable(system.control.adaptive.Lambda, y[0:3], ws.velocity, ws.desired, row[SLIDING : SLIDING + 3])
+    for a in range(3):
+        row[POSE + a], row[RATE + a] = y[a], ws.velocity[a]
+        row[DESIRED + a], row[ERROR + a] = ws.desired[0, a], y[a] - ws.desired[0, a]
+        row[ESTIMATES + a] = y[MEMORY + a]
+    force = row[ARMS : ARMS + PER_ARM * len(plant.arms)].reshape(len(plant.arms), 4, 3)
+    internal_forces(ws.arm, ws.u, x_ddot, ws.velocity, force[:, 3], row[MOVING : MOVING + 3])
+    for i in range(len(plant.arms)):
+        joint_angles(y[2], plant.arms[i], ws.arm.direction[i], force[i, 0])
+        joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], force[i, 1])
+        for a in range(3):
+            force[i, 2, a] = ws.u[i, a]
+    _observe_beam(plant, y, ws, row)
+    lateral = c * x_ddot[1] - s * x_ddot[0] + plant.gravity * c
+    row[QUASI_STATIC] = plant.compliance[0] * lateral + plant.compliance[1] * x_ddot[2]
+    row[KINETIC] = kinetic_energy(y, ws.velocity, ws.eta_dot)
+    row[ELASTIC] = elastic_energy(plant, y)
+    row[GRAVITY] = gravity_energy(plant, ws.arm, y, w_bar)
+    row[POWER_IN], row[LOSS] = y[WORK], y[DISSIPATED]
+    row[SATURATED] = 1.0 if ws.flags[1] != 0 else 0.0
+    return code
+
+
+@compiled
+def _observe_beam(plant, y, ws, row):
+    """Write q, q̇ and the mid-span deflection."""
+    n_q, n = plant.V.shape
+    first = ARMS + PER_ARM * len(plant.arms)
+    for j in range(n_q):
+        q = rate = 0.0
+        for k in range(n):
+            q += plant.V[j, k] * y[ETA + k]
+            rate += plant.V[j, k] * ws.eta_dot[k]
+        row[first + j], row[first + n_q + j] = q, rate
+    middle = 0.0
+    for k in range(n):
+        middle += plant.modal[MID, k] * y[ETA + k]
+    row[MIDSPAN] = middle

@@ -1,0 +1,87 @@
+"""A controller that acts at fixed instants: it measures with noise, computes, and its joint torques are held.
+
+The torques computed at one instant take effect `delay` instants later; until the first ones arrive the motors are off.
+The law's memory (b̂) advances by explicit Euler, as a digital controller does it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlab.compiled import compiled
+from flexlab.control.law import control_law
+from flexlab.control.trajectory import desired_motion
+from flexlab.physics.arm import arm_velocity_terms, joint_torques
+from flexlab.physics.plant import MEMORY, configure_arms
+from flexlab.sim.closed_loop import find_state, limit_torques
+
+
+class Sampling(NamedTuple):
+    """Constants and memory of sampled control."""
+
+    period: float
+    """T_c, s."""
+    steps: int
+    """Integration steps per control period."""
+    delay: int
+    """Input delay in samples."""
+    noise: np.ndarray
+    """Standard deviations of pose, pose rate and of hᵀq̇, gᵀq̇, (8,)."""
+    seed: int
+    line: np.ndarray
+    """Torques on their way, a ring, N·m, (delay + 1, arms, 3)."""
+
+
+@compiled
+def mix(z):
+    """One round of the splitmix64 generator (Steele, Lea & Flood 2014): a well-mixed 64-bit number from a counter."""
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@compiled
+def gaussian(seed, instant, channel):
+    """A standard normal number that depends on its three whole-number arguments only, so that a replay draws it again."""
+    key = mix(np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(instant))
+    first = mix(key + np.uint64(2 * channel + 1) * np.uint64(0x9E3779B97F4A7C15))
+    second = mix(key + np.uint64(2 * channel + 2) * np.uint64(0x9E3779B97F4A7C15))
+    scale = 1.0 / 9007199254740992.0
+    radius = np.sqrt(-2 * np.log((np.float64(first >> np.uint64(11)) + 0.5) * scale))
+    return radius * np.cos(2 * np.pi * np.float64(second >> np.uint64(11)) * scale)
+
+
+@compiled
+def control_instant(system, sampling, instant, t, y, ws):
+    """Measure, run the law, queue its torques and hold those that are due; returns a fault code."""
+    plant, control = system.plant, system.control
+    code, _ = find_state(system, t, y, ws)
+    if code != 0:
+        return code
+    x, v, beam = ws.stage[8, 0:3], ws.stage[8, 3:6], ws.stage[8, 6:8]
+    for a in range(3):
+        x[a] = y[a] + sampling.noise[a] * gaussian(sampling.seed, instant, a)
+        v[a] = ws.velocity[a] + sampling.noise[3 + a] * gaussian(sampling.seed, instant, 3 + a)
+    for a in range(2):
+        beam[a] = ws.beam_rate[a] + sampling.noise[6 + a] * gaussian(sampling.seed, instant, 6 + a)
+    code = configure_arms(plant, x, ws.seen, ws.flags)
+    if code != 0:
+        return code
+    c, s = ws.seen.trig[0], ws.seen.trig[1]
+    for i in range(len(plant.arms)):
+        arm_velocity_terms(plant.arms[i], c, s, v[0], v[1], v[2], ws.seen.J[i], ws.seen.direction[i], ws.seen.C[i])
+    desired_motion(system.trajectory, t, ws.desired)
+    ws.desired_time[0] = t
+    memory = y[MEMORY : MEMORY + 3]
+    control_law(control, plant.gravity, x, v, beam, ws.seen, ws.desired, memory, ws.u, ws.memory_rate)
+    for a in range(3):
+        memory[a] += sampling.period * ws.memory_rate[a]
+    slots = sampling.delay + 1
+    now, due = instant % slots, (instant + 1) % slots
+    for i in range(len(plant.arms)):
+        joint_torques(plant.arms[i], c, s, ws.seen.direction[i], ws.u[i], ws.tau)
+        limit_torques(control.torque_limit, ws.tau, ws.flags)
+        for joint in range(3):
+            sampling.line[now, i, joint] = ws.tau[joint]
+            system.held_torque[i, joint] = sampling.line[due, i, joint]
+    return code

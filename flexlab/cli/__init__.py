@@ -1,0 +1,52 @@
+"""The command line: the one place that knows every room of the house and puts them together.
+
+Each command is a module of this folder with a function `command`, loaded only when asked for, so that help is instant.
+"""
+
+import difflib
+import importlib
+import sys
+from collections.abc import Sequence
+
+from flexlab.cli.console import complain
+from flexlab.errors import FlexlabError
+
+COMMANDS = ("lab", "run", "review", "presets", "bench")
+"""`flexlab` without a command means `flexlab lab`."""
+
+EXIT_OK, EXIT_FAILED_RUN, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the console script. Exits: 0 fine, 1 the run failed, 2 bad input, 130 interrupted."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        sys.exit(_dispatch(words))
+    except FlexlabError as error:
+        complain(str(error))
+        sys.exit(EXIT_BAD_INPUT)
+    except KeyboardInterrupt:
+        sys.exit(EXIT_INTERRUPTED)
+    except BrokenPipeError:
+        # Whoever read our output has left (as in `flexlab presets | head`): nobody is there to be told.
+        sys.stderr.close()
+        sys.exit(EXIT_OK)
+
+
+def _dispatch(words: list[str]) -> int:
+    name, rest = ("lab", words) if not words or words[0].startswith("-") else (words[0], words[1:])
+    if "--version" in words[:1]:
+        from flexlab import __version__
+
+        print(f"flexlab {__version__}")
+        return EXIT_OK
+    if name not in COMMANDS:
+        close = difflib.get_close_matches(name, COMMANDS, n=1)
+        hint = f"did you mean {close[0]}?" if close else "see flexlab --help."
+        raise FlexlabError(f"There is no command {name!r}: the commands are {', '.join(COMMANDS)}; {hint}")
+    import tyro
+
+    command = importlib.import_module(f"flexlab.cli.{name}").command
+    prog = "flexlab" if words[:1] != [name] else f"flexlab {name}"
+    code = tyro.cli(command, prog=prog, args=rest, config=(tyro.conf.FlagCreatePairsOff,))
+    return EXIT_OK if code is None else code

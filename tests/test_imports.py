@@ -1,0 +1,125 @@
+"""Lower rooms know nothing of higher ones, and each outside library has its room."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+LAYERS = {
+    "errors": 0,
+    "notation": 0,
+    "compiled": 0,
+    "assets": 0,
+    "quantities": 0,
+    "scenario": 1,
+    "presets": 1,
+    "physics": 2,
+    "control": 3,
+    "sim": 4,
+    "recording": 5,
+    "lab": 5,
+    "studies": 5,
+    "": 6,  # flexlab/__init__.py, the Python interface
+    "cli": 7,
+    "__main__": 8,
+}
+CLOSED_ROOMS = {"recording", "lab"}
+"""Neighbours that may not lean on each other: a screen works without a recorder and the other way round."""
+
+HOMES = {"viser": {"lab"}, "rerun": {"recording"}, "tyro": {"cli"}}
+"""The only rooms that import an outside library which shapes everything it touches."""
+
+FREE_OF_CONFIGURATION = {"physics"}
+"""Rooms that speak numbers only."""
+
+
+def imports(file: Path, package: Path) -> Iterator[tuple[str, int]]:
+    """(absolute module or module.name, line) of every import in a file, also those inside functions.
+
+    Imports under `if TYPE_CHECKING` count too: a type is knowledge.
+    """
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, node.lineno
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{file}:{node.lineno}: write absolute imports"
+            for alias in node.names:
+                yield f"{node.module}.{alias.name}", node.lineno
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "import_module":
+            assert file.is_relative_to(package / "cli"), f"{file}:{node.lineno}: only the command line loads by name"
+
+
+def room_of_file(file: Path, package: Path) -> str:
+    """The first part of a file's module name below flexlab; "" for flexlab/__init__.py."""
+    first = file.relative_to(package).parts[0]
+    return "" if first == "__init__.py" else first.removesuffix(".py")
+
+
+def room_of_module(module: str) -> str | None:
+    """The room of an imported name, or None if it is not of flexlab."""
+    parts = module.split(".")
+    if parts[0] != "flexlab":
+        return None
+    return parts[1] if len(parts) > 1 and parts[1] in LAYERS else ""
+
+
+def problems(package: Path) -> list[str]:
+    """One sentence per import that points the wrong way."""
+    found = []
+    for file in sorted(package.rglob("*.py")):
+        room = room_of_file(file, package)
+        if room not in LAYERS:
+            found.append(f"{file}: the room {room} has no layer: give it one in LAYERS")
+            continue
+        for module, line in imports(file, package):
+            where = f"{file.relative_to(package.parent)}:{line} imports {module}"
+            other = room_of_module(module)
+            library = module.split(".")[0]
+            if other is None:
+                if library in HOMES and room not in HOMES[library]:
+                    found.append(f"{where}: only {', '.join(HOMES[library])} may")
+            elif LAYERS[other] > LAYERS[room]:
+                found.append(f"{where}: that points upwards, from layer {LAYERS[room]} to {LAYERS[other]}")
+            elif other != room and {other, room} == CLOSED_ROOMS:
+                found.append(f"{where}: {room} and {other} may not know each other")
+            elif room in FREE_OF_CONFIGURATION and other in ("scenario", "presets", "quantities"):
+                found.append(f"{where}: {room} speaks numbers, not scenarios")
+    return found
+
+
+def test_imports_point_down(root: Path):
+    assert problems(root / "flexlab") == []
+
+
+@pytest.mark.parametrize(
+    ("room", "line"),
+    [
+        ("physics", "import flexlab.sim.world"),
+        ("physics", "from flexlab import scenario"),
+        ("control", "def f():\n    from flexlab.sim import world"),
+        ("sim", "from flexlab.lab.session import Session"),
+        ("sim", "import flexlab"),
+        ("recording", "from flexlab.lab import scene"),
+        ("lab", "from flexlab.recording import writer"),
+        ("sim", "import viser"),
+        ("lab", "import rerun as rr"),
+        ("studies", "from flexlab.cli import main"),
+        ("attic", "import math"),
+    ],
+)
+def test_a_wrong_import_is_found(tmp_path: Path, room: str, line: str):
+    package = tmp_path / "flexlab"
+    (package / room).mkdir(parents=True)
+    (package / room / "new.py").write_text(line + "\n")
+    assert len(problems(package)) == 1
+
+
+def test_right_imports_are_left_alone(tmp_path: Path):
+    package = tmp_path / "flexlab"
+    package.mkdir()
+    (package / "lab").mkdir()
+    (package / "lab" / "new.py").write_text("import viser\nfrom flexlab.sim.world import World\nimport numpy\n")
+    (package / "__init__.py").write_text("from flexlab.sim.samples import Run\n")
+    assert problems(package) == []

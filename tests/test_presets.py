@@ -1,0 +1,153 @@
+"""Presets: complete, documented, and read and written without loss; every failure is one sentence."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexlab.assets import presets_folder
+from flexlab.errors import PresetError, ScenarioError
+from flexlab.presets import (
+    find_scenario,
+    load_preset,
+    load_scenario_file,
+    preset_names,
+    save_scenario,
+    scenario_text,
+)
+from flexlab.scenario import Scenario
+
+NAMES = sorted(path.stem for path in presets_folder().glob("*.json"))
+ASKED_FOR = {"paper", "smooth-start", "soft-beam", "stiff-beam", "large-swing", "slow-adaptation"}
+
+
+def one_sentence(text: str) -> bool:
+    return "\n" not in text and text[-1] in ".?" and ". " not in text
+
+
+def test_all_are_there_and_paper_comes_first():
+    assert set(NAMES) >= ASKED_FOR
+    assert preset_names()[0] == "paper"
+    assert sorted(preset_names()) == NAMES
+
+
+def test_paper_is_the_default_scenario():
+    paper = load_preset("paper")
+    assert paper.model_copy(update={"title": "", "watch": ""}) == Scenario()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_preset_says_what_to_watch(name: str):
+    text = (presets_folder() / f"{name}.json").read_text(encoding="utf-8")
+    assert list(json.loads(text))[:2] == ["title", "watch"]
+    scenario = load_preset(name)
+    assert scenario.title
+    assert scenario.watch.endswith(".")
+    assert scenario.watch.count(". ") == 1, "two sentences"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_preset_is_written_out_in_full(name: str):
+    assert (presets_folder() / f"{name}.json").read_text(encoding="utf-8") == scenario_text(load_preset(name))
+
+
+def test_soft_beam_rings_at_five_hertz():
+    payload = load_preset("soft-beam").payload
+    f1 = math.pi / (2 * payload.length**2) * math.sqrt(payload.bending_stiffness / payload.linear_density)
+    assert f1 == pytest.approx(5, rel=0.01)
+
+
+def test_unknown_preset_names_the_presets_and_the_nearest():
+    with pytest.raises(PresetError, match="paper, .*did you mean soft-beam") as caught:
+        load_preset("soft_beam")
+    assert one_sentence(str(caught.value))
+    with pytest.raises(PresetError) as caught:
+        load_preset("")
+    assert one_sentence(str(caught.value))
+
+
+@pytest.mark.parametrize("name", ["../paper", "/etc/passwd", "presets/paper", "."])
+def test_a_preset_name_is_not_a_path(name: str):
+    with pytest.raises(PresetError):
+        load_preset(name)
+
+
+def test_own_presets_join_but_do_not_replace(tmp_path: Path):
+    save_scenario(Scenario(title="mine", gravity=1.0), tmp_path / "mine.json")
+    save_scenario(Scenario(gravity=1.0), tmp_path / "paper.json")
+    assert "mine" in preset_names(tmp_path)
+    assert load_preset("mine", tmp_path).gravity == 1
+    assert load_preset("paper", tmp_path).gravity == 0
+
+
+def test_find_scenario_takes_names_and_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    save_scenario(Scenario(gravity=2.0), "moon.json")
+    assert find_scenario("paper") == ("paper", load_preset("paper"))
+    assert find_scenario("moon.json") == ("moon", Scenario(gravity=2.0))
+    assert find_scenario(str(tmp_path / "moon.json"))[0] == "moon"
+    with pytest.raises(PresetError, match=r"no scenario file .*mars\.json"):
+        find_scenario("mars.json")
+
+
+numbers = st.floats(min_value=0.01, max_value=100)
+
+
+@given(EI=numbers, gravity=st.floats(-50, 50), gain=st.one_of(numbers, st.tuples(numbers, numbers, numbers)))
+def test_writing_and_reading_lose_nothing(tmp_path_factory: pytest.TempPathFactory, EI, gravity, gain):
+    changes = {"payload.bending_stiffness": EI, "gravity": gravity, "controller.feedback_gain": gain}
+    scenario = Scenario(title="θ “quoted”").replace(changes)
+    file = tmp_path_factory.getbasetemp() / "any.json"
+    save_scenario(scenario, file)
+    assert load_scenario_file(file) == scenario
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "line 1"),
+        (b"{\n  \"gravity\": 1,\n}", "line"),
+        (b"{\n  \"gravity\": 9,81\n}", "line 2"),
+        (b"\xff\xfe\x00", "UTF-8"),
+        (b"[" * 100_000, "cannot be read"),
+        (b"{\"gravity\": 1, \"gravity\": 2}", "twice"),
+        (b"{\"gravity\": " + b"9" * 5000 + b"}", "cannot be read"),
+    ],
+)
+def test_a_broken_file_is_one_sentence_with_its_name(tmp_path: Path, content: bytes, says: str):
+    file = tmp_path / "broken.json"
+    file.write_bytes(content)
+    with pytest.raises(PresetError, match=says) as caught:
+        load_scenario_file(file)
+    sentence = str(caught.value)
+    assert "broken.json" in sentence
+    assert one_sentence(sentence.replace("broken.json", "file"))
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("[]", "JSON object"),
+        ("{\"gravity\": NaN}", "finite"),
+        ("{\"gravity\": 1e999}", "finite"),
+        ("{\"gravty\": 1}", "gravty is not a scenario field"),
+        ("{\"payload\": {\"bending_stiffness\": -1}}", "bending_stiffness = -1"),
+    ],
+)
+def test_an_invalid_scenario_is_one_sentence_with_the_file_name(tmp_path: Path, content: str, says: str):
+    file = tmp_path / "wrong.json"
+    file.write_text(content)
+    with pytest.raises(ScenarioError, match=says) as caught:
+        load_scenario_file(file)
+    assert "wrong.json: " in str(caught.value)
+    assert len(caught.value.problems) == 1
+
+
+def test_folders_and_missing_places_are_one_sentence(tmp_path: Path):
+    with pytest.raises(PresetError, match="cannot be read"):
+        load_scenario_file(tmp_path)
+    with pytest.raises(PresetError, match="cannot be written"):
+        save_scenario(Scenario(), tmp_path / "nowhere" / "file.json")

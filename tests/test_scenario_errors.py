@@ -1,0 +1,101 @@
+"""Whatever the data, `parse_scenario` gives a scenario or says in sentences what is wrong with it."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexlab.errors import ScenarioError
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario, parse_scenario
+
+PAPER = json.loads(Scenario().model_dump_json())
+anything = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.integers(min_value=10**300, max_value=10**400)
+    | st.floats(allow_nan=True, allow_infinity=True)
+    | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=10), inner, max_size=4),
+    max_leaves=8,
+)
+
+
+def paths(data: dict, before: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    found = []
+    for name, value in data.items():
+        found.append((*before, name))
+        if isinstance(value, dict):
+            found += paths(value, (*before, name))
+    return found
+
+
+def with_value(path: tuple[str, ...], value: object) -> dict:
+    data = json.loads(json.dumps(PAPER))
+    inner = data
+    for name in path[:-1]:
+        inner = inner[name]
+    inner[path[-1]] = value
+    return data
+
+
+def check(data: object) -> Scenario | None:
+    try:
+        scenario = parse_scenario(data)
+    except ScenarioError as error:
+        assert error.problems
+        for _, sentence in error.problems:
+            assert sentence.strip()
+            assert "\n" not in sentence
+            assert sentence.endswith(".")
+        return None
+    assert parse_scenario(json.loads(scenario.model_dump_json())) == scenario
+    return scenario
+
+
+@given(anything)
+def test_any_data_gives_a_scenario_or_sentences(data):
+    check(data)
+
+
+@settings(max_examples=400)
+@given(path=st.sampled_from(paths(PAPER)), value=anything)
+def test_any_value_in_any_field_gives_a_scenario_or_sentences(path, value):
+    check(with_value(path, value))
+
+
+@given(path=st.sampled_from(paths(PAPER)), name=st.text(min_size=1, max_size=12))
+def test_a_strange_field_is_refused_by_name(path, name):
+    data = with_value((*path[:-1], name), 1.5)
+    if name not in PAPER and path[:-1] == ():
+        with pytest.raises(ScenarioError):
+            parse_scenario(data)
+    check(data)
+
+
+@pytest.mark.parametrize("path", [path for path in paths(PAPER) if path[-1] not in ("title", "watch")])
+def test_not_a_number_is_refused_everywhere(path):
+    with pytest.raises(ScenarioError):
+        parse_scenario(with_value(path, math.nan))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        ("payload.bending_stiffness", -1.0, "payload.bending_stiffness = -1 N·m²"),
+        ("payload.bending_stiffness", math.nan, "finite number"),
+        ("payload.element_count", 1e9, "1 to 64"),
+        ("controller.feedback_gain", 1e9, "range"),
+        ("payload.boundary", "glued", "pinned-pinned"),
+        ("controller.kind", "magic", "adaptive-sliding-mode"),
+        ("left_arm.elbow", 0, "-1 or 1"),
+    ],
+)
+def test_the_sentence_names_field_value_and_range(path: str, value: object, says: str):
+    with pytest.raises(ScenarioError) as caught:
+        load_preset("paper").replace({path: value})
+    assert says in str(caught.value)
+    assert path in str(caught.value)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 from flexlab.control.load_sharing import drive_arms
 
 
@@ -21,7 +21,7 @@ class AdaptiveGains(NamedTuple):
     """k0, k1, k2, (3,)."""
 
 
-@compiled
+@inlined
 def sliding_variable(Lambda, x, v, desired, s):
     """s = ẋ - ẋ_d + Λe (3,); returns ‖s‖."""
     norm2 = 0.0
@@ -31,7 +31,7 @@ def sliding_variable(Lambda, x, v, desired, s):
     return np.sqrt(norm2)
 
 
-@compiled
+@inlined
 def adaptive_sliding_mode(gains, payload, gravity, x, v, terms, desired, b_hat, scratch, u, b_rate):
     """Fill u_i (arms, 3) and db̂/dt (3,) for the pose x, its rate v and the estimates b̂ (3,)."""
     r_dot, r, feedback, A = scratch[0], scratch[1], scratch[2], scratch[3:6]

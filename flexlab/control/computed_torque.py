@@ -1,10 +1,10 @@
 """Computed torque: the rigid system's inverse dynamics with linear pose feedback."""
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 from flexlab.control.load_sharing import drive_arms
 
 
-@compiled
+@inlined
 def computed_torque(gains, payload, gravity, x, v, terms, desired, scratch, u):
     """u_i = (M̄_i + share Ā) a + C̄_i ẋ + Ḡ_i + share weight with a = ẍ_d - K_d ė - K_p e; gains: `FeedbackGains`."""
     acceleration, nothing, A = scratch[0], scratch[2], scratch[3:6]

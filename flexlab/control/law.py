@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 from flexlab.control.adaptive_sliding_mode import AdaptiveGains, adaptive_sliding_mode
 from flexlab.control.computed_torque import computed_torque
 from flexlab.control.load_sharing import BelievedPayload
@@ -36,7 +36,7 @@ class Control(NamedTuple):
     """(6, 3)."""
 
 
-@compiled
+@inlined
 def control_law(control, gravity, x, v, beam_rate, terms, desired, memory, u, memory_rate):
     """Fill u (arms, 3) and the memory's rates (3,) for the pose x, its rate v, hᵀq̇ and gᵀq̇ in beam_rate (2,)."""
     kind = control.kind

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 
 
 class BelievedPayload(NamedTuple):
@@ -18,7 +18,7 @@ class BelievedPayload(NamedTuple):
     """hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g, (3,)."""
 
 
-@compiled
+@inlined
 def share_payload(payload, c, s, share, A):
     """A = share · (A11 - A12 A22⁻¹ A21) at q = 0 (3, 3): the payload inertia one arm drives (Eq. 25)."""
     hh, hg, gg = payload.kappa[0], payload.kappa[1], payload.kappa[2]
@@ -30,7 +30,7 @@ def share_payload(payload, c, s, share, A):
             A[a, b] *= share
 
 
-@compiled
+@inlined
 def drive_arms(payload, gravity, terms, acceleration, rate, feedback, A, u):
     """u_i = (M̄_i + share Ā) acceleration + C̄_i rate + Ḡ_i + share (feedback + weight), all (3,); A is scratch (3, 3)."""
     share = 1.0 / len(u)

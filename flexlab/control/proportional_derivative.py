@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 
 
 class FeedbackGains(NamedTuple):
@@ -14,7 +14,7 @@ class FeedbackGains(NamedTuple):
     velocity: np.ndarray
 
 
-@compiled
+@inlined
 def proportional_derivative(gains, payload, gravity, x, v, terms, desired, u):
     """u_i = Ḡ_i + share (weight - P e - D ė), (arms, 3)."""
     share = 1.0 / len(u)

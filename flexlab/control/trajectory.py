@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 
 
 class Sine(NamedTuple):
@@ -16,7 +16,7 @@ class Sine(NamedTuple):
     phase: np.ndarray
 
 
-@compiled
+@inlined
 def desired_motion(trajectory, t, desired):
     """Fill x_d, ẋ_d, ẍ_d (3, 3) at time t, s."""
     sine = cosine = 0.0

@@ -4,10 +4,10 @@ The beam sees the arms only through the lateral and angular acceleration of the 
 a_lat = k_v hᵀq̇ along e2 and α = k_θ gᵀq̇ takes energy out of every mode that this motion can reach.
 """
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 
 
-@compiled
+@inlined
 def add_vibration_damping(gains, terms, beam_rate, u):
     """u += (ΣM̄_i)[a_lat e2; α] in equal shares; gains: k_v, k_θ (2,); beam_rate: hᵀq̇, gᵀq̇ (2,)."""
     share = 1.0 / len(u)

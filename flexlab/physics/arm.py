@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 
 ARM = np.dtype(
     [
@@ -88,13 +88,13 @@ def arm_constants(
     return record
 
 
-@compiled
+@inlined
 def wrist_distance(arm, x, y, c, s):
     """Distance from the arm's base to its wrist for the pose (x, y, θ) with c = cos θ, s = sin θ, m."""
     return np.sqrt((x + arm.reach * c - arm.base_x) ** 2 + (y + arm.reach * s - arm.base_y) ** 2)
 
 
-@compiled
+@inlined
 def arm_configuration(arm, x, y, c, s, g, M, G, J, direction):
     """Fill 𝒥, M̄ and Ḡ of one arm for the pose (x, y, θ); g: gravity, m/s². Returns OK, UNREACHABLE or SINGULAR."""
     rx = x + arm.reach * c - arm.base_x
@@ -132,7 +132,7 @@ def arm_configuration(arm, x, y, c, s, g, M, G, J, direction):
     return OK
 
 
-@compiled
+@inlined
 def arm_velocity_terms(arm, c, s, vx, vy, w, J, direction, C):
     """Fill C̄ of one arm for the pose rate (vx, vy, w), after `arm_configuration`."""
     c1, s1, c2, s2 = direction[0], direction[1], direction[2], direction[3]
@@ -164,7 +164,7 @@ def arm_velocity_terms(arm, c, s, vx, vy, w, J, direction, C):
         C[2, b] += H3
 
 
-@compiled
+@inlined
 def joint_torques(arm, c, s, direction, u, tau):
     """Torques of the relative joints, N·m (3,), that do the work of the task-space input u (3,): u = 𝒥ᵀτ."""
     on_first = arm.l1 * (direction[0] * u[1] - direction[1] * u[0])
@@ -176,7 +176,7 @@ def joint_torques(arm, c, s, direction, u, tau):
     tau[0] = on_first + on_second + on_third
 
 
-@compiled
+@inlined
 def task_input(J, tau, u):
     """u = 𝒥ᵀτ (3,) of relative joint torques τ (3,)."""
     on_first, on_second = tau[0] - tau[1], tau[1] - tau[2]
@@ -185,7 +185,7 @@ def task_input(J, tau, u):
     u[2] += tau[2]
 
 
-@compiled
+@inlined
 def joint_angles(theta, arm, direction, angle):
     """Relative joint angles, rad (3,), after `arm_configuration`."""
     alpha_1 = np.arctan2(direction[1], direction[0])

@@ -1,10 +1,10 @@
 """Energies of arms and payload."""
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 from flexlab.physics.plant import ETA, OMEGA2, P
 
 
-@compiled
+@inlined
 def kinetic_energy(y, velocity, eta_dot):
     """T = ½(Pᵀẋ + πᵀη̇), J, of arms and payload, after `find_velocities`."""
     total = 0.0
@@ -16,7 +16,7 @@ def kinetic_energy(y, velocity, eta_dot):
     return total / 2
 
 
-@compiled
+@inlined
 def elastic_energy(plant, y):
     """½ηᵀΩ²η, J."""
     total = 0.0
@@ -25,7 +25,7 @@ def elastic_energy(plant, y):
     return total / 2
 
 
-@compiled
+@inlined
 def gravity_energy(plant, terms, y, w_bar):
     """Potential energy of all weights, J, zero where y = 0."""
     moment = plant.m * y[1] + terms.trig[0] * w_bar

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 from flexlab.physics.beam import BeamMatrices
 
 
-@compiled
+@inlined
 def internal_forces(terms, u, x_ddot, v, force, moving):
     """F_i = J_iᵀf_i - share f (arms, 3), with J_iᵀf_i = u_i - M̄_iẍ - C̄_iẋ - Ḡ_i and f their sum; moving = share f (3,).
 

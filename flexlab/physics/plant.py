@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import compiled, inlined, inlined_sums
 from flexlab.physics.arm import ArmTerms, arm_configuration
 
 X, P, MEMORY = 0, 3, 6
@@ -127,7 +127,7 @@ def make_workspace(arm_count: int, mode_count: int) -> Workspace:
     )
 
 
-@compiled
+@inlined
 def solve_symmetric(S, b):
     """Solve S z = b in place of b for a symmetric positive definite 3 x 3 matrix (LDLᵀ)."""
     d0 = S[0, 0]
@@ -142,7 +142,7 @@ def solve_symmetric(S, b):
     b[0] = b[0] / d0 - l10 * b[1] - l20 * z2
 
 
-@compiled
+@inlined_sums
 def damping_force(plant, rate, force):
     """force = D rate, block by block, (n_m,)."""
     for block in range(len(plant.block_start) - 1):
@@ -154,7 +154,7 @@ def damping_force(plant, rate, force):
             force[i] = total
 
 
-@compiled
+@inlined
 def configure_arms(plant, pose, terms, flags):
     """Fill cos θ, sin θ and 𝒥, M̄, Ḡ of every arm at a pose (3,); returns `arm.OK` or the fault of arm flags[0]."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -169,7 +169,7 @@ def configure_arms(plant, pose, terms, flags):
     return 0
 
 
-@compiled
+@inlined
 def rigid_inertia(plant, terms, c, s, w_bar, eta_norm2, S):
     """S = ΣM̄_i + A11 - A12 A21 (3, 3), the inertia that the pose feels with the beam's momenta held."""
     hh, hg, gg = plant.kappa[0], plant.kappa[1], plant.kappa[2]
@@ -183,7 +183,7 @@ def rigid_inertia(plant, terms, c, s, w_bar, eta_norm2, S):
     S[0, 1], S[0, 2], S[1, 2] = S[1, 0], S[2, 0], S[2, 1]
 
 
-@compiled
+@inlined
 def find_velocities(plant, y, ws):
     """Configure the arms and turn momenta into ẋ and η̇ (ws.velocity, ws.eta_dot); returns a fault code and h·η, h·η̇.
 
@@ -238,7 +238,7 @@ def set_momenta(plant, y, velocity, eta_dot, ws):
     return code
 
 
-@compiled
+@inlined
 def pull_force(plant, y, c, s):
     """Force (x, y), N, of the spring at the beam, and the deflection w(s) of the pulled point, m."""
     n = plant.modal.shape[1]
@@ -251,7 +251,7 @@ def pull_force(plant, y, c, s):
     return fx, fy, w
 
 
-@compiled
+@inlined
 def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     """Fill ẋ, Ṗ, η̇, π̇ and the powers of dy, after `find_velocities`, C̄_i and the inputs u (arms, 3) are known.
 
@@ -303,7 +303,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     dy[WORK], dy[DISSIPATED] = power, dissipation
 
 
-@compiled
+@inlined
 def acceleration(plant, y, w_bar, w_bar_rate, u, ws, result):
     """ẍ (3,) from Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`."""
     n = plant.modal.shape[1]

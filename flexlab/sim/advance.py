@@ -1,6 +1,6 @@
 """The engine's inner loop: whole ticks of equal steps, one sample row per tick, no allocation, no global lock."""
 
-from flexlab.compiled import compiled
+from flexlab.compiled import compiled, inlined
 from flexlab.physics.plant import DISSIPATED
 from flexlab.sim.integrators.step import integrate
 from flexlab.sim.observe import MIDSPAN, observe
@@ -13,7 +13,7 @@ RUNAWAY = 1e9
 """A state beyond this (m, rad, kg·m/s, …) has diverged, whatever it is."""
 
 
-@compiled
+@inlined
 def diverged(y):
     """Whether any of the pose, momentum, memory and energy states is not finite or out of all bounds."""
     for i in range(DISSIPATED + 1):

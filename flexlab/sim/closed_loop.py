@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import inlined
 from flexlab.control.law import Control, control_law
 from flexlab.control.trajectory import Sine, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
@@ -21,7 +21,7 @@ class System(NamedTuple):
     """Joint torques that a sampled controller holds, N·m, (arms, 3)."""
 
 
-@compiled
+@inlined
 def limit_torques(limit, tau, flags):
     """Clip joint torques (3,) to their limits and note in flags[1] that one was reached."""
     for joint in range(3):
@@ -30,7 +30,7 @@ def limit_torques(limit, tau, flags):
             flags[1] = 1
 
 
-@compiled
+@inlined
 def find_inputs(system, t, y, ws):
     """Fill C̄_i, the desired motion, u and the memory's rates after `find_velocities`."""
     plant, control = system.plant, system.control
@@ -56,7 +56,7 @@ def find_inputs(system, t, y, ws):
             task_input(ws.arm.J[i], ws.tau, ws.u[i])
 
 
-@compiled
+@inlined
 def find_state(system, t, y, ws):
     """Velocities, arm terms and inputs of state y at time t; returns a fault code and h·η."""
     plant = system.plant
@@ -71,7 +71,7 @@ def find_state(system, t, y, ws):
     return code, w_bar
 
 
-@compiled
+@inlined
 def rates(system, t, y, ws, dy, whole):
     """dy/dt of the closed loop; `whole` as in `momentum_rates`. Returns a fault code of `arm_configuration`."""
     code, w_bar = find_state(system, t, y, ws)

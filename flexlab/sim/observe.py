@@ -1,6 +1,6 @@
 """Writing one sample: every signal that follows from a state."""
 
-from flexlab.compiled import compiled
+from flexlab.compiled import compiled, inlined
 from flexlab.control.adaptive_sliding_mode import sliding_variable
 from flexlab.physics.arm import joint_angles, joint_torques
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
@@ -56,7 +56,7 @@ def observe(system, t, y, ws, row):
     return code
 
 
-@compiled
+@inlined
 def _observe_beam(plant, y, ws, row):
     """Write q, q̇ and the mid-span deflection."""
     n_q, n = plant.V.shape

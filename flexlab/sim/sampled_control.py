@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import compiled, inlined
 from flexlab.control.law import control_law
 from flexlab.control.trajectory import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
@@ -32,7 +32,7 @@ class Sampling(NamedTuple):
     """Torques on their way, a ring, N·m, (delay + 1, arms, 3)."""
 
 
-@compiled
+@inlined
 def mix(z):
     """One round of the splitmix64 generator (Steele, Lea & Flood 2014): a well-mixed 64-bit number from a counter."""
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -40,7 +40,7 @@ def mix(z):
     return z ^ (z >> np.uint64(31))
 
 
-@compiled
+@inlined
 def gaussian(seed, instant, channel):
     """A standard normal number that depends on its three whole-number arguments only, so that a replay draws it again."""
     key = mix(np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(instant))

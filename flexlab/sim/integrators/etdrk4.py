@@ -14,7 +14,7 @@ and e^{hL} y + h φ1(hL) N1 = e^{hL/2} a + ½h φ1(½hL) N1, which saves two mat
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import compiled, inlined_sums
 from flexlab.physics.plant import ETA
 from flexlab.sim.closed_loop import rates
 
@@ -65,23 +65,24 @@ def beam_operators(omega: np.ndarray, damping: np.ndarray, block_start: np.ndarr
         exp_half, phi1_half, phi2_half, _ = phi_functions(L * (dt / 2))
         _, _, phi2, phi3 = phi_functions(L * dt)
         functions = (exp_half, dt / 2 * phi1_half, dt * phi2_half, dt * phi2, dt * phi3)
-        pieces.append(np.stack([(F * scale / scale[:, None]).T.ravel() for F in functions]))
+        pieces.append(np.stack([(F * scale / scale[:, None]).ravel() for F in functions]))
     return np.ascontiguousarray(np.concatenate(pieces, axis=1))
 
 
-@compiled
+@inlined_sums
 def add_product(block_start, n, operator, z, out):
     """out += operator z on the beam's part (η, π) of two states, block by block."""
     at = 0
     for block in range(len(block_start) - 1):
         low, k = ETA + block_start[block], block_start[block + 1] - block_start[block]
         for half in range(2):
-            for j in range(k):
-                value = z[low + half * n + j]
-                for i in range(k):
-                    out[low + i] += operator[at + i] * value
-                for i in range(k):
-                    out[low + n + i] += operator[at + k + i] * value
+            for i in range(k):
+                total = 0.0
+                for j in range(k):
+                    total += operator[at + j] * z[low + j]
+                for j in range(k):
+                    total += operator[at + k + j] * z[low + n + j]
+                out[low + half * n + i] += total
                 at += 2 * k
 
 

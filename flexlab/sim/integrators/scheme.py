@@ -15,7 +15,7 @@ class Scheme(NamedTuple):
 
     kind: int
     operators: np.ndarray
-    """etdrk4: the five matrix functions of the beam's linear part, by column, block after block, (5, Σ 4k²)."""
+    """etdrk4: the five matrix functions of the beam's linear part, by row, block after block, (5, Σ 4k²)."""
     inverse: np.ndarray
     """generalized-alpha: inverse of the beam's effective mass, block diagonal, (n_m, n_m)."""
     coupling: np.ndarray

@@ -302,6 +302,9 @@ class Simulation(Part):
         None, title="Longest step (null: chosen)", symbol="Δt", unit="s", low=SMALLEST_STEP, high=0.1
     )
     integrator: Literal["auto", "rk4", "etdrk4", "generalized-alpha"] = quantity("auto", title="Integrator")
+    accuracy: Number = quantity(
+        1e-10, title="Pose accuracy that an automatic step aims at", unit="m", low=1e-14, high=1e-4, logarithmic=True
+    )
 
 
 class Scenario(Part):

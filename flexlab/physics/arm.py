@@ -38,7 +38,7 @@ ARM = np.dtype(
 SINGULAR_SINE = 0.02
 """|sin(α2 - α1)| below which an arm counts as stretched or folded: joint rates are then over 50 times the wrist's."""
 
-OK, UNREACHABLE, SINGULAR = 0, 1, 2
+OK, UNREACHABLE, SINGULAR, NOT_A_NUMBER = 0, 1, 2, 3
 """Outcomes of `arm_configuration`."""
 
 
@@ -89,20 +89,14 @@ def arm_constants(
 
 
 @inlined
-def wrist_distance(arm, x, y, c, s):
-    """Distance from the arm's base to its wrist for the pose (x, y, θ) with c = cos θ, s = sin θ, m."""
-    return np.sqrt((x + arm.reach * c - arm.base_x) ** 2 + (y + arm.reach * s - arm.base_y) ** 2)
-
-
-@inlined
 def arm_configuration(arm, x, y, c, s, g, M, G, J, direction):
-    """Fill 𝒥, M̄ and Ḡ of one arm for the pose (x, y, θ); g: gravity, m/s². Returns OK, UNREACHABLE or SINGULAR."""
+    """Fill 𝒥, M̄ and Ḡ of one arm for the pose (x, y, θ); g: gravity, m/s². Returns one of the outcomes."""
     rx = x + arm.reach * c - arm.base_x
     ry = y + arm.reach * s - arm.base_y
     distance2 = rx * rx + ry * ry
     cos_elbow = (distance2 - arm.l1 * arm.l1 - arm.l2 * arm.l2) / (2 * arm.l1 * arm.l2)
     if not abs(cos_elbow) <= 1:
-        return UNREACHABLE
+        return UNREACHABLE if np.isfinite(cos_elbow) else NOT_A_NUMBER
     sin_elbow = arm.elbow * np.sqrt(1 - cos_elbow * cos_elbow)
     if abs(sin_elbow) < SINGULAR_SINE:
         return SINGULAR

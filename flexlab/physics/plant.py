@@ -147,11 +147,13 @@ def damping_force(plant, rate, force):
     """force = D rate, block by block, (n_m,)."""
     for block in range(len(plant.block_start) - 1):
         low, high = plant.block_start[block], plant.block_start[block + 1]
-        for i in range(low, high):
+        own, result = rate[low:high], force[low:high]
+        for i in range(high - low):
+            row = plant.damping[low + i, low:high]
             total = 0.0
-            for j in range(low, high):
-                total += plant.damping[i, j] * rate[j]
-            force[i] = total
+            for j in range(high - low):
+                total += row[j] * own[j]
+            result[i] = total
 
 
 @inlined
@@ -209,6 +211,15 @@ def find_velocities(plant, y, ws):
     for k in range(n):
         ws.eta_dot[k] = y[ETA + n + k] - plant.modal[H, k] * v2 - plant.modal[G, k] * v[2]
     return code, w_bar, h_pi - plant.kappa[0] * v2 - plant.kappa[1] * v[2]
+
+
+@compiled
+def inertia_at(plant, pose, ws):
+    """Fill ws.S with S for a straight beam at a pose (3,); returns a fault code."""
+    code = configure_arms(plant, pose, ws.arm, ws.flags)
+    if code == 0:
+        rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
+    return code
 
 
 @compiled

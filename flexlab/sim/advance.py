@@ -1,12 +1,13 @@
 """The engine's inner loop: whole ticks of equal steps, one sample row per tick, no allocation, no global lock."""
 
 from flexlab.compiled import compiled, inlined
+from flexlab.physics.arm import NOT_A_NUMBER
 from flexlab.physics.plant import DISSIPATED
 from flexlab.sim.integrators.step import integrate
 from flexlab.sim.observe import MIDSPAN, observe
 from flexlab.sim.sampled_control import control_instant
 
-DIVERGED, BENT = 3, 4
+DIVERGED, BENT = NOT_A_NUMBER, 4
 """Fault codes of the loop besides those of `physics.arm`: not a number or runaway; deflection as large as the beam."""
 
 RUNAWAY = 1e9

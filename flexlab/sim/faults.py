@@ -62,16 +62,22 @@ def pose_fault(scenario: Scenario, pose: np.ndarray, time: float, what: str) -> 
     return None
 
 
-def runtime_fault(scenario: Scenario, code: int, pose: np.ndarray, time: float) -> Status:
-    """The status for a kernel's fault code; `pose`: the last good one."""
+def runtime_fault(
+    scenario: Scenario, code: int, pose: np.ndarray, pose_rate: np.ndarray, time: float, tick_period: float
+) -> Status:
+    """The status for a kernel's fault code; `pose`, `pose_rate` (3,): the last good ones, at `time`, s."""
     kept = f"The last good state, at t = {time:.3f} s, is kept."
-    if code in (UNREACHABLE, SINGULAR):
+    margins = []
+    for index in range(len(scenario.arms)):
+        distance, shortest, longest = wrist_reach(scenario, index, pose)
+        margins.append((min(longest - distance, distance - shortest), index, distance, longest))
+    margin, index, distance, longest = min(margins)
+    arm = scenario.arms[index]
+    wrist_speed = math.hypot(*pose_rate[:2]) + abs(pose_rate[2]) * (scenario.payload.length / 2 + arm.link_length[2])
+    # A wrist that could not have come to its limit at ten times its speed did not move there: the numbers ran away.
+    near = margin < 10 * wrist_speed * tick_period + longest * SINGULAR_SINE
+    if code in (UNREACHABLE, SINGULAR) and near:
         name = "unreachable" if code == UNREACHABLE else "singular"
-        margins = []
-        for index in range(len(scenario.arms)):
-            distance, shortest, longest = wrist_reach(scenario, index, pose)
-            margins.append((min(longest - distance, distance - shortest), index, distance, longest))
-        margin, index, distance, longest = min(margins)
         return Status(
             name,
             f"The {arm_name(scenario, index)} left its workspace just after t = {time:.3f} s, near x = {pose[0]:.3f} m, "

@@ -3,8 +3,6 @@
 import math
 from dataclasses import fields
 
-import numpy as np
-
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run, Samples, Status
@@ -22,22 +20,12 @@ def simulate(scenario: Scenario, duration: float = 3.0, sample_period: float = 0
     """
     count = _sample_count(duration, sample_period)
     world = World(scenario, sample_period)
-    blocks = [world.observe()]
-    if not world.status.failed:
-        blocks.append(world.advance(count))
+    samples = world.run(count)
     status = world.status
     if not status.failed:
         status = Status("finished", f"Finished at t = {world.time:g} s.", world.time)
-    return Run(**join(blocks), scenario=world.scenario, status=status)
-
-
-def join(blocks: list[Samples]) -> dict[str, np.ndarray]:
-    """Samples end to end, field by field, read-only."""
-    signals = {}
-    for field in fields(Samples):
-        signals[field.name] = np.concatenate([getattr(block, field.name) for block in blocks])
-        signals[field.name].flags.writeable = False
-    return signals
+    signals = {field.name: getattr(samples, field.name) for field in fields(Samples)}
+    return Run(**signals, scenario=world.scenario, status=status)
 
 
 def _sample_count(duration: float, sample_period: float) -> int:

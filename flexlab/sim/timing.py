@@ -5,16 +5,27 @@ from fractions import Fraction
 
 import numpy as np
 
+from flexlab.control.law import COMPUTED_TORQUE, PROPORTIONAL_DERIVATIVE
 from flexlab.errors import ScenarioError
+from flexlab.physics.plant import inertia_at, make_workspace
 from flexlab.scenario import Scenario
-from flexlab.sim.build import Beam
+from flexlab.sim.build import Beam, desired_at
+from flexlab.sim.closed_loop import System
 from flexlab.sim.integrators.etdrk4 import beam_operators
 from flexlab.sim.integrators.rk4 import STABILITY_LIMIT
-from flexlab.sim.integrators.scheme import NAMES, Scheme
+from flexlab.sim.integrators.scheme import NAMES, ORDER, Scheme
 
-LONGEST_STEP = 5e-4
-"""Step of the fourth-order methods unless the scenario asks otherwise, s: pose errors stay well under 1e-6 on the paper's
-motion, whatever the mesh (see `flexlab bench`)."""
+REFERENCE_STEP, REFERENCE_ERROR = 1e-3, 1e-8
+"""A step of etdrk4 or rk4 of 1 ms keeps the paper run's pose within about 1e-8 m (`flexlab bench`), whatever the mesh."""
+
+LONGEST_STEP = 2e-3
+"""s: beyond it the 1 kHz samples of the live lab would lie within steps."""
+
+CONTROL_LIMIT = 1.0
+"""Longest step times fastest closed-loop rate: well inside the methods' stability (2.8), so that transients are resolved."""
+
+POSES_TRIED = 16
+"""Instants of the first period at which the inertia that the controller works against is looked at."""
 
 SMALLEST_COMMON_STEP = 1e-6
 """Shortest step that aligning samples with control instants may force, s."""
@@ -26,8 +37,31 @@ def choose_integrator(scenario: Scenario) -> str:
     return "etdrk4" if asked == "auto" else asked
 
 
-def longest_step(scenario: Scenario, integrator: str, omega_max: float) -> float:
-    """The longest step that accuracy and, for rk4, stability allow, s; raises `ScenarioError` for an unstable wish."""
+def control_rate(system: System) -> float:
+    """Fastest rate of the closed loop's rigid part, 1/s: the largest eigenvalue of S⁻¹(damping gain), plus Λ.
+
+    The gain of an explicit method's step, as the control law and not the beam then limits it.
+    """
+    control, plant = system.control, system.plant
+    frequency = max(float(np.max(system.trajectory.frequency)), 1e-3)
+    gain, extra = control.adaptive.K, float(np.max(control.adaptive.Lambda))
+    if control.kind == COMPUTED_TORQUE:
+        gain, extra = np.zeros(3), float(np.max(control.feedback.velocity))
+    elif control.kind == PROPORTIONAL_DERIVATIVE:
+        gain = control.feedback.velocity
+    if not np.any(gain):
+        return extra
+    workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
+    fastest = 0.0
+    for k in range(POSES_TRIED):
+        pose = desired_at(system.trajectory, k / (POSES_TRIED * frequency))[0]
+        if inertia_at(plant, pose, workspace) == 0:
+            fastest = max(fastest, float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(workspace.S, np.diag(gain)))))))
+    return fastest + extra
+
+
+def longest_step(scenario: Scenario, system: System, integrator: str, omega_max: float) -> float:
+    """The longest step that accuracy and stability allow, s; raises `ScenarioError` for a wish that is unstable."""
     asked = scenario.simulation.step
     stable = STABILITY_LIMIT / omega_max if integrator == "rk4" else math.inf
     if asked is not None and asked > stable:
@@ -40,7 +74,12 @@ def longest_step(scenario: Scenario, integrator: str, omega_max: float) -> float
                 )
             ]
         )
-    return asked if asked is not None else min(LONGEST_STEP, stable)
+    if asked is not None:
+        return asked
+    order = ORDER[integrator]
+    accurate = REFERENCE_STEP * (scenario.simulation.accuracy / REFERENCE_ERROR) ** (1 / order)
+    rate = control_rate(system)
+    return min(LONGEST_STEP, stable, accurate, CONTROL_LIMIT / rate if rate > 0 else math.inf)
 
 
 def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple[int, int]:

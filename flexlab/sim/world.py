@@ -140,10 +140,13 @@ class World:
     def observe(self) -> Samples:
         """The sample of the present instant (N = 1); of a failed start: the pose alone, the rest zero."""
         rows = self._new_rows(1)
-        observe(self._machinery.system, self.time, self._y, self._workspace, rows[0])
-        rows[0, columns.TIME] = self.time
-        rows[0, columns.POSE : columns.POSE + 3] = self._y[:3]
+        self._observe(rows[0])
         return columns.rows_to_samples(rows, len(self.scenario.arms))
+
+    def _observe(self, row: np.ndarray) -> None:
+        observe(self._machinery.system, self.time, self._y, self._workspace, row)
+        row[columns.TIME] = self.time
+        row[columns.POSE : columns.POSE + 3] = self._y[:3]
 
     def _new_rows(self, count: int) -> np.ndarray:
         return np.zeros((count, columns.row_length(len(self.scenario.arms), self._machinery.beam.modes.V.shape[0])))
@@ -154,6 +157,18 @@ class World:
         Fewer than `ticks` rows mean that the world stopped: `status` says why, and the state is the last good one.
         """
         rows = self._new_rows(0 if self.status.failed else ticks)
+        done = self._advance(rows)
+        return columns.rows_to_samples(rows[:done], len(self.scenario.arms))
+
+    def run(self, ticks: int) -> Samples:
+        """As `advance`, with the present instant as first sample."""
+        rows = self._new_rows(1 if self.status.failed else ticks + 1)
+        self._observe(rows[0])
+        done = self._advance(rows[1:])
+        return columns.rows_to_samples(rows[: done + 1], len(self.scenario.arms))
+
+    def _advance(self, rows: np.ndarray) -> int:
+        """Fill rows, one tick each; returns how many were reached."""
         machinery = self._machinery
         done, code = advance(
             machinery.system,
@@ -170,8 +185,10 @@ class World:
         )
         self.tick += done
         if code != 0:
-            self.status = runtime_fault(self.scenario, code, self._y[:3], self.time)
-        return columns.rows_to_samples(rows[:done], len(self.scenario.arms))
+            find_velocities(machinery.system.plant, self._y, self._workspace)
+            rate = self._workspace.velocity
+            self.status = runtime_fault(self.scenario, code, self._y[:3], rate, self.time, self.tick_period)
+        return done
 
     def apply(self, command: WorldCommand) -> bool:
         """Carry out a command at the present instant; returns whether the world started anew.
@@ -289,7 +306,7 @@ def _build(scenario: Scenario, tick_period: float) -> _Machinery:
     beam = build_beam(scenario.payload)
     system = build_system(scenario, beam)
     integrator = choose_integrator(scenario)
-    step = longest_step(scenario, integrator, float(np.max(beam.modes.omega)))
+    step = longest_step(scenario, system, integrator, float(np.max(beam.modes.omega)))
     count, per_control = steps_per_tick(scenario, tick_period, step)
     law, noise = scenario.controller, scenario.controller.sensor_noise
     # A strain gauge's noise reaches hᵀq̇ and gᵀq̇ in proportion to the loads they weigh.

@@ -14,7 +14,7 @@ and e^{hL} y + h φ1(hL) N1 = e^{hL/2} a + ½h φ1(½hL) N1, which saves two mat
 
 import numpy as np
 
-from flexlab.compiled import compiled, inlined_sums
+from flexlab.compiled import compiled, inlined, inlined_sums
 from flexlab.physics.plant import ETA
 from flexlab.sim.closed_loop import rates
 
@@ -72,64 +72,78 @@ def beam_operators(omega: np.ndarray, damping: np.ndarray, block_start: np.ndarr
 @inlined_sums
 def add_product(block_start, n, operator, z, out):
     """out += operator z on the beam's part (η, π) of two states, block by block."""
+    # Slices, not offsets: only for them does the compiler know that no index is negative, and use its vector units.
     at = 0
     for block in range(len(block_start) - 1):
         low, k = ETA + block_start[block], block_start[block + 1] - block_start[block]
+        eta, pi = z[low : low + k], z[low + n : low + n + k]
         for half in range(2):
+            target = out[low + half * n : low + half * n + k]
             for i in range(k):
+                on_eta, on_pi = operator[at : at + k], operator[at + k : at + 2 * k]
                 total = 0.0
                 for j in range(k):
-                    total += operator[at + j] * z[low + j]
-                for j in range(k):
-                    total += operator[at + k + j] * z[low + n + j]
-                out[low + half * n + i] += total
+                    total += on_eta[j] * eta[j] + on_pi[j] * pi[j]
+                target[i] += total
                 at += 2 * k
+
+
+@inlined
+def next_stage(starts, n, operators, stage, dt, y, ws):
+    """From N1..N(stage + 1) in ws.stage, the next stage's state in ws.stage[5], or after the last one the new y.
+
+    ws.stage[4] keeps a, ws.stage[7] keeps e^{hL} y + h φ1(hL) N1.
+    """
+    end = ETA + 2 * n
+    N1, N2, N3, N4 = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3]
+    a, z, d, whole = ws.stage[4], ws.stage[5], ws.stage[6], ws.stage[7]
+    if stage == 0:
+        for i in range(ETA, end):
+            whole[i] = 0.0
+        add_product(starts, n, operators[HALF_PHI1], N1, whole)
+        for i in range(ETA, end):
+            a[i] = whole[i]
+        add_product(starts, n, operators[HALF_EXP], y, a)
+        add_product(starts, n, operators[HALF_EXP], a, whole)
+        for i in range(ETA):
+            z[i] = y[i] + dt / 2 * N1[i]
+        for i in range(ETA, end):
+            z[i] = a[i]
+    elif stage == 1:
+        for i in range(ETA):
+            z[i] = y[i] + dt / 2 * N2[i]
+        for i in range(ETA, end):
+            d[i] = N2[i] - N1[i]
+            z[i] = a[i]
+        add_product(starts, n, operators[HALF_PHI2], d, z)
+    elif stage == 2:
+        for i in range(ETA):
+            z[i] = y[i] + dt * N3[i]
+        for i in range(ETA, end):
+            d[i] = 2 * (N3[i] - N1[i])
+            z[i] = whole[i]
+        add_product(starts, n, operators[PHI2], d, z)
+    else:
+        for i in range(ETA):
+            y[i] += dt / 6 * (N1[i] + 2 * (N2[i] + N3[i]) + N4[i])
+        for i in range(ETA, end):
+            y[i] = whole[i]
+            d[i] = 2 * (N2[i] + N3[i]) - 3 * N1[i] - N4[i]
+            z[i] = 4 * (N1[i] - N2[i] - N3[i] + N4[i])
+        add_product(starts, n, operators[PHI2], d, y)
+        add_product(starts, n, operators[PHI3], z, y)
 
 
 @compiled
 def etdrk4_step(system, operators, t, dt, y, ws):
     """Advance y by dt in place; returns a fault code."""
     starts, n = system.plant.block_start, system.plant.modal.shape[1]
-    end = ETA + 2 * n
-    N1, N2, N3, N4 = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3]
-    a, z, d, whole = ws.stage[4], ws.stage[5], ws.stage[6], ws.stage[7]
-
-    code = rates(system, t, y, ws, N1, False)
-    for i in range(ETA):
-        a[i] = y[i] + dt / 2 * N1[i]
-    for i in range(ETA, end):
-        whole[i] = 0.0
-    add_product(starts, n, operators[HALF_PHI1], N1, whole)
-    for i in range(ETA, end):
-        a[i] = whole[i]
-    add_product(starts, n, operators[HALF_EXP], y, a)
-    add_product(starts, n, operators[HALF_EXP], a, whole)
-
-    code = max(code, rates(system, t + dt / 2, a, ws, N2, False))
-    for i in range(ETA):
-        z[i] = y[i] + dt / 2 * N2[i]
-    for i in range(ETA, end):
-        d[i] = N2[i] - N1[i]
-        z[i] = a[i]
-    add_product(starts, n, operators[HALF_PHI2], d, z)
-
-    code = max(code, rates(system, t + dt / 2, z, ws, N3, False))
-    for i in range(ETA):
-        z[i] = y[i] + dt * N3[i]
-    for i in range(ETA, end):
-        d[i] = 2 * (N3[i] - N1[i])
-        z[i] = whole[i]
-    add_product(starts, n, operators[PHI2], d, z)
-
-    code = max(code, rates(system, t + dt, z, ws, N4, False))
-    if code != 0:
-        return code
-    for i in range(ETA):
-        y[i] += dt / 6 * (N1[i] + 2 * (N2[i] + N3[i]) + N4[i])
-    for i in range(ETA, end):
-        y[i] = whole[i]
-        d[i] = 2 * (N2[i] + N3[i]) - 3 * N1[i] - N4[i]
-        z[i] = 4 * (N1[i] - N2[i] - N3[i] + N4[i])
-    add_product(starts, n, operators[PHI2], d, y)
-    add_product(starts, n, operators[PHI3], z, y)
-    return code
+    state = y
+    for stage in range(4):
+        instant = t if stage == 0 else (t + dt if stage == 3 else t + dt / 2)
+        code = rates(system, instant, state, ws, ws.stage[stage], False)
+        if code != 0:
+            return code
+        next_stage(starts, n, operators, stage, dt, y, ws)
+        state = ws.stage[5]
+    return 0

@@ -6,10 +6,10 @@ from flexlab.notation import SYMBOLS, lookup, markdown_table
 
 PAPER = (
     "x x_d e s r Λ K ε b̂ k_i A B M_q K_F h g w̄ M̄_i C̄_i Ḡ_i 𝒥_i J_i u_i τ_i f f_i F_i q q̇ L ρ EI m I θ θ_i p Ψ w N ẋ ẍ"
-).split()
+)
 
 
-@pytest.mark.parametrize("symbol", PAPER)
+@pytest.mark.parametrize("symbol", PAPER.split())
 def test_every_symbol_of_the_paper_is_there(symbol: str):
     row = lookup(symbol)
     assert row.symbol == symbol

@@ -61,7 +61,7 @@ def test_soft_beam_rings_at_five_hertz():
 
 
 def test_unknown_preset_names_the_presets_and_the_nearest():
-    with pytest.raises(PresetError, match="paper, .*did you mean soft-beam") as caught:
+    with pytest.raises(PresetError, match=r"paper, .*did you mean soft-beam") as caught:
         load_preset("soft_beam")
     assert one_sentence(str(caught.value))
     with pytest.raises(PresetError) as caught:
@@ -109,12 +109,12 @@ def test_writing_and_reading_lose_nothing(tmp_path_factory: pytest.TempPathFacto
     ("content", "says"),
     [
         (b"", "line 1"),
-        (b"{\n  \"gravity\": 1,\n}", "line"),
-        (b"{\n  \"gravity\": 9,81\n}", "line 2"),
+        (b'{\n  "gravity": 1,\n}', "line"),
+        (b'{\n  "gravity": 9,81\n}', "line 2"),
         (b"\xff\xfe\x00", "UTF-8"),
         (b"[" * 100_000, "cannot be read"),
-        (b"{\"gravity\": 1, \"gravity\": 2}", "twice"),
-        (b"{\"gravity\": " + b"9" * 5000 + b"}", "cannot be read"),
+        (b'{"gravity": 1, "gravity": 2}', "twice"),
+        (b'{"gravity": ' + b"9" * 5000 + b"}", "cannot be read"),
     ],
 )
 def test_a_broken_file_is_one_sentence_with_its_name(tmp_path: Path, content: bytes, says: str):
@@ -131,10 +131,10 @@ def test_a_broken_file_is_one_sentence_with_its_name(tmp_path: Path, content: by
     ("content", "says"),
     [
         ("[]", "JSON object"),
-        ("{\"gravity\": NaN}", "finite"),
-        ("{\"gravity\": 1e999}", "finite"),
-        ("{\"gravty\": 1}", "gravty is not a scenario field"),
-        ("{\"payload\": {\"bending_stiffness\": -1}}", "bending_stiffness = -1"),
+        ('{"gravity": NaN}', "finite"),
+        ('{"gravity": 1e999}', "finite"),
+        ('{"gravty": 1}', "gravty is not a scenario field"),
+        ('{"payload": {"bending_stiffness": -1}}', "bending_stiffness = -1"),
     ],
 )
 def test_an_invalid_scenario_is_one_sentence_with_the_file_name(tmp_path: Path, content: str, says: str):

@@ -42,18 +42,24 @@ def with_value(path: tuple[str, ...], value: object) -> dict:
     return data
 
 
-def check(data: object) -> Scenario | None:
+def parsed(data: object) -> tuple[Scenario | None, list[tuple[str, str]]]:
+    """The scenario, or none and the problems; any other outcome fails the test by its own exception."""
     try:
-        scenario = parse_scenario(data)
+        return parse_scenario(data), []
     except ScenarioError as error:
-        assert error.problems
-        for _, sentence in error.problems:
+        return None, error.problems
+
+
+def check(data: object) -> None:
+    scenario, problems = parsed(data)
+    if scenario is None:
+        assert problems
+        for _, sentence in problems:
             assert sentence.strip()
             assert "\n" not in sentence
             assert sentence.endswith(".")
-        return None
+        return
     assert parse_scenario(json.loads(scenario.model_dump_json())) == scenario
-    return scenario
 
 
 @given(anything)

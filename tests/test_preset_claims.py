@@ -1,0 +1,115 @@
+"""What the presets tell people to watch is what happens (three simulated seconds each)."""
+
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+
+from flexlab.presets import load_preset, preset_names
+from flexlab.sim.samples import Run
+from flexlab.sim.simulate import simulate
+
+
+@cache
+def run(name: str) -> Run:
+    return simulate(load_preset(name), duration=3.0, sample_period=0.001)
+
+
+def peak(run: Run, signal: np.ndarray, start: float, stop: float) -> np.ndarray:
+    """Largest magnitude of a signal in a span of time."""
+    return np.abs(signal[(run.time >= start) & (run.time <= stop)]).max(axis=0)
+
+
+def frequency(run: Run, signal: np.ndarray, above: float) -> float:
+    """Strongest frequency above a limit within the first 0.3 s, Hz."""
+    part = signal[run.time < 0.3]
+    spectrum = np.abs(np.fft.rfft((part - part.mean()) * np.hanning(len(part)), 1 << 15))
+    hertz = np.fft.rfftfreq(1 << 15, 0.001)
+    return float(hertz[np.argmax(np.where(hertz > above, spectrum, 0))])
+
+
+def says(name: str, pattern: str) -> float:
+    """The number that a preset's text gives, so that text and test cannot part ways."""
+    found = re.search(pattern, load_preset(name).watch)
+    assert found, pattern
+    return float(found[1])
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_runs_to_its_end_and_tracks_within_a_millimetre(name: str):
+    result = run(name)
+    assert result.status == "finished", result.status.text
+    assert peak(result, result.tracking_error, 1, 3)[:2].max() < 1e-3
+    assert peak(result, result.midspan_deflection, 0, 3) < 0.05 * load_preset(name).payload.length
+
+
+def test_paper_rings_then_follows():
+    paper = run("paper")
+    assert frequency(paper, paper.vibration, 10) == pytest.approx(says("paper", r"at (\d+) Hz"), rel=0.05)
+    assert peak(paper, paper.vibration, 0.5, 3) < 0.01 * peak(paper, paper.vibration, 0, 0.1)
+    largest = 1e3 * peak(paper, paper.midspan_deflection, 1, 3)
+    assert largest == pytest.approx(says("paper", r"by (\S+) mm"), abs=0.005)
+
+
+def test_smooth_start_hardly_vibrates():
+    smooth, paper = run("smooth-start"), run("paper")
+    assert 1e6 * peak(smooth, smooth.vibration, 0, 3) < says("smooth-start", r"under (\d+) micrometres")
+    assert 1e3 * peak(paper, paper.vibration, 0, 0.5) == pytest.approx(
+        says("smooth-start", r"reaches (\S+) mm"), abs=0.05
+    )
+
+
+def test_soft_beam_bends_by_a_centimetre():
+    soft = run("soft-beam")
+    assert 0.008 < peak(soft, soft.midspan_deflection, 0, 3) < 0.014
+    assert peak(soft, soft.tracking_error, 0, 3)[:2].max() < 1e-3
+
+
+def test_stiff_beam_tracks_like_the_paper():
+    stiff, paper = run("stiff-beam"), run("paper")
+    micrometres = says("stiff-beam", r"by (\S+) micrometres")
+    assert 1e6 * peak(stiff, stiff.midspan_deflection, 1, 3) == pytest.approx(micrometres, abs=0.05)
+    ratio = peak(stiff, stiff.tracking_error, 1, 3) / peak(paper, paper.tracking_error, 1, 3)
+    assert np.abs(ratio - 1).max() < 0.01
+
+
+def test_large_swing_is_wide_and_reachable():
+    swing = run("large-swing")
+    assert np.ptp(swing.pose[:, 0]) == pytest.approx(says("large-swing", r"(\S+) m wide"), abs=0.02)
+    assert np.abs(swing.pose[:, 2]).max() == pytest.approx(says("large-swing", r"by (\S+) rad"), abs=0.02)
+    scenario = load_preset("large-swing")
+    wrist_offset = scenario.payload.length / 2 + scenario.left_arm.link_length[2]
+    direction = np.stack([np.cos(swing.pose[:, 2]), np.sin(swing.pose[:, 2])], axis=1)
+    distances = [
+        np.linalg.norm(swing.pose[:, :2] + side * wrist_offset * direction - arm.base, axis=1)
+        for side, arm in zip((-1, 1), scenario.arms, strict=True)
+    ]
+    assert np.max(distances) == pytest.approx(says("large-swing", r"as far as (\S+) m"), abs=0.01)
+
+
+def test_slow_adaptation_changes_little():
+    slow, paper = run("slow-adaptation"), run("paper")
+    ratio = paper.bound_estimates[-1] / slow.bound_estimates[-1]
+    assert np.all((ratio > 95) & (ratio < 105))
+    change = peak(slow, slow.tracking_error, 1, 3) / peak(paper, paper.tracking_error, 1, 3) - 1
+    assert 0.01 < np.abs(change).max() < 0.015
+
+
+def test_gravity_sags_and_rings():
+    gravity = run("gravity")
+    payload = load_preset("gravity").payload
+    sag = 5 * payload.linear_density * 9.81 * payload.length**4 / (384 * payload.bending_stiffness)
+    assert 1e3 * sag == pytest.approx(says("gravity", r"sag of (\S+) mm"), abs=0.01)
+    assert gravity.midspan_deflection[gravity.time >= 1].mean() == pytest.approx(-sag, rel=0.1)
+    assert frequency(gravity, gravity.vibration, 5) == pytest.approx(says("gravity", r"rings at (\d+) Hz"), rel=0.05)
+    assert peak(gravity, gravity.tracking_error, 0, 3)[:2].max() < 1e-3
+
+
+def test_single_arm_rings_at_the_free_end():
+    single = run("single-arm")
+    tip = single.beam_coordinates[:, -2]
+    assert 1e3 * peak(single, tip, 0, 0.5) == pytest.approx(says("single-arm", r"up to (\d+) mm"), abs=0.5)
+    assert frequency(single, tip, 8) == pytest.approx(says("single-arm", r"mm at (\d+) Hz"), rel=0.05)
+    assert 1e3 * peak(single, tip, 1, 3) == pytest.approx(says("single-arm", r"motion by (\S+) mm"), abs=0.05)
+    assert np.abs(single.internal_force).max() < 1e-9

@@ -1,0 +1,52 @@
+"""README keeps its promises: its example runs, its tables are complete, its commands exist."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flexlab.cli import COMMANDS
+from flexlab.presets import preset_names
+
+
+@pytest.fixture(scope="module")
+def readme(root: Path) -> str:
+    return (root / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_python_example_runs(readme: str, tmp_path: Path):
+    (example,) = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    done = subprocess.run(
+        [sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", check=True
+    )
+    assert done.stdout.startswith("finished [0.016")
+    assert done.stdout.endswith(" mm\n")
+
+
+def test_the_preset_table_is_complete(readme: str):
+    table = readme.split("## Presets")[1].split("##")[0]
+    assert sorted(re.findall(r"^\| `([\w-]+)` \|", table, re.MULTILINE)) == sorted(preset_names())
+
+
+def test_the_command_table_is_complete(readme: str):
+    table = readme.split("## On the command line")[1].split("##")[0]
+    assert {words.split()[0] for words in re.findall(r"^\| `flexlab ([^`]*)`", table, re.MULTILINE)} | {"lab"} == set(
+        COMMANDS
+    )
+
+
+def test_set_up_uses_what_is_there(readme: str, root: Path):
+    for line in re.findall(r"```sh\n(.*?)```", readme, re.DOTALL):
+        for file in re.findall(r"-c (\S+)|python (tests/\S+)", line):
+            assert (root / "".join(file)).is_file()
+    assert "http" not in (root / "constraints.txt").read_text(encoding="utf-8")
+
+
+def test_the_tree_is_the_real_one(readme: str, root: Path):
+    tree = readme.split("## Where things are")[1].split("```")[1]
+    for name in re.findall(r"^  (\S+)", tree, re.MULTILINE):
+        assert (root / "flexlab" / name).exists(), name
+    for name in re.findall(r"^(\w+/)", tree, re.MULTILINE):
+        assert (root / name).is_dir(), name

@@ -1,0 +1,1 @@
+"""`flexlab review`: look at a recording."""

@@ -1,0 +1,70 @@
+"""The few numbers that tell how a run went, gathered block by block so that long runs need no memory."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexlab.sim.samples import Samples, Status
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+START_SPAN = 1.0
+"""s: what counts as the start, in which the paper's controller has caught the path and the beam has calmed down."""
+
+
+class Summary:
+    """Largest magnitudes over the start and over the rest of a run."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.time = 0.0
+        self._peaks: dict[str, np.ndarray] = {}
+
+    def add(self, samples: Samples) -> None:
+        """Take in the next block."""
+        if len(samples) == 0:
+            return
+        self.count += len(samples)
+        self.time = float(samples.time[-1])
+        signals = {
+            "error": samples.tracking_error,
+            "deflection": samples.midspan_deflection[:, None],
+            "vibration": samples.vibration[:, None],
+            "internal": np.linalg.norm(samples.internal_force[..., :2], axis=-1),
+            "torque": samples.joint_torque.reshape(len(samples), -1),
+        }
+        early = samples.time <= START_SPAN
+        for name, signal in signals.items():
+            for part, rows in (("start", early), ("later", ~early)):
+                if rows.any():
+                    peak = np.abs(signal[rows]).max(axis=0)
+                    key = f"{name} {part}"
+                    self._peaks[key] = np.maximum(self._peaks.get(key, 0.0), peak)
+
+    def table(self, status: Status) -> "Table":
+        """The numbers as a table for the terminal."""
+        from rich.table import Table
+
+        table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), title_justify="left")
+        table.add_column("largest")
+        table.add_column(f"0 to {min(START_SPAN, self.time):g} s", justify="right")
+        table.add_column(f"{START_SPAN:g} to {self.time:g} s" if self.time > START_SPAN else "later", justify="right")
+        rows = [
+            ("tracking error x, mm", "error", 0, 1e3),
+            ("tracking error y, mm", "error", 1, 1e3),
+            ("tracking error θ, mrad", "error", 2, 1e3),
+            ("mid-span deflection, mm", "deflection", None, 1e3),
+            ("of it vibration, mm", "vibration", None, 1e3),
+            ("internal force, N", "internal", None, 1.0),
+            ("joint torque, N·m", "torque", None, 1.0),
+        ]
+        for label, name, axis, scale in rows:
+            table.add_row(label, *(self._cell(f"{name} {part}", axis, scale) for part in ("start", "later")))
+        return table
+
+    def _cell(self, key: str, axis: int | None, scale: float) -> str:
+        if key not in self._peaks:
+            return "-"
+        peak = self._peaks[key]
+        return f"{scale * (peak.max() if axis is None else peak[axis]):.4g}"

@@ -21,7 +21,7 @@ REFERENCE_STEP, REFERENCE_ERROR = 1e-3, 1e-8
 LONGEST_STEP = 2e-3
 """s: beyond it the 1 kHz samples of the live lab would lie within steps."""
 
-CONTROL_LIMIT = 1.0
+CONTROL_LIMIT = 0.4
 """Longest step times fastest closed-loop rate: well inside the methods' stability (2.8), so that transients are resolved."""
 
 POSES_TRIED = 16

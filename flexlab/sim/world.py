@@ -139,9 +139,18 @@ class World:
 
     def observe(self) -> Samples:
         """The sample of the present instant (N = 1); of a failed start: the pose alone, the rest zero."""
+        return columns.rows_to_samples(self.observe_rows(), len(self.scenario.arms))
+
+    def observe_rows(self) -> np.ndarray:
+        """As `observe`, as a row (1, row length) in the layout of `sim.columns`."""
         rows = self._new_rows(1)
         self._observe(rows[0])
-        return columns.rows_to_samples(rows, len(self.scenario.arms))
+        return rows
+
+    @property
+    def row_length(self) -> int:
+        """Columns of a sample row: changes with arms and mesh only."""
+        return columns.row_length(len(self.scenario.arms), self._machinery.beam.modes.V.shape[0])
 
     def _observe(self, row: np.ndarray) -> None:
         observe(self._machinery.system, self.time, self._y, self._workspace, row)
@@ -149,16 +158,19 @@ class World:
         row[columns.POSE : columns.POSE + 3] = self._y[:3]
 
     def _new_rows(self, count: int) -> np.ndarray:
-        return np.zeros((count, columns.row_length(len(self.scenario.arms), self._machinery.beam.modes.V.shape[0])))
+        return np.zeros((count, self.row_length))
 
     def advance(self, ticks: int) -> Samples:
         """Move by up to `ticks` sample periods; the samples of the instants reached, the present one not included.
 
         Fewer than `ticks` rows mean that the world stopped: `status` says why, and the state is the last good one.
         """
+        return columns.rows_to_samples(self.advance_rows(ticks), len(self.scenario.arms))
+
+    def advance_rows(self, ticks: int) -> np.ndarray:
+        """As `advance`, as rows (ticks done, row length) in the layout of `sim.columns`."""
         rows = self._new_rows(0 if self.status.failed else ticks)
-        done = self._advance(rows)
-        return columns.rows_to_samples(rows[:done], len(self.scenario.arms))
+        return rows[: self._advance(rows)]
 
     def run(self, ticks: int) -> Samples:
         """As `advance`, with the present instant as first sample."""

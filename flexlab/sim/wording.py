@@ -1,0 +1,45 @@
+"""Commands in words, for event lists and logs."""
+
+from typing import Any
+
+from flexlab.errors import ScenarioError
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pause, Play, Pull, Reset, SetSpeed, StepOnce, Tap
+
+
+def command_text(command: Command) -> str:
+    """One line that says what a command does, with values and units."""
+    if isinstance(command, ChangeScenario):
+        return "; ".join(_change_text(path, value) for path, value in command.changes.items())
+    if isinstance(command, Pull):
+        if command.stiffness == 0:
+            return "Let go of the beam"
+        x, y = command.target
+        return f"Pull the beam at s = {command.beam_position:.3f} m to ({x:.3f}, {y:.3f}) m, {command.stiffness:g} N/m"
+    if isinstance(command, Tap):
+        x, y = command.impulse
+        return f"Tap the beam at s = {command.beam_position:.3f} m with ({x:.3g}, {y:.3g}) N·s"
+    if isinstance(command, LoadScenario):
+        return f"Load {command.name}"
+    if isinstance(command, SetSpeed):
+        return f"Speed {command.speed:g} × real time"
+    if isinstance(command, StepOnce):
+        return f"Step {command.ticks} ms"
+    names: dict[type, str] = {Play: "Play", Pause: "Pause", Reset: "Reset"}
+    return names[type(command)]
+
+
+def _change_text(path: str, value: Any) -> str:
+    try:
+        about = Scenario().about(path)
+    except ScenarioError:
+        return f"{path} = {_value_text(value)}"
+    return f"{about.title} {about.symbol} = {_value_text(value)}{about.unit_text()}".replace("  ", " ")
+
+
+def _value_text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, (tuple, list)):
+        return "(" + ", ".join(_value_text(item) for item in value) + ")"
+    return str(value)

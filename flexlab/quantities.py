@@ -115,5 +115,7 @@ class Part(BaseModel):
         about = describe(cls, info.field_name or "")
         for number in _flatten(value):
             if not about.low <= number <= about.high:
-                raise PydanticCustomError("range", "is outside the allowed range {range}", {"range": about.range_text()})
+                raise PydanticCustomError(
+                    "range", "is outside the allowed range {range}", {"range": about.range_text()}
+                )
         return value

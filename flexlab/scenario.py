@@ -33,9 +33,7 @@ class NodalDamping(Part):
     """Viscous damping c on every nodal rate, the paper's reading; depends on the mesh."""
 
     kind: Literal["nodal"] = "nodal"
-    coefficient: Number = quantity(
-        0.1, title="Damping", symbol="c", unit="N·s/m", low=0, high=1e3, slider=(0, 2)
-    )
+    coefficient: Number = quantity(0.1, title="Damping", symbol="c", unit="N·s/m", low=0, high=1e3, slider=(0, 2))
 
 
 class StiffnessDamping(Part):
@@ -60,7 +58,9 @@ Damping = Annotated[NodalDamping | StiffnessDamping | ModalDamping, Field(discri
 class Payload(Part):
     """The flexible beam between the grips (Euler-Bernoulli, Hermite finite elements)."""
 
-    length: Number = quantity(0.5, title="Length", symbol="L", unit="m", low=0.05, high=10, slider=(0.2, 1), live="restart")
+    length: Number = quantity(
+        0.5, title="Length", symbol="L", unit="m", low=0.05, high=10, slider=(0.2, 1), live="restart"
+    )
     linear_density: Number = quantity(
         2.0, title="Mass per length", symbol="ρ", unit="kg/m", low=1e-3, high=1e3, slider=(0.5, 10)
     )
@@ -286,9 +286,17 @@ Law = Annotated[
 class Initial(Part):
     """Where a run starts. null: on the trajectory (pose, pose rate) or undeformed (beam)."""
 
-    pose: Triple | None = quantity(None, title="Start pose", symbol="x(0)", unit="m, m, rad", low=-20, high=20, live="restart")
+    pose: Triple | None = quantity(
+        None, title="Start pose", symbol="x(0)", unit="m, m, rad", low=-20, high=20, live="restart"
+    )
     pose_rate: Triple | None = quantity(
-        (0.0, 0.0, 0.0), title="Start pose rate", symbol="ẋ(0)", unit="m/s, m/s, rad/s", low=-100, high=100, live="restart"
+        (0.0, 0.0, 0.0),
+        title="Start pose rate",
+        symbol="ẋ(0)",
+        unit="m/s, m/s, rad/s",
+        low=-100,
+        high=100,
+        live="restart",
     )
     beam_coordinates: Numbers | None = quantity(
         None, title="Start beam coordinates", symbol="q(0)", unit="m, rad", low=-10, high=10, live="restart"
@@ -399,7 +407,17 @@ def _set(data: dict[str, Any], path: str, value: Any) -> None:
     data[name] = value
 
 
-_TAGS = {"nodal", "stiffness", "modal", "adaptive-sliding-mode", "computed-torque", "pd", "none", "sine", "vibration-damping"}
+_TAGS = {
+    "nodal",
+    "stiffness",
+    "modal",
+    "adaptive-sliding-mode",
+    "computed-torque",
+    "pd",
+    "none",
+    "sine",
+    "vibration-damping",
+}
 
 
 def _problem(item: Any) -> tuple[str, str]:
@@ -422,7 +440,10 @@ def _problem(item: Any) -> tuple[str, str]:
     if kind == "literal_error":
         return path, f"{path} = {shown} is not one of {item['ctx']['expected']}: choose one of them."
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        return path, f"{path}.kind is not one of {item['ctx'].get('expected_tags', 'the known kinds')}: choose one of them."
+        return (
+            path,
+            f"{path}.kind is not one of {item['ctx'].get('expected_tags', 'the known kinds')}: choose one of them.",
+        )
     if kind in ("mesh", "arms", "inertia", "sampling"):
         return path, f"{path + ': ' if path else ''}{text}."
     return path, f"{path} = {shown}: {text}."

@@ -11,8 +11,6 @@ def computed_torque(gains, payload, gravity, x, v, terms, desired, scratch, u):
     for a in range(3):
         nothing[a] = 0.0
         acceleration[a] = (
-            desired[2, a]
-            - gains.velocity[a] * (v[a] - desired[1, a])
-            - gains.position[a] * (x[a] - desired[0, a])
+            desired[2, a] - gains.velocity[a] * (v[a] - desired[1, a]) - gains.position[a] * (x[a] - desired[0, a])
         )
     drive_arms(payload, gravity, terms, acceleration, v, nothing, A, u)

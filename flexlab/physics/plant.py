@@ -76,6 +76,8 @@ class Workspace(NamedTuple):
     """(n_m,)."""
     damping_force: np.ndarray
     """Dη̇, (n_m,)."""
+    restoring: np.ndarray
+    """What pulls η back: -(η̈ + A21 ẍ), (n_m,)."""
     desired: np.ndarray
     """x_d, ẋ_d, ẍ_d, (3, 3)."""
     desired_time: np.ndarray
@@ -116,6 +118,7 @@ def make_workspace(arm_count: int, mode_count: int) -> Workspace:
         np.zeros(3),
         np.zeros(3),
         np.zeros((3, 3)),
+        np.zeros(mode_count),
         np.zeros(mode_count),
         np.zeros(mode_count),
         np.zeros((3, 3)),
@@ -316,7 +319,10 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
 
 @inlined
 def acceleration(plant, y, w_bar, w_bar_rate, u, ws, result):
-    """ẍ (3,) from Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`."""
+    """ẍ (3,) from Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`.
+
+    Leaves in ws.restoring what gives η̈ = -restoring - A21 ẍ.
+    """
     n = plant.modal.shape[1]
     c, s = ws.arm.trig[0], ws.arm.trig[1]
     v, g = ws.velocity, plant.gravity
@@ -330,11 +336,11 @@ def acceleration(plant, y, w_bar, w_bar_rate, u, ws, result):
     h_force = g_force = eta_eta_dot = 0.0
     for k in range(n):
         force = (plant.modal[OMEGA2, k] - w * w) * y[ETA + k] + ws.damping_force[k] - plant.modal[PULL, k] * f2
+        force += plant.modal[H, k] * g * c
+        ws.restoring[k] = force
         h_force += plant.modal[H, k] * force
         g_force += plant.modal[G, k] * force
         eta_eta_dot += y[ETA + k] * ws.eta_dot[k]
-    h_force += plant.kappa[0] * g * c
-    g_force += plant.kappa[1] * g * c
     for a in range(3):
         total = 0.0
         for i in range(len(u)):

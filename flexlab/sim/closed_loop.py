@@ -8,7 +8,7 @@ from flexlab.compiled import inlined
 from flexlab.control.law import Control, control_law
 from flexlab.control.trajectory import Sine, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
-from flexlab.physics.plant import G, MEMORY, Plant, find_velocities, momentum_rates
+from flexlab.physics.plant import MEMORY, G, Plant, find_velocities, momentum_rates
 
 
 class System(NamedTuple):
@@ -47,7 +47,16 @@ def find_inputs(system, t, y, ws):
             ws.memory_rate[a] = 0.0
         return
     control_law(
-        control, plant.gravity, y[0:3], v, ws.beam_rate, ws.arm, ws.desired, y[MEMORY : MEMORY + 3], ws.u, ws.memory_rate
+        control,
+        plant.gravity,
+        y[0:3],
+        v,
+        ws.beam_rate,
+        ws.arm,
+        ws.desired,
+        y[MEMORY : MEMORY + 3],
+        ws.u,
+        ws.memory_rate,
     )
     if control.limited:
         for i in range(len(plant.arms)):

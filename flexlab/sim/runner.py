@@ -185,7 +185,9 @@ class Runner:
 
     def _set_speed(self, command: SetSpeed, wall: float) -> None:
         if not SLOWEST <= command.speed <= FASTEST:
-            raise FlexlabError(f"Speed = {command.speed:g} is outside 1/256 to {FASTEST:g} times real time: choose within it.")
+            raise FlexlabError(
+                f"Speed = {command.speed:g} is outside 1/256 to {FASTEST:g} times real time: choose within it."
+            )
         time_now = min(self._pacing.target(wall), self._world.time + TICK)
         self._pacing.speed = command.speed
         self._pacing.restart(wall, time_now)

@@ -12,11 +12,16 @@ from flexlab.scenario import Scenario
 from flexlab.sim.build import Beam, desired_at
 from flexlab.sim.closed_loop import System
 from flexlab.sim.integrators.etdrk4 import beam_operators
+from flexlab.sim.integrators.generalized_alpha import effective_inverse
 from flexlab.sim.integrators.rk4 import STABILITY_LIMIT
 from flexlab.sim.integrators.scheme import NAMES, ORDER, Scheme
 
-REFERENCE_STEP, REFERENCE_ERROR = 1e-3, 1e-8
-"""A step of etdrk4 or rk4 of 1 ms keeps the paper run's pose within about 1e-8 m (`flexlab bench`), whatever the mesh."""
+REFERENCE_STEP = 1e-3
+REFERENCE_ERROR = {"rk4": 6e-8, "etdrk4": 1e-8, "generalized-alpha": 6e-6}
+"""Pose error of the paper run with `REFERENCE_STEP` (s), m, about the same for every mesh (`flexlab bench`)."""
+
+SHORTEST_STEP = 1e-5
+"""Shortest automatic step, s: a second-order method asked for more accuracy than that would never get there."""
 
 LONGEST_STEP = 2e-3
 """s: beyond it the 1 kHz samples of the live lab would lie within steps."""
@@ -56,7 +61,9 @@ def control_rate(system: System) -> float:
     for k in range(POSES_TRIED):
         pose = desired_at(system.trajectory, k / (POSES_TRIED * frequency))[0]
         if inertia_at(plant, pose, workspace) == 0:
-            fastest = max(fastest, float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(workspace.S, np.diag(gain)))))))
+            fastest = max(
+                fastest, float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(workspace.S, np.diag(gain))))))
+            )
     return fastest + extra
 
 
@@ -77,9 +84,9 @@ def longest_step(scenario: Scenario, system: System, integrator: str, omega_max:
     if asked is not None:
         return asked
     order = ORDER[integrator]
-    accurate = REFERENCE_STEP * (scenario.simulation.accuracy / REFERENCE_ERROR) ** (1 / order)
+    accurate = REFERENCE_STEP * (scenario.simulation.accuracy / REFERENCE_ERROR[integrator]) ** (1 / order)
     rate = control_rate(system)
-    return min(LONGEST_STEP, stable, accurate, CONTROL_LIMIT / rate if rate > 0 else math.inf)
+    return min(LONGEST_STEP, stable, max(accurate, SHORTEST_STEP), CONTROL_LIMIT / rate if rate > 0 else math.inf)
 
 
 def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple[int, int]:
@@ -111,7 +118,10 @@ def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple
 def build_scheme(integrator: str, beam: Beam, dt: float) -> Scheme:
     """The integrator's constants for step dt."""
     modes = beam.modes
-    operators = np.zeros((5, 0))
+    operators, inverse, coupling = np.zeros((5, 0)), np.zeros((0, 0)), np.zeros((2, 0))
     if integrator == "etdrk4":
         operators = beam_operators(modes.omega, modes.D, modes.block_start, dt)
-    return Scheme(NAMES[integrator], operators, np.zeros((0, 0)), np.zeros((2, 0)))
+    elif integrator == "generalized-alpha":
+        inverse = effective_inverse(modes.omega, modes.D, modes.block_start, dt)
+        coupling = np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g]) @ inverse
+    return Scheme(NAMES[integrator], operators, inverse, coupling)

@@ -4,7 +4,18 @@ from typing import Any
 
 from flexlab.errors import ScenarioError
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pause, Play, Pull, Reset, SetSpeed, StepOnce, Tap
+from flexlab.sim.commands import (
+    ChangeScenario,
+    Command,
+    LoadScenario,
+    Pause,
+    Play,
+    Pull,
+    Reset,
+    SetSpeed,
+    StepOnce,
+    Tap,
+)
 
 
 def command_text(command: Command) -> str:

@@ -21,8 +21,8 @@ from flexlab.sim.faults import DEFLECTION_LIMIT, pose_fault, runtime_fault
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.observe import observe
 from flexlab.sim.projection import project_beam
-from flexlab.sim.samples import Samples, Status
 from flexlab.sim.sampled_control import Sampling, control_instant
+from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.timing import build_scheme, choose_integrator, longest_step, steps_per_tick
 from flexlab.sim.workspace_check import check_trajectory
@@ -105,6 +105,7 @@ class World:
         n = len(eta)
         self._y[:3] = pose
         self._y[ETA : ETA + n] = eta
+        self._y[ETA + 2 * n :] = np.nan  # generalized-alpha finds its first accelerations itself
         set_momenta(self._machinery.system.plant, self._y, rate, eta_dot, self._workspace)
 
     @property

@@ -2,8 +2,9 @@
 
 from flexlab.compiled import compiled
 from flexlab.sim.integrators.etdrk4 import etdrk4_step
+from flexlab.sim.integrators.generalized_alpha import generalized_alpha_step
 from flexlab.sim.integrators.rk4 import rk4_step
-from flexlab.sim.integrators.scheme import ETDRK4
+from flexlab.sim.integrators.scheme import ETDRK4, GENERALIZED_ALPHA
 
 
 @compiled
@@ -11,4 +12,6 @@ def integrate(system, scheme, t, dt, y, ws):
     """Advance y by dt in place; returns a fault code."""
     if scheme.kind == ETDRK4:
         return etdrk4_step(system, scheme.operators, t, dt, y, ws)
+    if scheme.kind == GENERALIZED_ALPHA:
+        return generalized_alpha_step(system, scheme, t, dt, y, ws)
     return rk4_step(system, t, dt, y, ws)

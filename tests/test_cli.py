@@ -1,0 +1,99 @@
+"""The command line says what it can do and answers bad input with one sentence, never a traceback."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from flexlab.cli import COMMANDS
+from flexlab.presets import preset_names, save_scenario
+from flexlab.scenario import Scenario
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def refused(done: subprocess.CompletedProcess[str]) -> str:
+    """The one sentence with which a command refused its input."""
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    sentence = done.stderr.strip()
+    assert sentence.count("\n") == 0, sentence
+    assert sentence[-1] in ".?"
+    return sentence
+
+
+def test_help_shows_every_command(flexlab_command: Command):
+    done = flexlab_command("--help")
+    assert done.returncode == 0
+    for name in COMMANDS[1:]:
+        assert f"flexlab {name}" in done.stdout
+    for option in ("--preset", "--host", "--port", "--no-browser", "--rerun", "--logs"):
+        assert option in done.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(flexlab_command: Command, name: str):
+    done = flexlab_command(name, "--help")
+    assert done.returncode == 0
+    assert done.stdout.startswith(f"usage: flexlab {name}")
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_loads_nothing_heavy(name: str):
+    program = (
+        "import sys, flexlab.cli\n"
+        f"try: flexlab.cli.main([{name!r}, '--help'])\n"
+        "except SystemExit: pass\n"
+        "print(*sorted({'numba', 'scipy', 'viser', 'rerun', 'pyarrow'} & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stderr.split() == []
+
+
+def test_version(flexlab_command: Command):
+    from flexlab import __version__
+
+    assert flexlab_command("--version").stdout == f"flexlab {__version__}\n"
+
+
+def test_presets_are_listed_with_what_to_watch(flexlab_command: Command):
+    done = flexlab_command("presets")
+    assert done.returncode == 0
+    for name in preset_names():
+        assert name in done.stdout
+    assert "44 Hz" in done.stdout
+
+
+def test_own_presets_are_listed_and_broken_ones_named(flexlab_command: Command, tmp_path: Path):
+    (tmp_path / "presets").mkdir()
+    save_scenario(Scenario(title="My [red]own[/red] one"), tmp_path / "presets" / "mine.json")
+    (tmp_path / "presets" / "broken.json").write_text("{")
+    done = flexlab_command("presets")
+    assert "My [red]own[/red] one" in done.stdout
+    assert "broken.json" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.returncode == 2
+
+
+def test_an_unknown_command_is_one_sentence(flexlab_command: Command):
+    assert "did you mean presets?" in refused(flexlab_command("prests"))
+    assert "lab, run, review" in refused(flexlab_command("zzz"))
+
+
+@pytest.mark.parametrize("words", [["--preset"], ["--prot", "1"], ["run"], ["--port", "many"], ["run", "paper", "-x"]])
+def test_wrong_options_are_explained(flexlab_command: Command, words: list[str]):
+    done = flexlab_command(*words)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "--help" in done.stderr
+
+
+def test_a_closed_pipe_is_no_error(root: Path):
+    done = subprocess.run(
+        f"{sys.executable} -m flexlab presets | head -1", shell=True, capture_output=True, text=True, check=True, cwd=root
+    )
+    assert done.stderr == ""

@@ -61,6 +61,6 @@ def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]
     previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
     try:
-        return numba.njit(nogil=True, error_model="numpy", _nrt=False, **options)(function)
+        return numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=True, **options)(function)
     finally:
         numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]

@@ -1,40 +1,74 @@
 """Headless simulation: one scenario, one duration, all samples."""
 
 import math
+import numbers
+from collections.abc import Sequence
 from dataclasses import fields
 
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
+from flexlab.sim import columns
+from flexlab.sim.commands import WorldCommand
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.world import World
 
 LONGEST_RUN = 50_000_000
 """Most samples of one run: beyond that its arrays would fill the memory of an ordinary machine."""
 
+SHORTEST_PERIOD, LONGEST_PERIOD = 1e-6, 1.0
+"""Allowed sample periods, s."""
 
-def simulate(scenario: Scenario, duration: float = 3.0, sample_period: float = 0.001) -> Run:
+
+def simulate(
+    scenario: Scenario,
+    duration: float = 3.0,
+    sample_period: float = 0.001,
+    commands: Sequence[tuple[float, WorldCommand]] = (),
+) -> Run:
     """Simulate `scenario` for `duration` s with a sample exactly at every k · `sample_period` s, t = 0 included.
 
-    A run that cannot start or go on ends early: `run.status` says why, and the good samples are kept.
-    Raises `ScenarioError` for a scenario that is not valid and `StudyError` for a duration or period that is not.
+    `commands`: (time in s, command) pairs, as a person in the live lab would give them; each takes effect on the first
+    sample instant that is not before its time. A run that cannot start or go on ends early: `run.status` says why, and
+    the good samples are kept. Raises `ScenarioError` for a scenario or command that is not valid and `StudyError` for a
+    duration or period that is not, or a command that changes the beam's mesh or starts the run anew.
     """
-    count = _sample_count(duration, sample_period)
+    count = sample_count(duration, sample_period)
     world = World(scenario, sample_period)
-    samples = world.run(count)
+    rows = world.new_rows(count + 1)
+    rows[:1] = world.observe_rows()
+    done = 1
+    for time, command in sorted(commands, key=lambda item: item[0]):
+        done += world.fill(rows[done : max(done, min(count, _tick_at(time, sample_period)) + 1)])
+        if world.status.failed or done > count:
+            break
+        width = world.row_length
+        if world.apply(command) or world.row_length != width:
+            raise StudyError(
+                f"The command at t = {time:g} s changes the beam's mesh or restarts: simulate it on its own."
+            )
+    done += world.fill(rows[done:])
     status = world.status
     if not status.failed:
         status = Status("finished", f"Finished at t = {world.time:g} s.", world.time)
+    samples = columns.rows_to_samples(rows[:done], len(world.scenario.arms))
     signals = {field.name: getattr(samples, field.name) for field in fields(Samples)}
-    return Run(**signals, scenario=world.scenario, status=status)
+    return Run(**signals, scenario=scenario, status=status)
 
 
-def _sample_count(duration: float, sample_period: float) -> int:
-    """Samples after t = 0; refuses what is not a positive finite number or would not fit in memory."""
-    for name, value, low in (("duration", duration, 0.0), ("sample_period", sample_period, 1e-6)):
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value < low:
-            raise StudyError(f"{name} = {value!r} s is not usable: give a number of seconds, at least {low:g}.")
-    if sample_period > MAX_SAMPLE_PERIOD:
-        raise StudyError(f"sample_period = {sample_period:g} s is above {MAX_SAMPLE_PERIOD:g} s: choose a shorter one.")
+def _tick_at(time: float, sample_period: float) -> int:
+    return max(0, math.ceil(time / sample_period - 1e-9))
+
+
+def sample_count(duration: float, sample_period: float) -> int:
+    """Samples after t = 0; raises `StudyError` for what is not a usable time or would not fit in memory."""
+    for name, value, low, high in (
+        ("duration", duration, 0.0, math.inf),
+        ("sample_period", sample_period, SHORTEST_PERIOD, LONGEST_PERIOD),
+    ):
+        usable = isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
+        if not usable or not low <= value <= high:
+            limit = f"from {low:g} to {high:g}" if math.isfinite(high) else f"of at least {low:g}"
+            raise StudyError(f"{name} = {value!r} s is not usable: give a number of seconds {limit}.")
     count = math.floor(duration / sample_period * (1 + 1e-12) + 1e-9)
     if count > LONGEST_RUN:
         raise StudyError(
@@ -42,7 +76,3 @@ def _sample_count(duration: float, sample_period: float) -> int:
             "choose a shorter duration or a longer sample period."
         )
     return count
-
-
-MAX_SAMPLE_PERIOD = 1.0
-"""s."""

@@ -144,7 +144,7 @@ class World:
 
     def observe_rows(self) -> np.ndarray:
         """As `observe`, as a row (1, row length) in the layout of `sim.columns`."""
-        rows = self._new_rows(1)
+        rows = self.new_rows(1)
         self._observe(rows[0])
         return rows
 
@@ -158,7 +158,8 @@ class World:
         row[columns.TIME] = self.time
         row[columns.POSE : columns.POSE + 3] = self._y[:3]
 
-    def _new_rows(self, count: int) -> np.ndarray:
+    def new_rows(self, count: int) -> np.ndarray:
+        """Room for `count` samples, (count, row length)."""
         return np.zeros((count, self.row_length))
 
     def advance(self, ticks: int) -> Samples:
@@ -170,18 +171,20 @@ class World:
 
     def advance_rows(self, ticks: int) -> np.ndarray:
         """As `advance`, as rows (ticks done, row length) in the layout of `sim.columns`."""
-        rows = self._new_rows(0 if self.status.failed else ticks)
-        return rows[: self._advance(rows)]
+        rows = self.new_rows(0 if self.status.failed else ticks)
+        return rows[: self.fill(rows)]
 
     def run(self, ticks: int) -> Samples:
         """As `advance`, with the present instant as first sample."""
-        rows = self._new_rows(1 if self.status.failed else ticks + 1)
+        rows = self.new_rows(1 if self.status.failed else ticks + 1)
         self._observe(rows[0])
-        done = self._advance(rows[1:])
+        done = self.fill(rows[1:])
         return columns.rows_to_samples(rows[: done + 1], len(self.scenario.arms))
 
-    def _advance(self, rows: np.ndarray) -> int:
-        """Fill rows, one tick each; returns how many were reached."""
+    def fill(self, rows: np.ndarray) -> int:
+        """Move by one tick per row of rows (ticks, row length), writing the samples there; returns the ticks done."""
+        if self.status.failed:
+            return 0
         machinery = self._machinery
         done, code = advance(
             machinery.system,

@@ -1,0 +1,78 @@
+"""Many runs at once on all cores: the kernels hold no lock, so threads are enough."""
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from flexlab.errors import ScenarioError, StudyError
+from flexlab.scenario import Scenario, parse_scenario
+from flexlab.sim.samples import Run, Samples, Status
+from flexlab.sim.simulate import sample_count, simulate
+
+MOST_WORKERS = 256
+"""More threads than any machine of today has use for."""
+
+
+def simulate_many(
+    scenarios: Sequence[Scenario | Mapping[str, Any]],
+    duration: float = 3.0,
+    sample_period: float = 0.001,
+    workers: int | None = None,
+    progress: bool = True,
+) -> list[Run]:
+    """Simulate every scenario (or plain data of one), in order, on `workers` threads (None: one per core).
+
+    A scenario that is not valid becomes a run without samples whose status is "invalid" and says why; one that cannot go
+    on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `StudyError` for unusable arguments.
+    """
+    sample_count(duration, sample_period)
+    workers = os.cpu_count() or 1 if workers is None else workers
+    if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
+        raise StudyError(f"workers = {workers!r} is not usable: give a whole number from 1 to {MOST_WORKERS}, or None.")
+
+    def one(scenario: Scenario | Mapping[str, Any]) -> Run:
+        try:
+            valid = scenario if isinstance(scenario, Scenario) else parse_scenario(scenario)
+            return simulate(valid, duration, sample_period)
+        except ScenarioError as error:
+            return _invalid(scenario if isinstance(scenario, Scenario) else Scenario(), str(error))
+
+    with ThreadPoolExecutor(workers, thread_name_prefix="flexlab-batch") as pool:
+        results = pool.map(one, scenarios)
+        return list(_with_bar(results, len(scenarios)) if progress else results)
+
+
+def _with_bar(results: Any, total: int) -> Any:
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+    return track(results, "simulating", total, console=console, transient=True, disable=not console.is_terminal)
+
+
+def _invalid(scenario: Scenario, reason: str) -> Run:
+    arms, n_q = len(scenario.arms), scenario.payload.coordinate_count
+    shapes: dict[str, tuple[int, ...]] = {
+        "beam_coordinates": (0, n_q),
+        "beam_rates": (0, n_q),
+        **dict.fromkeys(("joint_angle", "joint_torque", "arm_input", "internal_force"), (0, arms, 3)),
+        **dict.fromkeys(_THREE_VALUED, (0, 3)),
+    }
+    signals = {field.name: np.zeros(shapes.get(field.name, (0,))) for field in fields(Samples)}
+    return Run(**signals, scenario=scenario, status=Status("invalid", reason))
+
+
+_THREE_VALUED = (
+    "pose",
+    "pose_rate",
+    "pose_acceleration",
+    "desired_pose",
+    "tracking_error",
+    "sliding_variable",
+    "bound_estimates",
+    "moving_force",
+)

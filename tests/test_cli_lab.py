@@ -1,0 +1,156 @@
+"""`flexlab` as a person starts it: serves a page, records, ends on Ctrl-C, refuses what it cannot do."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+PATIENCE = 120.0
+"""s: generous, since a machine may be busy and a cache cold; no test passes or fails by speed."""
+
+
+class Lab:
+    """A lab in a process of its own."""
+
+    def __init__(self, folder: Path, *words: str):
+        environment = os.environ | {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"}
+        self.folder = folder
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "flexlab", "--port", "0", "--no-browser", *words],
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+        )
+        self.said: list[str] = []
+        self.complained: list[str] = []
+        self._readers = [
+            threading.Thread(target=self._read, args=(self.process.stdout, self.said)),
+            threading.Thread(target=self._read, args=(self.process.stderr, self.complained)),
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    @staticmethod
+    def _read(stream, lines: list[str]) -> None:
+        lines.extend(iter(stream.readline, ""))
+
+    def url(self) -> str:
+        """The page's address, once the lab says it."""
+        return self.wait(lambda: re.search(r"http://[\d.]+:\d+", "".join(self.said)))[0]
+
+    def wait(self, found: Callable[[], object]):
+        """What `found` gives as soon as it gives something."""
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until:
+            result = found()
+            if result:
+                return result
+            assert self.process.poll() is None, "".join(self.said + self.complained)
+            time.sleep(0.05)
+        raise AssertionError(f"waited in vain: {self.said} {self.complained}")
+
+    def end(self, how: signal.Signals = signal.SIGINT) -> int:
+        """Ask it to end and wait for that; returns the exit code."""
+        self.process.send_signal(how)
+        return self.wait_for_end()
+
+    def wait_for_end(self) -> int:
+        """The exit code, once it has ended."""
+        code = self.process.wait(PATIENCE)
+        for reader in self._readers:
+            reader.join()
+        return code
+
+    def recordings(self, logs: str = "logs") -> list[Path]:
+        """Files that hold something."""
+        return [file for file in (self.folder / logs).glob("*.rrd") if file.stat().st_size > 0]
+
+
+@pytest.fixture
+def start_lab(tmp_path: Path) -> Iterator[Callable[..., Lab]]:
+    labs: list[Lab] = []
+
+    def start(*words: str) -> Lab:
+        labs.append(Lab(tmp_path, *words))
+        return labs[-1]
+
+    yield start
+    for lab in labs:
+        if lab.process.poll() is None:
+            lab.process.kill()
+        lab.wait_for_end()
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_the_lab_serves_records_and_ends(start_lab: Callable[..., Lab], how: signal.Signals):
+    lab = start_lab("--preset", "soft-beam")
+    with urllib.request.urlopen(lab.url()) as page:
+        assert page.status == 200
+    lab.wait(lab.recordings)
+    assert lab.end(how) == 0, lab.complained
+    assert "Traceback" not in "".join(lab.complained)
+    (file,) = lab.recordings()
+    assert file.name.endswith("-soft-beam.rrd")
+    assert str(Path("logs") / file.name) in "".join(lab.said)
+
+
+def test_a_busy_port_is_one_sentence(flexlab_command: Command):
+    with socket.create_server(("127.0.0.1", 0)) as busy:
+        port = busy.getsockname()[1]
+        done = flexlab_command("--no-browser", "--port", str(port))
+    assert done.returncode == 2
+    assert str(port) in done.stderr
+    assert "in use" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_second_lab_on_the_same_port_is_refused_and_the_first_goes_on(
+    start_lab: Callable[..., Lab], flexlab_command: Command
+):
+    lab = start_lab()
+    url = lab.url()
+    done = flexlab_command("--no-browser", "--port", url.rsplit(":", 1)[1])
+    assert done.returncode == 2
+    assert "in use" in done.stderr
+    with urllib.request.urlopen(url) as page:
+        assert page.status == 200
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--preset", "papr"], "did you mean paper?"),
+        (["--preset", "none.json"], "no scenario file"),
+        (["--port", "99999"], "99999"),
+        (["--host", "256.1.1.1"], "256.1.1.1"),
+        (["--host", "192.0.2.1"], "192.0.2.1"),
+        (["--logs", "/proc/logs"], "/proc/logs"),
+    ],
+)
+def test_bad_input_is_one_sentence(flexlab_command: Command, words: list[str], says: str):
+    done = flexlab_command("--no-browser", "--port", "0", *words)
+    assert done.returncode == 2, done.stderr
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+def test_live_data_is_offered_with_rerun(start_lab: Callable[..., Lab]):
+    lab = start_lab("--rerun")
+    lab.url()
+    lab.wait(lambda: re.search(r"rerun\+http://127\.0\.0\.1:\d+/proxy", "".join(lab.said)))
+    assert lab.end() == 0

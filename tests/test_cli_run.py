@@ -1,0 +1,71 @@
+"""`flexlab run`: simulates, records, sums up; refuses what it cannot do."""
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from flexlab.presets import save_scenario
+from flexlab.scenario import Scenario
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def test_a_run_is_recorded_and_summed_up(flexlab_command: Command, tmp_path: Path):
+    done = flexlab_command("run", "paper", "--duration", "1.5", "--logs", "runs")
+    assert done.returncode == 0, done.stderr
+    (file,) = (tmp_path / "runs").glob("*-paper.rrd")
+    assert str(Path("runs") / file.name) in done.stdout
+    assert "1501 samples" in done.stdout
+    rows = {line.split(", ")[0].strip(): line.split()[-2:] for line in done.stdout.splitlines() if ", " in line}
+    assert [float(value) for value in rows["tracking error x"]] == pytest.approx([16.74, 0.16], rel=0.01)
+    assert float(rows["mid-span deflection"][0]) == pytest.approx(1.770, rel=0.01)
+
+
+def test_a_scenario_file_and_another_sample_period(flexlab_command: Command, tmp_path: Path):
+    save_scenario(Scenario(title="Mine [bold]", gravity=1.0), tmp_path / "mine.json")
+    done = flexlab_command("run", "mine.json", "--duration", "0.5", "--sample-period", "0.01")
+    assert done.returncode == 0, done.stderr
+    assert "Mine [bold]" in done.stdout
+    assert "51 samples" in done.stdout
+    assert list((tmp_path / "logs").glob("*-mine.rrd"))
+
+
+def test_an_unreachable_path_ends_with_its_sentence(flexlab_command: Command, tmp_path: Path):
+    far = Scenario().replace({"trajectory.center": [0.0, 1.6, 0.0]})
+    save_scenario(far, tmp_path / "far.json")
+    done = flexlab_command("run", "far.json", "--duration", "0.1")
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert "arm" in done.stderr
+    assert "reach" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["run", "papr"], "did you mean paper?"),
+        (["run", "nothing.json"], "no scenario file nothing.json"),
+        (["run", "broken.json"], "line 1"),
+        (["run", "wrong.json"], "payload.bending_stiffness = -1"),
+        (["run", "nan.json"], "finite"),
+        (["run", "paper", "--duration", "0"], "--duration 0"),
+        (["run", "paper", "--duration", "nan"], "--duration nan"),
+        (["run", "paper", "--duration", "-3"], "--duration -3"),
+        (["run", "paper", "--sample-period", "1e-9"], "--sample-period 1e-09"),
+        (["run", "paper", "--logs", "file/logs"], "file/logs"),
+        (["run", "paper", "--logs", "/proc/logs"], "/proc/logs"),
+    ],
+)
+def test_bad_input_is_one_sentence(flexlab_command: Command, tmp_path: Path, words: list[str], says: str):
+    (tmp_path / "broken.json").write_text("{")
+    (tmp_path / "wrong.json").write_text(json.dumps({"payload": {"bending_stiffness": -1}}))
+    (tmp_path / "nan.json").write_text('{"payload": {"bending_stiffness": NaN}}')
+    (tmp_path / "file").write_text("not a folder")
+    done = flexlab_command(*words)
+    assert done.returncode == 2, done.stderr
+    assert done.stdout == ""
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr

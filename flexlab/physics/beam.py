@@ -90,17 +90,16 @@ def beam_matrices(length: float, rho: float, EI: float, element_count: int, boun
     n = element_count
     l = length / n  # noqa: E741
     points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-    xi, weights = (points + 1) / 2, weights * l / 2
+    xi, weights = (points + 1) / 2, rho * weights * l / 2
+    N = np.array([shape_functions(x, l) for x in xi])
+    M_element, h_element, first_moment = (N.T * weights) @ N, weights @ N, (weights * xi * l) @ N
     M = np.zeros((2 * n + 2, 2 * n + 2))
     h, g = np.zeros(2 * n + 2), np.zeros(2 * n + 2)
     for element in range(n):
         own = slice(2 * element, 2 * element + 4)
-        for x, weight in zip(xi, weights, strict=True):
-            N = shape_functions(x, l)
-            s = (element + x) * l - length / 2
-            M[own, own] += rho * weight * np.outer(N, N)
-            h[own] += rho * weight * N
-            g[own] += rho * weight * s * N
+        M[own, own] += M_element
+        h[own] += h_element
+        g[own] += first_moment + (element * l - length / 2) * h_element
     free = free_coordinates(n, boundary)
     B = _curvature_rows(length, EI, n)[:, free]
     return BeamMatrices(rho * length, rho * length**3 / 12, M[np.ix_(free, free)], B.T @ B, h[free], g[free], B)
@@ -110,11 +109,11 @@ def _curvature_rows(length: float, EI: float, n: int) -> np.ndarray:
     """sqrt(EI weight) N'' at the two Gauss points of each element, (2n, 2n + 2): exact, as N'' is linear."""
     l = length / n  # noqa: E741
     points, weights = np.polynomial.legendre.leggauss(2)
+    element_rows = np.array([curvature_functions((x + 1) / 2, l) for x in points])
+    element_rows *= np.sqrt(EI * weights * l / 2)[:, None]
     rows = np.zeros((2 * n, 2 * n + 2))
     for element in range(n):
-        for k in range(2):
-            scale = np.sqrt(EI * weights[k] * l / 2)
-            rows[2 * element + k, 2 * element : 2 * element + 4] = scale * curvature_functions((points[k] + 1) / 2, l)
+        rows[2 * element : 2 * element + 2, 2 * element : 2 * element + 4] = element_rows
     return rows
 
 

@@ -145,17 +145,18 @@ def build_control(scenario: Scenario, beam: Beam) -> Control:
         # These laws have no sliding surface; their own ratio of gains gives the comparable one for the plots.
         slope = feedback.position / np.maximum(feedback.velocity, np.finfo(float).tiny)
         adaptive = adaptive._replace(Lambda=np.where(feedback.velocity > 0, slope, 0.0))
-    believed = _matrices(
-        scenario.payload, model.length_factor, model.linear_density_factor, model.bending_stiffness_factor
-    )
-    loads = np.stack([believed.h, believed.g], axis=1)
-    kappa = loads.T @ np.linalg.solve(believed.M_q, loads)
+    factors = (model.length_factor, model.linear_density_factor, model.bending_stiffness_factor)
+    believed, kappa = beam.matrices, beam.kappa
+    if factors != (1.0, 1.0, 1.0):
+        believed = _matrices(scenario.payload, *factors)
+        loads = np.stack([believed.h, believed.g], axis=1)
+        kappa = (loads.T @ np.linalg.solve(believed.M_q, loads))[[0, 0, 1], [0, 1, 1]]
     return Control(
         kind=KINDS[law.kind],
         adaptive=adaptive,
         feedback=feedback,
         vibration_gains=vibration,
-        payload=BelievedPayload(believed.m, believed.I, np.array([kappa[0, 0], kappa[0, 1], kappa[1, 1]])),
+        payload=BelievedPayload(believed.m, believed.I, kappa.copy()),
         torque_limit=np.full(3, np.inf) if law.torque_limit is None else np.array(law.torque_limit),
         limited=law.torque_limit is not None,
         sampled=law.control_period is not None,

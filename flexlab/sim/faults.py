@@ -18,26 +18,27 @@ def arm_name(scenario: Scenario, index: int) -> str:
     return "left arm" if index == 0 else "right arm"
 
 
-def wrist_reach(scenario: Scenario, index: int, pose: np.ndarray) -> tuple[float, float, float]:
-    """Distance base-wrist of an arm at a pose, and the shortest and longest it can have, m."""
+def wrist_reach(scenario: Scenario, index: int, pose: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Distances base-wrist of an arm at poses (..., 3), and the shortest and longest it can have, m."""
     arm, side = scenario.arms[index], (-1 if index == 0 else 1)
     reach = side * (scenario.payload.length / 2 + arm.link_length[2])
-    x = pose[0] + reach * math.cos(pose[2]) - arm.base[0]
-    y = pose[1] + reach * math.sin(pose[2]) - arm.base[1]
+    x = pose[..., 0] + reach * np.cos(pose[..., 2]) - arm.base[0]
+    y = pose[..., 1] + reach * np.sin(pose[..., 2]) - arm.base[1]
     l1, l2, _ = arm.link_length
-    return math.hypot(x, y), abs(l1 - l2), l1 + l2
+    return np.hypot(x, y), abs(l1 - l2), l1 + l2
 
 
-def elbow_sine(distance: float, l1: float, l2: float) -> float:
-    """|sin| of the elbow angle for a wrist at `distance`; 0 outside the workspace."""
+def elbow_sine(distance: np.ndarray, l1: float, l2: float) -> np.ndarray:
+    """|sin| of the elbow angle for wrists at `distance`; 0 outside the workspace."""
     cosine = (distance**2 - l1**2 - l2**2) / (2 * l1 * l2)
-    return math.sqrt(max(0.0, 1 - cosine**2)) if abs(cosine) <= 1 else 0.0
+    return np.sqrt(np.maximum(0.0, 1 - cosine**2))
 
 
 def pose_fault(scenario: Scenario, pose: np.ndarray, time: float, what: str) -> Status | None:
     """The status of the first arm that cannot take a pose, or None. `what` names the pose ("the desired pose")."""
     for index in range(len(scenario.arms)):
-        distance, shortest, longest = wrist_reach(scenario, index, pose)
+        reach, shortest, longest = wrist_reach(scenario, index, pose)
+        distance = float(reach)
         l1, l2, _ = scenario.arms[index].link_length
         where = f"at x = {pose[0]:.3f} m, y = {pose[1]:.3f} m, θ = {pose[2]:.3f} rad (t = {time:.3f} s)"
         name = arm_name(scenario, index)
@@ -69,7 +70,8 @@ def runtime_fault(
     kept = f"The last good state, at t = {time:.3f} s, is kept."
     margins = []
     for index in range(len(scenario.arms)):
-        distance, shortest, longest = wrist_reach(scenario, index, pose)
+        reach, shortest, longest = wrist_reach(scenario, index, pose)
+        distance = float(reach)
         margins.append((min(longest - distance, distance - shortest), index, distance, longest))
     margin, index, distance, longest = min(margins)
     arm = scenario.arms[index]

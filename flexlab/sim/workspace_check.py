@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from flexlab.physics.arm import SINGULAR_SINE
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_trajectory, desired_at
-from flexlab.sim.faults import pose_fault
+from flexlab.sim.faults import elbow_sine, pose_fault, wrist_reach
 from flexlab.sim.samples import Status
 
 POINTS_PER_PERIOD = 200
@@ -25,8 +26,13 @@ def check_trajectory(scenario: Scenario, duration: float | None = None) -> Statu
     if duration is not None:
         span = min(span, duration)
     step = 1 / (POINTS_PER_PERIOD * max(moving))
-    for t in np.linspace(0, span, min(LONGEST_CHECK, max(2, int(span / step) + 1))):
-        fault = pose_fault(scenario, desired_at(trajectory, float(t))[0], float(t), "the desired pose")
-        if fault is not None:
-            return fault
+    times = np.linspace(0, span, min(LONGEST_CHECK, max(2, int(span / step) + 1)))
+    angle = 2 * np.pi * np.outer(times, path.frequency) + path.phase
+    poses = np.array(path.center) + np.array(path.amplitude) * np.sin(angle)
+    doubtful = np.zeros(len(times), bool)
+    for index in range(len(scenario.arms)):
+        l1, l2, _ = scenario.arms[index].link_length
+        doubtful |= elbow_sine(wrist_reach(scenario, index, poses)[0], l1, l2) < SINGULAR_SINE
+    for k in np.flatnonzero(doubtful)[:1]:
+        return pose_fault(scenario, poses[k], float(times[k]), "the desired pose")
     return None

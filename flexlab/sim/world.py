@@ -14,6 +14,7 @@ from flexlab.physics.plant import ETA, Plant, Workspace, find_velocities, make_w
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import columns
 from flexlab.sim.advance import advance
+from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam, build_beam, build_system, desired_at, payload_row
 from flexlab.sim.closed_loop import System
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
@@ -319,6 +320,11 @@ MAX_IMPULSE = 100.0
 
 def _build(scenario: Scenario, tick_period: float) -> _Machinery:
     """Derive everything from a scenario; raises `ScenarioError`."""
+    with one_blas_thread():
+        return _derive(scenario, tick_period)
+
+
+def _derive(scenario: Scenario, tick_period: float) -> _Machinery:
     beam = build_beam(scenario.payload)
     system = build_system(scenario, beam)
     integrator = choose_integrator(scenario)

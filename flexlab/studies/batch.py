@@ -10,6 +10,7 @@ import numpy as np
 
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.simulate import sample_count, simulate
 
@@ -41,7 +42,7 @@ def simulate_many(
         except ScenarioError as error:
             return _invalid(scenario if isinstance(scenario, Scenario) else Scenario(), str(error))
 
-    with ThreadPoolExecutor(workers, thread_name_prefix="flexlab-batch") as pool:
+    with one_blas_thread(), ThreadPoolExecutor(workers, thread_name_prefix="flexlab-batch") as pool:
         results = pool.map(one, scenarios)
         return list(_with_bar(results, len(scenarios)) if progress else results)
 

@@ -25,7 +25,10 @@ TAYLOR_TERMS = 18
 """Enough for φ functions to double precision where the norm is at most 1/2."""
 
 
-def phi_functions(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+Functions = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def phi_functions(z: np.ndarray) -> Functions:
     """φ0 = exp, φ1, φ2, φ3 of square matrices z (..., k, k), by Taylor series and doubling.
 
     φ_k(z) = Σ_j z^j/(j + k)!;  φ_k(2z) = 2^-k (φ0 φ_k + Σ_{j=1..k} φ_j/(k - j)!).
@@ -40,12 +43,20 @@ def phi_functions(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
     phi2 = z @ phi3 + one / 2
     phi1 = z @ phi2 + one
     phi0 = z @ phi1 + one
+    functions = (phi0, phi1, phi2, phi3)
     for _ in range(doublings):
-        phi3 = (phi0 @ phi3 + phi1 / 2 + phi2 + phi3) / 8
-        phi2 = (phi0 @ phi2 + phi1 + phi2) / 4
-        phi1 = (phi0 @ phi1 + phi1) / 2
-        phi0 = phi0 @ phi0
-    return phi0, phi1, phi2, phi3
+        functions = doubled(*functions)
+    return functions
+
+
+def doubled(phi0: np.ndarray, phi1: np.ndarray, phi2: np.ndarray, phi3: np.ndarray) -> Functions:
+    """φ0, φ1, φ2, φ3 of 2z from those of z."""
+    return (
+        phi0 @ phi0,
+        (phi0 @ phi1 + phi1) / 2,
+        (phi0 @ phi2 + phi1 + phi2) / 4,
+        (phi0 @ phi3 + phi1 / 2 + phi2 + phi3) / 8,
+    )
 
 
 def _factorial(k: int) -> float:
@@ -62,8 +73,9 @@ def beam_operators(omega: np.ndarray, damping: np.ndarray, block_start: np.ndarr
         L = np.zeros((2 * k, 2 * k))
         L[:k, k:], L[k:, :k], L[k:, k:] = np.diag(own), -np.diag(own), -damping[low:high, low:high]
         scale = np.concatenate([own, np.ones(k)])
-        exp_half, phi1_half, phi2_half, _ = phi_functions(L * (dt / 2))
-        _, _, phi2, phi3 = phi_functions(L * dt)
+        half = phi_functions(L * (dt / 2))
+        exp_half, phi1_half, phi2_half, _ = half
+        _, _, phi2, phi3 = doubled(*half)
         functions = (exp_half, dt / 2 * phi1_half, dt * phi2_half, dt * phi2, dt * phi3)
         pieces.append(np.stack([(F * scale / scale[:, None]).ravel() for F in functions]))
     return np.ascontiguousarray(np.concatenate(pieces, axis=1))

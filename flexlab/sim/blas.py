@@ -1,0 +1,32 @@
+"""Linear algebra on one thread while a world is built: its matrices are small, and idle BLAS threads spin on busy cores.
+
+One thread also keeps the bits of a result independent of how many cores the machine has.
+"""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from threadpoolctl import ThreadpoolController
+
+_lock = threading.Lock()
+_users = 0
+_limit: Any = None
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Hold BLAS to one thread until the last of the concurrent users has left."""
+    global _users, _limit
+    with _lock:
+        if _users == 0:
+            _limit = ThreadpoolController().limit(limits=1, user_api="blas")
+        _users += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _users -= 1
+            if _users == 0:
+                _limit.restore_original_limits()

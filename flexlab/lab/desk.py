@@ -1,0 +1,123 @@
+"""What all controls of one lab share: the way to the runner, the scenario as asked for, the view and the last notice."""
+
+import dataclasses
+import logging
+import threading
+import time
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from flexlab.errors import FlexlabError
+from flexlab.lab.view import View, fitting_exaggeration
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Reset
+from flexlab.sim.runner import Runner
+from flexlab.sim.snapshot import Snapshot
+
+NOTICE_TIME = 12.0
+"""How long a notice stays on screen, wall seconds: time to read two lines twice."""
+CATCH_UP_TIME = 1.0
+"""How long the engine may take to show a change that was asked for, wall seconds."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Notice:
+    """A sentence for the person at the screen; `level` "info" or "error"."""
+
+    text: str
+    level: str = "info"
+    at: float = 0.0
+
+
+class Desk:
+    """Callbacks of the page (on the server's event loop) ask here; the drawing thread reads here. Any thread."""
+
+    def __init__(self, runner: Runner):
+        snapshot = runner.snapshot
+        self._runner = runner
+        self._lock = threading.Lock()
+        self._intended = snapshot.scenario
+        self._run_number = snapshot.run_number
+        self._asked_at = 0.0
+        self._notice = Notice("")
+        self._view = View(exaggeration=fitting_exaggeration(snapshot.scenario))
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The runner's newest snapshot."""
+        return self._runner.snapshot
+
+    @property
+    def intended(self) -> Scenario:
+        """The scenario with every accepted change, even those that the engine has not yet taken up."""
+        return self._intended
+
+    @property
+    def view(self) -> View:
+        """What the screen shows."""
+        return self._view
+
+    def set_view(self, **changes: Any) -> None:
+        """Change settings of the screen."""
+        with self._lock:
+            self._view = dataclasses.replace(self._view, **changes)
+
+    def change(self, changes: Mapping[str, Any]) -> None:
+        """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid."""
+        with self._lock:
+            self._intended = self._intended.replace(changes)
+            self._asked_at = time.monotonic()
+            self._runner.submit(ChangeScenario(dict(changes)))
+
+    def load(self, scenario: Scenario, name: str) -> None:
+        """Ask for a new run from another scenario."""
+        with self._lock:
+            self._intended = scenario
+            self._asked_at = time.monotonic()
+            self._view = dataclasses.replace(self._view, exaggeration=fitting_exaggeration(scenario))
+            self._runner.submit(LoadScenario(scenario, name))
+
+    def submit(self, command: Command) -> None:
+        """Pass on any other command."""
+        if isinstance(command, Reset):
+            self._asked_at = time.monotonic()
+        self._runner.submit(command)
+
+    def settle(self, snapshot: Snapshot) -> None:
+        """Fall in with the engine where it did not follow: a change that it refused, or one from elsewhere."""
+        with self._lock:
+            if time.monotonic() - self._asked_at > CATCH_UP_TIME:
+                self._intended = snapshot.scenario
+
+    def say(self, text: str, level: str = "info") -> None:
+        """Show a sentence to everybody who looks at this lab."""
+        self._notice = Notice(text, level, time.monotonic())
+
+    @property
+    def notice(self) -> Notice:
+        """The sentence now to be shown; its text is empty when there is none."""
+        notice = self._notice
+        return notice if time.monotonic() - notice.at < NOTICE_TIME else Notice("")
+
+
+def handler(desk: Desk, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
+    """A callback for a widget: runs `action(event)` for what a person did, and shows what went wrong as a sentence.
+
+    Events without a client are the server's own writes to the widget, and ask for nothing.
+    """
+
+    async def callback(event: Any) -> None:
+        if event.client is None:
+            return
+        try:
+            action(event)
+        except FlexlabError as error:
+            desk.say(str(error), "error")
+        except Exception as error:
+            log.exception("a control failed")
+            desk.say(f"This control failed ({type(error).__name__}: {error}); the simulation goes on.", "error")
+
+    return callback

@@ -1,0 +1,62 @@
+"""The drawing thread: brings the newest snapshot to the screen, 30 times a second, plots and readouts every third time."""
+
+import logging
+import threading
+import time
+
+import viser
+
+from flexlab.lab.desk import Desk
+from flexlab.lab.panel import Panel
+from flexlab.lab.plots import Plots
+from flexlab.lab.scene import Scene
+from flexlab.sim.runner import Runner
+
+FRAME_TIME = 1 / 30
+"""Wall seconds per picture."""
+READOUT_EVERY = 3
+"""Pictures per update of plots and readouts: 10 Hz, as fast as numbers can be read."""
+
+log = logging.getLogger(__name__)
+
+
+class Drawing:
+    """Owns the thread. It only reads the runner; while nobody looks it does nothing."""
+
+    def __init__(self, server: viser.ViserServer, runner: Runner, desk: Desk, scene: Scene, panel: Panel, plots: Plots):
+        self._server, self._runner, self._desk = server, runner, desk
+        self._scene, self._panel, self._plots = scene, panel, plots
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="flexlab-drawing", daemon=True)
+
+    def start(self) -> None:
+        """Start drawing."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop drawing; returns when the thread is done."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        frame = 0
+        while not self._stop.is_set():
+            began = time.monotonic()
+            if frame == 0 or self._server.get_clients():
+                try:
+                    self._draw(frame % READOUT_EVERY == 0)
+                except Exception as error:
+                    log.exception("drawing failed")
+                    self._desk.say(
+                        f"Drawing failed ({type(error).__name__}: {error}); the simulation goes on.", "error"
+                    )
+                frame += 1
+            self._stop.wait(max(FRAME_TIME - (time.monotonic() - began), 0.002))
+
+    def _draw(self, readouts: bool) -> None:
+        snapshot, view = self._runner.snapshot, self._desk.view
+        self._scene.update(snapshot, view)
+        if readouts:
+            self._panel.update(snapshot, self._scene.force_per_meter)
+            self._plots.update(self._runner, snapshot, view.plot_window)

@@ -1,0 +1,55 @@
+"""The buttons that drive the clock: play and pause, single step, reset, speed."""
+
+import viser
+
+from flexlab.errors import LabError
+from flexlab.lab.desk import Desk, handler
+from flexlab.lab.panel.text import factor
+from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, StepOnce
+from flexlab.sim.snapshot import Snapshot
+
+SPEEDS = tuple(2.0**power for power in range(2, -9, -1))
+"""Choices of simulated seconds per wall second: 4 down to 1/256."""
+
+
+class Drive:
+    """Play/pause, step, reset and speed, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk):
+        self._desk = desk
+        self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, hint="Hold or go on with simulation time")
+        step = gui.add_button("Step", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", hint="1 ms further, then hold")
+        reset = gui.add_button(
+            "Reset", icon=viser.Icon.REFRESH, color="gray", hint="A new run from t = 0, same settings"
+        )
+        self._speeds = {factor(speed): speed for speed in SPEEDS}
+        self._speed = gui.add_dropdown(
+            "Speed", tuple(self._speeds), initial_value=factor(1.0), hint="Simulated time per real time"
+        )
+        self._play.on_click(handler(desk, lambda _: self._toggle()))
+        step.on_click(handler(desk, lambda _: self._step()))
+        reset.on_click(handler(desk, lambda _: desk.submit(Reset())))
+        self._speed.on_update(handler(desk, lambda _: self._set_speed(self._speed.value)))
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Label the play button by what it will do."""
+        self._play.label = "Pause" if snapshot.playing else "Play"
+        self._play.icon = viser.Icon.PLAYER_PAUSE if snapshot.playing else viser.Icon.PLAYER_PLAY
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show the runner's speed in the menu, if it is one of its choices."""
+        shown = factor(snapshot.target_speed)
+        if shown in self._speeds:
+            self._speed.value = shown
+
+    def _toggle(self) -> None:
+        self._desk.submit(Pause() if self._desk.snapshot.playing else Play())
+
+    def _step(self) -> None:
+        self._desk.submit(Pause())
+        self._desk.submit(StepOnce())
+
+    def _set_speed(self, choice: str) -> None:
+        if choice not in self._speeds:
+            raise LabError(f"{choice[:40]!r} is not a speed of the menu: choose one from 1/256 × to 4 ×.")
+        self._desk.submit(SetSpeed(self._speeds[choice]))

@@ -1,0 +1,85 @@
+"""What the panel says about the run: time, speed, status, events, as HTML made from a snapshot."""
+
+from flexlab.lab import colors
+from flexlab.lab.desk import Notice
+from flexlab.lab.panel.text import escaped, factor
+from flexlab.lab.view import View
+from flexlab.sim.snapshot import Snapshot
+
+LARGE_DEFLECTION = 0.05
+"""|w|/L above which the linear beam model is no longer trusted."""
+CLEARLY_SLOWER = 0.95
+"""Share of the wanted speed below which being too slow is worth a sentence, not just a word."""
+SHOWN_EVENTS = 40
+
+
+def status_html(snapshot: Snapshot, view: View, force_per_meter: float, recording: str) -> str:
+    """The head of the panel. `force_per_meter`: N per m of arrow; `recording`: where the run is recorded, or empty."""
+    sample = snapshot.latest
+    tone, word = _status(snapshot)
+    bending = 1e3 * float(sample.midspan_deflection[0])
+    speed = f"{factor(snapshot.target_speed)} / {snapshot.actual_speed:.2f} ×"
+    rows = [
+        ("simulation time t", f"{float(sample.time[0]):.3f} s".replace("-", "−")),
+        ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
+        ("first beam frequency f<sub>1</sub>", f"{snapshot.first_frequency:.2f} Hz"),
+        ("mid-span deflection", f"{bending:+.3f} mm".replace("-", "−")),
+        ("drawn deflection", f"{view.exaggeration:g} × true size"),
+        ("force arrows, 10 cm =", f"{0.1 * force_per_meter:g} N" if view.forces else "off"),
+    ]
+    if snapshot.dropped_samples:
+        rows.append(("samples not recorded", f'<span class="fl-bad">{snapshot.dropped_samples}</span>'))
+    if recording:
+        rows.append(("recording", escaped(recording)))
+    grid = "".join(f"<span>{name}</span><span>{value}</span>" for name, value in rows)
+    dot = f'<span class="fl-dot" style="background:{tone}"></span>'
+    return f'<div class="fl"><div class="fl-title">{dot}{word}</div><div class="fl-grid">{grid}</div></div>'
+
+
+def notices_html(snapshot: Snapshot, notice: Notice) -> str:
+    """What needs attention now, floating over the picture so that nothing in the panel moves; empty if all is well."""
+    boxes = [_box(text, "error") for text in _warnings(snapshot)]
+    if notice.text and not (snapshot.status.failed and notice.text == snapshot.status.text):
+        boxes.append(_box(notice.text, notice.level))
+    return f'<div class="fl fl-float">{"".join(boxes)}</div>' if boxes else ""
+
+
+def _status(snapshot: Snapshot) -> tuple[str, str]:
+    """Dot colour and first words."""
+    if snapshot.status.failed:
+        return "#e03131", "Stopped"
+    if snapshot.playing:
+        return colors.css(colors.GREEN), "Running"
+    return colors.css(colors.ORANGE), "Paused"
+
+
+def _warnings(snapshot: Snapshot) -> list[str]:
+    warnings = []
+    if snapshot.status.failed:
+        warnings.append(snapshot.status.text)
+    bending = abs(float(snapshot.latest.midspan_deflection[0])) / snapshot.scenario.payload.length
+    if bending > LARGE_DEFLECTION:
+        warnings.append(
+            f"Large deflection: |w|/L = {100 * bending:.0f} %, above {100 * LARGE_DEFLECTION:.0f} %. "
+            "The beam model is linear and no longer exact here."
+        )
+    if snapshot.too_slow and snapshot.actual_speed < CLEARLY_SLOWER * snapshot.target_speed:
+        warnings.append(
+            f"Too slow: this machine reaches {snapshot.actual_speed:.2f} × instead of {factor(snapshot.target_speed)}. "
+            "Choose a lower speed or fewer elements."
+        )
+    return warnings
+
+
+def _box(text: str, level: str) -> str:
+    return f'<div class="fl-box fl-{"error" if level == "error" else "info"}">{escaped(text)}</div>'
+
+
+def events_html(snapshot: Snapshot) -> str:
+    """The newest events first, with their simulation times."""
+    lines = []
+    for event in reversed(snapshot.events[-SHOWN_EVENTS:]):
+        bad = ' class="fl-bad"' if event.level == "error" else ""
+        time = f"{event.time:.3f} s".replace("-", "−")
+        lines.append(f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(event.text)}</span></div>')
+    return f'<div class="fl fl-list">{"".join(lines) or "Nothing yet."}</div>'

@@ -1,0 +1,102 @@
+"""The parameter folders: every scenario field with a slider range becomes a field on the screen."""
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import viser
+
+from flexlab.lab.desk import Desk
+from flexlab.lab.panel.field import Field
+from flexlab.lab.panel.text import number
+from flexlab.quantities import Part, Quantity, describe
+from flexlab.scenario import Scenario
+
+SECTIONS = (("Beam", "payload"), ("Controller", "controller"), ("Trajectory", "trajectory"), ("World", ""))
+"""Folder title and path of the part of the scenario that it shows."""
+FIRST = ("bending_stiffness", "damping")
+"""Fields that stand before the others: what a student changes first."""
+
+
+class Entry(NamedTuple):
+    """A number to show: path, component (None: all at once), label without unit, unit."""
+
+    path: str
+    component: int | None
+    name: str
+    unit: str
+
+
+def entries(scenario: Scenario, part_path: str) -> list[Entry]:
+    """The numbers of one part of the scenario that have a slider, in the order they are shown."""
+    part = scenario.get(part_path) if part_path else scenario
+    found = list(_walk(part, part_path))
+    rank = {name: index for index, name in enumerate(FIRST)}
+    return sorted(found, key=lambda entry: min((rank.get(name, 9) for name in entry.path.split(".")), default=9))
+
+
+def _walk(part: Part, path: str) -> Iterator[Entry]:
+    for name in type(part).model_fields:
+        value = getattr(part, name)
+        inner = f"{path}.{name}" if path else name
+        about = describe(type(part), name)
+        if isinstance(value, Part) and name == "damping":
+            yield from _walk(value, inner)
+        elif about.slider is not None:
+            yield from _components(inner, about, value)
+
+
+def _components(path: str, about: Quantity, value: object) -> Iterator[Entry]:
+    """One entry, or one per component when the title lists them, as in "Amplitude (x, y, θ)"."""
+    listed = re.fullmatch(r"(.*) \((.+,.+)\)", about.title)
+    units = [unit.strip() for unit in about.unit.split(",")]
+    if listed and isinstance(value, tuple):
+        names = [name.strip() for name in listed[2].split(",")]
+        for index, name in enumerate(names):
+            unit = units[index] if len(units) == len(names) else units[0]
+            yield Entry(path, index, f"{listed[1]} {name}", "" if unit == "1" else unit)
+        return
+    yield Entry(path, None, f"{about.title} {about.symbol}".strip(), "" if about.unit == "1" else about.unit)
+
+
+class Section:
+    """One folder. Its fields are built anew when the scenario's part changes its kind."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk, title: str, path: str):
+        self._gui, self._desk, self._path = gui, desk, path
+        self._folder = gui.add_folder(title)
+        self._built_for: list[Entry] | None = None
+        self._fields: list[Field] = []
+        self._build(desk.intended)
+
+    def settle(self, scenario: Scenario) -> None:
+        """Follow the scenario, leaving alone what a person is at."""
+        if entries(scenario, self._path) != self._built_for:
+            self._build(scenario)
+        for field in self._fields:
+            field.settle(scenario)
+
+    def show(self, scenario: Scenario) -> None:
+        """Show the scenario in every field, at once."""
+        if entries(scenario, self._path) != self._built_for:
+            self._build(scenario)
+        for field in self._fields:
+            field.show(scenario)
+
+    def _build(self, scenario: Scenario) -> None:
+        for field in self._fields:
+            field.remove()
+        self._built_for = entries(scenario, self._path)
+        with self._folder:
+            self._fields = [Field(self._gui, self._desk, *entry) for entry in self._built_for]
+
+
+def three_valued(scenario: Scenario) -> str:
+    """A sentence about gains that have different values for x, y and θ; empty if there are none."""
+    sentences = []
+    for entry in entries(scenario, "controller"):
+        value = scenario.get(entry.path)
+        if entry.component is None and isinstance(value, tuple) and len(set(value)) > 1:
+            values = ", ".join(number(item) for item in value)
+            sentences.append(f"{entry.name} is {values} for x, y, θ: the slider sets all three.")
+    return " ".join(sentences)

@@ -1,0 +1,59 @@
+"""The page's style sheet: what viser's widgets need to become one compact, aligned panel in light and dark mode.
+
+viser has no options for these things, and its page takes a style element. Nothing depends on it: without it the same
+widgets stand below one another at their usual size.
+"""
+
+SHEET = """
+/* A quantity is a number box with its slider below: the box's label is wide, the slider has neither label nor box. */
+div:has(> div > .mantine-NumberInput-root):not(:has(.mantine-Slider-root)) > div:first-child,
+div:has(> div > div > .mantine-NumberInput-root):not(:has(.mantine-Slider-root)) > div:first-child {
+  width: auto !important; flex: 1 1 auto !important; }
+div:has(> p > label) + div:has(.mantine-NumberInput-root):not(:has(.mantine-Slider-root)) {
+  flex: 0 0 6.2em !important; }
+div:has(> p > label):has(+ div .mantine-Slider-root) { display: none; }
+div:has(> .mantine-Slider-root) > .mantine-NumberInput-root { display: none; }
+.mantine-Slider-root { margin: -0.35em 0.3em 0.35em 0.3em; }
+.mantine-NumberInput-controls { display: none; }
+.mantine-NumberInput-input { text-align: right; font-variant-numeric: tabular-nums; padding-inline-end: 0.5em !important; }
+label { letter-spacing: -0.2px; }
+p:has(> label) { letter-spacing: -0.2px !important; color: var(--mantine-color-text) !important; }
+/* Buttons stand side by side. */
+div:has(> button[data-block]) { display: inline-block; margin-inline: 0.6em 0; }
+button[data-block] { width: auto; padding-inline: 0.8em; }
+/* On a telephone the sheet is as wide as the screen and leaves its upper half to the picture. */
+@media (max-width: 575px) {
+  div[style*="position: fixed"][style*="width: 20em"] { width: 100% !important; max-height: 52% !important; }
+  div[style*="position: fixed"][style*="width: 20em"] div[style="width: 20em;"] { width: 100% !important; }
+  .fl-float { bottom: auto !important; top: 12px; }
+}
+
+.fl { padding: 0 0.75em 0.5em 0.75em; font-size: 0.875em; line-height: 1.4; }
+.fl-title { font-weight: 600; font-size: 1.05em; }
+.fl-dim { color: var(--mantine-color-dimmed); }
+.fl-grid { display: grid; grid-template-columns: auto auto; gap: 0 0.75em; font-variant-numeric: tabular-nums; }
+.fl-grid > :nth-child(odd) { color: var(--mantine-color-dimmed); }
+.fl-grid > :nth-child(even) { text-align: right; }
+.fl-dot { display: inline-block; width: 0.65em; height: 0.65em; border-radius: 50%; margin-right: 0.45em; }
+.fl-bad { color: var(--mantine-color-red-text, #e03131); }
+.fl-float { position: fixed; bottom: 16px; left: 50%; transform: translateX(-50%); z-index: 300; pointer-events: none;
+  width: min(36em, 92vw); padding: 0; }
+.fl-float .fl-box { background: var(--mantine-color-body); box-shadow: 0 2px 12px rgba(0, 0, 0, 0.35); }
+.fl-box { border-radius: 4px; padding: 0.4em 0.6em; margin: 0.2em 0; overflow-wrap: anywhere; }
+.fl-error { background: rgba(224, 49, 49, 0.14); border-left: 3px solid #e03131; }
+.fl-info { background: rgba(0, 114, 178, 0.12); border-left: 3px solid #0072b2; }
+.fl-list { max-height: 11em; overflow-y: auto; overflow-wrap: anywhere; font-variant-numeric: tabular-nums; }
+/* The labels of a slider's ends stay between its ends. */
+.mantine-Slider-markWrapper:first-of-type .mantine-Slider-markLabel { transform: translate(-0.2em, 0.03rem) !important; }
+.mantine-Slider-markWrapper:last-of-type .mantine-Slider-markLabel {
+  transform: translate(calc(-100% + 0.4em), 0.03rem) !important; }
+.uplot .u-legend { margin-top: 0 !important; }
+.u-legend th, .u-legend td { padding: 2px !important; }
+.uplot .u-legend .u-series:last-child { display: none; }
+.u-legend .u-value { min-width: 2.3em; display: inline-block; text-align: left; font-variant-numeric: tabular-nums; }
+"""
+
+
+def style_element() -> str:
+    """The sheet as an HTML element."""
+    return f"<style>{SHEET}</style>"

@@ -1,0 +1,67 @@
+"""The payload: one tube whose vertices follow the beam's centre line, deflection exaggerated by a shown factor."""
+
+import numpy as np
+import viser
+
+from flexlab.lab import colors
+from flexlab.lab.scene import models
+from flexlab.lab.scene.arms import scene_size
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.shape import beam_points
+
+STATIONS = 41
+"""Points along the beam: smooth up to its tenth mode, and 6 kB a frame."""
+SIDES = 12
+TUBE_RADIUS = 0.011
+"""Drawn radius for the paper's arms, m; the model's beam has no thickness."""
+
+
+def tube_vertices(line: np.ndarray, radius: float, height: float) -> np.ndarray:
+    """Vertices ((count + 2) · SIDES, 3) of a closed tube around `line` (count, 2) m at `height` m above the floor."""
+    tangent = np.gradient(line, axis=0)
+    tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
+    across = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    angle = np.linspace(0, 2 * np.pi, SIDES, endpoint=False)
+    plane = line[:, None, :] + radius * np.cos(angle)[None, :, None] * across[:, None, :]
+    up = np.broadcast_to(height + radius * np.sin(angle), plane.shape[:2])
+    rings = np.concatenate([plane, up[:, :, None]], axis=2)
+    caps = [np.broadcast_to([*line[end], height], (1, SIDES, 3)) for end in (0, -1)]
+    return np.concatenate([caps[0], rings, caps[1]]).reshape(-1, 3).astype(np.float32)
+
+
+def tube_faces(count: int) -> np.ndarray:
+    """Triangles of `tube_vertices` for `count` points, outside counter-clockwise."""
+    rows = np.arange(count + 1)[:, None] * SIDES
+    here, next_ = np.arange(SIDES), (np.arange(SIDES) + 1) % SIDES
+    near, near_next, far, far_next = rows + here, rows + next_, rows + SIDES + here, rows + SIDES + next_
+    first = np.stack([near, far, far_next], axis=-1)
+    second = np.stack([near, far_next, near_next], axis=-1)
+    return np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)])
+
+
+class Beam:
+    """Draws the payload; `update` bends it."""
+
+    def __init__(self, scene: viser.SceneApi, scenario: Scenario):
+        self._size = scene_size(scenario)
+        straight = np.column_stack([np.linspace(-0.5, 0.5, STATIONS) * scenario.payload.length, np.zeros(STATIONS)])
+        self._tube = scene.add_mesh_simple(
+            "/beam",
+            self._around(straight),
+            tube_faces(STATIONS),
+            color=colors.BEAM,
+            side="double",
+            receive_shadow=False,
+        )
+
+    def _around(self, line: np.ndarray) -> np.ndarray:
+        return tube_vertices(line, TUBE_RADIUS * self._size, models.BEAM_HEIGHT * self._size)
+
+    def update(self, scenario: Scenario, sample: Samples, exaggeration: float) -> None:
+        """Bend the tube as `sample` (N = 1) has it, deflection times `exaggeration`."""
+        self._tube.vertices = self._around(beam_points(scenario, sample, STATIONS, exaggeration)[0])
+
+    def remove(self) -> None:
+        """Take the beam out of the scene."""
+        self._tube.remove()

@@ -1,0 +1,71 @@
+"""What does not move: floor grid with lengths, light and the first camera."""
+
+import numpy as np
+import viser
+
+from flexlab.lab import colors
+from flexlab.scenario import Scenario
+
+CELL, SECTION = 0.1, 0.5
+"""Grid spacing, m."""
+SKY_INTENSITY = 0.9
+"""Light from all sides, relative to three.js' unit: fills in the sides that the lamp above leaves dark."""
+MARGIN = 0.25
+"""Floor around the arms' reach, m."""
+
+
+def floor_extent(scenario: Scenario) -> tuple[float, float, float, float]:
+    """x_min, x_max, y_min, y_max of the floor, m, on whole cells: bases, and where trajectory and elbows go."""
+    bases = np.array([arm.base for arm in scenario.arms])
+    center, swing = np.array(scenario.trajectory.center[:2]), np.abs(scenario.trajectory.amplitude[:2])
+    half = 0.5 * scenario.payload.length
+    elbow = max(arm.link_length[0] for arm in scenario.arms)
+    low = np.minimum(bases.min(axis=0) - [0.6 * elbow, MARGIN], center - swing - half - MARGIN)
+    high = np.maximum(bases.max(axis=0) + [0.6 * elbow, MARGIN], center + swing + half)
+    low, high = np.floor(low / CELL) * CELL, np.ceil(high / CELL) * CELL
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+def _sections(low: float, high: float) -> np.ndarray:
+    """The multiples of `SECTION` from low to high, m."""
+    return SECTION * np.arange(np.ceil(low / SECTION - 1e-6), np.floor(high / SECTION + 1e-6) + 1) + 0.0
+
+
+class Stage:
+    """The floor of one scenario."""
+
+    def __init__(self, scene: viser.SceneApi, scenario: Scenario):
+        x_min, x_max, y_min, y_max = floor_extent(scenario)
+        self._root = scene.add_frame("/floor", show_axes=False)
+        scene.add_grid(
+            "/floor/grid",
+            width=x_max - x_min,
+            height=y_max - y_min,
+            position=((x_min + x_max) / 2, (y_min + y_max) / 2, 0.0),
+            cell_size=CELL,
+            cell_color=colors.GRAY,
+            cell_thickness=0.4,
+            section_size=SECTION,
+            section_color=colors.GRAY,
+            section_thickness=1.2,
+            shadow_opacity=0.25,
+        )
+        for x in _sections(x_min, x_max):
+            self._length(scene, f"x{x:g}", f"x = {x:g} m", (x, y_min - 0.03, 0.0), "top-center")
+        for y in _sections(y_min, y_max):
+            self._length(scene, f"y{y:g}", f"y = {y:g} m", (x_min - 0.03, y, 0.0), "center-right")
+
+    @staticmethod
+    def _length(scene: viser.SceneApi, name: str, text: str, position: tuple, anchor) -> None:
+        scene.add_label(f"/floor/{name}", text.replace("-", "−"), position=position, anchor=anchor, depth_test=True)
+
+    def remove(self) -> None:
+        """Take the floor out of the scene."""
+        self._root.remove()
+
+
+def set_light(scene: viser.SceneApi, shadows: bool) -> None:
+    """Light from above and the side: bright enough for both colour modes, without bleaching the colours."""
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(enabled=True, cast_shadow=shadows)
+    scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(170, 178, 190), intensity=SKY_INTENSITY)

@@ -1,0 +1,109 @@
+"""One lab: a server for browsers, the simulation behind it, and whoever records it, on one object."""
+
+from collections.abc import Callable, Sequence
+
+import viser
+
+from flexlab.lab.aim import keep_aimed
+from flexlab.lab.desk import Desk
+from flexlab.lab.drawing import Drawing
+from flexlab.lab.gate import guard_inputs
+from flexlab.lab.panel import Panel
+from flexlab.lab.plots import Plots
+from flexlab.lab.scene import Scene
+from flexlab.lab.scene.camera import FIELD_OF_VIEW, overview
+from flexlab.lab.server import open_server
+from flexlab.scenario import Scenario
+from flexlab.sim.runner import Consumer, Runner
+
+PANEL_WIDTH, PLOTS_WIDTH = 330, 350
+"""px: enough for the longest label with its unit, and for a plot's legend on one line."""
+FIRST_ASPECT = 1.0
+"""Width over height of the picture on an ordinary screen beside both panels, until a browser tells its own."""
+
+
+class Session:
+    """A running lab. Any number may live in one process; each is started once and stopped once.
+
+    `consumers` get every sample and event (a recorder, say). `recording` gives the sentence that the panel shows about
+    the recording. `port` 0 takes any free port. `shadows` costs a slow graphics card most of its time.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        name: str = "scenario",
+        *,
+        consumers: Sequence[Consumer] = (),
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        playing: bool = True,
+        shadows: bool = True,
+        recording: Callable[[], str] = lambda: "",
+    ):
+        self._scenario, self._host, self._port = scenario, host, port
+        self._shadows, self._recording = shadows, recording
+        self.runner = Runner(scenario, name, consumers=consumers, playing=playing)
+        self._server: viser.ViserServer | None = None
+        self._drawing: Drawing | None = None
+
+    @property
+    def port(self) -> int:
+        """The port that the server has (the one asked for, or the one found for 0)."""
+        return self._server.get_port() if self._server else self._port
+
+    @property
+    def url(self) -> str:
+        """Where a browser on this machine finds the lab."""
+        host = "127.0.0.1" if self._host in ("0.0.0.0", "::") else self._host
+        return f"http://{host}:{self.port}"
+
+    def start(self) -> None:
+        """Serve the page and start the simulation. Raises `LabError`, and leaves nothing running, if it cannot."""
+        self._server = open_server(self._host, self._port, "flexlab")
+        try:
+            self._drawing = self._furnish(self._server)
+            self.runner.start()
+            self._drawing.start()
+        except BaseException:
+            self.stop()
+            raise
+
+    def stop(self) -> None:
+        """Stop drawing, simulation and server; returns when all threads are done. May be called twice."""
+        if self._drawing is not None:
+            self._drawing.stop()
+        self.runner.stop()
+        if self._server is not None:
+            self._server.stop()
+        self._drawing = self._server = None
+
+    def __enter__(self) -> "Session":
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def _furnish(self, server: viser.ViserServer) -> Drawing:
+        """Fill the server's page."""
+        desk = Desk(self.runner)
+        scene = Scene(server, self._scenario, self._shadows)
+        panel = Panel(server.gui, desk, self._recording)
+        guard_inputs(server, desk)
+        board = server.gui.add_panel()
+        with board.add_tab("Plots", viser.Icon.CHART_LINE):
+            plots = Plots(server.gui, desk.view.plot_window)
+        server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(PANEL_WIDTH)
+        board.dock_left()
+        board.set_width(PLOTS_WIDTH)
+        shot = overview(self._scenario, FIRST_ASPECT)
+        server.initial_camera.fov = FIELD_OF_VIEW
+        server.initial_camera.look_at = shot.look_at
+        server.initial_camera.position = shot.position
+        server.on_client_connect(self._aim)
+        return Drawing(server, self.runner, desk, scene, panel, plots)
+
+    async def _aim(self, client: viser.ClientHandle) -> None:
+        keep_aimed(client, lambda *window: overview(self.runner.snapshot.scenario, *window))

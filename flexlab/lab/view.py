@@ -1,0 +1,42 @@
+"""What a person chose to see: settings of the screen only, which the simulation knows nothing of."""
+
+import math
+from dataclasses import dataclass
+
+from flexlab.scenario import Scenario
+
+VISIBLE_BENDING = 0.012
+"""Share of the beam's length that its ordinary bending is enlarged to when the lab chooses the exaggeration."""
+EXAGGERATION_RANGE = (0.0, 1000.0)
+PLOT_WINDOWS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
+"""Choices for the plots' time window, s."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Settings of the screen. `exaggeration`: factor on the drawn deflection; `plot_window`: s."""
+
+    exaggeration: float = 50.0
+    forces: bool = True
+    ghost: bool = True
+    path: bool = True
+    plot_window: float = 5.0
+
+
+def fitting_exaggeration(scenario: Scenario) -> float:
+    """A factor of 1, 2 or 5 times a power of ten at which the beam's bending in steady motion is seen but not wild."""
+    payload, path = scenario.payload, scenario.trajectory
+    swing = [
+        size * (2 * math.pi * rate) ** 2 for size, rate in zip(path.amplitude[:2], path.frequency[:2], strict=True)
+    ]
+    load = payload.linear_density * math.hypot(*swing, scenario.gravity)
+    bending = 5 * load * payload.length**4 / (384 * payload.bending_stiffness)
+    if bending <= 0:
+        return 50.0
+    return min(max(_nice(VISIBLE_BENDING * payload.length / bending), 1.0), EXAGGERATION_RANGE[1])
+
+
+def _nice(value: float) -> float:
+    """The nearest of 1, 2, 5 times a power of ten, by ratio."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return power * min((1.0, 2.0, 5.0, 10.0), key=lambda step: abs(math.log(value / (power * step))))

@@ -1,0 +1,107 @@
+"""A lab as a person sees it: helpers that look at and touch the page of a running session."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Browser, Locator
+
+from flexlab.lab.session import Session
+
+PATIENCE = 60.0
+"""Wall seconds that a browser drawing in software on a busy machine may take for anything."""
+BETWEEN_WIDGETS = 0.15
+"""The page sends all inputs through one 50 ms gate: two widgets changed within it can lose the first change."""
+ARTIFACTS = Path(__file__).parents[2] / ".artifacts"
+
+READY = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
+  && window.__viserTestpoints.rendererInfo.render.frame > 2"""
+MID_VERTEX = """() => {
+  let found = null;
+  window.__viserMutable.nodeRefFromName['/beam'].traverse((node) => {
+    const position = node.geometry?.attributes?.position;
+    if (position && found === null) { const i = Math.floor(position.count / 2);
+      found = [position.getX(i), position.getY(i), position.getZ(i)]; } });
+  return found; }"""
+
+
+def wait_until(ask: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
+    """Ask until the answer is true and return it; fails naming `what` and the last answer."""
+    deadline = time.monotonic() + patience
+    while True:
+        answer = ask()
+        if answer:
+            return answer
+        assert time.monotonic() < deadline, f"waited {patience:g} s in vain for: {what} (last answer: {answer!r})"
+        time.sleep(0.05)
+
+
+class LabPage:
+    """One browser window on one session; a context manager."""
+
+    def __init__(self, browser: Browser, session: Session, size: tuple[int, int] = (1440, 900), dark: bool = False):
+        self.session = session
+        self._context = browser.new_context(viewport={"width": size[0], "height": size[1]}, accept_downloads=True)
+        self.page = self._context.new_page()
+        self.errors: list[str] = []
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.goto(f"{session.url}/?fixedDpr=0.6{'&darkMode' if dark else ''}")
+
+    def __enter__(self) -> "LabPage":
+        self.page.wait_for_function(READY, timeout=1000 * PATIENCE)
+        close = self.page.locator(".mantine-Notification-closeButton")
+        if close.count():
+            close.first.click()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._context.close()
+
+    @property
+    def snapshot(self) -> Any:
+        """What the simulation says."""
+        return self.session.runner.snapshot
+
+    def text(self) -> str:
+        """All text of the page."""
+        return self.page.locator("body").inner_text()
+
+    def beam_vertex(self) -> list[float]:
+        """Where a vertex in the middle of the drawn beam is, m."""
+        return self.page.evaluate(MID_VERTEX)
+
+    def box(self, label: str) -> Locator:
+        """The number box with a label."""
+        return self.page.get_by_label(label, exact=True)
+
+    def enter(self, label: str, value: str) -> None:
+        """Type a number into a box."""
+        box = self.box(label)
+        box.scroll_into_view_if_needed()
+        box.fill(value)
+        time.sleep(BETWEEN_WIDGETS)
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose from a menu."""
+        self.page.get_by_role("combobox", name=label).or_(self.page.get_by_label(label, exact=True)).first.click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+        time.sleep(BETWEEN_WIDGETS)
+
+    def press(self, button: str) -> None:
+        """Press a button."""
+        self.page.get_by_role("button", name=button, exact=True).click()
+        time.sleep(BETWEEN_WIDGETS)
+
+    def open_tab(self, name: str) -> None:
+        """Bring a tab of the panel to the front."""
+        self.page.get_by_text(name, exact=True).first.click()
+
+    def wait_for_text(self, text: str) -> None:
+        """Wait until the page shows a text."""
+        wait_until(lambda: text in self.text(), f"the page shows {text!r}")
+
+    def picture(self, name: str) -> None:
+        """Keep a screenshot for people to look at."""
+        ARTIFACTS.mkdir(exist_ok=True)
+        self.page.screenshot(path=ARTIFACTS / f"{name}.png")

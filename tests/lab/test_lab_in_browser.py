@@ -1,0 +1,147 @@
+"""What a person does first in the lab, in a real browser, and what the simulation then does."""
+
+import math
+
+import numpy as np
+import pytest
+from lab_page import LabPage, wait_until
+
+from flexlab.presets import load_preset
+
+EI = "Bending stiffness EI (N·m²)"
+
+
+def test_the_beam_moves_as_the_simulation_has_it(page: LabPage) -> None:
+    first = page.beam_vertex()
+    wait_until(lambda: math.dist(first, page.beam_vertex()) > 0.05, "the beam has moved 5 cm")
+    page.press("Pause")
+    wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    x, y, _ = page.snapshot.display.pose[0]
+
+    def stands_there() -> bool:
+        drawn = page.beam_vertex()
+        return math.dist((x, y), drawn[:2]) < 0.05
+
+    wait_until(stands_there, "the beam stands where the simulation holds it")
+    assert not page.errors
+
+
+def test_changing_the_stiffness_changes_f1_and_keeps_the_motion_continuous(page: LabPage) -> None:
+    page.wait_for_text("44.60 Hz")
+    before = page.snapshot
+    page.enter(EI, "25")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 25.0, "the simulation has EI = 25")
+    page.wait_for_text("22.30 Hz")
+    assert page.snapshot.first_frequency == pytest.approx(before.first_frequency / 2, rel=1e-9)
+    assert page.snapshot.run_number == before.run_number
+    samples = page.session.runner.recent(30)
+    assert np.abs(np.diff(samples.pose, axis=0)).max() < 3e-3
+    page.open_tab("Events")
+    page.wait_for_text("bending stiffness")
+
+
+def test_the_slider_moves_on_a_logarithmic_scale(page: LabPage) -> None:
+    slider = page.page.get_by_role("slider").first
+    slider.focus()
+    slider.press("End")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 1000.0, "EI is at its slider's end")
+    wait_until(lambda: page.box(EI).input_value() == "1000", "the box shows the slider's value")
+    slider.press("Home")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 1.0, "EI is at its slider's start")
+
+
+def test_a_gain_slider_sets_all_three_and_adaptation_sets_one(page: LabPage) -> None:
+    page.enter("Feedback gain K (N·s/m, N·m·s/rad)", "300")
+    page.enter("Adaptation k1", "25")
+    page.enter("Amplitude θ (rad)", "0.1")
+    page.enter("Frequency f_d (Hz)", "0.5")
+    wait_until(lambda: page.snapshot.scenario.trajectory.frequency == (0.5, 0.5, 0.5), "the frequency is taken up")
+    scenario = page.snapshot.scenario
+    assert scenario.controller.feedback_gain == 300.0
+    assert scenario.controller.adaptation == (10.0, 25.0, 10.0)
+    assert scenario.trajectory.amplitude == (0.2, 0.2, 0.1)
+
+
+def test_another_preset_starts_a_new_run_and_every_control_shows_it(page: LabPage) -> None:
+    run = page.snapshot.run_number
+    page.choose("Preset", "soft-beam")
+    wait_until(lambda: page.snapshot.run_number > run, "a new run")
+    assert page.snapshot.scenario == load_preset("soft-beam")
+    assert page.snapshot.name == "soft-beam"
+    page.wait_for_text(load_preset("soft-beam").title)
+    wait_until(lambda: page.box(EI).input_value() == "1.27", "the EI box shows the preset's value")
+    page.wait_for_text("1 × true size")
+
+
+def test_one_arm_can_be_shown(page: LabPage) -> None:
+    page.choose("Preset", "single-arm")
+    wait_until(lambda: page.snapshot.name == "single-arm", "the single arm runs")
+    first = page.beam_vertex()
+    wait_until(lambda: math.dist(first, page.beam_vertex()) > 0.02, "its beam moves")
+    page.picture("single-arm")
+    page.choose("Preset", "paper")
+    wait_until(lambda: page.snapshot.name == "paper", "two arms again")
+    assert not page.errors
+
+
+def test_pause_step_and_reset(page: LabPage) -> None:
+    page.press("Pause")
+    wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    page.wait_for_text("Paused")
+    held = float(page.snapshot.latest.time[0])
+    page.press("Step")
+    wait_until(lambda: float(page.snapshot.latest.time[0]) == pytest.approx(held + 0.001, abs=1e-9), "one step further")
+    page.enter(EI, "50")
+    page.press("Reset")
+    wait_until(lambda: float(page.snapshot.latest.time[0]) < held, "time starts again")
+    page.press("Play")
+    wait_until(lambda: page.snapshot.playing, "the simulation goes on")
+    assert page.snapshot.scenario.payload.bending_stiffness == 50.0
+
+
+def test_slow_motion(page: LabPage) -> None:
+    page.choose("Speed", "1/64 ×")
+    wait_until(lambda: page.snapshot.target_speed == 1 / 64, "the speed is taken up")
+    page.wait_for_text("1/64 × / 0.02 ×")
+    assert page.snapshot.run_number == 1
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"), [("-1", "outside the allowed range"), ("9e14", "outside the allowed range")]
+)
+def test_a_bad_number_is_answered_in_a_sentence_and_goes_no_further(page: LabPage, typed: str, said: str) -> None:
+    page.enter(EI, typed)
+    page.wait_for_text(said)
+    page.wait_for_text("It stays at 100")
+    assert page.snapshot.scenario.payload.bending_stiffness == 100.0
+    wait_until(lambda: page.box(EI).input_value() == "100", "the box shows the true value again", 30)
+    page.enter(EI, "64")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 64.0, "the lab still takes good values")
+
+
+def test_an_unreachable_path_is_explained(page: LabPage) -> None:
+    page.enter("Amplitude x (m)", "2")
+    page.wait_for_text("cannot reach")
+    assert page.session.runner.snapshot is not None
+    page.choose("Preset", "smooth-start")
+    wait_until(lambda: page.snapshot.name == "smooth-start" and page.snapshot.playing, "another preset runs")
+
+
+def test_plots_follow_with_a_fixed_axis_and_their_units(page: LabPage) -> None:
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > 1.0, "a second of signals")
+    for text in ("Tracking error", "x (mm)", "θ (mrad)", "vibration (mm)", "quasi-static (mm)", "Fx (N)", "M (N·m)"):
+        assert text in page.text()
+    ask = """() => Object.values(window.__viserTestpoints.uplots).map((u) => ({
+      made: u.createCount, span: u.chart.scales.x.max - u.chart.scales.x.min,
+      low: u.chart.scales.y.min, high: u.chart.scales.y.max,
+      peak: Math.max(...Array.from(u.chart.data[1]).filter(Number.isFinite).map(Math.abs)) }))"""
+    charts = page.page.evaluate(ask)
+    assert len(charts) == 3
+    deflection = charts[1]
+    assert deflection["peak"] > 1.5, "the start-up ring stands in the plot in full height (mm)"
+    for chart in charts:
+        assert chart["low"] == -chart["high"]
+        assert chart["span"] == pytest.approx(5.0, rel=0.05)
+        assert chart["made"] == charts[0]["made"]
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > 3.0, "more signals")
+    assert [chart["made"] for chart in page.page.evaluate(ask)] == [chart["made"] for chart in charts]

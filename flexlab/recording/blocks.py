@@ -1,0 +1,112 @@
+"""Samples as compact bytes and back, bit for bit.
+
+A recording keeps every signal of `Samples` in double precision, apart from what it plots: 65 signals of the paper's run
+are 520 bytes a millisecond, and 225 in this form. A smooth signal's bit pattern, read as a whole number, is nearly a cubic
+in time, so its third difference is small; small numbers have empty upper bytes, and zlib packs those away. All of it is
+exact arithmetic on bit patterns: infinities and not-a-numbers pass unharmed.
+
+Layout: zlib of [length of header, 4 bytes little-endian][header, JSON][byte planes]. The header lists rows and
+(name, shape of one row) of each signal in the order of their columns.
+"""
+
+import json
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import fields
+from math import prod
+
+import numpy as np
+
+from flexlab.errors import RecordingError
+from flexlab.sim.samples import Samples
+
+DIFFERENCES = 3
+"""Order of the difference: 1 packs the paper's run to 312 kB/s, 2 to 271, 3 to 236, 4 to more again."""
+
+COMPRESSION = 1
+"""zlib level: 6 saves 2 % and costs half as much again."""
+
+FORMAT = 1
+"""Number of this layout."""
+
+DERIVED: dict[str, Callable[[dict[str, np.ndarray]], np.ndarray]] = {
+    "tracking_error": lambda signals: signals["pose"] - signals["desired_pose"],
+}
+"""Signals left out of a block when this gives them back bit for bit, which is checked each time."""
+
+_SIGNALS = tuple(field.name for field in fields(Samples))
+
+
+def encode_block(samples: Samples) -> bytes:
+    """All signals of a block of samples (N >= 1) as bytes."""
+    signals = {name: np.asarray(getattr(samples, name), np.float64) for name in _SIGNALS}
+    derived = [name for name, formula in DERIVED.items() if signals[name].tobytes() == formula(signals).tobytes()]
+    kept = {name: signal for name, signal in signals.items() if name not in derived}
+    header = {
+        "format": FORMAT,
+        "rows": len(samples),
+        "signals": [[name, list(signal.shape[1:])] for name, signal in kept.items()],
+        "derived": derived,
+    }
+    columns = np.concatenate([signal.reshape(len(samples), -1) for signal in kept.values()], axis=1).T
+    whole = np.ascontiguousarray(columns).view(np.int64)
+    for _ in range(DIFFERENCES):
+        whole = np.diff(whole, axis=1, prepend=0)
+    unsigned = ((whole << 1) ^ (whole >> 63)).astype("<i8", copy=False)
+    planes = np.ascontiguousarray(unsigned.view(np.uint8).reshape(-1, 8).T)
+    text = json.dumps(header).encode()
+    return zlib.compress(struct.pack("<I", len(text)) + text + planes.tobytes(), COMPRESSION)
+
+
+def decode_block(data: bytes) -> Samples:
+    """The samples that `encode_block` was given, read-only. Raises `RecordingError` for bytes that are none."""
+    try:
+        header, planes = _unpack(data)
+        rows, signals = header["rows"], header["signals"]
+        unsigned = np.frombuffer(planes, np.uint8).reshape(8, -1).T
+        whole = np.ascontiguousarray(unsigned).view("<u8").reshape(-1, rows)
+        whole = ((whole >> np.uint64(1)) ^ -(whole & np.uint64(1))).view(np.int64)
+        for _ in range(DIFFERENCES):
+            whole = np.cumsum(whole, axis=1)
+        columns = np.ascontiguousarray(whole.view(np.float64).T)
+    except (zlib.error, struct.error, ValueError, KeyError, TypeError) as error:
+        raise RecordingError(f"A block of exact samples cannot be read ({error}): the recording is damaged.") from None
+    found, first = {}, 0
+    for name, shape in signals:
+        width = prod(shape)
+        found[name] = columns[:, first : first + width].reshape(rows, *shape)
+        found[name].flags.writeable = False
+        first += width
+    for name in header["derived"]:
+        found[name] = DERIVED[name](found)
+        found[name].flags.writeable = False
+    missing = [name for name in _SIGNALS if name not in found]
+    if missing:
+        raise RecordingError(f"The recording has no signal {missing[0]}: it was written by another version of flexlab.")
+    return Samples(**{name: found[name] for name in _SIGNALS})
+
+
+def _unpack(data: bytes) -> tuple[dict, memoryview]:
+    raw = memoryview(zlib.decompress(data))
+    (length,) = struct.unpack_from("<I", raw)
+    header = json.loads(bytes(raw[4 : 4 + length]))
+    if header["format"] != FORMAT:
+        raise ValueError(f"format {header['format']}, this version of flexlab reads {FORMAT}")
+    return header, raw[4 + length :]
+
+
+def join_blocks(blocks: list[Samples]) -> Samples:
+    """Blocks end to end. Beam coordinates of a coarser mesh are filled up with NaN to the width of the finest."""
+    joined = {}
+    for name in _SIGNALS:
+        parts = [getattr(block, name) for block in blocks]
+        widest = max(part.shape[1:] for part in parts)
+        whole = np.full((sum(map(len, parts)), *widest), np.nan)
+        first = 0
+        for part in parts:
+            whole[(slice(first, first + len(part)), *map(slice, part.shape[1:]))] = part
+            first += len(part)
+        whole.flags.writeable = False
+        joined[name] = whole
+    return Samples(**joined)

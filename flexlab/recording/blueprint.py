@@ -1,0 +1,67 @@
+"""What a recording shows when it is opened: the moving arms, the plots that matter, parameters and events. No clicking."""
+
+import rerun.blueprint as rrb
+from rerun.blueprint.components import LinkAxis
+
+from flexlab.recording.chunks import TIMELINE
+from flexlab.recording.drawing import eye
+from flexlab.recording.signals import REAL_TIME_FACTOR, PlotSignal, plot_signals
+from flexlab.scenario import Scenario
+
+MAIN_PLOTS = ("error", "vibration", "internal_force", "joint_torque")
+"""Seen at once; the other plots are tabs."""
+
+
+def run_blueprint(scenario: Scenario, factor: float, title: str) -> rrb.Blueprint:
+    """The layout of one run. `factor`: exaggeration of the drawn deflection, which the view's name states."""
+    signals = plot_signals(len(scenario.arms))
+    left = rrb.Vertical(
+        scene_view(f"{title}: deflection drawn × {factor:g}", scenario),
+        rrb.Tabs(
+            rrb.TextDocumentView(origin="parameters", name="Parameters"),
+            rrb.TextLogView(origin="events", name="Events"),
+            rrb.TextDocumentView(origin="signals", name="Signals"),
+            *(plot_view(signal) for signal in (*signals, REAL_TIME_FACTOR) if signal.entity not in MAIN_PLOTS),
+            active_tab=0,
+        ),
+        row_shares=[3, 2],
+    )
+    right = rrb.Vertical(*(plot_view(signal) for signal in signals if signal.entity in MAIN_PLOTS))
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[1, 1]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def scene_view(name: str, scenario: Scenario, contents: str = "/scene/**") -> rrb.Spatial3DView:
+    """The plane from above."""
+    (x, y, z), height = eye(scenario)
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=contents,
+        name=name,
+        line_grid=rrb.LineGrid3D(visible=True, spacing=0.1, stroke_width=0.5, color=(128, 128, 128, 60)),
+        background=rrb.Background(color=(28, 30, 34)),
+        eye_controls=rrb.EyeControls3D(
+            # A hair off the vertical: looking straight down leaves "up" undefined.
+            kind=rrb.Eye3DKind.Orbital,
+            position=(x, y - 0.01, z + height),
+            look_target=(x, y, z),
+            eye_up=(0.0, 1.0, 0.0),
+        ),
+    )
+
+
+def plot_view(signal: PlotSignal) -> rrb.TimeSeriesView:
+    """One plot, its time axis shared with all others."""
+    units = sorted({name[name.rindex("[") + 1 : -1] for name in signal.names})
+    return rrb.TimeSeriesView(
+        origin=f"/{signal.entity}",
+        name=f"{signal.title} [{', '.join(units)}]",
+        axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+    )

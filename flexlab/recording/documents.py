@@ -1,0 +1,87 @@
+"""The texts inside a recording: parameters for people, properties and the scenario for programs."""
+
+import json
+import platform
+from dataclasses import fields
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
+from flexlab.scenario import Scenario
+from flexlab.sim.world import WorldState
+
+FORMAT = 1
+"""Number of the layout of a recording: entities, properties, blocks."""
+
+
+def parameters_text(scenario: Scenario, name: str, factor: float) -> str:
+    """Markdown: what this run is, for the view beside the plots."""
+    heading = scenario.title or name
+    notes = (
+        f"- preset or file: **{name}**\n"
+        f"- The beam's deflection is drawn **{factor:g} times** its size; plots are true.\n"
+        "- Purple: desired pose and path. Orange arrows: internal force (1 m is 1000 N)."
+    )
+    return f"# {heading}\n\n{scenario.watch}\n\n{notes}\n\n```json\n{scenario_json(scenario)}\n```\n"
+
+
+def signals_text(arm_count: int) -> str:
+    """Markdown: what each plotted signal is, in SI units and with its equation."""
+    rows = [f"| {s.entity} | {s.title} | {s.meaning} |" for s in (*plot_signals(arm_count), REAL_TIME_FACTOR)]
+    table = "\n".join(["| entity | signal | meaning |", "|---|---|---|", *rows])
+    exact = (
+        "`exact/samples` holds every signal of `flexlab.sim.samples.Samples` in SI units and double precision; "
+        "`flexlab.recording.reader.read_recording` gives them back."
+    )
+    return f"# Signals\n\n{table}\n\n{exact}\n"
+
+
+def scenario_json(scenario: Scenario) -> str:
+    """The whole scenario as indented JSON; numbers keep every bit."""
+    return json.dumps(scenario.model_dump(mode="json"), indent=1, ensure_ascii=False)
+
+
+def run_properties(scenario: Scenario, name: str, started: str, sample_period: float, part: int) -> rr.AnyValues:
+    """What a listing of recordings shows: where the run came from and what wrote it."""
+    values: dict[str, Any] = {
+        "format": FORMAT,
+        "preset": name,
+        "title": scenario.title,
+        "started": started,
+        "part": part,
+        "sample_period_s": sample_period,
+        "scenario": scenario.model_dump_json(),
+        "flexlab_version": package_version(),
+        "rerun_version": rr.__version__,
+        "numpy_version": np.__version__,
+        "python_version": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}",
+    }
+    return rr.AnyValues(**values)
+
+
+def state_json(state: WorldState) -> str:
+    """A world's state as JSON; numbers keep every bit."""
+    return json.dumps({field.name: _plain(getattr(state, field.name)) for field in fields(WorldState)})
+
+
+def state_from_json(text: str) -> WorldState:
+    """The state that `state_json` was given. Raises ValueError, KeyError or TypeError for anything else."""
+    values = json.loads(text)
+    arrays = {name: np.array(value, float) for name, value in values.items() if name != "tick"}
+    return WorldState(tick=int(values["tick"]), **arrays)
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def package_version() -> str:
+    """flexlab's own version, or "unknown" for a copy that was never installed."""
+    try:
+        return version("flexlab")
+    except PackageNotFoundError:
+        return "unknown"

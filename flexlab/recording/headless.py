@@ -1,0 +1,82 @@
+"""Recording without a screen: the simulation waits for its recorder, so nothing is ever dropped."""
+
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+
+from flexlab.recording.finishing import finish
+from flexlab.recording.run_files import claim_run_file, write_notes
+from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_stream import open_file_stream
+from flexlab.recording.run_writer import RunWriter
+from flexlab.sim.samples import Run, Samples, Status
+from flexlab.sim.snapshot import TICK, Event
+
+BLOCK_ROWS = 1000
+"""Samples per block: large ones make small files, and nobody waits for the next one."""
+
+
+class HeadlessRecording:
+    """The recording of one run, written on the caller's own thread, as a context manager.
+
+    All methods raise `RecordingError` if the folder cannot be written or its disk is full.
+    """
+
+    def __init__(self, logs: Path, info: RunInfo):
+        """Create `logs/<time>-<name>.rrd`."""
+        self._run = RunWriter(info)
+        self._file = claim_run_file(logs, info.name, info.started)
+        self._status: Status | None = None
+        try:
+            self._stream = open_file_stream(self._file.path, info)
+        except BaseException:
+            self._file.release()
+            self._file.path.unlink(missing_ok=True)
+            raise
+        self._run.add_stream(self._stream)
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._file.path
+
+    def write(self, samples: Samples) -> None:
+        """Write the next block (N >= 1)."""
+        self._run.write_samples(samples)
+        self._stream.flush()
+
+    def note(self, event: Event) -> None:
+        """Write an event; commands belong here too, so that the run can be replayed."""
+        self._run.write_event(event)
+
+    def end(self, status: Status) -> None:
+        """Say how the run ended."""
+        self._status = status
+
+    def __enter__(self) -> "HeadlessRecording":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close and finish the file; of an interrupted run, what there is of it."""
+        status = self._status or Status("finished", f"Stopped at t = {self._run.last_time:g} s.", self._run.last_time)
+        try:
+            self._run.end(status)
+            write_notes(self.path, **self._run.summary(status, dropped=0))
+        finally:
+            self._file.release()
+        finish(self.path)
+
+
+def write_run(run: Run, logs: Path, name: str, started: datetime | None = None) -> Path:
+    """Record a finished `Run` as `logs/<time>-<name>.rrd` and return that path. Raises `RecordingError`."""
+    period = float(run.time[1] - run.time[0]) if len(run) > 1 else TICK
+    info = RunInfo(name, run.scenario, period)
+    if started is not None:
+        info = RunInfo(name, run.scenario, period, started=started)
+    with HeadlessRecording(logs, info) as recording:
+        for first in range(0, len(run), BLOCK_ROWS):
+            recording.write(run.slice(first, min(first + BLOCK_ROWS, len(run))))
+        recording.end(run.status)
+    return recording.path

@@ -1,0 +1,104 @@
+"""One place in this process where rerun viewers watch all runs live, and where late ones still find the last minutes."""
+
+import errno
+import socket
+from urllib.parse import quote
+
+import rerun as rr
+
+from flexlab.errors import RecordingError
+from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_stream import FLUSH_TIMEOUT, RunStream
+
+MEMORY_LIMIT = "64MiB"
+"""What the hub keeps for viewers that join late: about four minutes of the paper's run. What never changes stays."""
+
+HUB_APPLICATION = "flexlab hub"
+"""The hub is itself a (silent) rerun stream: runs come and go, and a port opened anew for each would fail."""
+
+LOOPBACK = "127.0.0.1"
+ATTEMPTS = 5
+"""Free ports tried before giving up: another program may take one between the question and the answer."""
+
+
+class LiveHub:
+    """Serves the live stream of every run on one port, until `close`."""
+
+    def __init__(self, host: str = LOOPBACK, port: int = 0):
+        """Listen on `host` (an IPv4 address); port 0 takes a free one. Raises `RecordingError` if it cannot."""
+        self._stream: rr.RecordingStream | None = None
+        self.host = host
+        for _ in range(1 if port else ATTEMPTS):
+            self.port = port or _free_port(host)
+            if self._listen():
+                return
+        raise RecordingError(
+            f"The live stream cannot listen on {host}:{self.port}: the port is in use. Choose another one, or 0 for any."
+        )
+
+    def _listen(self) -> bool:
+        if not _is_free(self.host, self.port):
+            return False
+        stream = rr.RecordingStream(HUB_APPLICATION, send_properties=False)
+        try:
+            stream.set_sinks(rr.GrpcServerSink(self.host, self.port, server_memory_limit=MEMORY_LIMIT))
+            stream.flush(timeout_sec=FLUSH_TIMEOUT)  # Only this tells whether the server stands.
+        except (RuntimeError, ValueError, OSError):
+            stream.disconnect()
+            return False
+        self._stream = stream
+        return True
+
+    @property
+    def url(self) -> str:
+        """What a rerun viewer connects to: `rerun --connect <url>`."""
+        host = LOOPBACK if self.host == "0.0.0.0" else self.host
+        return f"rerun+http://{host}:{self.port}/proxy"
+
+    def open_stream(self, info: RunInfo) -> RunStream:
+        """The stream of one run, for all viewers present and to come. Raises `RecordingError` once the hub is closed."""
+        if self._stream is None:
+            raise RecordingError("The live stream is closed.")
+        return RunStream(rr.GrpcSink(self.url), info, exact=False)
+
+    def close(self) -> None:
+        """Stop serving. Runs that still stream into the hub must be closed first. May be called twice."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.disconnect()
+
+
+def viewer_link(page: str, source: str) -> str:
+    """The address of a web viewer at `page` (http://…) that opens `source` (a rerun or http address)."""
+    return f"{page}?url={quote(source, safe='')}&hide_welcome_screen&renderer=webgl"
+
+
+def _free_port(host: str) -> int:
+    with socket.socket() as probe:
+        try:
+            probe.bind((host, 0))
+        except OSError as error:
+            raise _bad_address(host, error) from None
+        return probe.getsockname()[1]
+
+
+def _is_free(host: str, port: int) -> bool:
+    """Whether the port can be taken. Raises `RecordingError` for what is no port, or no address of this machine."""
+    with socket.socket() as probe:
+        # Like the server itself: a port that was in use a minute ago is free.
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OverflowError:
+            raise RecordingError(f"port = {port} is not a port: choose 1024 to 65535, or 0 for any.") from None
+        except OSError as error:
+            if error.errno in (errno.EADDRINUSE, errno.EACCES):
+                return False
+            raise _bad_address(host, error) from None
+    return True
+
+
+def _bad_address(host: str, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"host = {host} is not an address of this machine ({error.strerror or error}): use 127.0.0.1, or 0.0.0.0 for all."
+    )

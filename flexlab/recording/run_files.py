@@ -1,0 +1,175 @@
+"""Names, claims and states of recordings in a logs folder.
+
+A recording that is being written is claimed by a lock that dies with its process, so a second lab, or the next start, can
+tell an abandoned file from one in use. Beside `<run>.rrd` stands `<run>.json` with what rerun's file cannot hold cheaply:
+how the run ended and what became of the file.
+"""
+
+import contextlib
+import json
+import os
+import re
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import IO, Any, Literal
+
+from flexlab.errors import RecordingError
+from flexlab.recording.run_info import TIME_FORMAT
+
+try:
+    import fcntl
+except ImportError:  # Windows: see `is_in_use`
+    fcntl = None
+
+SUFFIX = ".rrd"
+FOOTER = b"RRF2FOOT"
+"""How the last 12 bytes of a finished rerun file begin."""
+MAGIC = b"RRF"
+"""How a rerun file of any version begins."""
+
+QUIET_TIME = 60.0
+"""s without a write after which a file counts as abandoned where locks are not to be had (Windows)."""
+
+MAX_SAME_NAME = 1000
+"""Runs of one preset within one second."""
+
+State = Literal["in use", "complete", "recovered", "unfinished", "damaged"]
+"""complete: ended as it should. recovered: its writer died, the file was made whole. unfinished: not yet looked after."""
+
+
+@dataclass(frozen=True)
+class RunFile:
+    """A claimed file: nobody else writes or repairs it until `release`."""
+
+    path: Path
+    handle: IO[bytes]
+
+    def release(self) -> None:
+        """Give up the claim."""
+        self.handle.close()
+
+
+def check_folder(logs: Path) -> None:
+    """Make the logs folder if it is not there. Raises `RecordingError` if no recording can be put into it."""
+    try:
+        logs.mkdir(parents=True, exist_ok=True)
+        probe = logs / f".probe-{os.getpid()}"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise RecordingError(
+            f"The logs folder {logs} cannot be written ({error.strerror}): choose another with --logs, or mend its rights."
+        ) from None
+
+
+def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> RunFile:
+    """Create `<time>-<name>.rrd`, with a number behind it if that is taken. Raises `RecordingError`."""
+    stem = f"{started.strftime(TIME_FORMAT)}-{file_word(name)}" + (f"-part{part}" if part > 1 else "")
+    for number in range(1, MAX_SAME_NAME):
+        path = logs / (f"{stem}-{number}{SUFFIX}" if number > 1 else stem + SUFFIX)
+        try:
+            logs.mkdir(parents=True, exist_ok=True)
+            return claim(path, "xb")
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RecordingError(f"{path} cannot be written ({error.strerror}): the run is not recorded.") from None
+    raise RecordingError(f"{logs} has {MAX_SAME_NAME} recordings named {stem}: move some away.")
+
+
+def claim(path: Path, mode: Literal["xb", "rb+"]) -> RunFile:
+    """Open and lock a file. Raises OSError, `BlockingIOError` if another process has it."""
+    handle = path.open(mode)
+    try:
+        if fcntl is not None:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        handle.close()
+        raise
+    return RunFile(path, handle)
+
+
+def is_in_use(path: Path) -> bool:
+    """Whether somebody is writing (or mending) the file."""
+    if fcntl is None:
+        return not read_notes(path).get("ended") and time.time() - path.stat().st_mtime < QUIET_TIME
+    try:
+        claim(path, "rb+").release()
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def file_word(name: str) -> str:
+    """A name as part of a file name: letters, digits, dots and dashes."""
+    return re.sub(r"[^\w.-]+", "-", name).strip("-.")[:60] or "run"
+
+
+def has_footer(path: Path) -> bool:
+    """Whether the file ends as a finished rerun file does."""
+    with path.open("rb") as file:
+        file.seek(0, os.SEEK_END)
+        file.seek(max(0, file.tell() - 12))
+        return file.read().startswith(FOOTER)
+
+
+def run_state(path: Path) -> State:
+    """How the recording stands, without reading it."""
+    notes = read_notes(path)
+    if notes.get("damaged_size") == path.stat().st_size:
+        return "damaged"
+    if not has_footer(path):
+        return "in use" if is_in_use(path) else "unfinished"
+    return "recovered" if notes.get("recovered") else "complete"
+
+
+def list_runs(logs: Path) -> list[Path]:
+    """All recordings in the folder, newest first. A folder that is not there has none."""
+    with contextlib.suppress(OSError):
+        return sorted(logs.glob(f"*{SUFFIX}"), key=lambda path: (path.stat().st_mtime_ns, path.name), reverse=True)
+    return []
+
+
+def newest_run(logs: Path) -> Path:
+    """The recording written last. Raises `RecordingError` if there is none."""
+    runs = list_runs(logs)
+    if not runs:
+        raise RecordingError(f"There is no recording in {logs}: start flexlab, or say where with --logs.")
+    return runs[0]
+
+
+def notes_path(path: Path) -> Path:
+    """The file of notes beside a recording."""
+    return path.with_suffix(".json")
+
+
+def read_notes(path: Path) -> dict[str, Any]:
+    """The notes beside a recording; empty if there are none or they cannot be read."""
+    try:
+        notes = json.loads(notes_path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return notes if isinstance(notes, dict) else {}
+
+
+def write_notes(path: Path, **changes: Any) -> None:
+    """Change some of the notes beside a recording; others stay. Raises OSError."""
+    notes = read_notes(path) | changes
+    with replacing(notes_path(path)) as draft:
+        draft.write_text(json.dumps(notes, indent=1, ensure_ascii=False), encoding="utf-8")
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A draft beside `path` that takes its place when the block is left without an error, at once or not at all."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
+    try:
+        yield draft
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)

@@ -1,0 +1,42 @@
+"""What is known of a run when its recording is opened."""
+
+from dataclasses import dataclass, field
+from datetime import datetime
+from uuid import uuid4
+
+from flexlab.recording.drawing import exaggeration
+from flexlab.scenario import Scenario
+from flexlab.sim.snapshot import TICK
+from flexlab.sim.world import WorldState
+
+TIME_FORMAT = "%Y-%m-%dT%H-%M-%S"
+"""Of file names: sorts by time, allowed on every file system."""
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """Name, scenario and circumstances of one run."""
+
+    name: str
+    """The preset (or file) that the scenario came from."""
+    scenario: Scenario
+    sample_period: float = TICK
+    """s."""
+    start: WorldState | None = None
+    """The world's state at the first sample; None: the scenario's own start."""
+    started: datetime = field(default_factory=lambda: datetime.now().astimezone())
+    run_id: str = field(default_factory=lambda: str(uuid4()))
+    """The same for all parts of a run and for file and live view."""
+    part: int = 1
+    """Which file of the run: a full disk ends one part and the next begins when there is room."""
+
+    @property
+    def exaggeration(self) -> float:
+        """The factor on the drawn deflection: of the scenario that the run starts from, so that it never jumps."""
+        return exaggeration(self.scenario)
+
+    @property
+    def title(self) -> str:
+        """The run's name in the viewer."""
+        part = f", part {self.part}" if self.part > 1 else ""
+        return f"{self.name} {self.started:%Y-%m-%d %H:%M:%S}{part}"

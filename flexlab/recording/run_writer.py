@@ -1,0 +1,152 @@
+"""Turns a run's samples and events into what its streams hold. No thread, no queue, no file names: see `writer`."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from flexlab.errors import RecordingError, ScenarioError
+from flexlab.recording.blocks import encode_block
+from flexlab.recording.chunks import blobs, line_strips, scalars, texts
+from flexlab.recording.commands_json import command_to_json
+from flexlab.recording.drawing import FRAMES_PER_SECOND, desired_path, moving_shapes
+from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_stream import RunStream
+from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.samples import Samples, Status
+from flexlab.sim.snapshot import Event
+
+LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
+"""Levels of events as rerun names them."""
+
+
+class RunWriter:
+    """One run on its way into any number of streams."""
+
+    def __init__(self, info: RunInfo):
+        self.info = info
+        self.streams: list[RunStream] = []
+        self._scenario = info.scenario
+        self._events: list[Event] = []
+        self._signals = plot_signals(len(info.scenario.arms))
+        self._last_drawn = -np.inf
+        self.rows = 0
+        self.last_time = 0.0
+
+    def add_stream(self, stream: RunStream) -> None:
+        """Let a stream take part; it is told all events so far (a recording that resumes can then be replayed too)."""
+        self.streams.append(stream)
+        stream.send("scene/path", np.zeros(1), [line_strips(desired_path(self.info.scenario))])
+        if self._events:
+            self._send_events([stream], self._events)
+
+    def write_samples(self, samples: Samples, speed_time: Sequence[float] = (), speed: Sequence[float] = ()) -> None:
+        """Write a block (N >= 1). `speed`: real-time factors as they stood at the simulation times `speed_time`, s."""
+        for signal in self._signals:
+            self._send(signal.entity, samples.time, [scalars(signal.values(samples))])
+        if len(speed):
+            values = scalars(np.asarray(speed)[:, None])
+            self._send(REAL_TIME_FACTOR.entity, np.asarray(speed_time), [values])
+        drawn = self._frames(samples, float(speed[-1]) if len(speed) else 1.0)
+        if len(drawn):
+            for entity, columns in moving_shapes(self._scenario, drawn, self.info.exaggeration):
+                self._send(entity, drawn.time, columns)
+        self._send_exact(samples)
+        self.rows += len(samples)
+        self.last_time = float(samples.time[-1])
+
+    def _send(self, entity: str, time: np.ndarray, columns: list) -> None:
+        for stream in self.streams:
+            stream.send(entity, time, columns)
+
+    def _send_exact(self, samples: Samples) -> None:
+        """The block in full precision, at its last instant, so that a viewer's time axis does not end later."""
+        streams = [stream for stream in self.streams if stream.exact]
+        if streams:
+            column = blobs("flexlab.Block", "data", [encode_block(samples)])
+            for stream in streams:
+                stream.send("exact/samples", samples.time[-1:], [column])
+
+    def _frames(self, samples: Samples, speed: float) -> Samples:
+        """The samples to draw: FRAMES_PER_SECOND a simulated second, in slow motion as many a wall second."""
+        interval = min(max(speed, 0.0), 1.0) / FRAMES_PER_SECOND
+        if interval <= self.info.sample_period:
+            chosen = np.arange(len(samples))
+        else:
+            # Half a sample period keeps a multiple of the interval from falling on either side by rounding.
+            late = samples.time + 0.5 * self.info.sample_period
+            count = np.floor(np.concatenate([[self._last_drawn], late]) / interval)
+            chosen = np.flatnonzero(np.diff(count) > 0)
+        self._last_drawn = float(samples.time[-1]) + 0.5 * self.info.sample_period
+        return Samples(**{name: getattr(samples, name)[chosen] for name in Samples.__dataclass_fields__})
+
+    def write_event(self, event: Event) -> None:
+        """Write an event; a change of the scenario also moves what is drawn from then on."""
+        self._events.append(event)
+        self._send_events(self.streams, [event])
+        if isinstance(event.command, ChangeScenario) and event.level != "error":
+            self._follow(event.command, event.time)
+
+    def _follow(self, change: ChangeScenario, time: float) -> None:
+        try:
+            self._scenario = self._scenario.replace(change.changes)
+        except ScenarioError:
+            return  # The engine accepted it, so this is a change that only the engine can follow; the drawing stays.
+        if any(path.startswith("trajectory") for path in change.changes):
+            self._send("scene/path", np.array([time]), [line_strips(desired_path(self._scenario))])
+
+    def _send_events(self, streams: Sequence[RunStream], events: Sequence[Event]) -> None:
+        time = np.array([event.time for event in events])
+        lines = [
+            texts("TextLog", "text", "Text", [f"t = {event.time:.3f} s: {event.text}" for event in events]),
+            texts("TextLog", "level", "TextLogLevel", [LEVELS.get(event.level, "INFO") for event in events]),
+        ]
+        records = [texts("flexlab.Event", "record", None, [self._record(event) for event in events])]
+        for stream in streams:
+            stream.send("events", time, lines)
+            stream.send("exact/events", time, records)
+
+    def _record(self, event: Event) -> str:
+        """An event as JSON with its exact time."""
+        command = None if event.command is None else json.loads(command_to_json(event.command))
+        record = {"time": event.time, "tick": round(event.time / self.info.sample_period)}
+        return json.dumps(record | {"text": event.text, "level": event.level, "command": command}, ensure_ascii=False)
+
+    def end(self, status: Status, dropped: int = 0) -> None:
+        """Say how the run ended, then close all streams."""
+        text = Event(
+            status.time or self.last_time, f"End of the run: {status.text}", level="error" if status.failed else "info"
+        )
+        self._send_events(self.streams, [text])
+        values = {"status": str(status), "text": status.text, "time_s": self.last_time, "rows": self.rows}
+        for stream in self.streams:
+            stream.send_property("end", rr.AnyValues(**values, dropped=dropped))
+        self.close()
+
+    def summary(self, status: Status, dropped: int) -> dict[str, Any]:
+        """What the notes beside the file say of a run that has ended."""
+        return {
+            "ended": True,
+            "preset": self.info.name,
+            "started": self.info.started.isoformat(timespec="seconds"),
+            "status": str(status),
+            "duration": self.last_time,
+            "rows": self.rows,
+            "dropped": dropped,
+        }
+
+    def close(self) -> None:
+        """Close all streams without a word (the run goes on elsewhere or was lost)."""
+        while self.streams:
+            self.streams.pop().close()
+
+    def drop_stream(self, stream: RunStream) -> None:
+        """Go on without a stream that failed."""
+        self.streams.remove(stream)
+        try:
+            stream.close()
+        except RecordingError:
+            pass

@@ -32,6 +32,9 @@ CONTROL_LIMIT = 0.4
 POSES_TRIED = 16
 """Instants of the first period at which the inertia that the controller works against is looked at."""
 
+RESOLVED = 0.5
+"""Part of its stability limit at which rk4 runs by itself: at the limit the stiffest mode would be damped, not computed."""
+
 SMALLEST_COMMON_STEP = 1e-6
 """Shortest step that aligning samples with control instants may force, s."""
 
@@ -42,35 +45,53 @@ def choose_integrator(scenario: Scenario) -> str:
     return "etdrk4" if asked == "auto" else asked
 
 
-def control_rate(system: System) -> float:
-    """Fastest rate of the closed loop's rigid part, 1/s: the largest eigenvalue of S⁻¹(damping gain), plus Λ.
-
-    The gain of an explicit method's step, as the control law and not the beam then limits it.
-    """
-    control, plant = system.control, system.plant
+def inertias(system: System) -> list[np.ndarray]:
+    """S (3, 3) at `POSES_TRIED` desired poses of the first period, as far as the arms can take them."""
+    plant = system.plant
     frequency = max(float(np.max(system.trajectory.frequency)), 1e-3)
+    workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
+    found = []
+    for k in range(POSES_TRIED):
+        pose = desired_at(system.trajectory, k / (POSES_TRIED * frequency))[0]
+        if inertia_at(plant, pose, workspace) == 0:
+            found.append(workspace.S.copy())
+    return found
+
+
+def _largest(S: list[np.ndarray], numerator: np.ndarray) -> float:
+    """Largest eigenvalue magnitude of S⁻¹ numerator over all S."""
+    return max((float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(s, numerator))))) for s in S), default=0.0)
+
+
+def control_rate(system: System, S: list[np.ndarray]) -> float:
+    """Fastest rate of the closed loop's rigid part, 1/s: the largest eigenvalue of S⁻¹(damping gain), plus Λ."""
+    control = system.control
     gain, extra = control.adaptive.K, float(np.max(control.adaptive.Lambda))
     if control.kind == COMPUTED_TORQUE:
         gain, extra = np.zeros(3), float(np.max(control.feedback.velocity))
     elif control.kind == PROPORTIONAL_DERIVATIVE:
         gain = control.feedback.velocity
-    if not np.any(gain):
-        return extra
-    workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
-    fastest = 0.0
-    for k in range(POSES_TRIED):
-        pose = desired_at(system.trajectory, k / (POSES_TRIED * frequency))[0]
-        if inertia_at(plant, pose, workspace) == 0:
-            fastest = max(
-                fastest, float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(workspace.S, np.diag(gain))))))
-            )
-    return fastest + extra
+    return _largest(S, np.diag(gain)) + extra
 
 
-def longest_step(scenario: Scenario, system: System, integrator: str, omega_max: float) -> float:
+def beam_rate(beam: Beam, system: System, S: list[np.ndarray]) -> float:
+    """Fastest rate of the beam, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ), raised by the arms' giving way.
+
+    Grips that give way add C S⁻¹Cᵀ to the inverse mass, and with it at most its largest eigenvalue to ω².
+    """
+    omega, D = beam.modes.omega, beam.modes.D
+    n = len(omega)
+    L = np.block([[np.zeros((n, n)), np.diag(omega)], [-np.diag(omega), -D]])
+    hh, hg, gg = system.plant.kappa
+    # Turned into the frame of the virtual link, S keeps its eigenvalues' size; the lateral load acts on both axes here.
+    coupling = _largest(S, np.array([[hh, 0, hg], [0, hh, hg], [hg, hg, gg]]))
+    return float(np.max(np.abs(np.linalg.eigvals(L)))) * math.sqrt(1 + coupling)
+
+
+def longest_step(scenario: Scenario, system: System, integrator: str, beam: Beam) -> float:
     """The longest step that accuracy and stability allow, s; raises `ScenarioError` for a wish that is unstable."""
-    asked = scenario.simulation.step
-    stable = STABILITY_LIMIT / omega_max if integrator == "rk4" else math.inf
+    asked, S = scenario.simulation.step, inertias(system)
+    stable = STABILITY_LIMIT / beam_rate(beam, system, S) if integrator == "rk4" else math.inf
     if asked is not None and asked > stable:
         raise ScenarioError(
             [
@@ -83,10 +104,10 @@ def longest_step(scenario: Scenario, system: System, integrator: str, omega_max:
         )
     if asked is not None:
         return asked
-    order = ORDER[integrator]
-    accurate = REFERENCE_STEP * (scenario.simulation.accuracy / REFERENCE_ERROR[integrator]) ** (1 / order)
-    rate = control_rate(system)
-    return min(LONGEST_STEP, stable, max(accurate, SHORTEST_STEP), CONTROL_LIMIT / rate if rate > 0 else math.inf)
+    wish = scenario.simulation.accuracy / REFERENCE_ERROR[integrator]
+    accurate = max(REFERENCE_STEP * wish ** (1 / ORDER[integrator]), SHORTEST_STEP)
+    rate = control_rate(system, S)
+    return min(LONGEST_STEP, RESOLVED * stable, accurate, CONTROL_LIMIT / rate if rate > 0 else math.inf)
 
 
 def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple[int, int]:

@@ -328,7 +328,7 @@ def _derive(scenario: Scenario, tick_period: float) -> _Machinery:
     beam = build_beam(scenario.payload)
     system = build_system(scenario, beam)
     integrator = choose_integrator(scenario)
-    step = longest_step(scenario, system, integrator, float(np.max(beam.modes.omega)))
+    step = longest_step(scenario, system, integrator, beam)
     count, per_control = steps_per_tick(scenario, tick_period, step)
     law, noise = scenario.controller, scenario.controller.sensor_noise
     # A strain gauge's noise reaches hᵀq̇ and gᵀq̇ in proportion to the loads they weigh.

@@ -35,14 +35,11 @@ POSES_TRIED = 16
 RESOLVED = 0.5
 """Part of its stability limit at which rk4 runs by itself: at the limit the stiffest mode would be damped, not computed."""
 
+SOFT_BEAM = 0.03
+"""Step times the beam's fastest rate below which rk4's error in its stiffest mode is under 1e-9 of its amplitude a step."""
+
 SMALLEST_COMMON_STEP = 1e-6
 """Shortest step that aligning samples with control instants may force, s."""
-
-
-def choose_integrator(scenario: Scenario) -> str:
-    """The integrator's name; "auto" takes etdrk4, whose step does not depend on the stiffest mode."""
-    asked = scenario.simulation.integrator
-    return "etdrk4" if asked == "auto" else asked
 
 
 def inertias(system: System) -> list[np.ndarray]:
@@ -88,26 +85,38 @@ def beam_rate(beam: Beam, system: System, S: list[np.ndarray]) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(L)))) * math.sqrt(1 + coupling)
 
 
-def longest_step(scenario: Scenario, system: System, integrator: str, beam: Beam) -> float:
-    """The longest step that accuracy and stability allow, s; raises `ScenarioError` for a wish that is unstable."""
-    asked, S = scenario.simulation.step, inertias(system)
-    stable = STABILITY_LIMIT / beam_rate(beam, system, S) if integrator == "rk4" else math.inf
-    if asked is not None and asked > stable:
+def choose_step(scenario: Scenario, system: System, beam: Beam) -> tuple[str, float]:
+    """Integrator and longest step, s, that accuracy, stability and the scenario's wishes give.
+
+    Raises `ScenarioError` for a wished step that is unstable.
+    """
+    simulation, S = scenario.simulation, inertias(system)
+    beam_speed, control_speed = beam_rate(beam, system, S), control_rate(system, S)
+    integrator = simulation.integrator
+    if integrator == "auto":
+        # Only a beam so slow that rk4 resolves all its modes saves by not propagating them exactly.
+        step = simulation.step or _accurate_step("rk4", simulation.accuracy, control_speed)
+        integrator = "rk4" if step * beam_speed < SOFT_BEAM else "etdrk4"
+    stable = STABILITY_LIMIT / beam_speed if integrator == "rk4" else math.inf
+    if simulation.step is None:
+        return integrator, min(RESOLVED * stable, _accurate_step(integrator, simulation.accuracy, control_speed))
+    if simulation.step > stable:
         raise ScenarioError(
             [
                 (
                     "simulation.step",
-                    f"simulation.step = {asked:g} s is unstable with rk4: the stiffest mode of this beam allows at most "
-                    f"{stable:.3g} s. Choose a shorter step, etdrk4, or null for an automatic step.",
+                    f"simulation.step = {simulation.step:g} s is unstable with rk4: the stiffest mode of this beam allows "
+                    f"at most {stable:.3g} s. Choose a shorter step, etdrk4, or null for an automatic step.",
                 )
             ]
         )
-    if asked is not None:
-        return asked
-    wish = scenario.simulation.accuracy / REFERENCE_ERROR[integrator]
-    accurate = max(REFERENCE_STEP * wish ** (1 / ORDER[integrator]), SHORTEST_STEP)
-    rate = control_rate(system, S)
-    return min(LONGEST_STEP, RESOLVED * stable, accurate, CONTROL_LIMIT / rate if rate > 0 else math.inf)
+    return integrator, simulation.step
+
+
+def _accurate_step(integrator: str, accuracy: float, control_speed: float) -> float:
+    """Longest step for a pose accuracy, m, that also resolves the closed loop's fastest rate, 1/s."""
+    wish = REFERENCE_STEP * (accuracy / REFERENCE_ERROR[integrator]) ** (1 / ORDER[integrator])
+    return min(LONGEST_STEP, max(wish, SHORTEST_STEP), CONTROL_LIMIT / max(control_speed, CONTROL_LIMIT / LONGEST_STEP))
 
 
 def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple[int, int]:

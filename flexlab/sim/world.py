@@ -25,7 +25,7 @@ from flexlab.sim.projection import project_beam
 from flexlab.sim.sampled_control import Sampling, control_instant
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import TICK
-from flexlab.sim.timing import build_scheme, choose_integrator, longest_step, steps_per_tick
+from flexlab.sim.timing import build_scheme, choose_step, steps_per_tick
 from flexlab.sim.workspace_check import check_trajectory
 
 RESTARTING = ("payload.length", "left_arm", "right_arm", "initial")
@@ -327,8 +327,7 @@ def _build(scenario: Scenario, tick_period: float) -> _Machinery:
 def _derive(scenario: Scenario, tick_period: float) -> _Machinery:
     beam = build_beam(scenario.payload)
     system = build_system(scenario, beam)
-    integrator = choose_integrator(scenario)
-    step = longest_step(scenario, system, integrator, beam)
+    integrator, step = choose_step(scenario, system, beam)
     count, per_control = steps_per_tick(scenario, tick_period, step)
     law, noise = scenario.controller, scenario.controller.sensor_noise
     # A strain gauge's noise reaches hᵀq̇ and gᵀq̇ in proportion to the loads they weigh.

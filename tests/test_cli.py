@@ -94,6 +94,11 @@ def test_wrong_options_are_explained(flexlab_command: Command, words: list[str])
 
 def test_a_closed_pipe_is_no_error(root: Path):
     done = subprocess.run(
-        f"{sys.executable} -m flexlab presets | head -1", shell=True, capture_output=True, text=True, check=True, cwd=root
+        f"{sys.executable} -m flexlab presets | head -1",
+        shell=True,
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=root,
     )
     assert done.stderr == ""

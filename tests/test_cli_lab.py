@@ -108,7 +108,7 @@ def test_the_lab_serves_records_and_ends(start_lab: Callable[..., Lab], how: sig
     assert str(Path("logs") / file.name) in "".join(lab.said)
 
 
-def test_a_busy_port_is_one_sentence(flexlab_command: Command):
+def test_a_busy_port_is_one_sentence(flexlab_command: Command, tmp_path: Path):
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = busy.getsockname()[1]
         done = flexlab_command("--no-browser", "--port", str(port))
@@ -116,6 +116,7 @@ def test_a_busy_port_is_one_sentence(flexlab_command: Command):
     assert str(port) in done.stderr
     assert "in use" in done.stderr
     assert "Traceback" not in done.stderr
+    assert list(tmp_path.rglob("*.rrd")) == []
 
 
 def test_a_second_lab_on_the_same_port_is_refused_and_the_first_goes_on(
@@ -152,5 +153,8 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, words: list[str], s
 def test_live_data_is_offered_with_rerun(start_lab: Callable[..., Lab]):
     lab = start_lab("--rerun")
     lab.url()
-    lab.wait(lambda: re.search(r"rerun\+http://127\.0\.0\.1:\d+/proxy", "".join(lab.said)))
+    page = lab.wait(lambda: re.search(r"http://[^ ]+/\?url=rerun\S+", "".join(lab.said)))[0]
+    with urllib.request.urlopen(page) as viewer:
+        assert viewer.status == 200
+    lab.wait(lambda: re.search(r"rerun --connect rerun\+http://127\.0\.0\.1:\d+/proxy", "".join(lab.said)))
     assert lab.end() == 0

@@ -1,25 +1,20 @@
 """`flexlab`: the lab in the browser."""
 
-import signal
-import threading
-import webbrowser
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack, redirect_stdout
+from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import tyro
 
 from flexlab.cli.console import complain, output
 from flexlab.cli.options import LOGS, Logs, Preset
+from flexlab.cli.showing import ending, open_browser, wait_for
 
 if TYPE_CHECKING:
     from flexlab.recording.live import LiveHub
     from flexlab.recording.writer import Recorder
-    from flexlab.scenario import Scenario
-
-LOOK = 0.5
-"""s between two looks at whether to end: on Windows, Ctrl-C cannot interrupt a wait without end."""
 
 
 def command(
@@ -49,50 +44,52 @@ def command(
 
     name, scenario = find_scenario(preset)
     from flexlab.cli.warmup import warm_up
-    from flexlab.recording.run_files import check_folder
-
-    check_folder(logs)
-    warm_up(scenario)
-    with ending() as ended:
-        _open(scenario, name, host, port, logs, rerun, not no_browser, ended)
-
-
-def _open(
-    scenario: "Scenario",
-    name: str,
-    host: str,
-    port: int,
-    logs: Path,
-    rerun: bool,
-    browser: bool,
-    ended: threading.Event,
-) -> None:
-    """Serve the lab until `ended`. Raises `LabError` or `RecordingError` if it cannot be started."""
+    from flexlab.lab.server import _check_free as check_free
     from flexlab.lab.session import Session
-    from flexlab.recording.live import LiveHub
+    from flexlab.recording.run_files import check_folder
     from flexlab.recording.writer import Recorder
 
-    hub = LiveHub() if rerun else None
-    recorder = Recorder(logs, hub, on_problem=complain)
-    session = Session(
-        scenario, name, consumers=[recorder], host=host, port=port, recording=lambda: recording_text(recorder)
-    )
-    last = None
-    try:
-        with session:
-            _welcome(session.url, hub, logs)
-            if browser:
-                webbrowser.open(session.url)
-            while not ended.wait(LOOK):
-                last = recorder.path or last
-            last = recorder.path or last
-    finally:
-        recorder.close()
-        if hub is not None:
-            hub.close()
+    # Before compiling, and before a recorder makes a file for a lab that cannot open.
+    check_folder(logs)
+    check_free(host, port)
+    warm_up(scenario)
+    with ending() as ended, ExitStack() as closing:
+        live = _serve_live(closing) if rerun else None
+        recorder = Recorder(logs, live.hub if live else None, on_problem=complain)
+        closing.callback(recorder.close)
+        session = Session(
+            scenario, name, consumers=[recorder], host=host, port=port, recording=lambda: recording_text(recorder)
+        )
+        closing.callback(_quietly, session.stop)
+        _quietly(session.start)
+        _welcome(session.url, live, logs)
+        if not no_browser:
+            open_browser(session.url)
+        wait_for(ended)
+        last = recorder.path
     output().print()
-    if last is not None and last.exists():
+    if last is not None:
         output().print(f"The last run is in {last}. Look at it with: flexlab review", markup=False, soft_wrap=True)
+
+
+class Live(NamedTuple):
+    """Where the data of all runs can be watched in rerun while the lab runs."""
+
+    hub: "LiveHub"
+    page: str
+    """Of the web viewer."""
+
+
+def _serve_live(closing: ExitStack) -> Live:
+    """Serve live data and a web viewer for it until `closing` closes. Raises `RecordingError` if that is not possible."""
+    from flexlab.recording.live import LiveHub
+    from flexlab.recording.web_viewer import ViewerServer, viewer_link
+
+    viewer = ViewerServer()
+    closing.callback(viewer.close)
+    hub = LiveHub()
+    closing.callback(hub.close)
+    return Live(hub, viewer_link(viewer.page, hub.url))
 
 
 def recording_text(recorder: "Recorder") -> str:
@@ -102,22 +99,16 @@ def recording_text(recorder: "Recorder") -> str:
     return "" if recorder.path is None else f"Recording to {recorder.path.name}"
 
 
-def _welcome(url: str, hub: "LiveHub | None", logs: Path) -> None:
-    console = output()
-    console.print(f"The lab is open at {url}", style="bold", markup=False, soft_wrap=True)
-    if hub is not None:
-        console.print(f"Live data for a rerun viewer: {hub.url}", markup=False, soft_wrap=True)
-    console.print(f"Runs are recorded in {logs}. Ctrl-C ends the lab.", markup=False, soft_wrap=True)
+def _welcome(url: str, live: Live | None, logs: Path) -> None:
+    lines = [f"The lab is open at {url}"]
+    if live is not None:
+        lines += [f"Live data in your browser: {live.page}", f"or in rerun itself: rerun --connect {live.hub.url}"]
+    lines.append(f"Runs are recorded in {logs}. Ctrl-C ends the lab.")
+    for line in lines:
+        output().print(line, style="bold" if line is lines[0] else "", markup=False, soft_wrap=True)
 
 
-@contextmanager
-def ending() -> Iterator[threading.Event]:
-    """An event that Ctrl-C, a closed terminal or a polite kill sets, so that recordings are always closed."""
-    ended = threading.Event()
-    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {name: signal.signal(getattr(signal, name), lambda *_: ended.set()) for name in names}
-    try:
-        yield ended
-    finally:
-        for name, handler in before.items():
-            signal.signal(getattr(signal, name), handler)
+def _quietly(action: Callable[[], None]) -> None:
+    """Do it while viser's own banner is kept back: what matters of it is said in this lab's words."""
+    with redirect_stdout(StringIO()):
+        action()

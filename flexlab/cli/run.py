@@ -54,13 +54,14 @@ def _check(option: str, value: float, low: float, high: float) -> None:
 
 def _simulate(world: "World", name: str, duration: float, logs: Path) -> int:
     """Run the world, record it, tell how it went; returns the exit code."""
-    from flexlab.cli.headless import HeadlessRecording
     from flexlab.cli.summary import Summary
+    from flexlab.recording.headless import HeadlessRecording
+    from flexlab.recording.run_info import RunInfo
     from flexlab.sim.samples import Status
 
     summary = Summary()
     began = time.perf_counter()
-    with HeadlessRecording(logs, name, world) as recording:
+    with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period)) as recording:
         for samples in _blocks(world, math.floor(duration / world.tick_period * (1 + 1e-12) + 1e-9)):
             summary.add(samples)
             recording.write(samples)

@@ -1,0 +1,42 @@
+"""What the commands share that show a page until the person ends them."""
+
+import os
+import signal
+import sys
+import threading
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+LOOK = 0.5
+"""s between two looks at whether to end: on Windows, Ctrl-C cannot interrupt a wait without end."""
+
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+"""Ctrl-C, a polite kill, a closed terminal."""
+
+
+def open_browser(url: str) -> None:
+    """Show a page in the person's browser, if this machine has a screen."""
+    screen = sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    # Without a screen, a browser for terminals would take this one over.
+    if screen or os.environ.get("BROWSER"):
+        webbrowser.open(url)
+
+
+@contextmanager
+def ending() -> Iterator[threading.Event]:
+    """An event that the signals set instead of killing, so that recordings are always closed."""
+    ended = threading.Event()
+    numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
+    before = {number: signal.signal(number, lambda *_: ended.set()) for number in numbers}
+    try:
+        yield ended
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def wait_for(ended: threading.Event) -> None:
+    """Return when the person ends the command."""
+    while not ended.wait(LOOK):
+        pass

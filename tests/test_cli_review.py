@@ -1,0 +1,72 @@
+"""`flexlab review` serves a recording to the rerun viewer, the newest by default, and says why it cannot."""
+
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def review(folder: Path, *words: str) -> list[str]:
+    """Start a review, read the page it names, end it as Ctrl-C would; returns what it said."""
+    with subprocess.Popen(
+        [sys.executable, "-u", "-m", "flexlab", "review", "--no-browser", *words],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout
+        assert process.stderr
+        lines = [process.stdout.readline() for _ in range(3)]
+        page = re.search(r"http://127\.0\.0\.1:\d+/", "".join(lines))
+        if page is None:
+            process.kill()
+            raise AssertionError(f"{lines} {process.stderr.read()}")
+        with urllib.request.urlopen(page[0]) as answer:
+            assert answer.status == 200
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 0
+        assert process.stderr.read() == ""
+    return lines
+
+
+def test_the_newest_or_a_named_or_a_torn_recording_opens(flexlab_command: Command, tmp_path: Path):
+    for name in ("paper", "smooth-start"):
+        assert flexlab_command("run", name, "--duration", "0.5").returncode == 0
+    older, newer = sorted((tmp_path / "logs").glob("*.rrd"), key=lambda path: path.stat().st_mtime_ns)
+    assert newer.name in review(tmp_path)[0]
+    assert older.name in review(tmp_path, str(older))[0]
+    torn = tmp_path / "torn.rrd"
+    torn.write_bytes(newer.read_bytes()[:-20_000])
+    assert "torn.rrd" in review(tmp_path, "torn.rrd")[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([], "no recording in logs"),
+        (["--logs", "nowhere"], "no recording in nowhere"),
+        (["none.rrd"], "no recording none.rrd"),
+        (["empty.rrd"], "empty"),
+        (["junk.rrd"], "not a rerun recording"),
+        (["header.rrd"], "header.rrd"),
+        (["."], "cannot be read"),
+    ],
+)
+def test_what_cannot_be_opened_is_one_sentence(flexlab_command: Command, tmp_path: Path, words: list[str], says: str):
+    (tmp_path / "empty.rrd").touch()
+    (tmp_path / "junk.rrd").write_bytes(b"junk" * 1000)
+    (tmp_path / "header.rrd").write_bytes(b"RRF2" + bytes(40))
+    done = flexlab_command("review", "--no-browser", *words)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert says in done.stderr
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1, done.stderr

@@ -1,0 +1,53 @@
+"""The engine's own M̄_i, C̄_i, Ḡ_i, 𝒥_i at any pose and rate, and random scenarios to ask for them."""
+
+import numpy as np
+
+from flexlab.physics.arm import ArmTerms, arm_velocity_terms
+from flexlab.physics.plant import Plant, configure_arms, make_workspace
+from flexlab.scenario import Scenario, parse_scenario
+from flexlab.sim.build import build_beam, build_plant
+from flexlab.sim.faults import pose_fault
+
+
+def plant_of(scenario: Scenario) -> Plant:
+    """The plant's constants."""
+    return build_plant(scenario, build_beam(scenario.payload))
+
+
+def arm_terms(plant: Plant, pose: np.ndarray, rate: np.ndarray) -> ArmTerms:
+    """𝒥, M̄, C̄ and Ḡ of all arms."""
+    workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
+    terms = workspace.arm
+    assert configure_arms(plant, np.asarray(pose, float), terms, workspace.flags) == 0
+    c, s = terms.trig
+    for i in range(len(plant.arms)):
+        arm_velocity_terms(plant.arms[i], c, s, *map(float, rate), terms.J[i], terms.direction[i], terms.C[i])
+    return terms
+
+
+def random_scenario(seed: int, **changes) -> Scenario:
+    """Two different arms with random data, gravity on; both reach (0, 0.8, 0) and its neighbourhood."""
+    rng = np.random.default_rng(seed)
+
+    def arm(side: int) -> dict:
+        length = rng.uniform([0.7, 0.6, 0.1], [0.9, 0.8, 0.3])
+        return {
+            "base": [side * rng.uniform(0.4, 0.6), rng.uniform(-0.1, 0.1)],
+            "link_mass": rng.uniform(0.5, 10, 3).tolist(),
+            "link_length": length.tolist(),
+            "link_center": (length * rng.uniform(-0.2, 1.1, 3)).tolist(),
+            "link_inertia": rng.uniform(0.01, 0.5, 3).tolist(),
+            "elbow": int(rng.choice([-1, 1])),
+        }
+
+    data = {"left_arm": arm(-1), "right_arm": arm(1), "gravity": 9.81, "trajectory": {"center": [0, 0.8, 0]}}
+    return parse_scenario(data).replace(changes)
+
+
+def random_state(scenario: Scenario, rng: np.random.Generator, beam: float = 0.05) -> tuple[np.ndarray, ...]:
+    """Pose, pose rate, q and q̇ of a random state that all arms can take."""
+    n = scenario.payload.coordinate_count
+    while True:
+        pose = np.array([0.0, 0.8, 0.0]) + rng.uniform(-1, 1, 3) * [0.2, 0.2, 0.5]
+        if pose_fault(scenario, pose, 0.0, "a random pose") is None:
+            return pose, rng.normal(size=3), beam * rng.normal(size=n), rng.normal(size=n)

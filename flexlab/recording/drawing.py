@@ -86,7 +86,7 @@ def moving_shapes(scenario: Scenario, samples: Samples, factor: float) -> Iterat
     yield "scene/beam", [line_strips(_in_space(beam_points(scenario, samples, BEAM_POINTS, factor))[:, None])]
     # The virtual link and where it should be.
     chords = [link_points(scenario, samples.pose), link_points(scenario, samples.desired_pose)]
-    yield "scene/chords", [line_strips(_in_space(np.stack(chords, axis=1)))]
+    yield "scene/chords", [line_strips(_in_space(np.stack(chords, axis=1), height=-2 * BEAM_RADIUS))]
     force = FORCE_SCALE * _in_space(samples.internal_force[:, :, :2])
     yield (
         "scene/internal_force",
@@ -121,9 +121,9 @@ def _links(points: np.ndarray, joint_angle: np.ndarray) -> list[Column]:
     ]
 
 
-def _in_space(plane: np.ndarray) -> np.ndarray:
-    """Points (…, 2) of the plane as points (…, 3) in space."""
-    return np.concatenate([plane, np.zeros((*plane.shape[:-1], 1))], axis=-1)
+def _in_space(plane: np.ndarray, height: float = 0.0) -> np.ndarray:
+    """Points (…, 2) of the plane as points (…, 3) in space, `height` m above it."""
+    return np.concatenate([plane, np.full((*plane.shape[:-1], 1), height)], axis=-1)
 
 
 VIEW_MARGIN = 0.55

@@ -2,7 +2,6 @@
 
 import errno
 import socket
-from urllib.parse import quote
 
 import rerun as rr
 
@@ -66,11 +65,6 @@ class LiveHub:
         stream, self._stream = self._stream, None
         if stream is not None:
             stream.disconnect()
-
-
-def viewer_link(page: str, source: str) -> str:
-    """The address of a web viewer at `page` (http://…) that opens `source` (a rerun or http address)."""
-    return f"{page}?url={quote(source, safe='')}&hide_welcome_screen&renderer=webgl"
 
 
 def _free_port(host: str) -> int:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import rerun as rr
@@ -71,7 +71,8 @@ class RunStream:
 
     def send(self, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
         """Send columns for the instants `time` (N,), s. Returns at once; what fails is told by `flush`."""
-        self._stream.send_columns(entity, indexes=[time_column(time)], columns=columns)
+        # A `Column` is all that rerun asks of one, though not one by name.
+        self._stream.send_columns(entity, [time_column(time)], cast(Iterable[rr.ComponentColumn], columns))
 
     def send_property(self, name: str, values: rr.AsComponents) -> None:
         """Add a property, as seen in listings."""

@@ -86,7 +86,7 @@ class RunWriter:
     def write_event(self, event: Event) -> None:
         """Write an event; a change of the scenario also moves what is drawn from then on."""
         self._events.append(event)
-        self._send_events(self.streams, [event])
+        self._send_events(self.streams, [event], first=len(self._events) - 1)
         if isinstance(event.command, ChangeScenario) and event.level != "error":
             self._follow(event.command, event.time)
 
@@ -98,21 +98,29 @@ class RunWriter:
         if any(path.startswith("trajectory") for path in change.changes):
             self._send("scene/path", np.array([time]), [line_strips(desired_path(self._scenario))])
 
-    def _send_events(self, streams: Sequence[RunStream], events: Sequence[Event]) -> None:
+    def _send_events(self, streams: Sequence[RunStream], events: Sequence[Event], first: int = 0) -> None:
+        """`first`: number of the first one, which keeps those of one instant in order."""
         time = np.array([event.time for event in events])
         lines = [
             texts("TextLog", "text", "Text", [f"t = {event.time:.3f} s: {event.text}" for event in events]),
             texts("TextLog", "level", "TextLogLevel", [LEVELS.get(event.level, "INFO") for event in events]),
         ]
-        records = [texts("flexlab.Event", "record", None, [self._record(event) for event in events])]
+        records = [
+            texts(
+                "flexlab.Event",
+                "record",
+                None,
+                [self._record(number, event) for number, event in enumerate(events, first)],
+            )
+        ]
         for stream in streams:
             stream.send("events", time, lines)
             stream.send("exact/events", time, records)
 
-    def _record(self, event: Event) -> str:
+    def _record(self, number: int, event: Event) -> str:
         """An event as JSON with its exact time."""
         command = None if event.command is None else json.loads(command_to_json(event.command))
-        record = {"time": event.time, "tick": round(event.time / self.info.sample_period)}
+        record = {"number": number, "time": event.time, "tick": round(event.time / self.info.sample_period)}
         return json.dumps(record | {"text": event.text, "level": event.level, "command": command}, ensure_ascii=False)
 
     def end(self, status: Status, dropped: int = 0) -> None:
@@ -120,7 +128,7 @@ class RunWriter:
         text = Event(
             status.time or self.last_time, f"End of the run: {status.text}", level="error" if status.failed else "info"
         )
-        self._send_events(self.streams, [text])
+        self._send_events(self.streams, [text], first=len(self._events))
         values = {"status": str(status), "text": status.text, "time_s": self.last_time, "rows": self.rows}
         for stream in self.streams:
             stream.send_property("end", rr.AnyValues(**values, dropped=dropped))

@@ -29,9 +29,12 @@ LONGEST_STEP = 2e-3
 CONTROL_LIMIT = 0.4
 """Longest step times fastest closed-loop rate: well inside the methods' stability (2.8), so that transients are resolved."""
 
-COUPLING_LIMIT, COUPLED_STEP = 0.1, 1e-4
+DEFAULT_ACCURACY = 1e-10
+"""Pose accuracy, m, for which the limits below are given."""
+
+COUPLING_LIMIT, COUPLED_STEP = 0.1, 1e-5
 """Longest step times the rate at which light arms give way to the beam's modes, the part of the beam that etdrk4 does not
-propagate exactly; never asked for below the second number, s: finer than that, only the highest modes gain."""
+propagate exactly, for the default accuracy; never asked for below the second number, s: there, only the highest modes gain."""
 
 POSES_TRIED = 16
 """Instants of the first period at which the inertia that the controller works against is looked at."""
@@ -114,7 +117,8 @@ def choose_step(scenario: Scenario, system: System, beam: Beam) -> tuple[str, fl
         integrator = "rk4" if step * beam_speed < SOFT_BEAM else "etdrk4"
     stable = STABILITY_LIMIT / beam_speed if integrator == "rk4" else math.inf
     if simulation.step is None:
-        coupled = max(COUPLED_STEP, COUPLING_LIMIT / coupling_rate(beam, system, S))
+        ease = (simulation.accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
+        coupled = max(COUPLED_STEP, ease * COUPLING_LIMIT / coupling_rate(beam, system, S))
         return integrator, min(
             RESOLVED * stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed)
         )

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import viser
 
+from flexlab.errors import LabError
 from flexlab.lab.aim import keep_aimed
 from flexlab.lab.desk import Desk
 from flexlab.lab.drawing import Drawing
@@ -45,7 +46,22 @@ class Session:
         self._shadows, self._recording = shadows, recording
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing)
         self._server: viser.ViserServer | None = None
+        self._desk: Desk | None = None
         self._drawing: Drawing | None = None
+
+    @property
+    def server(self) -> viser.ViserServer:
+        """The running server; raises `LabError` before `start` and after `stop`."""
+        if self._server is None:
+            raise LabError("This lab is not running: start it first.")
+        return self._server
+
+    @property
+    def desk(self) -> Desk:
+        """What the controls share; raises `LabError` before `start` and after `stop`."""
+        if self._desk is None:
+            raise LabError("This lab is not running: start it first.")
+        return self._desk
 
     @property
     def port(self) -> int:
@@ -76,7 +92,7 @@ class Session:
         self.runner.stop()
         if self._server is not None:
             self._server.stop()
-        self._drawing = self._server = None
+        self._drawing = self._desk = self._server = None
 
     def __enter__(self) -> "Session":
         self.start()
@@ -87,7 +103,7 @@ class Session:
 
     def _furnish(self, server: viser.ViserServer) -> Drawing:
         """Fill the server's page."""
-        desk = Desk(self.runner)
+        desk = self._desk = Desk(self.runner)
         scene = Scene(server, self._scenario, self._shadows)
         panel = Panel(server.gui, desk, self._recording)
         guard_inputs(server, desk)

@@ -3,11 +3,14 @@
 import math
 from dataclasses import dataclass
 
+from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 
 VISIBLE_BENDING = 0.012
 """Share of the beam's length that its ordinary bending is enlarged to when the lab chooses the exaggeration."""
-EXAGGERATION_RANGE = (0.0, 1000.0)
+EXAGGERATION = Quantity(
+    "Exaggeration of the deflection", unit="×", low=0, high=1000, slider=(1, 1000), logarithmic=True
+)
 PLOT_WINDOWS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 """Choices for the plots' time window, s."""
 
@@ -33,7 +36,7 @@ def fitting_exaggeration(scenario: Scenario) -> float:
     bending = 5 * load * payload.length**4 / (384 * payload.bending_stiffness)
     if bending <= 0:
         return 50.0
-    return min(max(_nice(VISIBLE_BENDING * payload.length / bending), 1.0), EXAGGERATION_RANGE[1])
+    return min(max(_nice(VISIBLE_BENDING * payload.length / bending), 1.0), EXAGGERATION.high)
 
 
 def _nice(value: float) -> float:

@@ -58,6 +58,7 @@ class Panel:
             for section in self._sections:
                 section.show(snapshot.scenario)
         else:
+            self._viewing.settle()
             for section in self._sections:
                 section.settle(desk.intended)
 

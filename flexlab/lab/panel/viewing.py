@@ -1,13 +1,13 @@
 """What is drawn and how large: exaggeration, overlays, plot window. Settings of the screen, not of the simulation."""
 
-import math
 from collections.abc import Callable
 
 import viser
 
 from flexlab.errors import LabError
 from flexlab.lab.desk import Desk, handler
-from flexlab.lab.view import EXAGGERATION_RANGE, PLOT_WINDOWS
+from flexlab.lab.panel.number_control import NumberControl, Scale
+from flexlab.lab.view import EXAGGERATION, PLOT_WINDOWS
 
 
 class Viewing:
@@ -16,42 +16,39 @@ class Viewing:
     def __init__(self, gui: viser.GuiApi, desk: Desk):
         self._desk = desk
         view = desk.view
-        low, high = EXAGGERATION_RANGE
-        self._factor = gui.add_number("Exaggeration of the deflection (×)", view.exaggeration, step=1.0)
-        self._factor.precision = 3
-        self._factor.hint = f"Drawing only, {low:g} to {high:g}; plots stay in true mm"
+        hint = f"Drawing only, {EXAGGERATION.range_text()}; plots stay in true mm."
+        self._exaggeration = NumberControl(
+            gui, desk, EXAGGERATION.title, "×", Scale(EXAGGERATION), hint, view.exaggeration, self._exaggerate
+        )
         self._windows = {f"{window:g} s": window for window in PLOT_WINDOWS}
         self._window = gui.add_dropdown("Plot window", tuple(self._windows), initial_value=f"{view.plot_window:g} s")
-        self._switches = [
-            self._switch(gui, "Internal force arrows", "forces"),
-            self._switch(gui, "Desired pose", "ghost"),
-            self._switch(gui, "Desired path", "path"),
-        ]
-        self._factor.on_update(handler(desk, lambda _: self._set_factor(self._factor.value)))
-        self._window.on_update(handler(desk, lambda _: self._set_window(self._window.value)))
+        self._window.on_update(handler(desk, lambda _: desk.set_view(plot_window=self._windows[self._window.value])))
+        for label, setting in (
+            ("Internal force arrows", "forces"),
+            ("Desired pose", "ghost"),
+            ("Desired path", "path"),
+        ):
+            self._switch(gui, label, setting)
+
+    def settle(self) -> None:
+        """Follow the view's settings, leaving alone what a person is at."""
+        self._exaggeration.settle(self._desk.view.exaggeration)
 
     def show(self) -> None:
-        """Show the view's settings in the controls."""
-        if self._factor.value != self._desk.view.exaggeration:
-            self._factor.value = self._desk.view.exaggeration
+        """Show the view's settings at once."""
+        self._exaggeration.show(self._desk.view.exaggeration)
 
-    def _switch(self, gui: viser.GuiApi, label: str, setting: str) -> viser.GuiCheckboxHandle:
+    def _switch(self, gui: viser.GuiApi, label: str, setting: str) -> None:
         box = gui.add_checkbox(label, getattr(self._desk.view, setting))
         box.on_update(handler(self._desk, self._setter(setting, box)))
-        return box
 
     def _setter(self, setting: str, box: viser.GuiCheckboxHandle) -> Callable[[object], None]:
         return lambda _: self._desk.set_view(**{setting: bool(box.value)})
 
-    def _set_factor(self, value: float) -> None:
-        low, high = EXAGGERATION_RANGE
-        if not math.isfinite(value) or not low <= value <= high:
+    def _exaggerate(self, value: float) -> None:
+        if not EXAGGERATION.low <= value <= EXAGGERATION.high:
+            allowed = EXAGGERATION.range_text()
             raise LabError(
-                f"exaggeration = {value:g} is outside the allowed range {low:g} to {high:g}: choose within it."
+                f"exaggeration = {value:g} is outside the allowed range {allowed}: choose a value within it."
             )
         self._desk.set_view(exaggeration=float(value))
-
-    def _set_window(self, choice: str) -> None:
-        if choice not in self._windows:
-            raise LabError(f"{choice[:40]!r} is not a plot window of the menu: choose one of its times.")
-        self._desk.set_view(plot_window=self._windows[choice])

@@ -35,8 +35,8 @@ def tube_faces(count: int) -> np.ndarray:
     rows = np.arange(count + 1)[:, None] * SIDES
     here, next_ = np.arange(SIDES), (np.arange(SIDES) + 1) % SIDES
     near, near_next, far, far_next = rows + here, rows + next_, rows + SIDES + here, rows + SIDES + next_
-    first = np.stack([near, far, far_next], axis=-1)
-    second = np.stack([near, far_next, near_next], axis=-1)
+    first = np.stack([near, far_next, far], axis=-1)
+    second = np.stack([near, near_next, far_next], axis=-1)
     return np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)])
 
 
@@ -51,7 +51,6 @@ class Beam:
             self._around(straight),
             tube_faces(STATIONS),
             color=colors.BEAM,
-            side="double",
             receive_shadow=False,
         )
 

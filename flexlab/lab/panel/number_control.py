@@ -1,0 +1,122 @@
+"""A number on the screen: a box that takes any value and a slider below it, kept together."""
+
+import math
+import time
+from collections.abc import Callable
+
+import viser
+
+from flexlab.errors import FlexlabError
+from flexlab.lab.desk import Desk, handler
+from flexlab.lab.panel.text import escaped, number
+from flexlab.quantities import Quantity
+
+SETTLE_TIME = 4.0
+"""How long a box keeps what a person typed but the lab did not take, wall seconds; then it shows the true value again."""
+SLIDER_STEPS = 200
+BOX_DIGITS = 9
+"""Decimals that a number box takes."""
+
+
+class Scale:
+    """The way between a value and its place on the slider: even or logarithmic, in whole numbers or not."""
+
+    def __init__(self, about: Quantity, whole: bool = False):
+        low, high = about.slider or (about.low, about.high)
+        self._logarithmic, self._whole = about.logarithmic, whole
+        self.low, self.high = self._place(low), self._place(high)
+        self.step = 1.0 if whole else (self.high - self.low) / SLIDER_STEPS
+        self.marks = ((self.low, f"{low:g}"), (self.high, f"{high:g}"))
+        self.box_step = 10.0 ** math.floor(math.log10((high - low) / 100)) if high - low < 100 else 1.0
+        """What an arrow key adds in the box: about a hundredth of the slider, but no more than 1."""
+
+    def place(self, value: float) -> float:
+        """Where a value stands on the slider, at its end if outside."""
+        if self._logarithmic and value <= 0:
+            return self.low
+        return min(max(self._place(value), self.low), self.high)
+
+    def value(self, place: float) -> float:
+        """The value at a place, with four significant digits. A place that is no number gives NaN."""
+        if not math.isfinite(place) or abs(place) > 1e300:
+            return math.nan
+        value = 10.0 ** min(place, 300.0) if self._logarithmic else place
+        return float(round(value)) if self._whole else float(f"{value:.4g}")
+
+    def _place(self, value: float) -> float:
+        return math.log10(value) if self._logarithmic else value
+
+
+class NumberControl:
+    """Box, slider and a line for what is wrong, in the GUI container that is open while it is made.
+
+    `name` and `unit` make the label. `ask(value)` carries out what a person wants, or raises a `FlexlabError`.
+    """
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        desk: Desk,
+        name: str,
+        unit: str,
+        scale: Scale,
+        hint: str,
+        value: float,
+        ask: Callable[[float], None],
+    ):
+        self._scale, self._ask, self._value = scale, ask, value
+        self._touched = -math.inf
+        self._box = gui.add_number(f"{name} ({unit})" if unit else name, value, step=scale.box_step, hint=hint)
+        self._box.precision = BOX_DIGITS
+        self._slider = gui.add_slider(
+            f"{name}, slider", scale.low, scale.high, scale.step, scale.place(value), marks=scale.marks, hint=hint
+        )
+        self._problem = gui.add_html("", visible=False)
+        self._box.on_update(handler(desk, lambda _: self._type(self._box.value)))
+        self._slider.on_update(handler(desk, lambda _: self._slide(self._slider.value)))
+
+    def settle(self, value: float) -> None:
+        """Show the true value, unless a person is at this control."""
+        if time.monotonic() - self._touched > SETTLE_TIME:
+            self.show(value)
+        else:
+            self._value = value
+
+    def show(self, value: float) -> None:
+        """Show the true value at once: after a reset, a preset, an undo."""
+        self._value = value
+        if self._box.value != value:
+            self._box.value = value
+        place = self._scale.place(value)
+        if not math.isclose(self._slider.value, place, abs_tol=self._scale.step):
+            self._slider.value = place
+        self._complain("")
+
+    def remove(self) -> None:
+        """Take the control off the screen."""
+        for widget in (self._box, self._slider, self._problem):
+            widget.remove()
+
+    def _slide(self, place: float) -> None:
+        if self._accepted(self._scale.value(place)):
+            self._box.value = self._value
+
+    def _type(self, value: float) -> None:
+        if self._accepted(value):
+            self._slider.value = self._scale.place(value)
+
+    def _accepted(self, value: float) -> bool:
+        """Ask for a value; if it is refused, say why below and leave what was typed to be mended."""
+        self._touched = time.monotonic()
+        try:
+            self._ask(value)
+        except FlexlabError as error:
+            self._complain(f"{error} It stays at {number(self._value, 6)}.")
+            return False
+        self._value = value
+        self._complain("")
+        return True
+
+    def _complain(self, text: str) -> None:
+        box = f'<div class="fl"><div class="fl-box fl-error">{escaped(text)}</div></div>' if text else ""
+        self._problem.content, self._problem.visible = box, bool(text)

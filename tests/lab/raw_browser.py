@@ -1,0 +1,62 @@
+"""A browser that says what no proper browser would: viser's wire format, spoken by hand."""
+
+from types import TracebackType
+from typing import Any
+
+import msgspec.msgpack
+import viser
+from websockets.sync.client import connect
+
+from flexlab.lab.session import Session
+
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [0.0, 0.0, 5.0],
+    "fov": 0.5,
+    "near": 0.01,
+    "far": 100.0,
+    "image_height": 900,
+    "image_width": 1440,
+    "look_at": [0.0, 0.5, 0.0],
+    "up_direction": [0.0, 0.0, 1.0],
+}
+
+
+def widget(session: Session, label: str) -> Any:
+    """The server's handle of the widget with a label."""
+    handles = session.server.gui._gui_input_handle_from_uuid.values()
+    return next(handle for handle in handles if getattr(handle._impl.props, "label", None) == label)
+
+
+class RawBrowser:
+    """A connection to a session; a context manager."""
+
+    def __init__(self, session: Session):
+        protocol: Any = f"viser-v{viser.__version__}"
+        self._socket = connect(session.url.replace("http", "ws"), subprotocols=[protocol], max_size=None)
+        self.send(CAMERA)
+
+    def send(self, message: dict[str, Any]) -> None:
+        """Send one message."""
+        self._socket.send(msgspec.msgpack.encode(message))
+
+    def send_bytes(self, data: bytes) -> None:
+        """Send what is not even a message."""
+        self._socket.send(data)
+
+    def update(self, handle: Any, updates: dict[str, Any]) -> None:
+        """Claim that a person changed a widget."""
+        self.send({"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": updates})
+
+    def receive(self, seconds: float) -> bytes:
+        """The next message from the lab."""
+        data = self._socket.recv(timeout=seconds)
+        assert isinstance(data, bytes)
+        return data
+
+    def __enter__(self) -> "RawBrowser":
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._socket.close()

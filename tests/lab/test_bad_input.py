@@ -1,0 +1,160 @@
+"""Nothing that a browser can send stops the lab, reaches the engine or stays on the screen as if it were true."""
+
+import math
+import time
+from typing import Any
+
+import pytest
+from lab_page import wait_until
+from raw_browser import RawBrowser, widget
+
+from flexlab.lab.gate import LARGEST_UPLOAD, LONGEST_INPUT
+from flexlab.lab.session import Session
+
+EI = "Bending stiffness EI (N·m²)"
+K_SLIDER = "Feedback gain K, slider"
+SETTLED = 8.0
+"""Wall seconds after which a box shows the true value again."""
+
+
+def shown_notice(session: Session) -> str:
+    return session.desk.notice.text
+
+
+def still_works(session: Session, browser: RawBrowser) -> None:
+    """The lab takes a good value and time goes on."""
+    before = float(session.runner.snapshot.latest.time[0])
+    target = session.runner.snapshot.scenario.payload.bending_stiffness * 0.9
+    browser.update(widget(session, EI), {"value": target})
+    wait_until(
+        lambda: session.runner.snapshot.scenario.payload.bending_stiffness == target, "a good value is taken", 20
+    )
+    wait_until(lambda: float(session.runner.snapshot.latest.time[0]) > before, "time goes on", 20)
+
+
+@pytest.mark.parametrize(
+    ("label", "updates", "said"),
+    [
+        (EI, {"value": math.nan}, "needs a finite number"),
+        (EI, {"value": math.inf}, "needs a finite number"),
+        (EI, {"value": "stiff"}, "needs a finite number"),
+        (EI, {"value": True}, "needs a finite number"),
+        (EI, {"value": None}, "needs a finite number"),
+        (EI, {"value": [1, 2]}, "needs a finite number"),
+        (EI, {"value": "9" * 1_000_000}, "needs a finite number"),
+        (EI, {"removed": True}, "not a value"),
+        (EI, {"update_cb": []}, "not a value"),
+        (EI, {"value": 50.0, "gui_api": 1}, "not a value"),
+        (EI, {}, "not a value"),
+        ("Preset", {"value": "no-such-preset"}, "not one of its options"),
+        ("Preset", {"value": "a" * 1_000_000}, "too long"),
+        ("Preset", {"value": 7}, "needs a text"),
+        ("Speed", {"value": "1e9"}, "not one of its options"),
+        ("Desired pose", {"value": "yes"}, "on or off"),
+        ("Reset", {"value": {"a": 1}}, "on or off"),
+    ],
+)
+def test_what_is_no_value_is_refused(session: Session, label: str, updates: dict[str, Any], said: str) -> None:
+    handle = widget(session, label)
+    truth, scenario, run = handle.value, session.runner.snapshot.scenario, session.runner.snapshot.run_number
+    with RawBrowser(session) as browser:
+        browser.update(handle, updates)
+        wait_until(lambda: said in shown_notice(session), f"the screen says {said!r}", 20)
+        assert len(shown_notice(session)) < 400
+        assert handle.value == truth
+        assert session.runner.snapshot.scenario == scenario
+        assert session.runner.snapshot.run_number == run
+        still_works(session, browser)
+
+
+@pytest.mark.parametrize(
+    ("label", "value", "path"),
+    [
+        (EI, 1e14, "payload.bending_stiffness"),
+        (EI, -1.0, "payload.bending_stiffness"),
+        (K_SLIDER, 1e9, "controller.feedback_gain"),
+        (K_SLIDER, -1.0, "controller.feedback_gain"),
+        ("Bending stiffness EI, slider", 1e9, "payload.bending_stiffness"),
+        ("Elements n", 2.5, "payload.element_count"),
+        ("Elements n", 1e9, "payload.element_count"),
+        ("Exaggeration of the deflection (×)", 1e9, None),
+    ],
+)
+def test_a_number_out_of_range_is_refused_and_put_right(
+    session: Session, label: str, value: float, path: str | None
+) -> None:
+    handle, scenario, view = widget(session, label), session.runner.snapshot.scenario, session.desk.view
+    truth = handle.value
+    with RawBrowser(session) as browser:
+        browser.update(handle, {"value": value})
+        wait_until(lambda: handle.value == value, "the server has seen the value", 20)
+        time.sleep(0.2)
+        assert session.runner.snapshot.scenario == scenario
+        assert session.desk.view == view
+        if path:
+            sentences = [html.content for html in problems(session) if html.visible]
+            assert any(path in sentence for sentence in sentences), sentences
+        wait_until(lambda: handle.value == pytest.approx(truth, rel=1e-3), "the widget shows the truth again", SETTLED)
+        still_works(session, browser)
+
+
+def problems(session: Session) -> list[Any]:
+    """All HTML texts of the panel."""
+    found, queue = [], list(session.server.gui._container_handle_from_uuid.values())
+    for container in queue:
+        found += [child for child in container._children.values() if type(child).__name__ == "GuiHtmlHandle"]
+    return found
+
+
+def test_junk_on_the_wire_costs_only_its_own_connection(session: Session) -> None:
+    for junk in (b"", b"\xff" * 100, b"\x81\xa4type\xa5Wrong"):
+        with RawBrowser(session) as browser:
+            browser.send_bytes(junk)
+    with RawBrowser(session) as browser:
+        browser.send({"type": "GuiUpdateMessage", "uuid": "nobody", "updates": {"value": 1}})
+        still_works(session, browser)
+
+
+def test_a_huge_upload_is_refused_before_it_is_kept(session: Session) -> None:
+    with RawBrowser(session) as browser:
+        browser.send(
+            {
+                "type": "FileTransferStartUpload",
+                "source_component_uuid": widget(session, EI)._impl.uuid,
+                "transfer_uuid": "t",
+                "filename": "x.json",
+                "mime_type": "application/json",
+                "part_count": 1,
+                "size_bytes": LARGEST_UPLOAD + 1,
+            }
+        )
+        wait_until(lambda: "not a scenario file" in shown_notice(session), "the upload is refused", 20)
+        assert not session.server.gui._current_file_upload_states
+        still_works(session, browser)
+
+
+def test_no_way_out_through_the_share_tunnel(session: Session) -> None:
+    with RawBrowser(session) as browser:
+        browser.send({"type": "ShareUrlRequest"})
+        still_works(session, browser)
+        assert session.server._share_tunnel is None
+        assert session.server.request_share_url() is None
+
+
+def test_texts_of_a_scenario_cannot_become_part_of_the_page(session: Session) -> None:
+    from flexlab.sim.commands import LoadScenario
+
+    bad = session.runner.snapshot.scenario.model_copy(
+        update={"title": "<script>alert(1)</script>", "watch": "<b>x</b>"}
+    )
+    with RawBrowser(session):
+        session.runner.submit(LoadScenario(bad, "<i>name</i>"))
+        wait_until(lambda: session.runner.snapshot.name == "<i>name</i>", "it runs", 20)
+        wait_until(lambda: any("&lt;script" in html.content for html in problems(session)), "it is shown escaped", 20)
+        for html in problems(session):
+            assert "<script" not in html.content
+            assert "<i>name" not in html.content
+
+
+def test_limits_are_as_said() -> None:
+    assert LONGEST_INPUT == 10_000

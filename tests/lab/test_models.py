@@ -1,0 +1,57 @@
+"""The drawn solids: closed, turned outwards, where they belong, and the files in web_assets up to date."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexlab.lab.scene.beam import STATIONS, tube_faces, tube_vertices
+from flexlab.lab.scene.models import GRIPPER_LENGTH, MODELS, accent_ring, load_model, write_models
+from flexlab.lab.scene.solids import Solid, bar, drum
+
+
+def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Signed volume, positive when the faces are counter-clockwise from outside."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_files_are_what_the_script_makes(name: str, tmp_path: Path) -> None:
+    write_models(tmp_path)
+    assert load_model(name) == (tmp_path / f"{name}.glb").read_bytes()
+
+
+@pytest.mark.parametrize("solid", [solid for parts in MODELS.values() for solid, _ in parts()] + [accent_ring()])
+def test_faces_and_normals_point_the_same_way(solid: Solid) -> None:
+    a, b, c = (solid.vertices[solid.faces[:, corner]] for corner in range(3))
+    flat = np.cross(b - a, c - a)
+    area = np.linalg.norm(flat, axis=1)
+    real = area > 1e-12
+    assert real.any()
+    agreement = np.einsum("ij,ij->i", flat[real] / area[real, None], solid.normals[solid.faces[real, 0]])
+    assert agreement.min() > 0.5
+    np.testing.assert_allclose(np.linalg.norm(solid.normals, axis=1), 1, atol=1e-9)
+
+
+def test_volumes() -> None:
+    box = bar(0.0, 2.0, 0.1, 0.05, 1e-6)
+    assert volume(box.vertices, box.faces) == pytest.approx(2 * 0.1 * 0.05, rel=1e-3)
+    can = drum(0.1, -0.1, 0.3, 1e-6, sections=200)
+    assert volume(can.vertices, can.faces) == pytest.approx(np.pi * 0.01 * 0.4, rel=1e-3)
+
+
+def test_the_beams_tube_is_closed_and_follows_its_line() -> None:
+    s = np.linspace(0, 0.5, STATIONS)
+    line = np.column_stack([s, 0.02 * np.sin(np.pi * s / 0.5)])
+    vertices = tube_vertices(line, 0.01, 0.2)
+    rings = vertices.reshape(STATIONS + 2, -1, 3)
+    np.testing.assert_allclose(rings[1:-1].mean(axis=1)[:, :2], line, atol=1e-6)
+    np.testing.assert_allclose(rings[1:-1].mean(axis=1)[:, 2], 0.2, atol=1e-6)
+    assert volume(vertices, tube_faces(STATIONS)) == pytest.approx(np.pi * 1e-4 * 0.5, rel=0.06)
+
+
+def test_the_gripper_holds_the_beam_at_the_grip() -> None:
+    points = np.concatenate([solid.vertices for solid, _ in MODELS["gripper"]()])
+    assert points[:, 0].min() == pytest.approx(-GRIPPER_LENGTH - 0.012)
+    assert np.abs(points[:, 1]).max() < 0.03

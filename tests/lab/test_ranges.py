@@ -1,0 +1,36 @@
+"""Plot ranges grow at once, shrink late and take only round values."""
+
+from flexlab.lab.ranges import SHRINK_AFTER, Range, round_up
+
+
+def test_rounding_takes_the_next_of_1_2_5() -> None:
+    assert [round_up(value) for value in (0.7, 1.0, 1.01, 2.0, 4.9, 5.1, 0.0012)] == [1, 1, 2, 2, 5, 10, 0.002]
+    assert round_up(0.0) == 0.0
+    assert round_up(float("nan")) == 0.0
+    assert round_up(float("inf")) == 0.0
+
+
+def test_growing_at_once_shrinking_late() -> None:
+    span = Range(0.1)
+    assert span.fit(17.0)
+    assert span.limit == 20.0
+    changes = [span.fit(0.7) for _ in range(SHRINK_AFTER)]
+    assert changes == [False] * (SHRINK_AFTER - 1) + [True]
+    assert span.limit == 1.0
+
+
+def test_a_returning_peak_keeps_the_range() -> None:
+    span = Range(0.1)
+    span.fit(17.0)
+    for _ in range(10):
+        for _ in range(SHRINK_AFTER - 1):
+            span.fit(0.7)
+        span.fit(16.0)
+    assert span.limit == 20.0
+
+
+def test_never_below_the_least() -> None:
+    span = Range(0.1)
+    for _ in range(3 * SHRINK_AFTER):
+        span.fit(0.0)
+    assert span.limit == 0.1

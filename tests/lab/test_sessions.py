@@ -1,0 +1,110 @@
+"""Sessions start where they are asked to, say why when they cannot, and leave nothing behind."""
+
+import gc
+import os
+import socket
+import threading
+import time
+
+import psutil
+import pytest
+from lab_page import wait_until
+from raw_browser import RawBrowser
+
+from flexlab.errors import LabError
+from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+
+
+def open_sockets() -> int:
+    return len(psutil.Process().net_connections(kind="inet"))
+
+
+def test_a_busy_port_is_named_and_nothing_is_left_running() -> None:
+    threads = threading.active_count()
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        session = Session(load_preset("paper"), port=port)
+        with pytest.raises(LabError, match=f"port {port} is in use"):
+            session.start()
+        session.stop()
+    wait_until(lambda: threading.active_count() <= threads, "no thread is left", 10)
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "said"),
+    [
+        ("no.such.host.invalid", 0, "not an address"),
+        ("127.0.0.1", 70000, "not a port number"),
+        ("192.0.2.1", 0, "192.0.2.1"),
+    ],
+)
+def test_an_address_that_cannot_be_had_is_explained(host: str, port: int, said: str) -> None:
+    with pytest.raises(LabError, match=said):
+        Session(load_preset("paper"), host=host, port=port).start()
+
+
+def test_two_labs_in_one_process_do_not_touch_each_other() -> None:
+    from flexlab.sim.commands import ChangeScenario
+
+    with Session(load_preset("paper"), port=0) as one, Session(load_preset("soft-beam"), port=0) as two:
+        assert one.port != two.port
+        with RawBrowser(one), RawBrowser(two):
+            one.runner.submit(ChangeScenario({"payload.bending_stiffness": 7.0}))
+            wait_until(lambda: one.runner.snapshot.scenario.payload.bending_stiffness == 7.0, "the change is taken", 20)
+            assert two.runner.snapshot.scenario == load_preset("soft-beam")
+
+
+def test_only_this_machine_may_look_unless_asked() -> None:
+    with Session(load_preset("paper"), port=0) as session:
+        listening = [c.laddr for c in psutil.Process().net_connections(kind="inet") if c.status == psutil.CONN_LISTEN]
+        assert [address.ip for address in listening if address.port == session.port] == ["127.0.0.1"]
+
+
+def test_a_browser_gets_pictures_and_a_late_one_sees_the_running_state(session: Session) -> None:
+    with RawBrowser(session) as first:
+        assert len(first.receive(20)) > 1000
+        wait_until(lambda: float(session.runner.snapshot.latest.time[0]) > 0.3, "time passes", 20)
+        with RawBrowser(session) as late:
+            assert len(late.receive(20)) > 1000
+
+
+def test_a_slow_reader_has_a_short_queue(session: Session) -> None:
+    with RawBrowser(session):
+        connections = session.server._websock_server._live_connections
+        wait_until(lambda: connections, "the browser is connected", 20)
+        plug = next(iter(connections.values())).transport.get_extra_info("socket")
+        # Linux answers with twice the size that was asked for.
+        wait_until(lambda: plug.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) <= 2 * 64 * 1024, "a short buffer", 20)
+
+
+def test_nothing_is_drawn_while_nobody_looks() -> None:
+    with Session(load_preset("paper"), port=0) as session:
+        time.sleep(0.3)
+        buffer = session.server._websock_server._broadcast_buffer
+        before = buffer.message_counter
+        time.sleep(0.5)
+        assert buffer.message_counter == before
+        assert float(session.runner.snapshot.latest.time[0]) > 0.3
+
+
+def test_fifty_sessions_leave_nothing_behind() -> None:
+    scenario = load_preset("paper")
+
+    def live_shortly() -> None:
+        with Session(scenario, port=0) as session, RawBrowser(session) as browser:
+            browser.receive(20)
+        gc.collect()
+
+    for _ in range(5):
+        live_shortly()
+    process = psutil.Process(os.getpid())
+    threads, sockets, memory = threading.active_count(), open_sockets(), process.memory_info().rss
+    for _ in range(50):
+        live_shortly()
+    wait_until(lambda: threading.active_count() <= threads, "threads are back to where they were", 20)
+    wait_until(lambda: open_sockets() <= sockets, "sockets are back to where they were", 20)
+    grown = (process.memory_info().rss - memory) / 50
+    assert grown < 200_000, f"{grown:.0f} bytes per session stay behind"

@@ -1,0 +1,69 @@
+"""Internal force by Eqs. (13)-(15), as sampled, and by Eq. (26) in nodal coordinates."""
+
+import numpy as np
+import pytest
+from reference.solutions import CASES, PAPER, Solution
+from reference.terms import arm_terms
+
+from flexlab.physics.internal_force import internal_force_by_eq_26
+from flexlab.sim.build import nodal_damping_matrix
+from flexlab.sim.world import World
+
+TWO_ARMS = [case for case in CASES if len(case.scenario.arms) == 2]
+
+
+@pytest.mark.parametrize("case", [PAPER, *TWO_ARMS[1:]], ids=lambda case: case.name)
+def test_both_routes_agree(case: Solution):
+    """To 1e-9 of the forces they are differences of, at samples spread over half a second.
+
+    Eq. (26) finds ẍ anew from dense matrices in (x, q); its terms M̄_i ẍ, u_i cancel down to the internal force.
+    """
+    world = World(case.scenario)
+    samples = world.run(min(500, int(case.rows[-1])))
+    assert not world.status.failed
+    D, plant = nodal_damping_matrix(world.beam), world.system.plant
+    for k in range(0, len(samples), 23):
+        pose, rate = samples.pose[k], samples.pose_rate[k]
+        terms = arm_terms(plant, pose, rate)
+        force = internal_force_by_eq_26(
+            world.beam.matrices,
+            D,
+            terms.M,
+            terms.C,
+            terms.G,
+            samples.arm_input[k],
+            pose,
+            rate,
+            samples.beam_coordinates[k],
+            samples.beam_rates[k],
+            case.scenario.gravity,
+        )
+        scale = max(np.abs(samples.arm_input[k]).max(), np.abs(terms.M @ samples.pose_acceleration[k]).max())
+        np.testing.assert_allclose(force, samples.internal_force[k], atol=1e-9 * scale)
+
+
+def test_internal_forces_of_two_arms_cancel():
+    """F_1 + F_2 = 0 (Eq. 15)."""
+    samples = World(PAPER.scenario).run(300)
+    total = samples.internal_force.sum(axis=1)
+    assert np.abs(total).max() < 1e-12 * np.abs(samples.arm_input).max()
+
+
+def test_a_single_arm_has_no_internal_force():
+    """One arm has nobody to press against."""
+    single = next(case for case in CASES if len(case.scenario.arms) == 1)
+    samples = World(single.scenario).run(100)
+    assert np.abs(samples.internal_force).max() < 1e-12 * np.abs(samples.arm_input).max()
+
+
+def test_moving_force_is_each_arms_share_of_what_moves_the_payload():
+    """f = Σ(u_i - M̄_iẍ - C̄_iẋ - Ḡ_i), and J_iᵀf_i = F_i + ½f (Eqs. 13, 14)."""
+    world = World(next(case for case in CASES if case.name == "gravity-n2").scenario)
+    samples, plant = world.run(100), world.system.plant
+    for k in range(0, 101, 20):
+        terms = arm_terms(plant, samples.pose[k], samples.pose_rate[k])
+        accelerated = terms.M @ samples.pose_acceleration[k] + terms.C @ samples.pose_rate[k]
+        grip = samples.arm_input[k] - accelerated - terms.G
+        scale = np.abs(samples.arm_input[k]).max()
+        np.testing.assert_allclose(samples.moving_force[k], grip.sum(axis=0) / 2, atol=1e-12 * scale)
+        np.testing.assert_allclose(samples.internal_force[k] + samples.moving_force[k], grip, atol=1e-12 * scale)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,20 +16,20 @@ from pathlib import Path
 import pytest
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
-PATIENCE = 120.0
+PATIENCE = 300.0
 """s: generous, since a machine may be busy and a cache cold; no test passes or fails by speed."""
 
 
 class Lab:
     """A lab in a process of its own."""
 
-    def __init__(self, folder: Path, *words: str):
-        environment = os.environ | {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"}
+    def __init__(self, folder: Path, *words: str, port: int = 0, **environment: str):
+        plain = {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"}
         self.folder = folder
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "flexlab", "--port", "0", "--no-browser", *words],
+            [sys.executable, "-m", "flexlab", "--port", str(port), "--no-browser", *words],
             cwd=folder,
-            env=environment,
+            env=os.environ | plain | environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -84,8 +85,8 @@ class Lab:
 def start_lab(tmp_path: Path) -> Iterator[Callable[..., Lab]]:
     labs: list[Lab] = []
 
-    def start(*words: str) -> Lab:
-        labs.append(Lab(tmp_path, *words))
+    def start(*words: str, **circumstances) -> Lab:
+        labs.append(Lab(tmp_path, *words, **circumstances))
         return labs[-1]
 
     yield start
@@ -148,6 +149,29 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, words: list[str], s
     assert says in done.stderr
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
+
+
+def answer(url: str) -> int | None:
+    """The page's status, None while nobody listens."""
+    try:
+        with urllib.request.urlopen(url) as page:
+            return page.status
+    except urllib.error.HTTPError as error:
+        return error.code
+    except urllib.error.URLError:
+        return None
+
+
+def test_a_cold_start_says_that_it_compiles(start_lab: Callable[..., Lab], tmp_path: Path):
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port = probe.getsockname()[1]
+    lab = start_lab(port=port, NUMBA_CACHE_DIR=str(tmp_path / "cold"))
+    url = f"http://127.0.0.1:{port}"
+    lab.wait(lambda: answer(url) == 503)
+    lab.wait(lambda: "compiling the equations of motion" in "".join(lab.complained))
+    lab.wait(lambda: answer(url) == 200)
+    assert url in lab.url()
+    assert lab.end() == 0
 
 
 def test_live_data_is_offered_with_rerun(start_lab: Callable[..., Lab]):

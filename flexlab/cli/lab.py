@@ -15,6 +15,7 @@ from flexlab.cli.showing import ending, open_browser, wait_for
 if TYPE_CHECKING:
     from flexlab.recording.live import LiveHub
     from flexlab.recording.writer import Recorder
+    from flexlab.scenario import Scenario
 
 
 def command(
@@ -43,7 +44,6 @@ def command(
     from flexlab.presets import find_scenario
 
     name, scenario = find_scenario(preset)
-    from flexlab.cli.warmup import warm_up
     from flexlab.lab.server import _check_free as check_free
     from flexlab.lab.session import Session
     from flexlab.recording.run_files import check_folder
@@ -52,7 +52,7 @@ def command(
     # Before compiling, and before a recorder makes a file for a lab that cannot open.
     check_folder(logs)
     check_free(host, port)
-    warm_up(scenario)
+    shown = _prepare(scenario, host, port, not no_browser)
     with ending() as ended, ExitStack() as closing:
         live = _serve_live(closing) if rerun else None
         recorder = Recorder(logs, live.hub if live else None, on_problem=complain)
@@ -63,13 +63,29 @@ def command(
         closing.callback(_quietly, session.stop)
         _quietly(session.start)
         _welcome(session.url, live, logs)
-        if not no_browser:
+        if not no_browser and not shown:
             open_browser(session.url)
         wait_for(ended)
         last = recorder.path
     output().print()
     if last is not None:
         output().print(f"The last run is in {last}. Look at it with: flexlab review", markup=False, soft_wrap=True)
+
+
+def _prepare(scenario: "Scenario", host: str, port: int, browser: bool) -> bool:
+    """Have the engine compiled, with a page that says so meanwhile; returns whether a browser shows it."""
+    from flexlab.cli.waiting_page import WaitingPage
+    from flexlab.cli.warmup import warm_up
+    from flexlab.compiled import is_warm
+
+    if is_warm() or port == 0:
+        warm_up(scenario)
+        return False
+    with WaitingPage(host, port) as page:
+        if browser:
+            open_browser(page.url)
+        warm_up(scenario)
+    return browser
 
 
 class Live(NamedTuple):

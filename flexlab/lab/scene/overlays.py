@@ -26,6 +26,8 @@ LEAST_FORCE = 1.0
 """The force range never falls below this, N: smaller internal forces need not be magnified."""
 FRAMES_BEFORE_SHRINKING = 75
 """Pictures without a large force before the arrows' scale is magnified (2.5 s)."""
+HIDDEN_BELOW = 0.03
+"""Share of the force range below which the arrows are hidden: their heads alone would say more than there is."""
 SHORTEST_ARROW = 1e-4
 """Arrows keep this length, m, so that their direction stays defined."""
 LABEL_OFFSET = 0.05
@@ -98,14 +100,13 @@ class Overlays:
     def update(self, scenario: Scenario, sample: Samples, view: View) -> None:
         """Move everything to where `sample` (N = 1) has it, showing what `view` asks for."""
         self._update_path(scenario, view)
-        self._ghost.visible, self._forces.visible = view.ghost, view.forces
+        self._ghost.visible = view.ghost
         # By vertices, not by node pose: the browser applies poses a frame ahead of arrays, and the ghost would lead the beam.
         desired = link_points(scenario, sample.desired_pose)[0]
         self._ghost.vertices = tube_vertices(desired, GHOST_RADIUS * self._size, self._height)
         grips = link_points(scenario, sample.pose)[0]
         self._link.points = self._dashes(grips)
-        if view.forces:
-            self._forces.points = self._arrows(grips, sample.internal_force[0, :, :2])
+        self._update_forces(grips, sample.internal_force[0, :, :2], view)
         self._factor.text = f"beam deflection drawn × {view.exaggeration:g}"
 
     def _update_path(self, scenario: Scenario, view: View) -> None:
@@ -120,12 +121,15 @@ class Overlays:
         plane = grips[0] + share * (grips[1] - grips[0])
         return np.column_stack([plane, np.full(2 * DASHES, self._top)]).reshape(DASHES, 2, 3)
 
-    def _arrows(self, grips: np.ndarray, force: np.ndarray) -> np.ndarray:
-        self._force_range.fit(float(np.linalg.norm(force, axis=1).max()))
-        starts = grips[: len(force)]
-        ends = starts + arrow_vectors(force, LONGEST_ARROW / self._force_range.limit)
-        height = np.full((len(starts), 2, 1), self._top + 0.02 * self._size)
-        return np.concatenate([np.stack([starts, ends], axis=1), height], axis=2)
+    def _update_forces(self, grips: np.ndarray, force: np.ndarray, view: View) -> None:
+        largest = float(np.linalg.norm(force, axis=1).max())
+        self._force_range.fit(largest)
+        self._forces.visible = view.forces and largest > HIDDEN_BELOW * self._force_range.limit
+        if self._forces.visible:
+            starts = grips[: len(force)]
+            ends = starts + arrow_vectors(force, LONGEST_ARROW / self._force_range.limit)
+            height = np.full((len(starts), 2, 1), self._top + 0.02 * self._size)
+            self._forces.points = np.concatenate([np.stack([starts, ends], axis=1), height], axis=2).astype(np.float32)
 
     def remove(self) -> None:
         """Take the overlays out of the scene."""

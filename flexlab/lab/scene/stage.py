@@ -10,6 +10,8 @@ CELL, SECTION = 0.1, 0.5
 """Grid spacing, m."""
 SKY_INTENSITY = 0.9
 """Light from all sides, relative to three.js' unit: fills in the sides that the lamp above leaves dark."""
+ELBOW_SHARE = 0.8
+"""How far an elbow swings out beside its base, in lengths of the first link: the paper's motion with a little room."""
 MARGIN = 0.25
 """Floor around the arms' reach, m."""
 
@@ -20,8 +22,8 @@ def floor_extent(scenario: Scenario) -> tuple[float, float, float, float]:
     center, swing = np.array(scenario.trajectory.center[:2]), np.abs(scenario.trajectory.amplitude[:2])
     half = 0.5 * scenario.payload.length
     elbow = max(arm.link_length[0] for arm in scenario.arms)
-    low = np.minimum(bases.min(axis=0) - [0.6 * elbow, MARGIN], center - swing - half - MARGIN)
-    high = np.maximum(bases.max(axis=0) + [0.6 * elbow, MARGIN], center + swing + half)
+    low = np.minimum(bases.min(axis=0) - [ELBOW_SHARE * elbow, MARGIN], center - swing - half - MARGIN)
+    high = np.maximum(bases.max(axis=0) + [ELBOW_SHARE * elbow, MARGIN], center + swing + half)
     low, high = np.floor(low / CELL) * CELL, np.ceil(high / CELL) * CELL
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 

@@ -14,6 +14,7 @@ LAYERS = {
     "quantities": 0,
     "scenario": 1,
     "presets": 1,
+    "guide": 1,
     "physics": 2,
     "control": 3,
     "sim": 4,
@@ -21,13 +22,14 @@ LAYERS = {
     "lab": 5,
     "studies": 5,
     "": 6,  # flexlab/__init__.py, the Python interface
-    "cli": 7,
-    "__main__": 8,
+    "door": 7,
+    "cli": 8,
+    "__main__": 9,
 }
 CLOSED_ROOMS = {"recording", "lab"}
 """Neighbours that may not lean on each other: a screen works without a recorder and the other way round."""
 
-HOMES = {"viser": {"lab"}, "rerun": {"recording"}, "tyro": {"cli"}}
+HOMES = {"viser": {"lab"}, "rerun": {"recording"}, "aiohttp": {"door"}, "tyro": {"cli"}}
 """The only rooms that import an outside library which shapes everything it touches."""
 
 FREE_OF_CONFIGURATION = {"physics"}

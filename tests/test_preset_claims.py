@@ -37,11 +37,16 @@ def says(name: str, pattern: str) -> float:
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_every_preset_runs_to_its_end_and_tracks_within_a_millimetre(name: str):
+def test_every_preset_runs_to_its_end_with_a_beam_that_bends_little(name: str):
     result = run(name)
     assert result.status == "finished", result.status.text
-    assert peak(result, result.tracking_error, 1, 3)[:2].max() < 1e-3
     assert peak(result, result.midspan_deflection, 0, 3) < 0.05 * load_preset(name).payload.length
+
+
+@pytest.mark.parametrize("name", [name for name in preset_names() if "a millimetre" in load_preset(name).watch])
+def test_less_than_a_millimetre_is_meant(name: str):
+    result = run(name)
+    assert peak(result, result.tracking_error, 1, 3)[:2].max() < 1e-3
 
 
 def test_paper_rings_then_follows():

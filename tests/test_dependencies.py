@@ -1,0 +1,86 @@
+"""What the code imports is what pyproject asks for, and constraints.txt pins all of it."""
+
+import ast
+import re
+import sys
+import tomllib
+from importlib.metadata import packages_distributions, requires
+from pathlib import Path
+
+import pytest
+
+IMPORTED_BY_OTHERS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk"}
+"""Modules whose distribution does not list them by name."""
+
+TOOLS = {"hatchling", "pyright", "ruff", "pytest"}
+"""In the extra `test` to be run, not imported."""
+
+
+def normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def requirement_name(line: str) -> str:
+    found = re.match(r"[\w.-]+", line)
+    assert found
+    return normal(found[0])
+
+
+@pytest.fixture(scope="module")
+def project(root: Path) -> dict:
+    return tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+@pytest.fixture(scope="module")
+def pins(root: Path) -> dict[str, str]:
+    lines = (root / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    return {normal(name): version for name, version in (line.split("==") for line in lines if not line.startswith("#"))}
+
+
+def imported(folder: Path) -> set[str]:
+    """Distributions of the outside modules that the files of a folder import, as pyproject names them."""
+    modules = set()
+    for file in folder.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                modules |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                modules.add(node.module.split(".")[0])
+    own = {path.stem for path in folder.rglob("*")} | {"flexlab"}
+    homes = packages_distributions()
+    outside = modules - own - set(sys.stdlib_module_names)
+    return {normal(IMPORTED_BY_OTHERS.get(module) or homes[module][0]) for module in outside}
+
+
+def test_the_package_asks_for_what_it_imports_and_no_more(root: Path, project: dict):
+    asked = {requirement_name(line) for line in project["dependencies"]}
+    peers = {requirement_name(line) for line in project["optional-dependencies"]["peers"]}
+    # viser and pydantic bring these along as part of their own interface.
+    found = imported(root / "flexlab") - peers - {"pydantic-core"}
+    assert found == asked
+
+
+def test_the_tests_ask_for_what_they_import(root: Path, project: dict):
+    asked = {requirement_name(line) for line in project["dependencies"] + project["optional-dependencies"]["test"]}
+    assert imported(root / "tests") - {"pydantic-core"} <= asked
+    assert TOOLS <= asked
+
+
+def test_everything_that_gets_installed_is_pinned(project: dict, pins: dict[str, str]):
+    wanted = [requirement_name(line) for line in project["dependencies"] + project["optional-dependencies"]["test"]]
+    seen = set()
+    while wanted:
+        name = wanted.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        assert name in pins, f"{name} is not in constraints.txt"
+        for line in requires(name) or []:
+            # Extras and other platforms are left out: this machine has neither.
+            if ";" not in line:
+                wanted.append(requirement_name(line))
+
+
+def test_pins_are_plain(root: Path):
+    for line in (root / "constraints.txt").read_text(encoding="utf-8").splitlines():
+        assert line.startswith("#") or re.fullmatch(r"[\w.-]+==[\w.+!-]+", line), line

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-IMPORTED_BY_OTHERS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk"}
+IMPORTED_BY_OTHERS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk", "pinocchio": "pin"}
 """Modules whose distribution does not list them by name."""
 
 TOOLS = {"hatchling", "pyright", "ruff", "pytest"}

@@ -118,3 +118,34 @@ def test_single_arm_rings_at_the_free_end():
     assert frequency(single, tip, 8) == pytest.approx(says("single-arm", r"mm at (\d+) Hz"), rel=0.05)
     assert 1e3 * peak(single, tip, 1, 3) == pytest.approx(says("single-arm", r"motion by (\S+) mm"), abs=0.05)
     assert np.abs(single.internal_force).max() < 1e-9
+
+
+def test_vibration_damping_calms_the_beam_sooner():
+    def calm(name: str) -> float:
+        vibration = np.abs(run(name).vibration)
+        return float(run(name).time[np.flatnonzero(vibration > 0.01 * vibration.max())[-1] + 1])
+
+    assert calm("vibration-damping") <= says("vibration-damping", r"within (\S+) s")
+    assert calm("paper") == pytest.approx(says("vibration-damping", r"instead of (\S+) s"), abs=0.01)
+    damped = run("vibration-damping")
+    bending = 1e3 * peak(damped, damped.midspan_deflection, 1, 3)
+    assert bending == pytest.approx(says("vibration-damping", r"bending of (\S+) mm"), abs=0.005)
+
+
+def test_fast_adaptation_with_a_thin_boundary_layer_jumps():
+    def largest_jump(boundary_layer: float) -> float:
+        scenario = load_preset("fast-adaptation").replace({"controller.boundary_layer": boundary_layer})
+        result = simulate(scenario, duration=3.0, sample_period=0.001)
+        return float(np.abs(np.diff(result.joint_torque[result.time >= 1], axis=0)).max())
+
+    assert np.all(run("fast-adaptation").bound_estimates[-1] > 50 * run("paper").bound_estimates[-1])
+    assert largest_jump(0.1) < 2
+    assert largest_jump(0.001) == pytest.approx(says("fast-adaptation", r"up to (\d+) N·m"), rel=0.1)
+
+
+def test_weak_feedback_strays_and_adaptation_helps():
+    weak = run("weak-feedback")
+    strays = peak(weak, weak.tracking_error, 1, 3)[1]
+    assert 1e3 * strays == pytest.approx(says("weak-feedback", r"by (\d+) mm"), rel=0.1)
+    adapting = simulate(load_preset("weak-feedback").replace({"controller.adaptation": [0.1] * 3}), duration=20.0)
+    assert peak(adapting, adapting.tracking_error, 15, 20)[1] < 0.5 * strays

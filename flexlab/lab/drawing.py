@@ -6,6 +6,7 @@ import time
 
 import viser
 
+from flexlab.lab.cameras import Cameras
 from flexlab.lab.desk import Desk
 from flexlab.lab.panel import Panel
 from flexlab.lab.plots import Plots
@@ -23,9 +24,18 @@ log = logging.getLogger(__name__)
 class Drawing:
     """Owns the thread. It only reads the runner; while nobody looks it does nothing."""
 
-    def __init__(self, server: viser.ViserServer, runner: Runner, desk: Desk, scene: Scene, panel: Panel, plots: Plots):
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        runner: Runner,
+        desk: Desk,
+        scene: Scene,
+        cameras: Cameras,
+        panel: Panel,
+        plots: Plots,
+    ):
         self._server, self._runner, self._desk = server, runner, desk
-        self._scene, self._panel, self._plots = scene, panel, plots
+        self._scene, self._cameras, self._panel, self._plots = scene, cameras, panel, plots
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="flexlab-drawing", daemon=True)
 
@@ -57,6 +67,7 @@ class Drawing:
     def _draw(self, readouts: bool) -> None:
         snapshot, view = self._runner.snapshot, self._desk.view
         self._scene.update(snapshot, view)
+        self._cameras.follow(snapshot)
         if readouts:
-            self._panel.update(snapshot, self._scene.force_per_meter)
+            self._panel.update(snapshot, self._scene.legend(view))
             self._plots.update(self._runner, snapshot, view.plot_window)

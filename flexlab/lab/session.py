@@ -5,22 +5,22 @@ from collections.abc import Callable, Sequence
 import viser
 
 from flexlab.errors import LabError
-from flexlab.lab.aim import keep_aimed
+from flexlab.lab.cameras import Cameras
 from flexlab.lab.desk import Desk
 from flexlab.lab.drawing import Drawing
 from flexlab.lab.gate import guard_inputs
 from flexlab.lab.panel import Panel
 from flexlab.lab.plots import Plots
 from flexlab.lab.scene import Scene
-from flexlab.lab.scene.camera import FIELD_OF_VIEW, overview
+from flexlab.lab.scene.camera import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.server import open_server
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Consumer, Runner
 
 PANEL_WIDTH, PLOTS_WIDTH = 330, 350
 """px: enough for the longest label with its unit, and for a plot's legend on one line."""
-FIRST_ASPECT = 1.0
-"""Width over height of the picture on an ordinary screen beside both panels, until a browser tells its own."""
+FIRST_WINDOW = Window(1.0)
+"""The picture on an ordinary screen beside both panels, until a browser tells its own."""
 
 
 class Session:
@@ -105,7 +105,8 @@ class Session:
         """Fill the server's page."""
         desk = self._desk = Desk(self.runner)
         scene = Scene(server, self._scenario, self._shadows)
-        panel = Panel(server.gui, desk, self._recording)
+        cameras = Cameras(server, self.runner)
+        panel = Panel(server.gui, desk, cameras.choose, self._recording)
         guard_inputs(server, desk)
         board = server.gui.add_panel()
         with board.add_tab("Plots", viser.Icon.CHART_LINE):
@@ -114,12 +115,8 @@ class Session:
         server.gui.main_panel.set_width(PANEL_WIDTH)
         board.dock_left()
         board.set_width(PLOTS_WIDTH)
-        shot = overview(self._scenario, FIRST_ASPECT)
+        shot = overview(self._scenario, FIRST_WINDOW)
         server.initial_camera.fov = FIELD_OF_VIEW
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position
-        server.on_client_connect(self._aim)
-        return Drawing(server, self.runner, desk, scene, panel, plots)
-
-    async def _aim(self, client: viser.ClientHandle) -> None:
-        keep_aimed(client, lambda *window: overview(self.runner.snapshot.scenario, *window))
+        return Drawing(server, self.runner, desk, scene, cameras, panel, plots)

@@ -20,10 +20,36 @@ class View:
     """Settings of the screen. `exaggeration`: factor on the drawn deflection; `plot_window`: s."""
 
     exaggeration: float = 50.0
+    strain: bool = False
     forces: bool = True
+    moving_force: bool = False
+    moments: bool = False
     ghost: bool = True
     path: bool = True
+    trail: bool = False
+    reach: bool = False
     plot_window: float = 5.0
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What the picture is drawn to. `scales`: (what, how much); `strain`: µm/m at the ends of the colours, 0 without."""
+
+    scales: tuple[tuple[str, str], ...] = ()
+    strain: float = 0.0
+
+
+SWITCHES = {
+    "strain": "Strain colours",
+    "forces": "Internal force",
+    "moments": "Internal moment",
+    "moving_force": "Moving force",
+    "ghost": "Desired pose",
+    "path": "Desired path",
+    "trail": "Trail of the payload",
+    "reach": "Reach and singular poses",
+}
+"""Settings that are on or off, and their names on the screen."""
 
 
 def fitting_exaggeration(scenario: Scenario) -> float:

@@ -5,7 +5,7 @@ import pytest
 
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.text import escaped, factor, number
-from flexlab.lab.scene.camera import FIELD_OF_VIEW, overview
+from flexlab.lab.scene.camera import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.stage import floor_extent
 from flexlab.lab.view import fitting_exaggeration
 from flexlab.presets import load_preset, preset_names
@@ -23,7 +23,7 @@ def test_exaggeration_suits_the_beam() -> None:
 @pytest.mark.parametrize("aspect", [0.46, 1.0, 2.2])
 def test_the_whole_floor_is_in_the_picture(name: str, aspect: float) -> None:
     scenario = load_preset(name)
-    position, look_at = overview(scenario, aspect)
+    position, look_at = overview(scenario, Window(aspect))
     forward = (look_at - position) / np.linalg.norm(look_at - position)
     right = np.cross(forward, [0, 0, 1])
     right /= np.linalg.norm(right)

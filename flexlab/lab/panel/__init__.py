@@ -11,14 +11,15 @@ from flexlab.lab.panel.readouts import events_html, notices_html, status_html
 from flexlab.lab.panel.sections import SECTIONS, Section, three_valued
 from flexlab.lab.panel.style import style_element
 from flexlab.lab.panel.text import escaped
-from flexlab.lab.panel.viewing import Viewing
+from flexlab.lab.panel.viewing import Look, Viewing
+from flexlab.lab.view import Legend
 from flexlab.sim.snapshot import Event, Snapshot
 
 
 class Panel:
     """The main panel of one server. `update` may be called from one thread only."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk, recording: Callable[[], str]):
+    def __init__(self, gui: viser.GuiApi, desk: Desk, look: Look, recording: Callable[[], str]):
         self._desk, self._recording = desk, recording
         self._run_number = -1
         self._last_event: Event | None = None
@@ -32,19 +33,16 @@ class Panel:
             self._note = gui.add_html("", visible=False)
             self._sections = [Section(gui, desk, title, path) for title, path in SECTIONS]
         with tabs.add_tab("View"):
-            self._viewing = Viewing(gui, desk)
+            self._viewing = Viewing(gui, desk, look)
         with tabs.add_tab("Events"):
             self._events = gui.add_html("")
 
-    def update(self, snapshot: Snapshot, force_per_meter: float) -> None:
-        """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them.
-
-        `force_per_meter`: N that one metre of a force arrow stands for.
-        """
+    def update(self, snapshot: Snapshot, legend: Legend) -> None:
+        """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them."""
         desk = self._desk
         desk.settle(snapshot)
         self._announce(snapshot)
-        self._status.content = status_html(snapshot, desk.view, force_per_meter, self._recording())
+        self._status.content = status_html(snapshot, desk.view, legend, self._recording())
         self._notices.content = notices_html(snapshot, desk.notice)
         self._events.content = events_html(snapshot)
         self._drive.update(snapshot)

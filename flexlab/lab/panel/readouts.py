@@ -3,7 +3,7 @@
 from flexlab.lab import colors
 from flexlab.lab.desk import Notice
 from flexlab.lab.panel.text import escaped, factor
-from flexlab.lab.view import View
+from flexlab.lab.view import Legend, View
 from flexlab.sim.snapshot import Snapshot
 
 LARGE_DEFLECTION = 0.05
@@ -13,8 +13,8 @@ CLEARLY_SLOWER = 0.95
 SHOWN_EVENTS = 40
 
 
-def status_html(snapshot: Snapshot, view: View, force_per_meter: float, recording: str) -> str:
-    """The head of the panel. `force_per_meter`: N per m of arrow; `recording`: where the run is recorded, or empty."""
+def status_html(snapshot: Snapshot, view: View, legend: Legend, recording: str) -> str:
+    """The head of the panel; `recording`: where the run is recorded, or empty."""
     sample = snapshot.latest
     tone, word = _status(snapshot)
     bending = 1e3 * float(sample.midspan_deflection[0])
@@ -25,8 +25,10 @@ def status_html(snapshot: Snapshot, view: View, force_per_meter: float, recordin
         ("first beam frequency f<sub>1</sub>", f"{snapshot.first_frequency:.2f} Hz"),
         ("mid-span deflection", f"{bending:+.3f} mm".replace("-", "−")),
         ("drawn deflection", f"{view.exaggeration:g} × true size"),
-        ("force arrows, 10 cm =", f"{0.1 * force_per_meter:g} N" if view.forces else "off"),
+        *legend.scales,
     ]
+    if legend.strain:
+        rows.append(("strain, 1 mm off the axis", _strain_legend(legend.strain)))
     if snapshot.dropped_samples:
         rows.append(("samples not recorded", f'<span class="fl-bad">{snapshot.dropped_samples}</span>'))
     if recording:
@@ -34,6 +36,13 @@ def status_html(snapshot: Snapshot, view: View, force_per_meter: float, recordin
     grid = "".join(f"<span>{name}</span><span>{value}</span>" for name, value in rows)
     dot = f'<span class="fl-dot" style="background:{tone}"></span>'
     return f'<div class="fl"><div class="fl-title">{dot}{word}</div><div class="fl-grid">{grid}</div></div>'
+
+
+def _strain_legend(limit: float) -> str:
+    """A strip of the strain colours with its ends in µm/m."""
+    ends = f"{colors.css(colors.BLUE)}, #e1e1e1, {colors.css(colors.VERMILION)}"
+    strip = f'<span class="fl-strip" style="background: linear-gradient(90deg, {ends})"></span>'
+    return f"−{limit:g} {strip} +{limit:g} µm/m"
 
 
 def notices_html(snapshot: Snapshot, notice: Notice) -> str:

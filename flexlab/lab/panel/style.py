@@ -35,6 +35,7 @@ button[data-block] { width: auto; padding-inline: 0.8em; }
 .fl-grid > :nth-child(odd) { color: var(--mantine-color-dimmed); }
 .fl-grid > :nth-child(even) { text-align: right; }
 .fl-dot { display: inline-block; width: 0.65em; height: 0.65em; border-radius: 50%; margin-right: 0.45em; }
+.fl-strip { display: inline-block; width: 4.5em; height: 0.7em; border-radius: 2px; vertical-align: middle; }
 .fl-bad { color: var(--mantine-color-red-text, #e03131); }
 .fl-float { position: fixed; bottom: 16px; left: 50%; transform: translateX(-50%); z-index: 300; pointer-events: none;
   width: min(36em, 92vw); padding: 0; }

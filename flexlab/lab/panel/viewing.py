@@ -1,19 +1,28 @@
 """What is drawn and how large: exaggeration, overlays, plot window. Settings of the screen, not of the simulation."""
 
 from collections.abc import Callable
+from typing import Any
 
 import viser
 
 from flexlab.errors import LabError
 from flexlab.lab.desk import Desk, handler
 from flexlab.lab.panel.number_control import NumberControl, Scale
-from flexlab.lab.view import EXAGGERATION, PLOT_WINDOWS
+from flexlab.lab.scene.camera import VIEWS
+from flexlab.lab.view import EXAGGERATION, PLOT_WINDOWS, SWITCHES
+
+Look = Callable[[viser.ClientHandle, str], None]
+"""Show a named camera view in one browser."""
+
+
+def _looker(look: Look, view: str) -> Callable[[Any], None]:
+    return lambda event: look(event.client, view)
 
 
 class Viewing:
     """Controls of the view, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk):
+    def __init__(self, gui: viser.GuiApi, desk: Desk, look: Look):
         self._desk = desk
         view = desk.view
         hint = f"Drawing only, {EXAGGERATION.range_text()}; plots stay in true mm."
@@ -23,11 +32,11 @@ class Viewing:
         self._windows = {f"{window:g} s": window for window in PLOT_WINDOWS}
         self._window = gui.add_dropdown("Plot window", tuple(self._windows), initial_value=f"{view.plot_window:g} s")
         self._window.on_update(handler(desk, lambda _: desk.set_view(plot_window=self._windows[self._window.value])))
-        for label, setting in (
-            ("Internal force arrows", "forces"),
-            ("Desired pose", "ghost"),
-            ("Desired path", "path"),
-        ):
+        for view in VIEWS:
+            gui.add_button(view, color="gray", hint="Camera view, in this browser").on_click(
+                handler(desk, _looker(look, view))
+            )
+        for setting, label in SWITCHES.items():
             self._switch(gui, label, setting)
 
     def settle(self) -> None:

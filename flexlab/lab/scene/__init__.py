@@ -1,12 +1,15 @@
-"""The picture: arms, beam, floor and overlays in viser's 3D scene, redrawn from snapshots."""
+"""The picture: arms, beam, floor, forces and overlays in viser's 3D scene, redrawn from snapshots."""
 
 import viser
 
 from flexlab.lab.scene.arms import Arms
 from flexlab.lab.scene.beam import Beam
+from flexlab.lab.scene.forces import Forces
 from flexlab.lab.scene.overlays import Overlays
+from flexlab.lab.scene.reach import Reach
 from flexlab.lab.scene.stage import Stage, set_light
-from flexlab.lab.view import View
+from flexlab.lab.scene.strain import StrainBeam
+from flexlab.lab.view import Legend, View
 from flexlab.scenario import Scenario
 from flexlab.sim.snapshot import Snapshot
 
@@ -18,7 +21,8 @@ class Scene:
         self._server = server
         set_light(server.scene, shadows)
         self._built_for: object = None
-        self._parts: list[Arms | Beam | Overlays | Stage] = []
+        self._run_number = -1
+        self._parts: list[Stage | Reach | Arms | Beam | StrainBeam | Overlays | Forces] = []
         self._build(scenario)
 
     def update(self, snapshot: Snapshot, view: View) -> None:
@@ -26,24 +30,39 @@ class Scene:
         scenario, sample = snapshot.scenario, snapshot.display
         if _structure(scenario) != self._built_for:
             self._build(scenario)
+        if snapshot.run_number != self._run_number:
+            self._run_number = snapshot.run_number
+            self._overlays.forget_trail()
         with self._server.atomic():
             self._arms.update(scenario, sample)
-            self._beam.update(scenario, sample, view.exaggeration)
+            self._beam.update(scenario, sample, view)
+            self._strain.update(scenario, sample, view)
             self._overlays.update(scenario, sample, view)
+            self._forces.update(scenario, sample, view)
+            self._reach.update(scenario, sample, view.reach)
         self._server.flush()
 
-    @property
-    def force_per_meter(self) -> float:
-        """N that one metre of a force arrow now stands for."""
-        return self._overlays.force_per_meter
+    def legend(self, view: View) -> Legend:
+        """What the picture is now drawn to."""
+        return Legend(tuple(self._forces.scales(view)), self._strain.limit if view.strain else 0.0)
 
     def _build(self, scenario: Scenario) -> None:
         scene = self._server.scene
         for part in self._parts:
             part.remove()
-        self._stage, self._arms = Stage(scene, scenario), Arms(scene, scenario)
-        self._beam, self._overlays = Beam(scene, scenario), Overlays(scene, scenario)
-        self._parts = [self._stage, self._arms, self._beam, self._overlays]
+        self._stage, self._reach = Stage(scene, scenario), Reach(scene, scenario)
+        self._arms, self._overlays = Arms(scene, scenario), Overlays(scene, scenario)
+        self._beam, self._strain = Beam(scene, scenario), StrainBeam(scene, scenario)
+        self._forces = Forces(scene, scenario)
+        self._parts = [
+            self._stage,
+            self._reach,
+            self._arms,
+            self._overlays,
+            self._beam,
+            self._strain,
+            self._forces,
+        ]
         self._built_for = _structure(scenario)
 
 

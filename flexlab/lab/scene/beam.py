@@ -6,6 +6,7 @@ import viser
 from flexlab.lab import colors
 from flexlab.lab.scene import models
 from flexlab.lab.scene.arms import scene_size
+from flexlab.lab.view import View
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.shape import beam_points
@@ -57,9 +58,11 @@ class Beam:
     def _around(self, line: np.ndarray) -> np.ndarray:
         return tube_vertices(line, TUBE_RADIUS * self._size, models.BEAM_HEIGHT * self._size)
 
-    def update(self, scenario: Scenario, sample: Samples, exaggeration: float) -> None:
-        """Bend the tube as `sample` (N = 1) has it, deflection times `exaggeration`."""
-        self._tube.vertices = self._around(beam_points(scenario, sample, STATIONS, exaggeration)[0])
+    def update(self, scenario: Scenario, sample: Samples, view: View) -> None:
+        """Bend the tube as `sample` (N = 1) has it, exaggerated as `view` asks; hidden while strain is coloured."""
+        self._tube.visible = not view.strain
+        if not view.strain:
+            self._tube.vertices = self._around(beam_points(scenario, sample, STATIONS, view.exaggeration)[0])
 
     def remove(self) -> None:
         """Take the beam out of the scene."""

@@ -1,4 +1,4 @@
-"""Where the camera stands so that the whole machine is in the picture, whatever the window's shape."""
+"""Named places for the camera, so that the machine is in the picture whatever the window's shape."""
 
 from typing import NamedTuple
 
@@ -6,15 +6,31 @@ import numpy as np
 
 from flexlab.lab.scene.stage import floor_extent
 from flexlab.scenario import Scenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.shape import link_points
 
 FIELD_OF_VIEW = np.radians(28.0)
 """Vertical, rad: narrow, so that the plane of motion is hardly distorted."""
 TILT = np.radians(24.0)
-"""Angle between the line of sight and the vertical, rad."""
+"""Angle between the line of sight and the vertical in the overview, rad."""
+PLAN_TILT = np.radians(0.5)
+"""Of the plan view, rad: straight down leaves it open which side is up."""
+FRONT_TILT = np.radians(62.0)
 ROOM_HIGH, ROOM_WIDE = 1.1, 1.25
 """Distance relative to the one at which the floor's middle fills the window: room for its nearer edge and the labels."""
 TELEPHONE_SHIFT = 0.22
 """On a telephone a sheet covers the lower half: there the machine stands higher by this share of the height."""
+CLOSE_UP = 2.6
+"""Distance of the close views, in payload lengths."""
+
+VIEWS = ("Overview", "Plan", "Front", "Left grip", "Follow")
+
+
+class Window(NamedTuple):
+    """The shape of a browser's picture: width over height, and whether it is a telephone's."""
+
+    aspect: float
+    telephone: bool = False
 
 
 class Shot(NamedTuple):
@@ -24,14 +40,32 @@ class Shot(NamedTuple):
     look_at: np.ndarray
 
 
-def overview(scenario: Scenario, aspect: float, telephone: bool = False) -> Shot:
-    """The view of the whole floor from above, for a window `aspect` times as wide as high."""
+def shot(view: str, scenario: Scenario, sample: Samples, window: Window) -> Shot:
+    """Where the camera stands for one of `VIEWS`; the close views depend on `sample` (N = 1)."""
+    if view == "Left grip":
+        return _near(link_points(scenario, sample.pose)[0, 0], scenario, window, 0.5)
+    if view == "Follow":
+        return _near(sample.pose[0, :2], scenario, window, 1.0)
+    return overview(scenario, window, {"Plan": PLAN_TILT, "Front": FRONT_TILT}.get(view, TILT))
+
+
+def overview(scenario: Scenario, window: Window, tilt: float = TILT) -> Shot:
+    """The view of the whole floor, `tilt` rad from straight above."""
     x_min, x_max, y_min, y_max = floor_extent(scenario)
     center = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2, 0.0])
     half_angle = np.tan(FIELD_OF_VIEW / 2)
     needed_high = 0.5 * (y_max - y_min) / half_angle
-    needed_wide = 0.5 * (x_max - x_min) / (half_angle * max(aspect, 0.1))
+    needed_wide = 0.5 * (x_max - x_min) / (half_angle * max(window.aspect, 0.1))
     distance = max(ROOM_HIGH * needed_high, ROOM_WIDE * needed_wide)
-    if telephone:
+    if window.telephone:
         center[1] -= TELEPHONE_SHIFT * 2 * half_angle * distance
-    return Shot(center + distance * np.array([0.0, -np.sin(TILT), np.cos(TILT)]), center)
+    return _from(center, distance, tilt)
+
+
+def _near(place: np.ndarray, scenario: Scenario, window: Window, size: float) -> Shot:
+    distance = size * CLOSE_UP * scenario.payload.length / min(max(window.aspect, 0.1), 1.0)
+    return _from(np.array([*place, 0.15]), distance, TILT)
+
+
+def _from(center: np.ndarray, distance: float, tilt: float) -> Shot:
+    return Shot(center + distance * np.array([0.0, -np.sin(tilt), np.cos(tilt)]), center)

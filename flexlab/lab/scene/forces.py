@@ -1,0 +1,135 @@
+"""Forces and moments at the grips: straight arrows and bent ones, each kind with a scale of its own that adapts in steps."""
+
+import numpy as np
+import viser
+
+from flexlab.lab import colors
+from flexlab.lab.ranges import Range
+from flexlab.lab.scene import models
+from flexlab.lab.scene.arms import scene_size
+from flexlab.lab.view import View
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.shape import link_points
+
+LONGEST_ARROW = 0.4
+"""Length of an arrow at the limit of the present force range, m."""
+WIDEST_ARC = np.pi
+"""Angle of a bent arrow at the limit of the present moment range, rad."""
+ARC_RADIUS = 0.09
+"""Of the bent arrows, for the paper's arms, m."""
+ARC_PIECES = 16
+LEAST_FORCE, LEAST_MOMENT = 1.0, 0.5
+"""The ranges never fall below these, N and N·m: less need not be magnified."""
+FRAMES_BEFORE_SHRINKING = 75
+"""Pictures without a large force before a scale is magnified (2.5 s)."""
+HIDDEN_BELOW = 0.03
+"""Share of the range below which arrows are hidden: their heads alone would say more than there is."""
+
+
+class StraightArrows:
+    """Arrows for one force per grip."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: colors.Color, count: int, size: float, height: float):
+        self._height = height
+        self._range = Range(LEAST_FORCE, FRAMES_BEFORE_SHRINKING)
+        self._handle = scene.add_arrows(
+            name,
+            np.tile([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], (count, 1, 1)),
+            np.tile(np.array(color, np.uint8), (count, 1)),
+            shaft_radius=0.006 * size,
+            head_radius=0.016 * size,
+            head_length=0.04 * size,
+            visible=False,
+        )
+
+    @property
+    def per_meter(self) -> float:
+        """N that one metre of arrow stands for."""
+        return self._range.limit / LONGEST_ARROW
+
+    def update(self, starts: np.ndarray, force: np.ndarray, shown: bool) -> None:
+        """Draw `force` (arms, 2) N at `starts` (arms, 2) m."""
+        largest = float(np.linalg.norm(force, axis=1).max())
+        self._range.fit(largest)
+        self._handle.visible = shown and largest > HIDDEN_BELOW * self._range.limit
+        if self._handle.visible:
+            plane = np.stack([starts, starts + force / self.per_meter], axis=1)
+            height = np.full((len(starts), 2, 1), self._height)
+            self._handle.points = np.concatenate([plane, height], axis=2).astype(np.float32)
+
+
+class BentArrows:
+    """Arcs with heads for one moment per grip."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: colors.Color, count: int, size: float, height: float):
+        self._height, self._radius = height, ARC_RADIUS * size
+        self._range = Range(LEAST_MOMENT, FRAMES_BEFORE_SHRINKING)
+        self._handle = scene.add_line_segments(
+            name,
+            np.zeros((count * (ARC_PIECES + 2), 2, 3)),
+            color,
+            thickness=3.5,
+            thickness_units="screen",
+            visible=False,
+        )
+
+    @property
+    def per_quarter_turn(self) -> float:
+        """N·m that a quarter of a turn stands for."""
+        return self._range.limit * (np.pi / 2) / WIDEST_ARC
+
+    def update(self, centers: np.ndarray, moment: np.ndarray, shown: bool) -> None:
+        """Draw `moment` (arms,) N·m around `centers` (arms, 2) m."""
+        largest = float(np.abs(moment).max())
+        self._range.fit(largest)
+        self._handle.visible = shown and largest > HIDDEN_BELOW * self._range.limit
+        if self._handle.visible:
+            arcs = [self._arc(c, m / self._range.limit * WIDEST_ARC) for c, m in zip(centers, moment, strict=True)]
+            plane = np.concatenate(arcs)
+            height = np.full((*plane.shape[:2], 1), self._height)
+            self._handle.points = np.concatenate([plane, height], axis=2).astype(np.float32)
+
+    def _arc(self, center: np.ndarray, turn: float) -> np.ndarray:
+        """Line segments (ARC_PIECES + 2, 2, 2): the arc from the top of the circle, and two strokes of its head."""
+        angle = np.pi / 2 + np.linspace(0, turn, ARC_PIECES + 1)
+        line = center + self._radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        back = angle[-1] - np.sign(turn) * min(0.35, abs(turn))
+        strokes = [center + factor * self._radius * np.array([np.cos(back), np.sin(back)]) for factor in (0.8, 1.2)]
+        head = np.array([[line[-1], stroke] for stroke in strokes])
+        return np.concatenate([np.stack([line[:-1], line[1:]], axis=1), head])
+
+
+class Forces:
+    """Internal and moving force and internal moment of every grip."""
+
+    def __init__(self, scene: viser.SceneApi, scenario: Scenario):
+        count, size = len(scenario.arms), scene_size(scenario)
+        height = (models.BEAM_HEIGHT + 0.05) * size
+        self._root = scene.add_frame("/forces", show_axes=False)
+        self._internal = StraightArrows(scene, "/forces/internal", colors.INTERNAL_FORCE, count, size, height)
+        self._moving = StraightArrows(scene, "/forces/moving", colors.MOVING_FORCE, count, size, height + 0.01 * size)
+        self._moment = BentArrows(scene, "/forces/moment", colors.INTERNAL_FORCE, count, size, height)
+
+    def update(self, scenario: Scenario, sample: Samples, view: View) -> None:
+        """Draw the forces of `sample` (N = 1) that `view` asks for."""
+        grips = link_points(scenario, sample.pose)[0][: len(scenario.arms)]
+        moving = np.repeat(sample.moving_force[:, :2], len(grips), axis=0)
+        self._internal.update(grips, sample.internal_force[0, :, :2], view.forces)
+        self._moving.update(grips, moving, view.moving_force)
+        self._moment.update(grips, sample.internal_force[0, :, 2], view.moments)
+
+    def scales(self, view: View) -> list[tuple[str, str]]:
+        """(what, how much) for every kind of arrow that is shown."""
+        rows = []
+        if view.forces:
+            rows.append(("internal force, 10 cm =", f"{0.1 * self._internal.per_meter:g} N"))
+        if view.moving_force:
+            rows.append(("moving force, 10 cm =", f"{0.1 * self._moving.per_meter:g} N"))
+        if view.moments:
+            rows.append(("internal moment, ¼ turn =", f"{self._moment.per_quarter_turn:g} N·m"))
+        return rows
+
+    def remove(self) -> None:
+        """Take the forces out of the scene."""
+        self._root.remove()

@@ -1,0 +1,98 @@
+"""The beam coloured by its bending strain: short pieces in place of the tube, one batch."""
+
+import numpy as np
+import viser
+
+from flexlab.lab import colors
+from flexlab.lab.ranges import Range
+from flexlab.lab.scene import models
+from flexlab.lab.scene.arms import scene_size, turn_about_z
+from flexlab.lab.scene.beam import TUBE_RADIUS
+from flexlab.lab.scene.solids import bar
+from flexlab.lab.view import View
+from flexlab.scenario import Payload, Scenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.shape import beam_points, shape_functions
+
+PIECES = 48
+OVERLAP = 1.15
+"""Length of a piece relative to its share of the beam: closes the gaps on the outside of a bend."""
+FIBRE = 1e-3
+"""Distance from the neutral axis at which strain is stated, m; the model's beam has no thickness of its own."""
+MICRO = 1e6
+LEAST_STRAIN = 1.0
+"""The colour range never falls below this, µm/m."""
+FRAMES_BEFORE_SHRINKING = 75
+"""Pictures without a large strain before the colours are spread anew (2.5 s)."""
+DIFFERENCE = 1e-4
+"""Half width of the second difference, in beam lengths: exact for the cubic elements."""
+NEUTRAL = (225, 225, 225)
+NEGATIVE, POSITIVE = colors.BLUE, colors.VERMILION
+
+
+def curvature_functions(payload: Payload, count: int) -> np.ndarray:
+    """w''(s)'s share of each free coordinate at the middles of `count` equal pieces, (count, n_q)."""
+    middle = (np.arange(count) + 0.5) / count - 0.5
+    step = DIFFERENCE * payload.length
+    rows = [shape_functions(payload, middle * payload.length + offset) for offset in (-step, 0.0, step)]
+    return (rows[0] - 2 * rows[1] + rows[2]) / step**2
+
+
+def strain_colors(share: np.ndarray) -> np.ndarray:
+    """Colours (N, 3) for strain as a share -1..1 of the range: blue below, grey at zero, vermilion above."""
+    share = np.clip(share, -1, 1)[:, None]
+    end = np.where(share < 0, NEGATIVE, POSITIVE)
+    mixed = NEUTRAL + np.abs(share) * (end - np.array(NEUTRAL))
+    return np.round(255 * (mixed / 255) ** 2.2).astype(np.uint8)
+
+
+class StrainBeam:
+    """Draws the payload in strain colours when the view asks for it."""
+
+    def __init__(self, scene: viser.SceneApi, scenario: Scenario):
+        self._size = scene_size(scenario)
+        self._payload: Payload | None = None
+        self._curvature = np.zeros((PIECES, 0))
+        self._range = Range(LEAST_STRAIN, FRAMES_BEFORE_SHRINKING)
+        radius = TUBE_RADIUS * self._size
+        piece = bar(-0.5, 0.5, 2 * radius, 2 * radius, 0.9 * radius)
+        self._pieces = scene.add_batched_meshes_simple(
+            "/strain",
+            piece.vertices,
+            piece.faces,
+            batched_wxyzs=turn_about_z(np.zeros(PIECES)),
+            batched_positions=np.zeros((PIECES, 3)),
+            batched_scales=np.ones((PIECES, 3)),
+            batched_colors=np.tile(np.array(NEUTRAL, np.uint8), (PIECES, 1)),
+            lod="off",
+            receive_shadow=False,
+            visible=False,
+        )
+
+    @property
+    def limit(self) -> float:
+        """Strain at the ends of the colour range, µm/m at `FIBRE` from the neutral axis."""
+        return self._range.limit
+
+    def update(self, scenario: Scenario, sample: Samples, view: View) -> None:
+        """Colour and bend as `sample` (N = 1) has it."""
+        self._pieces.visible = view.strain
+        if not view.strain:
+            return
+        if scenario.payload != self._payload:
+            self._payload = scenario.payload
+            self._curvature = curvature_functions(scenario.payload, PIECES)
+        strain = -MICRO * FIBRE * self._curvature @ sample.beam_coordinates[0]
+        self._range.fit(float(np.abs(strain).max()))
+        line = beam_points(scenario, sample, PIECES + 1, view.exaggeration)[0]
+        along = np.diff(line, axis=0)
+        middle = np.column_stack([(line[:-1] + line[1:]) / 2, np.full(PIECES, models.BEAM_HEIGHT * self._size)])
+        length = OVERLAP * np.linalg.norm(along, axis=1)
+        self._pieces.batched_positions = middle.astype(np.float32)
+        self._pieces.batched_wxyzs = turn_about_z(np.arctan2(along[:, 1], along[:, 0])).astype(np.float32)
+        self._pieces.batched_scales = np.column_stack([length, np.ones((PIECES, 2))]).astype(np.float32)
+        self._pieces.batched_colors = strain_colors(strain / self._range.limit)
+
+    def remove(self) -> None:
+        """Take the beam out of the scene."""
+        self._pieces.remove()

@@ -42,8 +42,11 @@ def time_column(time: np.ndarray) -> rr.TimeColumn:
 
 
 def scalars(values: np.ndarray) -> Column:
-    """Plotted signals (N, k). Stored in single precision, enough for any screen; the exact ones are in `blocks`."""
-    return Column("Scalars", "scalars", "Scalar", _lists(pa.array(_flat(values)), values.shape[1]))
+    """Plotted signals (N, k). Stored in single precision, enough for any screen; the exact ones are in `blocks`.
+
+    Rerun calls a scalar double precision, but plots any number that does not claim to be one: hence no component type.
+    """
+    return Column("Scalars", "scalars", None, _lists(pa.array(_flat(values)), values.shape[1]))
 
 
 def vectors(archetype: str, component: str, component_type: str, values: np.ndarray) -> Column:

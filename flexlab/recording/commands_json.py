@@ -67,4 +67,6 @@ def _plain(value: Any) -> Any:
 
 def _frozen(value: Any) -> Any:
     """Lists as the tuples they were."""
+    if isinstance(value, dict):
+        return {name: _frozen(item) for name, item in value.items()}
     return tuple(_frozen(item) for item in value) if isinstance(value, list) else value

@@ -40,7 +40,11 @@ class RunStream:
             self._stream.set_sinks(sink, default_blueprint=blueprint)
         except (RuntimeError, OSError) as error:
             raise RecordingError(f"The recording cannot be opened: {_one_line(error)}") from None
-        self._introduce(info)
+        try:
+            self._introduce(info)
+        except RecordingError:
+            self.close()
+            raise
 
     def _introduce(self, info: RunInfo) -> None:
         stream, scenario = self._stream, info.scenario
@@ -64,7 +68,7 @@ class RunStream:
         if info.start is not None:
             self._log("exact/start", rr.AnyValues(state=state_json(info.start)))
         # `log` goes through a batcher that `send_columns` overtakes.
-        self._stream.flush(timeout_sec=FLUSH_TIMEOUT)
+        self.flush()
 
     def _log(self, entity: str, archetype: rr.AsComponents) -> None:
         self._stream.log(entity, archetype, static=True)

@@ -1,0 +1,58 @@
+"""What several tests of the recordings need."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+from rerun.chunk import RrdReader
+
+from flexlab.sim.samples import Samples
+
+
+def assert_same_bits(found: Samples, expected: Samples) -> None:
+    """Every signal, every bit (NaN and -0.0 too)."""
+    for field in fields(Samples):
+        one, other = np.asarray(getattr(found, field.name)), np.asarray(getattr(expected, field.name))
+        assert one.shape == other.shape, field.name
+        assert one.tobytes() == other.tobytes(), field.name
+
+
+def wait_until(true: Callable[[], object], what: str, patience: float = 30.0) -> None:
+    """Poll until `true()`; fail after `patience` s, saying what was waited for."""
+    deadline = time.monotonic() + patience
+    while not true():
+        assert time.monotonic() < deadline, f"waited {patience:g} s in vain until {what}"
+        time.sleep(0.02)
+
+
+def start_script(script: str, *words: str | Path) -> "subprocess.Popen[str]":
+    """Run Python code in a process of its own; what it prints can be read line by line."""
+    command = [sys.executable, "-c", script, *map(str, words)]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def plotted(path: Path, entity: str) -> tuple[np.ndarray, np.ndarray]:
+    """(times in ns, values) of a plotted entity, as any rerun client finds them."""
+    times, values = [], []
+    for chunk in RrdReader(path).stream().filter(content=[entity]):
+        batch = chunk.to_record_batch()
+        if "sim_time" in batch.schema.names:
+            times += batch.column("sim_time").cast("int64").to_pylist()
+            values += batch.column("Scalars:scalars").to_pylist()
+    order = np.argsort(times, kind="stable")
+    return np.array(times)[order], np.array(values)[order]
+
+
+def drawn_beam(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """(times in ns, points of the beam) of all drawn states."""
+    times, strips = [], []
+    for chunk in RrdReader(path).stream().filter(content=["/scene/beam"]):
+        if not chunk.is_static:
+            batch = chunk.to_record_batch()
+            times += batch.column("sim_time").cast("int64").to_pylist()
+            strips += [row[0] for row in batch.column("LineStrips3D:strips").to_pylist()]
+    return np.array(times), np.array(strips)

@@ -1,0 +1,54 @@
+"""Exact samples survive their compact form, whatever their bits."""
+
+import zlib
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from recording_helpers import assert_same_bits
+
+from flexlab.errors import RecordingError
+from flexlab.recording.blocks import decode_block, encode_block, join_blocks
+from flexlab.sim.columns import row_length, rows_to_samples
+from flexlab.sim.samples import Run, Samples
+
+any_bits = st.integers(0, 2**64 - 1)
+
+
+@given(st.integers(1, 5), st.integers(1, 2), st.integers(0, 6), st.data())
+def test_any_bit_pattern_comes_back(count: int, arms: int, coordinates: int, data: st.DataObject) -> None:
+    bits = data.draw(arrays(np.uint64, (count, row_length(arms, coordinates)), elements=any_bits))
+    samples = rows_to_samples(bits.view(np.float64), arms)
+    assert_same_bits(decode_block(encode_block(samples)), samples)
+
+
+def test_a_real_run_comes_back_read_only_and_small(run: Run) -> None:
+    samples = run.slice(500, 1000)
+    data = encode_block(samples)
+    found = decode_block(data)
+    assert_same_bits(found, samples)
+    assert not any(getattr(found, field.name).flags.writeable for field in fields(Samples))
+    signals = sum(getattr(run, field.name)[0].size for field in fields(Samples))
+    assert len(data) < 0.5 * 8 * 500 * signals
+
+
+def test_blocks_join_in_order(run: Run) -> None:
+    pieces = [run.slice(0, 1), run.slice(1, 17), run.slice(17, 400)]
+    assert_same_bits(join_blocks([decode_block(encode_block(piece)) for piece in pieces]), run.slice(0, 400))
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda d: b"", lambda d: d[:-7], lambda d: b"x" * 50, lambda d: zlib.compress(b"{}")]
+)
+def test_bytes_that_are_no_block_are_refused_in_a_sentence(run: Run, damage) -> None:
+    with pytest.raises(RecordingError, match="exact samples cannot be read"):
+        decode_block(damage(encode_block(run.slice(0, 10))))
+
+
+def test_a_block_of_another_layout_says_which(run: Run) -> None:
+    raw = zlib.decompress(encode_block(run.slice(0, 2))).replace(b'"format": 1', b'"format": 9')
+    with pytest.raises(RecordingError, match="format 9"):
+        decode_block(zlib.compress(raw))

@@ -1,0 +1,57 @@
+"""Every command comes back from JSON as it was."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexlab.errors import RecordingError
+from flexlab.presets import load_preset
+from flexlab.recording.commands_json import KINDS, command_from_json, command_to_json
+from flexlab.sim.commands import (
+    ChangeScenario,
+    Command,
+    LoadScenario,
+    Pause,
+    Play,
+    Pull,
+    Reset,
+    SetSpeed,
+    StepOnce,
+    Tap,
+)
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+pair = st.tuples(finite, finite)
+
+
+@given(st.builds(Pull, finite, pair, finite) | st.builds(Tap, finite, pair) | st.builds(SetSpeed, finite))
+def test_every_bit_of_a_number_comes_back(command: Command) -> None:
+    assert repr(command_from_json(command_to_json(command))) == repr(command)
+
+
+@pytest.mark.parametrize(
+    "command", [Reset(), Play(), Pause(), StepOnce(7), LoadScenario(load_preset("paper"), "paper")]
+)
+def test_the_others_come_back(command: Command) -> None:
+    assert command_from_json(command_to_json(command)) == command
+
+
+def test_changes_keep_their_values() -> None:
+    change = ChangeScenario({"payload.bending_stiffness": 0.1, "controller.adaptation": (1.0, 2.0, 3.0), "gravity": 0})
+    assert command_from_json(command_to_json(change)) == change
+
+
+def test_numbers_of_numpy_become_plain() -> None:
+    found = command_from_json(command_to_json(ChangeScenario({"gravity": np.float64(9.81), "a": np.array([1.0, 2.0])})))
+    assert found == ChangeScenario({"gravity": 9.81, "a": (1.0, 2.0)})
+
+
+def test_no_command_is_forgotten() -> None:
+    assert set(KINDS.values()) == set(Command.__args__)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"kind": "Explode"}', '{"kind": "Tap"}', '{"kind": "Tap", "x": 1}'])
+def test_what_is_no_command_is_refused_in_a_sentence(text: str) -> None:
+    with pytest.raises(RecordingError, match="a command that this version of flexlab cannot read"):
+        command_from_json(text)

@@ -1,0 +1,186 @@
+"""The recorder at work on a real runner: one file per run, every sample, every event."""
+
+import threading
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_helpers import assert_same_bits, drawn_beam, wait_until
+
+from flexlab.presets import load_preset
+from flexlab.recording.reader import read_recording
+from flexlab.recording.run_files import list_runs, read_notes, run_state
+from flexlab.recording.writer import Recorder
+from flexlab.sim.commands import ChangeScenario, LoadScenario, Pause, Pull, Reset, SetSpeed, Tap
+from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Status
+from flexlab.sim.world import World
+
+
+class Clock:
+    """Time that passes when told, so that a runner's frames are a test's own."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def drive(runner: Runner, clock: Clock, seconds: float) -> None:
+    """Let `seconds` pass in frames of 1/50 s."""
+    for _ in range(round(seconds * 50)):
+        clock.now += 0.02
+        runner.frame()
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+def test_a_session_leaves_one_complete_file_per_run(tmp_path: Path, clock: Clock) -> None:
+    recorder = Recorder(tmp_path)
+    runner = Runner(load_preset("paper"), "paper", [recorder], clock=clock)
+    drive(runner, clock, 0.5)
+    runner.submit(Reset())
+    drive(runner, clock, 0.2)
+    runner.submit(LoadScenario(load_preset("soft-beam"), "soft beam/2"))
+    drive(runner, clock, 0.3)
+    runner.stop()
+    recorder.close(finishing_time=60)
+    runs = sorted((read_recording(path) for path in list_runs(tmp_path)), key=lambda run: (len(run.samples), run.name))
+    assert [(run.name, run.state, run.status) for run in runs] == [
+        ("paper", "complete", "finished"),
+        ("soft beam/2", "complete", "finished"),
+        ("paper", "complete", "finished"),
+    ]
+    assert not any(path.suffix not in (".rrd", ".json") for path in tmp_path.iterdir())
+    assert any("soft-beam-2" in path.name for path in list_runs(tmp_path))
+    for run in runs:
+        np.testing.assert_array_equal(run.samples.time, np.arange(len(run.samples)) * 0.001)
+
+
+def test_every_sample_is_there_and_the_world_gives_them_again(tmp_path: Path, clock: Clock) -> None:
+    recorder = Recorder(tmp_path)
+    runner = Runner(load_preset("paper"), "paper", [recorder], clock=clock)
+    commands = [
+        ChangeScenario({"payload.bending_stiffness": 37.0}),
+        Tap(0.05, (0.1, 0.4)),
+        Pull(0.1, (0.3, 0.9), 400.0),
+        ChangeScenario({"trajectory.frequency": (0.7, 0.7, 0.7), "controller.feedback_gain": 300.0}),
+        SetSpeed(2.0),
+    ]
+    for command in commands:
+        drive(runner, clock, 0.1)
+        runner.submit(command)
+    drive(runner, clock, 0.1)
+    runner.stop()
+    recorder.close()
+    (path,) = list_runs(tmp_path)
+    found = read_recording(path)
+    assert [event.command for event in found.events if event.command is not None] == commands
+    assert found.start is not None
+    world = World(found.scenario)
+    world.restore(found.start)
+    rows = [world.observe()]
+    for event in found.events:
+        ticks = round(event.time / 0.001) - world.tick
+        if ticks > 0:
+            rows.append(world.advance(ticks))
+        if isinstance(event.command, (ChangeScenario, Tap, Pull)):
+            world.apply(event.command)
+    first = 0
+    for block in rows:
+        assert_same_bits(found.samples.slice(first, first + len(block)), block)
+        first += len(block)
+    assert first == len(found.samples)
+
+
+def test_a_change_of_structure_goes_on_in_a_new_file(tmp_path: Path, clock: Clock) -> None:
+    recorder = Recorder(tmp_path)
+    runner = Runner(load_preset("paper"), "paper", [recorder], clock=clock)
+    drive(runner, clock, 0.2)
+    runner.submit(ChangeScenario({"payload.element_count": 4}))
+    drive(runner, clock, 0.2)
+    runner.stop()
+    recorder.close()
+    two, four = sorted((read_recording(path) for path in list_runs(tmp_path)), key=lambda run: run.samples.time[0])
+    assert two.samples.beam_coordinates.shape[1] == 4
+    assert four.samples.beam_coordinates.shape[1] == 8
+    assert four.samples.time[0] == two.samples.time[-1]
+    assert four.start is not None
+    assert four.start.tick == round(four.samples.time[0] / 0.001)
+
+
+def test_a_full_queue_drops_and_counts_without_blocking(tmp_path: Path) -> None:
+    world = World(load_preset("paper"))
+    release = threading.Event()
+    recorder = Recorder(tmp_path, on_problem=lambda text: None, queue_rows=500)
+    recorder.begin_run(1, "paper", world.scenario, world.state())
+    recorder._queue.put(lambda: release.wait(30) and None)  # A disk that does not answer.
+    dropped = [recorder.take_samples(1, world.advance(100), 1.0) for _ in range(8)]
+    release.set()
+    assert dropped == [0, 0, 0, 0, 0, 100, 100, 100]
+    assert recorder.dropped_rows == 300
+    recorder.end_run(1, Status("finished"))
+    recorder.close()
+    (path,) = list_runs(tmp_path)
+    assert len(read_recording(path).samples) == 500
+    assert read_notes(path)["dropped"] == 300
+
+
+def test_two_labs_in_one_folder_and_one_second_keep_apart(tmp_path: Path) -> None:
+    world = World(load_preset("paper"))
+    recorders = [Recorder(tmp_path) for _ in range(3)]
+    for recorder in recorders:
+        recorder.begin_run(1, "paper", world.scenario, world.state())
+    samples = world.advance(50)
+    for recorder in recorders:
+        recorder.take_samples(1, samples, 1.0)
+    wait_until(lambda: all(recorder.path for recorder in recorders), "all have a file")
+    paths = {recorder.path for recorder in recorders}
+    assert len(paths) == 3
+    assert {run_state(path) for path in paths if path} == {"in use"}
+    for recorder in recorders:
+        recorder.close(finishing_time=60)
+    for path in paths:
+        assert path is not None
+        assert_same_bits(read_recording(path).samples, samples)
+        assert run_state(path) == "complete"
+
+
+def test_the_next_start_mends_what_a_dead_lab_left(tmp_path: Path, recording_file: Path) -> None:
+    whole = recording_file.read_bytes()
+    recording_file.write_bytes(whole[: len(whole) * 3 // 4])
+    recording_file.with_suffix(".json").unlink()
+    assert run_state(recording_file) == "unfinished"
+    recorder = Recorder(recording_file.parent)
+    wait_until(lambda: run_state(recording_file) == "recovered", "the file is mended")
+    recorder.close()
+
+
+def test_file_names_say_when_and_what(tmp_path: Path) -> None:
+    world = World(load_preset("paper"))
+    recorder = Recorder(tmp_path)
+    recorder.begin_run(1, "paper", world.scenario, world.state())
+    wait_until(lambda: recorder.path, "there is a file")
+    recorder.close()
+    (path,) = list_runs(tmp_path)
+    stamp, name = path.stem[:19], path.stem[20:]
+    assert abs((datetime.now() - datetime.strptime(stamp, "%Y-%m-%dT%H-%M-%S")).total_seconds()) < 60
+    assert name == "paper"
+
+
+def test_slow_motion_is_drawn_at_every_sample(tmp_path: Path, clock: Clock) -> None:
+    recorder = Recorder(tmp_path)
+    runner = Runner(load_preset("paper"), "paper", [recorder], clock=clock)
+    runner.submit(SetSpeed(1 / 256))
+    drive(runner, clock, 10)
+    runner.submit(Pause())
+    drive(runner, clock, 0.1)
+    runner.stop()
+    recorder.close()
+    (path,) = list_runs(tmp_path)
+    assert len(drawn_beam(path)[0]) >= 0.9 * len(read_recording(path).samples)

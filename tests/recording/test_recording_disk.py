@@ -1,0 +1,188 @@
+"""Folders and disks that refuse: the lab runs on, the person is told, recording resumes when it can."""
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_helpers import start_script, wait_until
+
+from flexlab.errors import RecordingError
+from flexlab.presets import load_preset
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+from flexlab.recording.run_files import check_folder, list_runs, newest_run
+from flexlab.recording.writer import Recorder
+from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Run
+
+TOLD_WITHIN = 2.0
+"""s of simulation at real time."""
+
+
+@pytest.fixture
+def blocked(tmp_path: Path) -> Path:
+    """A folder that nobody can make, not even root: its parent is a file."""
+    (tmp_path / "file").write_text("in the way")
+    return tmp_path / "file" / "logs"
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_the_lab_starts(blocked: Path) -> None:
+    with pytest.raises(RecordingError, match=r"The logs folder .*logs cannot be written .*choose another with --logs"):
+        check_folder(blocked)
+
+
+def test_a_folder_is_made_if_it_is_not_there(tmp_path: Path) -> None:
+    check_folder(tmp_path / "a" / "b")
+    assert list((tmp_path / "a" / "b").iterdir()) == []
+
+
+def test_a_finished_run_says_where_it_cannot_go(blocked: Path, run: Run) -> None:
+    with pytest.raises(RecordingError, match="cannot be written"):
+        write_run(run, blocked, "paper")
+
+
+def test_no_recording_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="There is no recording in"):
+        newest_run(tmp_path / "nowhere")
+
+
+def test_a_lab_runs_on_without_a_folder_and_records_once_it_is_there(tmp_path: Path, blocked: Path) -> None:
+    told: list[str] = []
+    recorder = Recorder(blocked, on_problem=told.append)
+    runner = Runner(load_preset("paper"), "paper", [recorder])
+    runner.start()
+    wait_until(lambda: recorder.problem, "the person is told")
+    wait_until(lambda: runner.snapshot.latest.time[0] > 0.5, "the lab runs on")
+    assert recorder.path is None
+    assert runner.snapshot.dropped_samples == 0
+    (tmp_path / "file").unlink()
+    wait_until(lambda: recorder.path, "recording begins")
+    assert recorder.problem is None
+    wait_until(lambda: runner.snapshot.latest.time[0] > 2.0, "some time is recorded")
+    runner.stop()
+    recorder.close()
+    (path,) = list_runs(blocked)
+    found = read_recording(path)
+    assert found.part == 1
+    assert len(found.samples) > 0
+    assert [("not being recorded" in text, "goes on in" in text) for text in told] == [(True, False), (False, True)]
+
+
+def test_a_file_that_is_taken_away_is_told_and_replaced(tmp_path: Path) -> None:
+    told: list[str] = []
+    recorder = Recorder(tmp_path, on_problem=told.append)
+    runner = Runner(load_preset("paper"), "paper", [recorder])
+    runner.start()
+    wait_until(lambda: recorder.path, "there is a file")
+    first = recorder.path
+    assert first is not None
+    first.unlink()
+    wait_until(lambda: recorder.path not in (None, first), "there is another file")
+    runner.stop()
+    recorder.close()
+    assert "was removed while it was being written" in told[0]
+    (path,) = list_runs(tmp_path)
+    assert path.stem.endswith("-part2")
+    assert read_recording(path).part == 2
+
+
+FULL_DISK = """
+import resource, sys, time
+from pathlib import Path
+from flexlab.presets import load_preset
+from flexlab.recording.writer import Recorder
+from flexlab.sim.commands import Tap
+from flexlab.sim.runner import Runner
+from flexlab.sim.world import World
+
+World(load_preset("paper")).advance(2)
+told = []
+recorder = Recorder(Path(sys.argv[1]), on_problem=told.append)
+runner = Runner(load_preset("paper"), "paper", [recorder])
+_, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+runner.start()
+runner.submit(Tap(0.0, (0.0, 0.1)))
+time.sleep(1)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, most))
+full = runner.snapshot.latest.time[0]
+while not told:
+    time.sleep(0.01)
+print(f"{full:.3f}", f"{runner.snapshot.latest.time[0]:.3f}", told[0], sep="|", flush=True)
+time.sleep(1)
+resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+while recorder.problem:
+    time.sleep(0.01)
+resumed = runner.snapshot.latest.time[0]
+while runner.snapshot.latest.time[0] < resumed + 1:
+    time.sleep(0.01)
+print(runner.snapshot.dropped_samples, runner.snapshot.status, told[1], sep="|", flush=True)
+runner.stop()
+recorder.close(60)
+"""
+"""A lab whose files may not grow beyond a limit for a while: to the writer the same as a full disk, on any machine."""
+
+
+def test_a_disk_that_takes_no_more_is_told_and_recording_resumes(tmp_path: Path) -> None:
+    lab = start_script(FULL_DISK, tmp_path)
+    assert lab.stdout is not None
+    full, said, sentence = lab.stdout.readline().strip().split("|")
+    dropped, status, resumed = lab.stdout.readline().strip().split("|")
+    assert lab.wait(60) == 0
+    assert float(said) - float(full) < TOLD_WITHIN
+    assert "not being recorded until that is mended" in sentence
+    assert (dropped, status) == ("0", "running")
+    first, second = sorted((read_recording(path) for path in list_runs(tmp_path)), key=lambda run: run.part)
+    assert resumed == f"Recording goes on in {second.path.name}."
+    assert (first.part, second.part) == (1, 2)
+    assert first.samples.time[-1] > float(full) - 0.3
+    assert second.samples.time[0] > first.samples.time[-1]
+    np.testing.assert_allclose(np.diff(second.samples.time), 0.001)
+    # The part that came later can be replayed from the start all the same.
+    assert [event.command for event in first.events if event.command] == [
+        event.command for event in second.events if event.command
+    ]
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 48 MB of its own; needs root, which the machines that check changes have."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=48m", "tmpfs", disk], capture_output=True, text=True, check=False
+    )
+    if mounted.returncode != 0:
+        pytest.skip(f"no small disk to be had ({mounted.stderr.strip()}): the limit on file size above stands for it")
+    yield disk
+    subprocess.run(["umount", "-l", disk], check=True)
+
+
+def test_a_full_disk_is_called_full(small_disk: Path) -> None:
+    told: list[str] = []
+    logs = small_disk / "logs"
+    recorder = Recorder(logs, on_problem=told.append)
+    runner = Runner(load_preset("paper"), "paper", [recorder])
+    runner.start()
+    wait_until(lambda: recorder.path and recorder.path.stat().st_size > 200_000, "something is recorded")
+    filler = small_disk / "filler"
+    with filler.open("wb") as file:
+        free = os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize
+        os.posix_fallocate(file.fileno(), 0, free)
+    full = float(runner.snapshot.latest.time[0])
+    wait_until(lambda: told, "the person is told")
+    assert runner.snapshot.latest.time[0] - full < TOLD_WITHIN
+    assert told[0].startswith(f"The disk of {logs} is full (0.0 MB free).")
+    filler.unlink()
+    wait_until(lambda: recorder.problem is None and recorder.path, "recording resumes")
+    resumed = float(runner.snapshot.latest.time[0])
+    wait_until(lambda: runner.snapshot.latest.time[0] > resumed + 0.5, "something more is recorded")
+    assert runner.snapshot.dropped_samples == 0
+    runner.stop()
+    recorder.close(60)
+    parts = sorted((read_recording(path) for path in list_runs(logs)), key=lambda run: run.part)
+    assert [part.part for part in parts] == [1, 2]
+    assert full - parts[0].samples.time[-1] < 0.5
+    assert len(parts[1].samples) > 400

@@ -1,0 +1,71 @@
+"""A killed lab loses 0.3 s at most: real processes, kill -9 at random instants."""
+
+import random
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_helpers import plotted, start_script
+
+from flexlab.recording.finishing import finish
+from flexlab.recording.reader import read_recording
+from flexlab.recording.run_files import list_runs, run_state
+
+LAB = """
+import sys, time
+from pathlib import Path
+from flexlab.presets import load_preset
+from flexlab.recording.writer import Recorder
+from flexlab.sim.commands import Reset, Tap
+from flexlab.sim.runner import Runner
+from flexlab.sim.world import World
+
+World(load_preset("paper")).advance(2)
+runner = Runner(load_preset("paper"), "paper", [Recorder(Path(sys.argv[1]))])
+runner.start()
+runner.submit(Tap(0.0, (0.0, 0.1)))
+while True:
+    print(f"{runner.snapshot.latest.time[0]:.3f}", flush=True)
+    time.sleep(0.005)
+"""
+"""A lab without a screen that says how far its simulation is."""
+
+ALLOWED_LOSS = 0.3
+"""s of simulation at real time."""
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_kill_minus_nine_loses_little(seed: int, tmp_path: Path) -> None:
+    lab = start_script(LAB, tmp_path)
+    assert lab.stdout is not None
+    reached, end = 0.0, 0.6 + random.Random(seed).random()
+    while reached < end:
+        reached = float(lab.stdout.readline())
+    lab.kill()
+    reached = float(([str(reached)] + lab.stdout.read().split())[-1])
+    lab.wait()
+    (path,) = list_runs(tmp_path)
+    assert run_state(path) == "unfinished"
+    found = read_recording(path)
+    np.testing.assert_array_equal(found.samples.time, np.arange(len(found.samples)) * 0.001)
+    assert reached - found.samples.time[-1] <= ALLOWED_LOSS
+    assert any(event.command is not None for event in found.events)
+    finish(path)
+    assert run_state(path) == "recovered"
+    for entity in ("/error", "/vibration", "/internal_force"):
+        assert reached - plotted(path, entity)[0][-1] / 1e9 <= ALLOWED_LOSS
+
+
+def test_a_killed_lab_holds_no_claim(tmp_path: Path) -> None:
+    lab = start_script(LAB, tmp_path)
+    assert lab.stdout is not None
+    lab.stdout.readline()
+    deadline = time.monotonic() + 30
+    while not list_runs(tmp_path) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    (path,) = list_runs(tmp_path)
+    assert run_state(path) == "in use"
+    lab.kill()
+    lab.wait()
+    assert run_state(path) == "unfinished"

@@ -1,0 +1,87 @@
+"""A recording opened in a real browser: drawn without a click, and without a word to anybody else."""
+
+import io
+import urllib.error
+import urllib.request
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Browser, Page
+from recording_helpers import wait_until
+
+from flexlab.errors import RecordingError
+from flexlab.recording.review import open_review
+from flexlab.recording.run_files import has_footer
+from flexlab.recording.signals import BLUE, GREEN, VERMILION
+from flexlab.recording.web_viewer import VIEWER_FILES, ViewerServer, viewer_folder
+
+
+def share_of(page: Page, color: tuple[int, int, int], left: float, right: float) -> float:
+    """Share of the pixels between two fractions of the width that have a colour, shaded or not."""
+    image = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), float)
+    part = image[:, int(left * image.shape[1]) : int(right * image.shape[1])]
+    return float(np.mean(np.abs(part - color).max(axis=2) < 24))
+
+
+def test_opening_a_recording_shows_arms_and_plots_and_calls_nobody(recording_file: Path, chromium: Browser) -> None:
+    page = chromium.new_page(viewport={"width": 1400, "height": 900})
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(urlsplit(request.url).hostname or ""))
+    with open_review(recording_file, recording_file.parent, browser=False) as review:
+        page.goto(review.url)
+
+        def drawn() -> bool:
+            page.wait_for_timeout(1000)
+            arms = [share_of(page, color, 0, 0.5) for color in (BLUE, VERMILION, GREEN)]
+            plots = [share_of(page, color, 0.5, 1) for color in (BLUE, VERMILION, GREEN)]
+            return min(arms) > 2e-4 and min(plots) > 2e-4
+
+        wait_until(drawn, "arms, beam and curves are on the screen", patience=120)
+        page.close()
+    assert set(asked) <= {"127.0.0.1", ""}
+
+
+def test_the_newest_recording_is_opened_and_mended_first(recording_file: Path, tmp_path: Path) -> None:
+    recording_file.write_bytes(recording_file.read_bytes()[:-200])
+    assert not has_footer(recording_file)
+    with open_review(None, tmp_path, browser=False) as review:
+        assert review.path == recording_file
+        assert has_footer(recording_file)
+        answer = urllib.request.urlopen(review.url)
+        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+
+
+def test_what_cannot_be_reviewed_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="There is no recording in"):
+        open_review(None, tmp_path, browser=False)
+    with pytest.raises(RecordingError, match="There is no recording"):
+        open_review(tmp_path / "x.rrd", tmp_path, browser=False)
+    (tmp_path / "x.rrd").write_text("no recording")
+    with pytest.raises(RecordingError, match="is not a rerun recording"):
+        open_review(tmp_path / "x.rrd", tmp_path, browser=False)
+
+
+def test_the_viewer_serves_its_own_files_only() -> None:
+    server = ViewerServer()
+    try:
+        for name, kind in VIEWER_FILES.items():
+            answer = urllib.request.urlopen(server.page + name)
+            assert answer.headers["Content-Type"] == kind
+            assert answer.read() == (viewer_folder() / name).read_bytes()
+        for name in ("../flexlab/__init__.py", "%2e%2e/x", "etc/passwd", "re_viewer.js/"):
+            with pytest.raises(urllib.error.HTTPError, match="404"):
+                urllib.request.urlopen(server.page + name)
+        port = urlsplit(server.page).port
+        assert port is not None
+        with pytest.raises(RecordingError, match=rf"cannot be served on 127\.0\.0\.1:{port}"):
+            ViewerServer(port=port)
+    finally:
+        server.close()
+
+
+def test_the_page_names_no_outside_address_to_load() -> None:
+    page = (viewer_folder() / "index.html").read_text()
+    assert "fonts.googleapis.com" not in page

@@ -1,0 +1,120 @@
+"""Files that broke off, were emptied or never were recordings: what can be read is read, the rest is said in a sentence."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_helpers import assert_same_bits
+
+from flexlab.errors import RecordingError
+from flexlab.presets import load_preset
+from flexlab.recording.finishing import finish
+from flexlab.recording.reader import read_recording
+from flexlab.recording.run_files import claim_run_file, has_footer, read_notes, run_state
+from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_stream import open_file_stream
+from flexlab.recording.run_writer import RunWriter
+from flexlab.sim.samples import Run
+
+BLOCK = 100
+
+
+@pytest.fixture
+def unfinished(run: Run, tmp_path: Path) -> Path:
+    """A recording as a killed lab leaves it: ten blocks, no end, no footer."""
+    info = RunInfo("paper", load_preset("paper"))
+    file = claim_run_file(tmp_path, "paper", info.started)
+    writer = RunWriter(info)
+    stream = open_file_stream(file.path, info)
+    writer.add_stream(stream)
+    for first in range(0, 1000, BLOCK):
+        writer.write_samples(run.slice(first, first + BLOCK))
+    stream.flush()
+    lost = tmp_path / "lost.rrd"
+    shutil.copy(file.path, lost)
+    writer.close()
+    file.release()
+    file.path.unlink()
+    return lost
+
+
+def test_a_recording_without_an_end_is_read_and_mended(unfinished: Path, run: Run) -> None:
+    assert run_state(unfinished) == "unfinished"
+    date = unfinished.stat().st_mtime_ns
+    before = read_recording(unfinished)
+    assert_same_bits(before.samples, run.slice(0, 1000))
+    assert before.status == "running"
+    finish(unfinished)
+    assert has_footer(unfinished)
+    assert run_state(unfinished) == "recovered"
+    assert unfinished.stat().st_mtime_ns == date
+    assert_same_bits(read_recording(unfinished).samples, run.slice(0, 1000))
+
+
+@pytest.mark.parametrize("share", [0.999, 0.9, 0.6, 0.35])
+def test_a_torn_tail_costs_what_is_behind_the_tear_only(unfinished: Path, run: Run, share: float) -> None:
+    data = unfinished.read_bytes()
+    unfinished.write_bytes(data[: int(share * len(data))])
+    found = read_recording(unfinished)
+    rows = len(found.samples)
+    assert rows % BLOCK == 0
+    assert rows >= (share - 0.2) * 1000
+    assert_same_bits(found.samples, run.slice(0, rows))
+    finish(unfinished)
+    assert run_state(unfinished) == "recovered"
+    assert len(read_recording(unfinished).samples) == rows
+
+
+def test_finishing_twice_changes_nothing(recording_file: Path) -> None:
+    before = recording_file.read_bytes()
+    finish(recording_file)
+    assert recording_file.read_bytes() == before
+    assert run_state(recording_file) == "complete"
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "is empty: its run was lost"),
+        (b"hello, I am a text file", "is not a rerun recording: choose a file that ends in .rrd"),
+        (np.random.default_rng(1).bytes(5000), "is not a rerun recording"),
+        (b"RRF2" + np.random.default_rng(2).bytes(5000), "damaged beyond repair"),
+        (b"RRF2", "damaged beyond repair"),
+    ],
+)
+def test_what_is_no_recording_is_said_in_one_sentence(content: bytes, sentence: str, tmp_path: Path) -> None:
+    path = tmp_path / "x.rrd"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=sentence) as caught:
+        read_recording(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_the_head_of_a_recording_alone_is_damaged_and_tried_once(unfinished: Path) -> None:
+    unfinished.write_bytes(unfinished.read_bytes()[:40])
+    with pytest.raises(RecordingError, match="damaged beyond repair"):
+        finish(unfinished)
+    assert run_state(unfinished) == "damaged"
+    assert read_notes(unfinished)["damaged_size"] == 40
+    assert unfinished.stat().st_size == 40
+
+
+def test_a_missing_file_and_a_folder_are_said(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"There is no recording .*no\.rrd: check the name"):
+        read_recording(tmp_path / "no.rrd")
+    with pytest.raises(RecordingError, match="cannot be read"):
+        read_recording(tmp_path)
+
+
+def test_a_foreign_recording_is_told_apart(tmp_path: Path) -> None:
+    import rerun as rr
+
+    stream = rr.RecordingStream("other")
+    stream.save(tmp_path / "other.rrd")
+    stream.log("a", rr.TextLog("hello"))
+    stream.flush()
+    stream.disconnect()
+    with pytest.raises(RecordingError, match="a rerun recording, but not one of flexlab's"):
+        read_recording(tmp_path / "other.rrd")

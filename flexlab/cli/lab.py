@@ -1,7 +1,7 @@
 """`flexlab`: the lab in the browser."""
 
-from collections.abc import Callable
-from contextlib import ExitStack, redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -15,7 +15,6 @@ from flexlab.cli.showing import ending, open_browser, wait_for
 if TYPE_CHECKING:
     from flexlab.recording.live import LiveHub
     from flexlab.recording.writer import Recorder
-    from flexlab.scenario import Scenario
 
 
 def command(
@@ -44,6 +43,7 @@ def command(
     from flexlab.presets import find_scenario
 
     name, scenario = find_scenario(preset)
+    from flexlab.cli.warmup import warm_up
     from flexlab.lab.server import _check_free as check_free
     from flexlab.lab.session import Session
     from flexlab.recording.run_files import check_folder
@@ -52,7 +52,8 @@ def command(
     # Before compiling, and before a recorder makes a file for a lab that cannot open.
     check_folder(logs)
     check_free(host, port)
-    shown = _prepare(scenario, host, port, not no_browser)
+    shown: list[str] = []
+    warm_up(scenario, meanwhile=_waiting_page(host, port, not no_browser, shown) if port else None)
     with ending() as ended, ExitStack() as closing:
         live = _serve_live(closing) if rerun else None
         recorder = Recorder(logs, live.hub if live else None, on_problem=complain)
@@ -72,20 +73,22 @@ def command(
         output().print(f"The last run is in {last}. Look at it with: flexlab review", markup=False, soft_wrap=True)
 
 
-def _prepare(scenario: "Scenario", host: str, port: int, browser: bool) -> bool:
-    """Have the engine compiled, with a page that says so meanwhile; returns whether a browser shows it."""
+@contextmanager
+def _waiting_page(host: str, port: int, browser: bool, shown: list[str]) -> Iterator[None]:
+    """A page that says what takes so long, where the lab will be; notes in `shown` that a browser shows it."""
     from flexlab.cli.waiting_page import WaitingPage
-    from flexlab.cli.warmup import warm_up
-    from flexlab.compiled import is_warm
 
-    if is_warm() or port == 0:
-        warm_up(scenario)
-        return False
-    with WaitingPage(host, port) as page:
+    try:
+        page = WaitingPage(host, port)
+    except OSError:
+        # An address that only the lab's own server understands: then the terminal alone must do.
+        yield
+        return
+    with page:
         if browser:
             open_browser(page.url)
-        warm_up(scenario)
-    return browser
+            shown.append(page.url)
+        yield
 
 
 class Live(NamedTuple):

@@ -1,31 +1,49 @@
 """The first start on a machine compiles the engine: say so, show that something happens."""
 
+import threading
+from contextlib import AbstractContextManager, nullcontext
+
 from flexlab.cli.console import note, notes
 from flexlab.scenario import Scenario
 
-
-def warm_up(scenario: Scenario) -> None:
-    """Make sure that the engine is compiled, telling the person when that takes long."""
-    from flexlab.compiled import is_warm
-
-    if is_warm():
-        _compile(scenario)
-        return
-    note("First start on this machine: compiling the equations of motion, once. This takes about half a minute.")
-    if not notes().is_terminal:
-        _compile(scenario)
-        note("Compiled.")
-        return
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = SpinnerColumn(), TextColumn("compiling"), TimeElapsedColumn()
-    with Progress(*columns, console=notes(), transient=True) as progress:
-        progress.add_task("compiling", total=None)
-        _compile(scenario)
+SOON = 1.5
+"""s after which a person starts to wonder; with a warm cache the engine is ready in a fifth of that."""
 
 
-def _compile(scenario: Scenario) -> None:
-    """One sample period of simulation goes through every kernel."""
+def warm_up(scenario: Scenario, meanwhile: AbstractContextManager[object] | None = None) -> None:
+    """Have the engine compiled; if that takes long, tell the person and hold `meanwhile` open until it is done.
+
+    Whether it takes long is seen by waiting, not by looking into the cache, which may hold code of another checkout.
+    """
     from flexlab.sim.world import World
 
-    World(scenario).run(1)
+    done = threading.Event()
+    teller = threading.Thread(target=_tell, args=(done, meanwhile or nullcontext()), name="warm-up", daemon=True)
+    teller.start()
+    try:
+        # One sample period of simulation goes through every kernel.
+        World(scenario).run(1)
+    finally:
+        done.set()
+        teller.join()
+
+
+def _tell(done: threading.Event, meanwhile: AbstractContextManager[object]) -> None:
+    if done.wait(SOON):
+        return
+    note("First start on this machine: compiling the equations of motion, once. This takes about half a minute.")
+    with meanwhile, _wheel():
+        done.wait()
+    note("Compiled.")
+
+
+def _wheel() -> AbstractContextManager[object]:
+    """A turning wheel with the seconds so far, if somebody looks at a terminal."""
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    if not notes().is_terminal:
+        return nullcontext()
+    columns = SpinnerColumn(), TextColumn("compiling"), TimeElapsedColumn()
+    progress = Progress(*columns, console=notes(), transient=True)
+    progress.add_task("compiling", total=None)
+    return progress

@@ -1,0 +1,114 @@
+"""One lab with its recorder, put together: the page on a loopback port, every run into the logs folder."""
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+
+from flexlab.door.links import encode_scenario
+from flexlab.lab.session import Session
+from flexlab.recording.live import LiveHub
+from flexlab.recording.writer import Recorder
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import Play
+
+
+@dataclass(frozen=True)
+class LabStatus:
+    """What others may know of a running lab."""
+
+    name: str
+    """The preset, or file, that its scenario came from."""
+    title: str
+    time: float
+    """Simulated, s."""
+    state: str
+    """In a word or two: running, paused, stopped."""
+    link: str
+    """The scenario as a word for a link."""
+    recording: Path | None
+    """The file being written."""
+    problem: str
+    """Why nothing is being recorded, as a sentence; empty while all is well."""
+
+
+def recording_text(recorder: Recorder) -> str:
+    """What the panel says about the recording."""
+    if recorder.problem is not None:
+        return recorder.problem
+    return "" if recorder.path is None else f"Recording to {recorder.path.name}"
+
+
+class Laboratory:
+    """A session and its recorder, opened and closed together."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        name: str,
+        logs: Path,
+        *,
+        hub: LiveHub | None = None,
+        on_problem: Callable[[str], None] | None = None,
+        shadows: bool = True,
+    ):
+        """Start it. Raises `FlexlabError`, and leaves nothing running, if it cannot."""
+        self._recorder = recorder = Recorder(logs, hub, on_problem=on_problem)
+        self._shown: tuple[Scenario | None, str] = (None, "")
+        try:
+            self._session = Session(
+                scenario,
+                name,
+                consumers=[recorder],
+                port=0,
+                shadows=shadows,
+                recording=lambda: recording_text(recorder),
+            )
+            with _quiet():
+                self._session.start()
+        except BaseException:
+            recorder.close()
+            raise
+
+    @property
+    def port(self) -> int:
+        """Where the lab's own server listens, on loopback."""
+        return self._session.port
+
+    def load(self, scenario: Scenario, name: str) -> None:
+        """Begin a run of a scenario; a lab that runs just this one goes on undisturbed."""
+        snapshot = self._session.runner.snapshot
+        if snapshot.scenario == scenario and snapshot.name == name and not snapshot.status.failed:
+            return
+        self._session.desk.load(scenario, name)
+        self._session.desk.submit(Play())
+
+    def status(self) -> LabStatus:
+        """How it stands now."""
+        snapshot, recorder = self._session.runner.snapshot, self._recorder
+        if self._shown[0] is not snapshot.scenario:
+            self._shown = snapshot.scenario, encode_scenario(snapshot.scenario)
+        state = "stopped" if snapshot.status.failed else "running" if snapshot.playing else "paused"
+        return LabStatus(
+            name=snapshot.name,
+            title=snapshot.scenario.title or snapshot.name,
+            time=float(snapshot.latest.time[0]),
+            state=state,
+            link=self._shown[1],
+            recording=recorder.path,
+            problem=recorder.problem or "",
+        )
+
+    def close(self) -> Path | None:
+        """End the lab; its run is kept in the file whose path this returns."""
+        last = self._recorder.path
+        with _quiet():
+            self._session.stop()
+        self._recorder.close()
+        return last
+
+
+def _quiet() -> contextlib.AbstractContextManager[object]:
+    """Keep viser's own banner to itself: what matters of it is said in this lab's words."""
+    return contextlib.redirect_stdout(StringIO())

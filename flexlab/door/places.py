@@ -1,0 +1,73 @@
+"""What the door's pages ask of labs, whether all visitors share one or each has their own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from flexlab.door.laboratory import LabStatus
+from flexlab.errors import LabError
+from flexlab.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A scenario that a visitor wants to see."""
+
+    scenario: Scenario
+    name: str
+
+
+class FullError(LabError):
+    """All private labs that this machine may have are taken."""
+
+
+class Place(Protocol):
+    """One running lab behind the door."""
+
+    path: str
+    """Where visitors find it: `/lab` or `/s/<id>`."""
+    visitors: int
+    """Open pages; whoever relays a page counts."""
+
+    @property
+    def port(self) -> int:
+        """Of its own server on loopback."""
+        ...
+
+    def status(self) -> LabStatus:
+        """How it stands."""
+        ...
+
+
+class Places(Protocol):
+    """All labs of one door. Everything but `close` is called on the door's event loop."""
+
+    is_private: bool
+
+    async def enter(self, visitor: str, choice: Choice | None) -> Place:
+        """The lab of a visitor, made if need be, with what they chose. Raises `FullError` or another `LabError`."""
+        ...
+
+    def of_visitor(self, visitor: str) -> Place | None:
+        """The running lab of a visitor, if there is one."""
+        ...
+
+    def ended(self, visitor: str, lab: str) -> str:
+        """Why a visitor's lab is no more, as a sentence; empty if it never was."""
+        ...
+
+    def left(self, place: Place) -> None:
+        """A page of this place was closed."""
+
+    def running(self) -> list[Place]:
+        """All of them."""
+        ...
+
+    async def close(self) -> Path | None:
+        """End all; returns the newest recording."""
+        ...
+
+
+Complain = Callable[[str], None]
+"""Tells the person at the terminal a sentence."""

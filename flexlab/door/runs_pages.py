@@ -1,0 +1,192 @@
+"""`/runs`: the library. `/runs/<id>`: a run in rerun's viewer, its file, its notes, its end."""
+
+import asyncio
+
+from aiohttp import hdrs, web
+
+from flexlab.door.context import context_of
+from flexlab.door.layout import message, page
+from flexlab.door.library import RunRow, annotate_run, delete_run, duration_text, find_row, list_rows, size_text
+from flexlab.door.markup import Markup, fill
+from flexlab.door.runs_table import metrics_text, runs_table
+from flexlab.errors import RecordingError
+from flexlab.recording.finishing import finish
+from flexlab.recording.reader import check_recording
+from flexlab.recording.run_files import SUFFIX
+from flexlab.recording.web_viewer import VIEWER_FILES, viewer_folder
+
+VIEWER_POLICY = (
+    "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; connect-src 'self' data: blob:; "
+    "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+)
+"""Left alone, the viewer would fetch fonts, look for updates and report its use: it may talk to this address only."""
+SCRIPT = Markup('<script src="/static/{}.js" defer></script>')
+
+LIBRARY = """<h1>Runs</h1>
+<p class="tools"><input type="search" id="search" placeholder="Search {count} runs" aria-label="Search runs" autocomplete="off">
+<span>{total} in {folder}</span></p>
+{table}
+<p id="nothing" hidden>No run matches.</p>
+"""
+NO_RUNS = """<h1>Runs</h1><p>There is no run in {folder} yet: the lab records every run.</p>
+<p><a class="button" href="/lab/">Open the lab</a></p>"""
+
+REVIEW = """<div class="review-head">
+<h1>{preset}</h1>
+<p>{started} · {duration} · {size} · <span class="state {kind}">{state}</span> {metrics}</p>
+<p class="actions"><a class="button quiet" href="/runs/{id}.rrd" download>Download</a>
+<a class="button quiet danger" href="/runs/{id}/delete">Delete</a></p>
+<details><summary>Note and tags{mark}</summary>
+<form method="post" action="/runs/{id}/notes">
+<label>Note <textarea name="note" rows="3" maxlength="2000">{note}</textarea></label>
+<label>Tags, separated by commas <input name="tags" value="{tags}" maxlength="200"></label>
+<label class="check"><input type="checkbox" name="keep"{kept}> Keep: never delete this run</label>
+<button class="button">Save</button>
+</form></details>
+</div>
+{hint}
+<noscript><p>Rerun's viewer needs JavaScript.</p></noscript>
+<iframe id="viewer" title="The recording in rerun's viewer" data-recording="/runs/{id}.rrd" allowfullscreen></iframe>
+"""
+LIVE_HINT = Markup(
+    '<p class="hint">This run is still being recorded: you see it up to this moment. Reload to see more.</p>'
+)
+ASK = """<section class="message"><h1>Delete this run?</h1>
+<p><b>{preset}</b>, {started}, {duration}, {size}. This cannot be undone.</p>
+<form method="post" action="/runs/{id}/delete" class="actions">
+<button class="button danger">Delete</button> <a class="button quiet" href="/runs">Keep it</a>
+</form></section>"""
+
+
+def add_runs_pages(router: web.UrlDispatcher) -> None:
+    """Routes of the library."""
+    router.add_get("/runs", library)
+    router.add_get("/runs/", library)
+    router.add_get("/runs/{run}" + SUFFIX, recording)
+    router.add_get("/runs/{run}", review)
+    router.add_post("/runs/{run}/notes", save_notes)
+    router.add_get("/runs/{run}/delete", ask_to_delete)
+    router.add_post("/runs/{run}/delete", delete)
+    router.add_get("/viewer/{name:[^/]*}", viewer)
+
+
+async def library(request: web.Request) -> web.Response:
+    """All runs."""
+    logs = context_of(request).settings.logs
+    rows = await asyncio.to_thread(list_rows, logs)
+    if not rows:
+        return page("Runs", fill(NO_RUNS, folder=logs), here="/runs")
+    total = size_text(sum(row.size for row in rows))
+    body = fill(LIBRARY, count=len(rows), total=total, folder=logs, table=runs_table(rows))
+    return page("Runs", body, here="/runs", kind="wide", head=Markup(SCRIPT.format("runs")))
+
+
+async def _row(request: web.Request) -> RunRow:
+    return await asyncio.to_thread(find_row, context_of(request).settings.logs, request.match_info["run"])
+
+
+def _no_such_run(error: RecordingError) -> web.Response:
+    return message("No such run", str(error), 404, Markup('<a class="button" href="/runs">All runs</a>'))
+
+
+async def review(request: web.Request) -> web.Response:
+    """One run in the viewer, made whole first if its writer died."""
+    try:
+        row = await _row(request)
+    except RecordingError as error:
+        return _no_such_run(error)
+    try:
+        await asyncio.to_thread(check_recording, row.path)
+        if row.state == "unfinished":
+            await asyncio.to_thread(finish, row.path)
+            row = await _row(request)
+    except RecordingError as error:
+        more = fill(
+            '<a class="button" href="/runs">All runs</a> '
+            '<a class="button quiet" href="/runs/{id}.rrd" download>Download it as it is</a> '
+            '<a class="button quiet danger" href="/runs/{id}/delete">Delete</a>',
+            id=row.id,
+        )
+        return message("This run cannot be shown", str(error), 422, more)
+    return page(f"{row.preset} {row.started:%H:%M:%S}", _review_body(row), here="/runs", kind="review",
+                head=Markup(SCRIPT.format("review")))  # fmt: skip
+
+
+def _review_body(row: RunRow) -> Markup:
+    metrics = metrics_text(row)
+    return fill(
+        REVIEW,
+        id=row.id,
+        preset=row.preset,
+        started=f"{row.started:%Y-%m-%d %H:%M:%S}",
+        duration=duration_text(row.duration),
+        size=size_text(row.size),
+        kind=row.state.replace(" ", "-"),
+        state="recording" if row.state == "in use" else row.state,
+        metrics=f"· {metrics}" if metrics else "",
+        mark=f": {', '.join(row.tags) or row.note[:60]}" if row.tags or row.note else "",
+        note=row.note,
+        tags=", ".join(row.tags),
+        kept=Markup(" checked" if row.kept else ""),
+        hint=LIVE_HINT if row.state == "in use" else Markup(""),
+    )
+
+
+async def recording(request: web.Request) -> web.StreamResponse:
+    """The recording's file, in parts if asked for; the viewer loads it from here."""
+    try:
+        row = await _row(request)
+    except RecordingError as error:
+        return _no_such_run(error)
+    headers = {
+        hdrs.CONTENT_TYPE: "application/octet-stream",
+        hdrs.CONTENT_DISPOSITION: f'attachment; filename="{row.path.name}"',
+        hdrs.CACHE_CONTROL: "no-cache",
+    }
+    return web.FileResponse(row.path, headers=headers)
+
+
+async def viewer(request: web.Request) -> web.StreamResponse:
+    """One of the three files that rerun's viewer is made of."""
+    name = request.match_info["name"] or "index.html"
+    if name not in VIEWER_FILES:
+        raise web.HTTPNotFound
+    folder = await asyncio.to_thread(viewer_folder)
+    headers = {
+        hdrs.CONTENT_TYPE: VIEWER_FILES[name],
+        hdrs.CACHE_CONTROL: "no-cache",
+        "Content-Security-Policy": VIEWER_POLICY,
+    }
+    return web.FileResponse(folder / name, headers=headers)
+
+
+async def save_notes(request: web.Request) -> web.Response:
+    """Note, tags and the mark that keeps a run."""
+    row, form = await _row(request), await request.post()
+    note, tags = str(form.get("note", "")), str(form.get("tags", ""))
+    await asyncio.to_thread(annotate_run, row, note.replace("\r\n", "\n"), tags, "keep" in form)
+    raise web.HTTPSeeOther(f"/runs/{row.id}")
+
+
+async def ask_to_delete(request: web.Request) -> web.Response:
+    """A run is gone for ever: ask first."""
+    try:
+        row = await _row(request)
+    except RecordingError as error:
+        return _no_such_run(error)
+    body = fill(
+        ASK,
+        id=row.id,
+        preset=row.preset,
+        started=f"{row.started:%Y-%m-%d %H:%M:%S}",
+        duration=duration_text(row.duration),
+        size=size_text(row.size),
+    )
+    return page("Delete?", body, here="/runs")
+
+
+async def delete(request: web.Request) -> web.Response:
+    """Delete a run."""
+    row = await _row(request)
+    await asyncio.to_thread(delete_run, row)
+    raise web.HTTPSeeOther("/runs")

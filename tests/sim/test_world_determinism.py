@@ -1,0 +1,135 @@
+"""Same scenario, same commands at the same ticks: same bits, whatever the blocks, live or headless."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from flexlab.presets import load_preset
+from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
+from flexlab.sim.samples import Samples
+from flexlab.sim.world import World
+
+COMMANDS: list[tuple[int, WorldCommand]] = [
+    (40, ChangeScenario({"payload.bending_stiffness": 35.0})),
+    (70, ChangeScenario({"controller.feedback_gain": (150.0, 260.0, 80.0), "controller.sliding_slope": 40.0})),
+    (100, ChangeScenario({"payload.damping": {"kind": "modal", "ratio": 0.02}})),
+    (101, ChangeScenario({"trajectory.amplitude": (0.15, 0.1, 0.25)})),
+    (150, ChangeScenario({"trajectory.frequency": (1.5, 1.5, 0.8)})),
+    (180, Tap(0.1, (0.05, -0.1))),
+    (200, Pull(-0.05, (0.1, 0.9), 300.0)),
+    (260, Pull(-0.05, (0.1, 0.9), 0.0)),
+    (261, ChangeScenario({"gravity": 4.0, "controller.adaptation": (1.0, 1.0, 1.0)})),
+]
+TICKS = 320
+
+SETTINGS = {
+    "etdrk4": {},
+    "rk4": {"simulation.integrator": "rk4"},
+    "generalized-alpha": {"simulation.integrator": "generalized-alpha", "simulation.step": 2.5e-4},
+    "sampled, delayed, noisy": {
+        "controller.control_period": 0.002,
+        "controller.input_delay": 2,
+        "controller.sensor_noise": {"pose": [1e-5] * 3, "pose_rate": [1e-3] * 3, "strain": 1e-4, "seed": 5},
+        "controller.torque_limit": (400.0, 400.0, 400.0),
+        "initial.pose_rate": None,
+    },
+}
+
+
+def joined(blocks: list[Samples]) -> Samples:
+    return Samples(**{f.name: np.concatenate([getattr(block, f.name) for block in blocks]) for f in fields(Samples)})
+
+
+def in_blocks(changes: dict, sizes: list[int]) -> Samples:
+    """The run with all commands, in blocks of the given sizes, over and over, broken at commands too."""
+    world = World(load_preset("paper").replace(changes))
+    blocks, pending, turn = [world.observe()], list(COMMANDS), 0
+    while world.tick < TICKS:
+        while pending and pending[0][0] == world.tick:
+            assert world.apply(pending.pop(0)[1]) is False
+        stop = min(world.tick + sizes[turn % len(sizes)], pending[0][0] if pending else TICKS, TICKS)
+        blocks.append(world.advance(stop - world.tick))
+        assert world.status == "running", world.status.text
+        turn += 1
+    return joined(blocks)
+
+
+@pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
+def test_block_sizes_leave_no_trace(changes: dict, same_bits):
+    """One tick at a time, odd blocks, or as long as possible."""
+    whole = in_blocks(changes, [TICKS])
+    same_bits(whole, in_blocks(changes, [1]))
+    same_bits(whole, in_blocks(changes, [7, 64, 3]))
+
+
+@pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
+def test_a_live_run_and_its_headless_replay_are_the_same_bits(changes: dict, live, same_bits):
+    """Commands land where the frames happen to be; replayed at the ticks of their events, every bit is the same."""
+    scenario = load_preset("paper").replace(changes)
+    stage, pending = live(scenario), [command for _, command in COMMANDS]
+    rng = np.random.default_rng(3)
+    while pending or stage.runner.snapshot.latest.time[0] < 0.35:
+        now = [pending.pop(0)] if pending and rng.random() < 0.6 else []
+        stage.frame(float(rng.uniform(0.001, 0.05)), *now)
+
+    assert stage.runner.snapshot.status == "running"
+    world = World(scenario)
+    blocks = [world.observe()]
+    for _, event in stage.keeper.events:
+        assert event.level == "info"
+        blocks.append(world.advance(round(event.time / 0.001) - world.tick))
+        world.apply(event.command)
+    blocks.append(world.advance(len(stage.keeper.signal("time")) - 1 - world.tick))
+    same_bits(joined([block for _, block in stage.keeper.blocks]), joined(blocks))
+
+
+def test_looking_at_a_world_does_not_change_it(same_bits):
+    """`observe` and `state` between blocks leave no trace."""
+    looked = World(load_preset("paper"))
+    blocks = [looked.observe()]
+    for _ in range(50):
+        looked.observe()
+        looked.state()
+        blocks.append(looked.advance(2))
+    same_bits(joined(blocks), World(load_preset("paper")).run(100))
+
+
+@pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
+def test_a_restored_state_goes_on_bit_for_bit(changes: dict, same_bits):
+    """`state()` after commands, restored in a fresh world of the scenario of that moment."""
+    world = World(load_preset("paper").replace(changes))
+    world.apply(Pull(0.1, (0.1, 0.9), 200.0))
+    world.advance(123)
+    world.apply(ChangeScenario({"payload.bending_stiffness": 50.0, "trajectory.frequency": (1.2, 1.2, 1.2)}))
+    world.advance(7)
+    state = world.state()
+    again = World(world.scenario)
+    again.advance(31)
+    again.restore(state)
+    same_bits(again.run(100), world.run(100))
+
+
+def test_a_state_is_a_copy(same_bits):
+    """Going on does not change a state taken before; it can be restored twice."""
+    world = World(load_preset("paper"))
+    world.advance(20)
+    state = world.state()
+    first = world.run(30)
+    world.restore(state)
+    same_bits(world.run(30), first)
+
+
+def test_ten_thousand_samples_lie_exactly_on_their_instants():
+    """time[k] = k · sample_period to the last bit, t = 0 included, also for periods that are no binary fraction."""
+    for period in (0.001, 0.0007, 1 / 3000):
+        samples = World(load_preset("smooth-start"), period).run(3000)
+        assert np.array_equal(samples.time, np.arange(3001) * period)
+
+
+def test_samples_are_read_only():
+    """Nobody can change what others see."""
+    samples = World(load_preset("paper")).run(5)
+    for signal in fields(Samples):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(samples, signal.name)[...] = 0

@@ -1,0 +1,108 @@
+"""The guide that the lab shows: chapters and lessons, read from markdown in `web_assets/guide`.
+
+A line `![alt](file.svg)` becomes the picture itself (inline SVG takes the page's text colour, and no page shows it smaller
+than it is); a line `[symbols: x e …]` becomes a table of those symbols from `flexlab.notation`. All texts are flexlab's
+own: nothing that a person typed gets into them.
+"""
+
+import html
+import re
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from flexlab import notation
+from flexlab.assets import web_assets_folder
+
+_PICTURE = re.compile(r"^!\[([^\]]*)\]\(([\w./-]+\.svg)\)$", re.MULTILINE)
+_SYMBOLS = re.compile(r"^\[symbols: ([^\]]+)\]$", re.MULTILINE)
+_LESSON = re.compile(
+    r"---\n(?P<head>.*?)\n---\n(?P<question>.*?)\n## Do\n(?P<steps>.*?)\n## Observe\n(?P<observe>.*)", re.S
+)
+
+
+class Chapter(NamedTuple):
+    """One chapter of the guide."""
+
+    id: str
+    """File name without number and ending, as "the-equations"."""
+    title: str
+    text: str
+    """Markdown without the title, pictures and tables in place."""
+
+
+class Lesson(NamedTuple):
+    """One guided lesson: a preset, what to do, what to observe, and the check that tells when it is done."""
+
+    id: str
+    title: str
+    preset: str
+    """The preset to start from."""
+    check: str
+    """Key of `flexlab.studies.lesson_checks.CHECKS`."""
+    question: str
+    """Markdown: what the lesson is about."""
+    steps: str
+    """Markdown: a numbered list of what to do."""
+    observe: str
+    """Markdown: what to see, and why."""
+
+
+def guide_folder() -> Path:
+    """Where the guide's texts and pictures lie."""
+    return web_assets_folder() / "guide"
+
+
+def picture_file(preset: str) -> Path | None:
+    """The small SVG picture of a preset, or None for a preset without one (a person's own)."""
+    file = web_assets_folder() / "pictures" / f"{preset}.svg"
+    return file if re.fullmatch(r"[\w-]+", preset) and file.is_file() else None
+
+
+@cache
+def chapters() -> tuple[Chapter, ...]:
+    """All chapters, in reading order."""
+    return tuple(_chapter(file) for file in _numbered(guide_folder()))
+
+
+@cache
+def lessons() -> tuple[Lesson, ...]:
+    """All lessons, in the order in which they build on one another."""
+    return tuple(_lesson(file) for file in _numbered(guide_folder() / "lessons"))
+
+
+def _numbered(folder: Path) -> list[Path]:
+    return sorted(folder.glob("[0-9]-*.md"))
+
+
+def _chapter(file: Path) -> Chapter:
+    title, _, text = file.read_text(encoding="utf-8").partition("\n")
+    return Chapter(file.stem[2:], title.removeprefix("# "), _complete(text.strip(), file.parent))
+
+
+def _lesson(file: Path) -> Lesson:
+    found = _LESSON.fullmatch(file.read_text(encoding="utf-8"))
+    if found is None:
+        raise ValueError(f"{file} is not a lesson: it needs a head between --- lines, ## Do and ## Observe.")
+    head = dict(line.split(": ", 1) for line in found["head"].splitlines())
+    parts = [_complete(found[name].strip(), file.parent.parent) for name in ("question", "steps", "observe")]
+    return Lesson(file.stem[2:], head["title"], head["preset"], head["check"], *parts)
+
+
+def _complete(text: str, folder: Path) -> str:
+    text = _SYMBOLS.sub(lambda found: symbol_table(found[1].split()), text)
+    return _PICTURE.sub(lambda found: _inline(folder / found[2], found[1]), text)
+
+
+def symbol_table(symbols: list[str]) -> str:
+    """A markdown table of symbols with word and unit. Raises KeyError for one that is not in `flexlab.notation`."""
+    rows = [notation.lookup(symbol) for symbol in symbols]
+    lines = ["| symbol | what it is | unit |", "|---|---|---|"]
+    return "\n".join(lines + [f"| {row.symbol} | {row.word} | {row.unit} |" for row in rows])
+
+
+def _inline(file: Path, alt: str) -> str:
+    """A picture as one line of HTML: within markdown an empty line would end it."""
+    picture = re.sub(r">\s+<", "><", file.read_text(encoding="utf-8").strip())
+    label = f'<svg role="img" aria-label="{html.escape(alt)}" style="max-width:100%;height:auto" '
+    return f'<div style="margin:0.4em 0;overflow-x:auto">{picture.replace("<svg ", label, 1)}</div>'

@@ -1,0 +1,122 @@
+"""The guide is whole: chapters, lessons and pictures are there, fit together, and stay small."""
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from flexlab import guide
+from flexlab.assets import web_assets_folder
+from flexlab.presets import preset_names
+from flexlab.studies.lesson_checks import CHECKS
+
+CHAPTERS = ["What you see", "The equations", "The controller", "Reading the plots", "Keys and tips"]
+LESSONS = [
+    "Why does it ring?",
+    "Soft beam",
+    "What ε does",
+    "Why adaptive?",
+    "Internal force",
+    "Can vibration reach zero?",
+]
+SVG = "{http://www.w3.org/2000/svg}"
+PICTURES = sorted(web_assets_folder().rglob("*.svg"))
+
+
+def texts() -> list[tuple[str, str]]:
+    """(name, markdown) of everything that a person reads."""
+    found = [(chapter.id, chapter.text) for chapter in guide.chapters()]
+    return found + [(les.id, "\n\n".join((les.question, les.steps, les.observe))) for les in guide.lessons()]
+
+
+def test_chapters_and_lessons_are_there_in_order():
+    assert [chapter.title for chapter in guide.chapters()] == CHAPTERS
+    assert [lesson.title for lesson in guide.lessons()] == LESSONS
+    ids = [name for name, _ in texts()]
+    assert len(set(ids)) == len(ids)
+
+
+@pytest.mark.parametrize("lesson", guide.lessons(), ids=lambda lesson: lesson.id)
+def test_a_lesson_is_whole(lesson: guide.Lesson):
+    assert lesson.preset in preset_names()
+    assert lesson.check in CHECKS
+    assert lesson.question
+    assert re.match(r"1\. ", lesson.steps)
+    assert lesson.observe
+
+
+def test_every_check_has_its_lesson():
+    assert sorted(lesson.check for lesson in guide.lessons()) == sorted(CHECKS)
+
+
+@pytest.mark.parametrize(("name", "text"), texts())
+def test_texts_name_presets_and_fields_that_exist(name: str, text: str):
+    for word in re.findall(r"preset `([^`]+)`", text.replace("\n", " ")):
+        assert word in preset_names()
+    assert "![" not in text, "a picture that was not found"
+    assert "[symbols" not in text
+
+
+@pytest.mark.parametrize(("name", "text"), texts())
+def test_no_html_but_the_pictures(name: str, text: str):
+    bare = re.sub(r"<div style=.*?</svg></div>", "", text)
+    assert "<" not in bare
+    assert "\n\n" not in "".join(re.findall(r"<div style=.*?</div>", text, re.S)), "an empty line ends HTML in markdown"
+
+
+def test_every_equation_is_shown():
+    shown = "".join((guide.guide_folder() / file.name).read_text("utf-8") for file in guide.guide_folder().glob("*.md"))
+    for file in (guide.guide_folder() / "equations").glob("*.svg"):
+        assert f"(equations/{file.name})" in shown
+
+
+def test_symbol_tables_come_from_the_symbol_table():
+    table = guide.symbol_table(["s", "EI"])
+    assert "| s | sliding variable | m/s, m/s, rad/s |" in table
+    assert "| EI | bending stiffness | N·m² |" in table
+    with pytest.raises(KeyError):
+        guide.symbol_table(["no symbol"])
+
+
+def test_a_broken_lesson_says_what_it_lacks(tmp_path: Path):
+    file = tmp_path / "1-broken.md"
+    file.write_text("# no head\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="not a lesson"):
+        guide._lesson(file)
+
+
+@pytest.mark.parametrize("file", PICTURES, ids=lambda file: file.stem)
+def test_a_picture_is_small_safe_svg(file: Path):
+    assert file.stat().st_size < 40_000
+    root = ET.fromstring(file.read_text(encoding="utf-8"))
+    assert root.tag == f"{SVG}svg"
+    assert {"width", "height", "viewBox"} <= set(root.attrib)
+    for element in root.iter():
+        assert element.tag.removeprefix(SVG) in {"svg", "g", "path", "circle", "line", "rect", "text", "title", "tspan"}
+        assert "id" not in element.attrib, "two pictures on one page would share it"
+        assert not any(name.startswith("on") or name.endswith("href") for name in element.attrib)
+
+
+def test_every_preset_has_a_picture_that_says_how_much_it_exaggerates():
+    for preset in preset_names():
+        file = guide.picture_file(preset)
+        assert file is not None, f"run web_assets/make/pictures.py for {preset}"
+        words = "".join(ET.fromstring(file.read_text(encoding="utf-8")).itertext())
+        assert re.search(r"bending × \d+", words)
+
+
+@pytest.mark.parametrize("name", ["", "no-such-preset", "../guide/pictures/overview", "a/b"])
+def test_no_picture_for_other_names(name: str):
+    assert guide.picture_file(name) is None
+
+
+def test_models_are_light_and_described():
+    folder = web_assets_folder() / "models"
+    files = sorted(folder.glob("*.glb"))
+    assert files
+    assert sum(file.stat().st_size for file in files) < 200_000
+    described = (folder / "README.md").read_text(encoding="utf-8")
+    for file in files:
+        assert file.read_bytes()[:4] == b"glTF"
+        assert file.name in described

@@ -1,0 +1,88 @@
+"""The few numbers by which runs are told apart and compared."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlab.sim.samples import Samples
+
+SETTLED = 0.05
+"""Share of its peak under which a free vibration counts as gone."""
+
+
+@dataclass(frozen=True)
+class RunMetrics:
+    """Of all samples of a run. SI units; NaN where a run has no samples."""
+
+    duration: float
+    """From the first sample to the last, s."""
+    rms_error: tuple[float, float, float]
+    """Root mean square of e = x - x_d, m, m, rad."""
+    peak_error: tuple[float, float, float]
+    """Largest |e|, m, m, rad."""
+    peak_vibration: float
+    """Largest magnitude of the mid-span deflection less its quasi-static part, m."""
+    settling_time: float
+    """Seconds from the first sample after which |vibration| stays within `SETTLED` of its peak."""
+    peak_torque: float
+    """Largest magnitude of any joint's torque, N·m."""
+    rms_internal_force: float
+    """Root mean square of the (x, y) part of the left arm's internal force, N."""
+    rms_internal_moment: float
+    """Root mean square of its moment, N·m."""
+
+
+def run_metrics(samples: Samples) -> RunMetrics:
+    """The metrics of a run, or of any piece of one."""
+    if len(samples) == 0:
+        nothing = (np.nan, np.nan, np.nan)
+        return RunMetrics(0.0, nothing, nothing, *[np.nan] * 5)
+    force = samples.internal_force[:, 0]
+    vibration = np.abs(samples.vibration)
+    return RunMetrics(
+        duration=float(samples.time[-1] - samples.time[0]),
+        rms_error=_three(np.sqrt(np.mean(samples.tracking_error**2, axis=0))),
+        peak_error=_three(np.max(np.abs(samples.tracking_error), axis=0)),
+        peak_vibration=float(np.max(vibration)),
+        settling_time=settling_time(samples.time, vibration),
+        peak_torque=float(np.max(np.abs(samples.joint_torque))),
+        rms_internal_force=float(np.sqrt(np.mean(np.sum(force[:, :2] ** 2, axis=1)))),
+        rms_internal_moment=float(np.sqrt(np.mean(force[:, 2] ** 2))),
+    )
+
+
+def settling_time(time: np.ndarray, signal: np.ndarray) -> float:
+    """Seconds from time[0] to the last instant at which |signal| (N,) exceeds `SETTLED` of its peak; 0 for no signal."""
+    size = np.abs(signal)
+    loud = np.flatnonzero(size > SETTLED * np.max(size))
+    return float(time[loud[-1]] - time[0]) if len(loud) else 0.0
+
+
+def _three(values: np.ndarray) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+@dataclass(frozen=True)
+class MetricRow:
+    """One line of a table of metrics, in units for people."""
+
+    title: str
+    unit: str
+    value: float
+
+
+def metric_rows(metrics: RunMetrics) -> tuple[MetricRow, ...]:
+    """All metrics with titles and display units (mm, mrad), in the order of a table."""
+    axes = (("x", "mm"), ("y", "mm"), ("θ", "mrad"))
+    rms = (MetricRow(f"RMS error {a}", u, 1e3 * v) for (a, u), v in zip(axes, metrics.rms_error, strict=True))
+    peak = (MetricRow(f"Peak error {a}", u, 1e3 * v) for (a, u), v in zip(axes, metrics.peak_error, strict=True))
+    return (
+        MetricRow("Duration", "s", metrics.duration),
+        *rms,
+        *peak,
+        MetricRow("Peak vibration", "mm", 1e3 * metrics.peak_vibration),
+        MetricRow("Free vibration gone after", "s", metrics.settling_time),
+        MetricRow("Peak joint torque", "N·m", metrics.peak_torque),
+        MetricRow("RMS internal force", "N", metrics.rms_internal_force),
+        MetricRow("RMS internal moment", "N·m", metrics.rms_internal_moment),
+    )

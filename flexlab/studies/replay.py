@@ -1,0 +1,174 @@
+"""Simulates a recorded run again from its start and its commands, and looks whether every bit is the same."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from flexlab.errors import StudyError
+from flexlab.recording.reader import Recording
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
+from flexlab.sim.samples import Samples
+from flexlab.sim.world import World, WorldState
+
+BLOCK_TICKS = 1000
+"""Ticks simulated between two comparisons: a difference at the start of an hour is told at once."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first place where a replay parts from its recording."""
+
+    time: float
+    """Simulation time, s."""
+    signal: str
+    """Name of the field of `Samples`."""
+    recorded: float
+    replayed: float
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What came of a replay."""
+
+    compared: int
+    """Samples that were compared."""
+    difference: Difference | None
+    """None: all bits are the same."""
+    text: str
+    """The finding in one sentence."""
+
+    @property
+    def identical(self) -> bool:
+        """Whether every sample came out bit for bit."""
+        return self.difference is None
+
+
+def replay(recording: Recording) -> Replay:
+    """Simulate the run again and compare every signal of every recorded sample bit for bit.
+
+    Raises `StudyError` if the recording's commands cannot be carried out again.
+    """
+    samples = recording.samples
+    done = 0
+    for again in replayed_samples(recording):
+        # A gap (samples dropped, a disk that was full) is left out of the comparison.
+        rows = np.searchsorted(samples.time, again.time)
+        there = (rows < len(samples)) & (samples.time[np.minimum(rows, len(samples) - 1)] == again.time)
+        difference = _first_difference(_rows(samples, rows[there]), _rows(again, there))
+        done += int(np.count_nonzero(there))
+        if difference is not None:
+            return Replay(done, difference, _difference_text(recording, difference))
+    if done < len(samples):
+        late = float(samples.time[done])
+        difference = Difference(late, "time", late, np.nan)
+        return Replay(done, difference, f"The replay stopped at t = {late:g} s, before the recording's end.")
+    return Replay(done, None, f"All {done} samples came out again, bit for bit.")
+
+
+def replayed_samples(recording: Recording) -> Iterator[Samples]:
+    """The run simulated anew, in blocks, from its first sample to its last recorded one. Raises `StudyError`."""
+    if len(recording.samples) == 0:
+        return
+    world = start_world(recording)
+    last = round(float(recording.samples.time[-1]) / recording.sample_period)
+    yield world.observe()
+    for tick, command in (*world_commands(recording), (last, None)):
+        while world.tick < min(tick, last):
+            block = world.advance(min(min(tick, last) - world.tick, BLOCK_TICKS))
+            yield block
+            if world.status.failed:
+                return
+        if command is not None and tick < last:
+            carry_out(world, command)
+
+
+def state_at(recording: Recording, time: float) -> tuple[Scenario, WorldState]:
+    """Scenario and state of the run at simulation time `time` s (to the nearest sample), to go on from there.
+
+    Commands given at that very instant have taken effect. Raises `StudyError` for a time that was not recorded.
+    """
+    if len(recording.samples) == 0:
+        raise StudyError(f"{recording.path.name} has no samples: there is nothing to go on from.")
+    first, last = float(recording.samples.time[0]), float(recording.samples.time[-1])
+    if not first <= time <= last:
+        raise StudyError(f"t = {time:g} s was not recorded: choose {first:g} to {last:g} s.")
+    world = start_world(recording)
+    goal = round(time / recording.sample_period)
+    for tick, command in world_commands(recording):
+        if tick > goal:
+            break
+        world.advance(tick - world.tick)
+        carry_out(world, command)
+    world.advance(goal - world.tick)
+    if world.status.failed:
+        raise StudyError(f"The run cannot go on from t = {time:g} s: {world.status.text}")
+    return world.scenario, world.state()
+
+
+def start_world(recording: Recording) -> World:
+    """The world as it stood at the recording's first sample of part 1."""
+    world = World(recording.scenario, recording.sample_period)
+    if recording.start is not None:
+        world.restore(recording.start)
+    return world
+
+
+def world_commands(recording: Recording) -> tuple[tuple[int, WorldCommand], ...]:
+    """(tick, command) of every command that changed the simulation, in order."""
+    return tuple(
+        (round(event.time / recording.sample_period), event.command)
+        for event in recording.events
+        if isinstance(event.command, (ChangeScenario, Pull, Tap)) and event.level != "error"
+    )
+
+
+def carry_out(world: World, command: WorldCommand) -> None:
+    """Apply a recorded command. Raises `StudyError` if the world does not take it as the recorded one did."""
+    width = world.row_length
+    if world.apply(command) or world.row_length != width:
+        raise StudyError("The recording goes on after a change of structure, which begins a new run: it is not whole.")
+
+
+def _rows(samples: Samples, chosen: np.ndarray) -> Samples:
+    return Samples(**{field.name: getattr(samples, field.name)[chosen] for field in fields(Samples)})
+
+
+def _first_difference(recorded: Samples, again: Samples) -> Difference | None:
+    """The earliest row that differs in any bit, and the first signal in it that does."""
+    found: tuple[int, str] | None = None
+    for field in fields(Samples):
+        one, other = getattr(recorded, field.name), getattr(again, field.name)
+        if one.shape != other.shape:
+            return Difference(float(recorded.time[0]), field.name, np.nan, np.nan)
+        unlike = _bits(one) != _bits(other)
+        rows = np.flatnonzero(unlike.any(axis=1))
+        if len(rows) and (found is None or rows[0] < found[0]):
+            found = (int(rows[0]), field.name)
+    if found is None:
+        return None
+    row, name = found
+    one, other = getattr(recorded, name)[row].ravel(), getattr(again, name)[row].ravel()
+    column = int(np.flatnonzero(_bits(one[None])[0] != _bits(other[None])[0])[0])
+    return Difference(float(recorded.time[row]), name, float(one[column]), float(other[column]))
+
+
+def _bits(signal: np.ndarray) -> np.ndarray:
+    flat = signal.reshape(len(signal), math.prod(signal.shape[1:]))
+    return np.ascontiguousarray(flat).view(np.int64)
+
+
+def _difference_text(recording: Recording, difference: Difference) -> str:
+    try:
+        here = version("flexlab")
+    except PackageNotFoundError:
+        here = "unknown"
+    made = recording.properties
+    return (
+        f"The replay differs first at t = {difference.time:g} s in {difference.signal}: recorded {difference.recorded!r}, "
+        f"now {difference.replayed!r}. It was recorded by flexlab {made.get('flexlab_version')} with numpy "
+        f"{made.get('numpy_version')} on {made.get('machine')}; this is flexlab {here} with numpy {np.__version__}."
+    )

@@ -1,0 +1,108 @@
+"""A recorded run comes out again bit for bit, can be gone on from, and a changed one is found out."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_helpers import assert_same_bits
+
+from flexlab.errors import StudyError
+from flexlab.presets import load_preset, preset_names
+from flexlab.recording.reader import Recording, read_recording
+from flexlab.recording.run_files import list_runs
+from flexlab.recording.writer import Recorder
+from flexlab.sim.commands import ChangeScenario, Pull, Tap
+from flexlab.sim.runner import Runner
+from flexlab.sim.world import World
+from flexlab.studies.replay import replay, state_at
+
+
+def live_recording(preset: str, logs: Path) -> Recording:
+    """A live run of half a second with changed sliders and pokes, as a person makes it."""
+    now = [0.0]
+    recorder = Recorder(logs)
+    runner = Runner(load_preset(preset), preset, [recorder], clock=lambda: now[0])
+    half = 0.4 * runner.snapshot.scenario.payload.length
+    commands = [
+        ChangeScenario({"payload.bending_stiffness": 61.0}),
+        Tap(half, (0.02, 0.05)),
+        Pull(0.1 * half, (0.1, 0.8), 30.0),
+        ChangeScenario({"trajectory.frequency": (0.9, 0.8, 0.7)}),
+        ChangeScenario({"gravity": 1.0, "payload.damping.coefficient": 0.05})
+        if runner.snapshot.scenario.payload.damping.kind == "nodal"
+        else ChangeScenario({"gravity": 1.0}),
+        Pull(0.0, (0.0, 0.0), 0.0),
+    ]
+    for command in commands:
+        for _ in range(4):
+            now[0] += 0.0173
+            runner.frame()
+        runner.submit(command)
+    for _ in range(4):
+        now[0] += 0.0173
+        runner.frame()
+    runner.stop()
+    recorder.close()
+    (path,) = list_runs(logs)
+    return read_recording(path)
+
+
+@pytest.mark.parametrize("preset", preset_names())
+def test_every_preset_with_sliders_and_pokes_replays_bit_for_bit(preset: str, tmp_path: Path) -> None:
+    recording = live_recording(preset, tmp_path)
+    assert len(recording.samples) > 400
+    assert not [event.text for event in recording.events if event.level == "error"]
+    found = replay(recording)
+    assert found.text == f"All {len(recording.samples)} samples came out again, bit for bit."
+    assert found.identical
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Recording:
+    return live_recording("paper", tmp_path)
+
+
+def test_a_single_flipped_bit_is_found_with_time_and_signal(recording: Recording) -> None:
+    torque = recording.samples.joint_torque.copy()
+    torque.view(np.int64)[123, 1, 2] ^= 1
+    changed = replace(recording, samples=replace(recording.samples, joint_torque=torque))
+    found = replay(changed)
+    assert found.difference is not None
+    assert (found.difference.time, found.difference.signal) == (0.123, "joint_torque")
+    assert "differs first at t = 0.123 s in joint_torque" in found.text
+    assert "recorded by flexlab" in found.text
+
+
+def test_a_forgotten_command_is_found(recording: Recording) -> None:
+    events = tuple(event for event in recording.events if not isinstance(event.command, Tap))
+    found = replay(replace(recording, events=events))
+    (tap,) = (event for event in recording.events if isinstance(event.command, Tap))
+    assert found.difference is not None
+    assert found.difference.time == pytest.approx(tap.time + 0.001, abs=1e-9)
+
+
+def test_a_gap_is_left_out(recording: Recording) -> None:
+    keep = np.r_[0:100, 250 : len(recording.samples)]
+    samples = replace(recording.samples, **{n: getattr(recording.samples, n)[keep] for n in vars(recording.samples)})
+    found = replay(replace(recording, samples=samples))
+    assert found.identical
+    assert found.compared == len(keep)
+
+
+@pytest.mark.parametrize("time", [0.0, 0.1, 0.25, 0.4])
+def test_going_on_from_any_time_gives_the_same_samples(recording: Recording, time: float) -> None:
+    scenario, state = state_at(recording, time)
+    world = World(scenario)
+    world.restore(state)
+    row = int(np.searchsorted(recording.samples.time, time - 1e-9))
+    assert world.observe().pose.tobytes() == recording.samples.pose[row].tobytes()
+    later = [event.time for event in recording.events if event.command is not None and event.time > time]
+    until = min([*later, float(recording.samples.time[-1])])
+    ticks = round(until / 0.001) - world.tick
+    assert_same_bits(world.advance(ticks), recording.samples.slice(row + 1, row + 1 + ticks))
+
+
+def test_a_time_that_was_not_recorded_is_said(recording: Recording) -> None:
+    with pytest.raises(StudyError, match=r"t = 99 s was not recorded: choose 0 to "):
+        state_at(recording, 99.0)

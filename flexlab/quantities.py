@@ -56,9 +56,13 @@ def describe(model: type[BaseModel], name: str) -> Quantity:
 
 
 def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not math.isfinite(value):
+    try:
+        number = math.nan if isinstance(value, bool) or not isinstance(value, numbers.Real) else float(value)
+    except OverflowError:  # a whole number too large for a float
+        number = math.inf
+    if not math.isfinite(number):
         raise PydanticCustomError("number", "needs a finite number")
-    return float(value)
+    return number
 
 
 def _whole_number(value: Any) -> int:

@@ -1,0 +1,51 @@
+"""The scenario: everything that defines one experiment, as frozen, validated data.
+
+Names are words; each field's metadata gives its symbol, unit and range (see `flexlab.quantities`). `parse_scenario` turns
+plain data into a `Scenario` or raises `ScenarioError` with one sentence per problem; `Scenario.replace` changes fields by
+path (`"payload.bending_stiffness"`). Presets and files are in `flexlab.presets`.
+"""
+
+from flexlab.scenario.arm import Arm
+from flexlab.scenario.controller import (
+    AdaptiveSlidingMode,
+    ComputedTorque,
+    Controller,
+    NoControl,
+    PayloadModel,
+    ProportionalDerivative,
+    SensorNoise,
+    VibrationDamping,
+)
+from flexlab.scenario.payload import (
+    FIXED_COORDINATES,
+    Boundary,
+    ModalDamping,
+    NodalDamping,
+    Payload,
+    StiffnessDamping,
+)
+from flexlab.scenario.trajectory import SineTrajectory
+from flexlab.scenario.whole import Initial, Scenario, Simulation, parse_scenario
+
+__all__ = [
+    "FIXED_COORDINATES",
+    "AdaptiveSlidingMode",
+    "Arm",
+    "Boundary",
+    "ComputedTorque",
+    "Controller",
+    "Initial",
+    "ModalDamping",
+    "NoControl",
+    "NodalDamping",
+    "Payload",
+    "PayloadModel",
+    "ProportionalDerivative",
+    "Scenario",
+    "SensorNoise",
+    "Simulation",
+    "SineTrajectory",
+    "StiffnessDamping",
+    "VibrationDamping",
+    "parse_scenario",
+]

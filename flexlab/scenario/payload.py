@@ -1,0 +1,92 @@
+"""The beam that is carried: mesh, boundary and damping."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from flexlab.quantities import Count, Number, Part, quantity
+
+Boundary = Literal["pinned-pinned", "clamped-clamped", "clamped-pinned", "pinned-clamped", "clamped-free"]
+FIXED_COORDINATES: dict[str, int] = {
+    "pinned-pinned": 2,
+    "clamped-clamped": 4,
+    "clamped-pinned": 3,
+    "pinned-clamped": 3,
+    "clamped-free": 2,
+}
+"""How many of the 2 (n + 1) nodal coordinates each boundary holds at zero."""
+
+
+class NodalDamping(Part):
+    """Viscous damping c on every nodal rate, the paper's reading; depends on the mesh."""
+
+    kind: Literal["nodal"] = "nodal"
+    coefficient: Number = quantity(0.1, title="Damping", symbol="c", unit="N·s/m", low=0, high=1e3, slider=(0, 2))
+
+
+class StiffnessDamping(Part):
+    """Damping proportional to the stiffness, C = β K_F: grows with the square of the mode's frequency."""
+
+    kind: Literal["stiffness"] = "stiffness"
+    coefficient: Number = quantity(
+        1e-4, title="Stiffness damping", symbol="β", unit="s", low=0, high=1, slider=(0, 2e-3)
+    )
+
+
+class ModalDamping(Part):
+    """The same damping ratio ζ for every mode, whatever the mesh."""
+
+    kind: Literal["modal"] = "modal"
+    ratio: Number = quantity(0.01, title="Damping ratio", symbol="ζ", unit="1", low=0, high=2, slider=(0, 0.2))
+
+
+Damping = Annotated[NodalDamping | StiffnessDamping | ModalDamping, Field(discriminator="kind")]
+
+
+class Payload(Part):
+    """The flexible beam between the grips (Euler-Bernoulli, Hermite finite elements)."""
+
+    length: Number = quantity(
+        0.5, title="Length", symbol="L", unit="m", low=0.05, high=10, slider=(0.2, 1), live="restart"
+    )
+    linear_density: Number = quantity(
+        2.0, title="Mass per length", symbol="ρ", unit="kg/m", low=1e-3, high=1e3, slider=(0.5, 10)
+    )
+    bending_stiffness: Number = quantity(
+        100.0,
+        title="Bending stiffness",
+        symbol="EI",
+        unit="N·m²",
+        low=1e-3,
+        high=1e12,
+        slider=(1, 1000),
+        logarithmic=True,
+    )
+    element_count: Count = quantity(
+        2, title="Elements", symbol="n", unit="1", low=1, high=64, slider=(1, 64), live="projected"
+    )
+    boundary: Boundary = quantity("pinned-pinned", title="Boundary", live="projected")
+    damping: Damping = quantity(NodalDamping(), title="Damping")
+    mode_count: Count | None = quantity(
+        None, title="Modes kept (null: all)", symbol="n_m", unit="1", low=1, high=130, live="projected"
+    )
+
+    @property
+    def coordinate_count(self) -> int:
+        """n_q, the number of free nodal coordinates."""
+        return 2 * (self.element_count + 1) - FIXED_COORDINATES[self.boundary]
+
+    @model_validator(mode="after")
+    def _has_coordinates(self) -> "Payload":
+        if self.coordinate_count < 1:
+            raise PydanticCustomError(
+                "mesh", "a clamped-clamped beam needs 2 elements or more: with 1 it has no coordinate left to bend"
+            )
+        if self.mode_count is not None and self.mode_count > self.coordinate_count:
+            raise PydanticCustomError(
+                "mesh",
+                "mode_count = {kept} is more than the {all} modes that this mesh has: keep {all} or fewer, or write null",
+                {"kept": self.mode_count, "all": self.coordinate_count},
+            )
+        return self

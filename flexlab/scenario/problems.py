@@ -1,0 +1,60 @@
+"""What is wrong with a scenario, in sentences."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, get_args
+
+from flexlab.quantities import Part, Quantity, describe
+
+
+def parts_of(annotation: Any) -> list[type[Part]]:
+    """The scenario parts that a field's type names, through unions and annotations."""
+    if isinstance(annotation, type) and issubclass(annotation, Part):
+        return [annotation]
+    return [part for inner in get_args(annotation) for part in parts_of(inner)]
+
+
+def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | None]:
+    """Dotted path and description of the place that pydantic names, where unions put the kind they chose in between."""
+    owners, names, about = [model], [], None
+    for item in map(str, location):
+        if item in {owner.model_fields["kind"].default for owner in owners if "kind" in owner.model_fields}:
+            continue
+        names.append(item if item.isidentifier() or item.isdecimal() else _shown(item))
+        holders = [owner for owner in owners if item in owner.model_fields]
+        if holders:
+            about = describe(holders[0], item)
+            owners = [part for owner in holders for part in parts_of(owner.model_fields[item].annotation)]
+    return ".".join(names), about
+
+
+def problem(model: type[Part], item: Any) -> tuple[str, str]:
+    """(path, sentence) for one pydantic error in data for `model`."""
+    path, about = locate(model, item["loc"])
+    unit = about.unit_text() if about else ""
+    shown = _shown(item["input"])
+    kind, text = item["type"], item["msg"]
+    if kind == "extra_forbidden":
+        return path, f"{path} is not a scenario field: check the spelling or remove it."
+    if kind == "missing":
+        return path, f"{path} is missing: give it a value."
+    if kind == "range":
+        return path, f"{path} = {shown}{unit} {text}: choose a value within it."
+    if kind in ("number", "numbers"):
+        allowed = f" (allowed: {about.range_text()})" if about and math.isfinite(about.low) else ""
+        return path, f"{path} = {shown} {text}{allowed}."
+    if kind == "literal_error":
+        return path, f"{path} = {shown} is not one of {item['ctx']['expected']}: choose one of them."
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        return (
+            path,
+            f"{path}.kind is not one of {item['ctx'].get('expected_tags', 'the known kinds')}: choose one of them.",
+        )
+    if kind in ("mesh", "arms", "inertia", "sampling"):
+        return path, f"{path + ': ' if path else ''}{text}."
+    return path, f"{path} = {shown}: {text}."
+
+
+def _shown(value: Any) -> str:
+    text = f"{value:g}" if isinstance(value, float) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

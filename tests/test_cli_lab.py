@@ -50,8 +50,12 @@ class Lab:
         lines.extend(iter(stream.readline, ""))
 
     def url(self) -> str:
-        """The page's address, once the lab says it."""
-        return self.wait(lambda: re.search(r"http://[\d.]+:\d+", "".join(self.said)))[0]
+        """The lab's address, once it says it."""
+        return self.wait(lambda: re.search(r"open at (http://\S+)", "".join(self.said)))[1]
+
+    def port(self) -> int:
+        """The port of that address."""
+        return int(self.url().split(":")[2].split("/")[0])
 
     def wait(self, found: Callable[[], object]):
         """What `found` gives as soon as it gives something."""
@@ -125,7 +129,7 @@ def test_a_second_lab_on_the_same_port_is_refused_and_the_first_goes_on(
 ):
     lab = start_lab()
     url = lab.url()
-    done = flexlab_command("--no-browser", "--port", url.rsplit(":", 1)[1])
+    done = flexlab_command("--no-browser", "--port", str(lab.port()))
     assert done.returncode == 2
     assert "in use" in done.stderr
     with urllib.request.urlopen(url) as page:
@@ -141,6 +145,8 @@ def test_a_second_lab_on_the_same_port_is_refused_and_the_first_goes_on(
         (["--host", "256.1.1.1"], "256.1.1.1"),
         (["--host", "192.0.2.1"], "192.0.2.1"),
         (["--logs", "/proc/logs"], "/proc/logs"),
+        (["--max-sessions", "0"], "max-sessions = 0"),
+        (["--token", "abc"], "8 characters"),
     ],
 )
 def test_bad_input_is_one_sentence(flexlab_command: Command, words: list[str], says: str):
@@ -152,9 +158,10 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, words: list[str], s
 
 
 def answer(url: str) -> int | None:
-    """The page's status, None while nobody listens."""
+    """The page's status for a visitor who keeps cookies, None while nobody listens."""
+    visitor = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
     try:
-        with urllib.request.urlopen(url) as page:
+        with visitor.open(url) as page:
             return page.status
     except urllib.error.HTTPError as error:
         return error.code
@@ -166,11 +173,11 @@ def test_a_cold_start_says_that_it_compiles(start_lab: Callable[..., Lab], tmp_p
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
     lab = start_lab(port=port, NUMBA_CACHE_DIR=str(tmp_path / "cold"))
-    url = f"http://127.0.0.1:{port}"
+    url = f"http://127.0.0.1:{port}/lab/"
     lab.wait(lambda: answer(url) == 503)
     lab.wait(lambda: "compiling the equations of motion" in "".join(lab.complained))
     lab.wait(lambda: answer(url) == 200)
-    assert url in lab.url()
+    assert lab.url() == url
     assert lab.end() == 0
 
 
@@ -182,3 +189,19 @@ def test_live_data_is_offered_with_rerun(start_lab: Callable[..., Lab]):
         assert viewer.status == 200
     lab.wait(lambda: re.search(r"rerun --connect rerun\+http://127\.0\.0\.1:\d+/proxy", "".join(lab.said)))
     assert lab.end() == 0
+
+
+def test_a_lab_for_others_asks_for_its_token(start_lab: Callable[..., Lab]):
+    lab = start_lab("--host", "0.0.0.0")
+    url = lab.url()
+    assert "?token=" in url
+    assert answer(url) == 200
+    assert answer(url.split("?")[0]) == 401
+    assert lab.end() == 0
+
+
+def test_private_labs_open_and_close(start_lab: Callable[..., Lab]):
+    lab = start_lab("--private", "--max-sessions", "1")
+    assert answer(lab.url()) == 200
+    assert lab.end() == 0
+    assert "Traceback" not in "".join(lab.complained)

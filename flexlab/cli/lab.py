@@ -1,8 +1,9 @@
 """`flexlab`: the lab in the browser."""
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, redirect_stdout
-from io import StringIO
+import secrets
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -13,14 +14,18 @@ from flexlab.cli.options import LOGS, Logs, Preset
 from flexlab.cli.showing import ending, open_browser, wait_for
 
 if TYPE_CHECKING:
+    from flexlab.door.door import Door
+    from flexlab.door.settings import Settings
     from flexlab.recording.live import LiveHub
-    from flexlab.recording.writer import Recorder
 
 
 def command(
     preset: Preset = "paper",
     host: Annotated[
-        str, tyro.conf.arg(metavar="ADDRESS", help="Who may look: this machine only, or 0.0.0.0 for all.")
+        str,
+        tyro.conf.arg(
+            metavar="ADDRESS", help="Who may look: this machine only, or 0.0.0.0 for all who have the token."
+        ),
     ] = "127.0.0.1",
     port: Annotated[int, tyro.conf.arg(metavar="PORT", help="The page's port; 0 takes any free one.")] = 8080,
     no_browser: Annotated[
@@ -30,6 +35,17 @@ def command(
         bool, tyro.conf.arg(help="Serve the data live to a rerun viewer as well.", help_behavior_hint="")
     ] = False,
     logs: Logs = LOGS,
+    private: Annotated[
+        bool,
+        tyro.conf.arg(help="Give each visitor a lab of their own; otherwise all share one.", help_behavior_hint=""),
+    ] = False,
+    max_sessions: Annotated[int, tyro.conf.arg(metavar="N", help="Most private labs at once.")] = 4,
+    token: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="WORD", help="The word that opens the door to others; made up if left out.", help_behavior_hint=""
+        ),
+    ] = None,
 ) -> None:
     """Open the lab: two arms carry a flexible beam, live in your browser, every run recorded.
 
@@ -44,50 +60,49 @@ def command(
 
     name, scenario = find_scenario(preset)
     from flexlab.cli.warmup import warm_up
-    from flexlab.lab.server import _check_free as check_free
-    from flexlab.lab.session import Session
+    from flexlab.door.door import TOKEN_BYTES, listen, open_door
+    from flexlab.door.settings import Settings
     from flexlab.recording.run_files import check_folder
-    from flexlab.recording.writer import Recorder
 
-    # Before compiling, and before a recorder makes a file for a lab that cannot open.
+    settings = Settings(logs, host, port, token, private, max_sessions)
+    if not settings.is_local and token is None:
+        # Made up here, so that a page opened while compiling can turn into the lab.
+        settings = replace(settings, token=secrets.token_urlsafe(TOKEN_BYTES))
+    # Before compiling, which takes long.
     check_folder(logs)
-    check_free(host, port)
+    listen(host, port).close()
     shown: list[str] = []
-    warm_up(scenario, meanwhile=_waiting_page(host, port, not no_browser, shown) if port else None)
+    warm_up(scenario, meanwhile=_waiting_page(settings, not no_browser, shown) if port else None)
     with ending() as ended, ExitStack() as closing:
         live = _serve_live(closing) if rerun else None
-        recorder = Recorder(logs, live.hub if live else None, on_problem=complain)
-        closing.callback(recorder.close)
-        session = Session(
-            scenario, name, consumers=[recorder], host=host, port=port, recording=lambda: recording_text(recorder)
+        door = closing.enter_context(
+            open_door(settings, scenario, name, hub=live.hub if live else None, on_problem=complain)
         )
-        closing.callback(_quietly, session.stop)
-        _quietly(session.start)
-        _welcome(session.url, live, logs)
+        _welcome(door, settings.is_local, live, logs)
         if not no_browser and not shown:
-            open_browser(session.url)
+            open_browser(door.lab_url)
         wait_for(ended)
-        last = recorder.path
+    last = door.close()
     output().print()
     if last is not None:
         output().print(f"The last run is in {last}. Look at it with: flexlab review", markup=False, soft_wrap=True)
 
 
 @contextmanager
-def _waiting_page(host: str, port: int, browser: bool, shown: list[str]) -> Iterator[None]:
+def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Iterator[None]:
     """A page that says what takes so long, where the lab will be; notes in `shown` that a browser shows it."""
     from flexlab.cli.waiting_page import WaitingPage
 
     try:
-        page = WaitingPage(host, port)
+        page = WaitingPage(settings.host, settings.port)
     except OSError:
         # An address that only the lab's own server understands: then the terminal alone must do.
         yield
         return
     with page:
         if browser:
-            open_browser(page.url)
-            shown.append(page.url)
+            shown.append(f"{page.url}/lab/" + (f"?token={settings.token}" if settings.token else ""))
+            open_browser(shown[0])
         yield
 
 
@@ -111,23 +126,12 @@ def _serve_live(closing: ExitStack) -> Live:
     return Live(hub, viewer_link(viewer.page, hub.url))
 
 
-def recording_text(recorder: "Recorder") -> str:
-    """What the panel says about the recording."""
-    if recorder.problem is not None:
-        return recorder.problem
-    return "" if recorder.path is None else f"Recording to {recorder.path.name}"
-
-
-def _welcome(url: str, live: Live | None, logs: Path) -> None:
-    lines = [f"The lab is open at {url}"]
+def _welcome(door: "Door", is_local: bool, live: Live | None, logs: Path) -> None:
+    lines = [f"The lab is open at {door.lab_url}", f"Start page, with all runs: {door.url}"]
+    if not is_local:
+        lines.append("From other machines: the same with this machine's name instead of 127.0.0.1.")
     if live is not None:
         lines += [f"Live data in your browser: {live.page}", f"or in rerun itself: rerun --connect {live.hub.url}"]
     lines.append(f"Runs are recorded in {logs}. Ctrl-C ends the lab.")
     for line in lines:
         output().print(line, style="bold" if line is lines[0] else "", markup=False, soft_wrap=True)
-
-
-def _quietly(action: Callable[[], None]) -> None:
-    """Do it while viser's own banner is kept back: what matters of it is said in this lab's words."""
-    with redirect_stdout(StringIO()):
-        action()

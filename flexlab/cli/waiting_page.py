@@ -21,7 +21,7 @@ PAGE = """<!doctype html>
   <p>The lab will open here by itself.</p>
 </main>
 <script>
-  setInterval(() => fetch("/", { cache: "no-store" }).then(answer => answer.ok && location.reload(), () => {}), 500)
+  setInterval(() => fetch(location.href, { cache: "no-store" }).then(answer => answer.ok && location.reload(), () => {}), 500)
 </script>
 </html>
 """

@@ -70,4 +70,4 @@ class Drawing:
         self._cameras.follow(snapshot)
         if readouts:
             self._panel.update(snapshot, self._scene.legend(view))
-            self._plots.update(self._runner, snapshot, view.plot_window)
+            self._plots.update(self._runner, snapshot, view)

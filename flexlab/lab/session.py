@@ -9,6 +9,7 @@ from flexlab.lab.cameras import Cameras
 from flexlab.lab.desk import Desk
 from flexlab.lab.drawing import Drawing
 from flexlab.lab.gate import guard_inputs
+from flexlab.lab.mode_study import ModeStudy
 from flexlab.lab.panel import Panel
 from flexlab.lab.plots import Plots
 from flexlab.lab.scene import Scene
@@ -47,6 +48,7 @@ class Session:
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing)
         self._server: viser.ViserServer | None = None
         self._desk: Desk | None = None
+        self._study = ModeStudy()
         self._drawing: Drawing | None = None
 
     @property
@@ -89,6 +91,7 @@ class Session:
         """Stop drawing, simulation and server; returns when all threads are done. May be called twice."""
         if self._drawing is not None:
             self._drawing.stop()
+        self._study.stop()
         self.runner.stop()
         if self._server is not None:
             self._server.stop()
@@ -104,13 +107,12 @@ class Session:
     def _furnish(self, server: viser.ViserServer) -> Drawing:
         """Fill the server's page."""
         desk = self._desk = Desk(self.runner)
-        scene = Scene(server, self._scenario, self._shadows)
+        scene = Scene(server, self._scenario, self._study, self._shadows)
         cameras = Cameras(server, self.runner)
-        panel = Panel(server.gui, desk, cameras.choose, self._recording)
+        panel = Panel(server.gui, desk, self.runner, self._study, cameras.choose, self._recording)
         guard_inputs(server, desk)
         board = server.gui.add_panel()
-        with board.add_tab("Plots", viser.Icon.CHART_LINE):
-            plots = Plots(server.gui, desk.view.plot_window)
+        plots = Plots(server.gui, board, self._scenario, desk.view.plot_window)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
         board.dock_left()

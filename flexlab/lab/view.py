@@ -17,7 +17,10 @@ PLOT_WINDOWS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 
 @dataclass(frozen=True)
 class View:
-    """Settings of the screen. `exaggeration`: factor on the drawn deflection; `plot_window`: s."""
+    """Settings of the screen. `exaggeration`: factor on the drawn deflection; `plot_window`: s.
+
+    `shown_mode`: index of the mode whose shape is animated in place of the run, or None.
+    """
 
     exaggeration: float = 50.0
     strain: bool = False
@@ -29,6 +32,8 @@ class View:
     trail: bool = False
     reach: bool = False
     plot_window: float = 5.0
+    hold_plots: bool = False
+    shown_mode: int | None = None
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,7 @@ SWITCHES = {
     "path": "Desired path",
     "trail": "Trail of the payload",
     "reach": "Reach and singular poses",
+    "hold_plots": "Hold the plots still",
 }
 """Settings that are on or off, and their names on the screen."""
 
@@ -62,10 +68,10 @@ def fitting_exaggeration(scenario: Scenario) -> float:
     bending = 5 * load * payload.length**4 / (384 * payload.bending_stiffness)
     if bending <= 0:
         return 50.0
-    return min(max(_nice(VISIBLE_BENDING * payload.length / bending), 1.0), EXAGGERATION.high)
+    return min(max(nice(VISIBLE_BENDING * payload.length / bending), 1.0), EXAGGERATION.high)
 
 
-def _nice(value: float) -> float:
+def nice(value: float) -> float:
     """The nearest of 1, 2, 5 times a power of ten, by ratio."""
     power = 10.0 ** math.floor(math.log10(value))
     return power * min((1.0, 2.0, 5.0, 10.0), key=lambda step: abs(math.log(value / (power * step))))

@@ -5,7 +5,9 @@ from collections.abc import Callable
 import viser
 
 from flexlab.lab.desk import Desk
+from flexlab.lab.mode_study import ModeStudy
 from flexlab.lab.panel.drive import Drive
+from flexlab.lab.panel.modes import ModePanel
 from flexlab.lab.panel.presets import Presets
 from flexlab.lab.panel.readouts import events_html, notices_html, status_html
 from flexlab.lab.panel.sections import SECTIONS, Section, three_valued
@@ -13,13 +15,22 @@ from flexlab.lab.panel.style import style_element
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.panel.viewing import Look, Viewing
 from flexlab.lab.view import Legend
+from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event, Snapshot
 
 
 class Panel:
     """The main panel of one server. `update` may be called from one thread only."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk, look: Look, recording: Callable[[], str]):
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        desk: Desk,
+        runner: Runner,
+        study: ModeStudy,
+        look: Look,
+        recording: Callable[[], str],
+    ):
         self._desk, self._recording = desk, recording
         self._run_number = -1
         self._last_event: Event | None = None
@@ -34,6 +45,8 @@ class Panel:
             self._sections = [Section(gui, desk, title, path) for title, path in SECTIONS]
         with tabs.add_tab("View"):
             self._viewing = Viewing(gui, desk, look)
+        with tabs.add_tab("Modes"):
+            self._modes = ModePanel(gui, desk, runner, study)
         with tabs.add_tab("Events"):
             self._events = gui.add_html("")
 
@@ -46,11 +59,11 @@ class Panel:
         self._notices.content = notices_html(snapshot, desk.notice)
         self._events.content = events_html(snapshot)
         self._drive.update(snapshot)
+        self._modes.update(snapshot)
         note = three_valued(desk.intended)
         self._note.content, self._note.visible = f'<div class="fl fl-dim">{escaped(note)}</div>', bool(note)
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
-            self._drive.show(snapshot)
             self._presets.show(snapshot)
             self._viewing.show()
             for section in self._sections:

@@ -17,6 +17,7 @@ class Drive:
 
     def __init__(self, gui: viser.GuiApi, desk: Desk):
         self._desk = desk
+        self._seen_speed = desk.snapshot.target_speed
         self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, hint="Hold or go on with simulation time")
         step = gui.add_button("Step", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", hint="1 ms further, then hold")
         reset = gui.add_button(
@@ -32,14 +33,12 @@ class Drive:
         self._speed.on_update(handler(desk, lambda _: self._set_speed(self._speed.value)))
 
     def update(self, snapshot: Snapshot) -> None:
-        """Label the play button by what it will do."""
+        """Label the play button by what it will do, and follow a speed that was set elsewhere."""
         self._play.label = "Pause" if snapshot.playing else "Play"
         self._play.icon = viser.Icon.PLAYER_PAUSE if snapshot.playing else viser.Icon.PLAYER_PLAY
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Show the runner's speed in the menu, if it is one of its choices."""
         shown = factor(snapshot.target_speed)
-        if shown in self._speeds:
+        if snapshot.target_speed != self._seen_speed and shown in self._speeds:
+            self._seen_speed = snapshot.target_speed
             self._speed.value = shown
 
     def _toggle(self) -> None:

@@ -18,7 +18,8 @@ def status_html(snapshot: Snapshot, view: View, legend: Legend, recording: str) 
     sample = snapshot.latest
     tone, word = _status(snapshot)
     bending = 1e3 * float(sample.midspan_deflection[0])
-    speed = f"{factor(snapshot.target_speed)} / {snapshot.actual_speed:.2f} ×"
+    actual = snapshot.actual_speed
+    speed = f"{factor(snapshot.target_speed)} / {actual:.2f} ×" if actual >= 0.1 else f"{factor(snapshot.target_speed)} / {actual:.3f} ×"
     rows = [
         ("simulation time t", f"{float(sample.time[0]):.3f} s".replace("-", "−")),
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),

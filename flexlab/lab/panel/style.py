@@ -18,6 +18,9 @@ div:has(> .mantine-Slider-root) > .mantine-NumberInput-root { display: none; }
 .mantine-NumberInput-input { text-align: right; font-variant-numeric: tabular-nums; padding-inline-end: 0.5em !important; }
 label { letter-spacing: -0.2px; }
 p:has(> label) { letter-spacing: -0.2px !important; color: var(--mantine-color-text) !important; }
+/* A switch stands at the end of its line. */
+div:has(> p > label):has(+ div .mantine-Checkbox-root) { width: auto !important; flex: 1 1 auto !important; }
+div:has(> p > label) + div:has(.mantine-Checkbox-root) { flex: 0 0 auto !important; }
 /* Buttons stand side by side. */
 div:has(> button[data-block]) { display: inline-block; margin-inline: 0.6em 0; }
 button[data-block] { width: auto; padding-inline: 0.8em; }
@@ -36,6 +39,9 @@ button[data-block] { width: auto; padding-inline: 0.8em; }
 .fl-grid > :nth-child(even) { text-align: right; }
 .fl-dot { display: inline-block; width: 0.65em; height: 0.65em; border-radius: 50%; margin-right: 0.45em; }
 .fl-strip { display: inline-block; width: 4.5em; height: 0.7em; border-radius: 2px; vertical-align: middle; }
+.fl-table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; margin-bottom: 0.5em; }
+.fl-table th { font-weight: 500; color: var(--mantine-color-dimmed); text-align: left; padding: 0 0.5em 0 0; }
+.fl-table td { padding: 0.1em 0.5em 0.1em 0; border-top: 1px solid var(--mantine-color-default-border); }
 .fl-bad { color: var(--mantine-color-red-text, #e03131); }
 .fl-float { position: fixed; bottom: 16px; left: 50%; transform: translateX(-50%); z-index: 300; pointer-events: none;
   width: min(36em, 92vw); padding: 0; }
@@ -50,7 +56,7 @@ button[data-block] { width: auto; padding-inline: 0.8em; }
   transform: translate(calc(-100% + 0.4em), 0.03rem) !important; }
 .uplot .u-legend { margin-top: 0 !important; }
 .u-legend th, .u-legend td { padding: 2px !important; }
-.uplot .u-legend .u-series:last-child { display: none; }
+.uplot .u-legend .fl-unnamed { display: none; }
 .u-legend .u-value { min-width: 2.3em; display: inline-block; text-align: left; font-variant-numeric: tabular-nums; }
 """
 

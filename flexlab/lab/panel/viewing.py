@@ -29,6 +29,7 @@ class Viewing:
         self._exaggeration = NumberControl(
             gui, desk, EXAGGERATION.title, "×", Scale(EXAGGERATION), hint, view.exaggeration, self._exaggerate
         )
+        self._seen_window = view.plot_window
         self._windows = {f"{window:g} s": window for window in PLOT_WINDOWS}
         self._window = gui.add_dropdown("Plot window", tuple(self._windows), initial_value=f"{view.plot_window:g} s")
         self._window.on_update(handler(desk, lambda _: desk.set_view(plot_window=self._windows[self._window.value])))
@@ -42,6 +43,10 @@ class Viewing:
     def settle(self) -> None:
         """Follow the view's settings, leaving alone what a person is at."""
         self._exaggeration.settle(self._desk.view.exaggeration)
+        window = self._desk.view.plot_window
+        if window != self._seen_window:
+            self._seen_window = window
+            self._window.value = f"{window:g} s"
 
     def show(self) -> None:
         """Show the view's settings at once."""

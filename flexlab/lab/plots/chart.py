@@ -1,13 +1,16 @@
 """One uPlot chart that follows one plot's signals."""
 
+from typing import cast
+
 import numpy as np
 import viser
 from viser import uplot
 
 from flexlab.lab import colors
 from flexlab.lab.plots.envelope import Envelope
-from flexlab.lab.plots.signals import Plot
+from flexlab.lab.plots.signals import Limit, Plot
 from flexlab.lab.ranges import Range
+from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 
 HEIGHT = 190
@@ -15,35 +18,51 @@ HEIGHT = 190
 X_AXIS_SIZE, Y_AXIS_SIZE = 34, 46
 """Room for the numbers at the axes, px: "-0.005" upright, and the legend's first line below."""
 
+UNNAMED = "fl-unnamed"
+"""Style class of series that the legend leaves out."""
 
-# The vertical range is held by an unseen last series at -limit and limit: a changed scale option would make the browser
-# build the chart anew and lose its place.
-_RANGE_HOLDER = uplot.Series(label="", stroke="rgba(0,0,0,0)", width=0, points=uplot.Series_Points(show=False))
-_EXACTLY_THE_DATA = {"min": {"pad": 0, "mode": 0}, "max": {"pad": 0, "mode": 0}}
+# The vertical range is held by an unseen last series at its two ends: a changed scale option would make the browser build
+# the chart anew and lose its place.
+RANGE_HOLDER = cast(
+    uplot.Series, {"label": "range", "class": UNNAMED, "stroke": "rgba(0,0,0,0)", "width": 0, "points": {"show": False}}
+)
+EXACTLY_THE_DATA = {"min": {"pad": 0, "mode": 0}, "max": {"pad": 0, "mode": 0}}
 
 
-def _axis(size: int) -> uplot.Axis:
+def axis(size: int) -> uplot.Axis:
+    """An axis with short ticks and `size` px of room."""
     return uplot.Axis(size=size, gap=2, ticks=uplot.Axis_Ticks(size=4, width=1), grid=uplot.Axis_Grid(width=1))
+
+
+def signal_series(label: str, tone: colors.Color) -> uplot.Series:
+    """How a signal is drawn."""
+    return uplot.Series(label=label, stroke=colors.css(tone), width=1.25, spanGaps=False)
+
+
+def limit_series(limit: Limit) -> list[uplot.Series]:
+    """Two dashed lines; only the first one is named."""
+    style = {"stroke": colors.css(limit.tone), "width": 1, "dash": (6, 5), "points": {"show": False}}
+    second = {**style, "label": limit.label, "class": UNNAMED}
+    return [cast(uplot.Series, {**style, "label": limit.label}), cast(uplot.Series, second)]
 
 
 class Chart:
     """A chart in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, plot: Plot, window: float):
-        self._plot = plot
+    def __init__(self, gui: viser.GuiApi, plot: Plot, scenario: Scenario, window: float):
+        self._plot, self._limits = plot, plot.limits(scenario)
         self._range = Range(plot.least)
         self._envelope = Envelope(len(plot.labels), window)
-        time, lines = self._envelope.lines()
         series = [uplot.Series(label="t (s)")]
-        for label, tone in zip(plot.labels, plot.tones, strict=True):
-            series.append(uplot.Series(label=label, stroke=colors.css(tone), width=1.25, spanGaps=False))
-        series.append(_RANGE_HOLDER)
+        series += [signal_series(label, tone) for label, tone in zip(plot.labels, plot.tones, strict=True)]
+        for limit in self._limits:
+            series += limit_series(limit)
         self._handle = gui.add_uplot(
-            (time, *lines, self._range_line(len(time))),
-            tuple(series),
+            self._data(),
+            (*series, RANGE_HOLDER),
             title=plot.title,
-            scales={"x": uplot.Scale(time=False), "y": uplot.Scale(range=_EXACTLY_THE_DATA)},
-            axes=(_axis(X_AXIS_SIZE), _axis(Y_AXIS_SIZE)),
+            scales={"x": uplot.Scale(time=False), "y": uplot.Scale(range=EXACTLY_THE_DATA)},
+            axes=(axis(X_AXIS_SIZE), axis(Y_AXIS_SIZE)),
             legend=uplot.Legend(live=True),
             cursor=uplot.Cursor(drag=uplot.Cursor_Drag(x=True, y=False)),
             height=HEIGHT,
@@ -59,17 +78,30 @@ class Chart:
         """Forget everything and go on with a window of `window` s."""
         self._envelope = Envelope(len(self._plot.labels), window)
 
-    def append(self, samples: Samples) -> None:
+    def append(self, scenario: Scenario, samples: Samples) -> None:
         """Take in samples; those already seen are passed over."""
-        self._envelope.append(samples.time, self._plot.values(samples))
+        self._envelope.append(samples.time, self._plot.values(scenario, samples))
+
+    def remove(self) -> None:
+        """Take the chart off the screen."""
+        self._handle.remove()
 
     def show(self) -> None:
         """Send the chart as it now is."""
         self._range.fit(float(self._envelope.extent().max()))
-        time, lines = self._envelope.lines()
-        self._handle.data = (time, *lines, self._range_line(len(time)))
+        self._handle.data = self._data()
 
-    def _range_line(self, count: int) -> np.ndarray:
+    def _data(self) -> tuple[np.ndarray, ...]:
+        time, lines = self._envelope.lines()
+        levels = [self._level(len(time), sign * limit.value) for limit in self._limits for sign in (1, -1)]
+        ends = np.full(len(time), np.nan)
+        ends[0], ends[-1] = 0.0 if self._plot.positive else -self._range.limit, self._range.limit
+        return (time, *lines, *levels, ends)
+
+    def _level(self, count: int, value: float) -> np.ndarray:
+        """A horizontal line; outside the range only one point at its edge, which is not drawn but keeps the axis sound."""
+        if abs(value) <= self._range.limit and (value >= 0 or not self._plot.positive):
+            return np.full(count, value)
         line = np.full(count, np.nan)
-        line[0], line[-1] = -self._range.limit, self._range.limit
+        line[0] = 0.0
         return line

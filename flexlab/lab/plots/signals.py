@@ -1,4 +1,4 @@
-"""Which signals the plots show, in which units."""
+"""Which signals the plots show over time, in which units, on which tab."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,58 +6,131 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlab.lab import colors
+from flexlab.lab.plots.lyapunov import tracking_energy
+from flexlab.scenario import AdaptiveSlidingMode, Scenario
 from flexlab.sim.samples import Samples
 
 MILLI = 1e3
-"""m to mm, rad to mrad."""
+"""m to mm, rad to mrad, J to mJ."""
+THREE = (colors.LIGHT_BLUE, colors.VERMILION, colors.GREEN)
+
+Values = Callable[[Scenario, Samples], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A level that means something: drawn as two dashed lines at ± `value` (plot units)."""
+
+    label: str
+    value: float
+    tone: colors.Color
 
 
 @dataclass(frozen=True)
 class Plot:
-    """One plot: `labels` with units, one per signal; `values` gives (signals, N) in those units.
+    """One plot over time: `labels` with units, one per signal; `values` gives (signals, N) in those units.
 
     `least`: the smallest vertical range, in the plot's units; below it there is nothing worth magnifying.
+    `positive`: whether the range starts at 0 instead of -limit.
     """
 
     title: str
     labels: tuple[str, ...]
     tones: tuple[colors.Color, ...]
-    values: Callable[[Samples], np.ndarray]
+    values: Values
     least: float
+    positive: bool = False
+    limits: Callable[[Scenario], tuple[Limit, ...]] = lambda _: ()
 
 
-def _error(samples: Samples) -> np.ndarray:
-    return MILLI * samples.tracking_error.T
+def _torques(arm: int) -> Values:
+    return lambda _, samples: samples.joint_torque[:, arm].T
 
 
-def _deflection(samples: Samples) -> np.ndarray:
-    return MILLI * np.stack([samples.vibration, samples.quasi_static_deflection])
+def _torque_limits(scenario: Scenario) -> tuple[Limit, ...]:
+    limits = scenario.controller.torque_limit or ()
+    return tuple(Limit(f"limit {k + 1} (N·m)", value, THREE[k]) for k, value in enumerate(limits))
 
 
-def _internal_force(samples: Samples) -> np.ndarray:
-    return samples.internal_force[:, 0].T
+def _boundary_layer(scenario: Scenario) -> tuple[Limit, ...]:
+    controller = scenario.controller
+    width = controller.boundary_layer if isinstance(controller, AdaptiveSlidingMode) else None
+    return () if width is None else (Limit("boundary layer ε (m/s)", width, colors.GRAY),)
 
 
-PLOTS: tuple[Plot, ...] = (
-    Plot(
-        "Tracking error",
-        ("x (mm)", "y (mm)", "θ (mrad)"),
-        (colors.LIGHT_BLUE, colors.VERMILION, colors.GREEN),
-        _error,
-        0.1,
-    ),
-    Plot(
-        "Mid-span deflection, true size",
-        ("vibration (mm)", "quasi-static (mm)"),
-        (colors.VERMILION, colors.LIGHT_BLUE),
-        _deflection,
-        0.01,
-    ),
-    Plot(
-        "Internal force, left arm",
-        ("Fx (N)", "Fy (N)", "M (N·m)"),
-        (colors.LIGHT_BLUE, colors.VERMILION, colors.GREEN),
-        _internal_force,
-        1.0,
-    ),
+def _torque_plot(arm: int, name: str) -> Plot:
+    labels = tuple(f"τ{joint} (N·m)" for joint in (1, 2, 3))
+    return Plot(f"Joint torques, {name} arm", labels, THREE, _torques(arm), 1.0, limits=_torque_limits)
+
+
+ERROR = Plot(
+    "Tracking error",
+    ("x (mm)", "y (mm)", "θ (mrad)"),
+    THREE,
+    lambda _, samples: MILLI * samples.tracking_error.T,
+    0.1,
 )
+DEFLECTION = Plot(
+    "Mid-span deflection, true size",
+    ("vibration (mm)", "quasi-static (mm)"),
+    (colors.VERMILION, colors.LIGHT_BLUE),
+    lambda _, samples: MILLI * np.stack([samples.vibration, samples.quasi_static_deflection]),
+    0.01,
+)
+INTERNAL_FORCE = Plot(
+    "Internal force, left arm",
+    ("Fx (N)", "Fy (N)", "M (N·m)"),
+    THREE,
+    lambda _, samples: samples.internal_force[:, 0].T,
+    1.0,
+)
+SLIDING = Plot(
+    "Sliding variable s",
+    ("x (m/s)", "y (m/s)", "θ (rad/s)"),
+    THREE,
+    lambda _, samples: samples.sliding_variable.T,
+    0.01,
+    limits=_boundary_layer,
+)
+ESTIMATES = Plot(
+    "Bound estimates b̂",
+    ("b̂0 (N)", "b̂1 (N/m)", "b̂2 (N·s²/m²)"),
+    THREE,
+    lambda _, samples: samples.bound_estimates.T,
+    0.01,
+    positive=True,
+)
+ENERGY = Plot(
+    "Energy of arms and payload",
+    ("kinetic (J)", "weight (J)", "total (J)"),
+    (colors.LIGHT_BLUE, colors.GREEN, colors.VERMILION),
+    lambda _, samples: np.stack([samples.kinetic_energy, samples.gravity_energy, samples.total_energy]),
+    1.0,
+)
+ELASTIC = Plot(
+    "Elastic energy of the beam",
+    ("elastic (mJ)",),
+    (colors.GREEN,),
+    lambda _, samples: MILLI * samples.elastic_energy[None],
+    0.01,
+    positive=True,
+)
+LYAPUNOV = Plot(
+    "Lyapunov function, tracking part ½ sᵀM̄s",
+    ("V (mJ)",),
+    (colors.VERMILION,),
+    lambda scenario, samples: MILLI * tracking_energy(scenario, samples)[None],
+    0.1,
+    positive=True,
+)
+
+
+def tabs(scenario: Scenario) -> dict[str, tuple[Plot, ...]]:
+    """Tab name → its plots over time, for the arms that are there."""
+    torques = (_torque_plot(0, "left"), _torque_plot(1, "right"))[: len(scenario.arms)]
+    return {
+        "Motion": (ERROR, DEFLECTION, INTERNAL_FORCE),
+        "Torques": torques,
+        "Control": (SLIDING, ESTIMATES),
+        "Energy": (ENERGY, ELASTIC, LYAPUNOV),
+    }

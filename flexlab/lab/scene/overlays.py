@@ -24,7 +24,7 @@ LONGEST_PATH_TIME = 20.0
 TRAIL_POINTS = 91
 """Places that the trail remembers: 3 s of pictures."""
 LABEL_OFFSET = 0.05
-"""From the floor's far edge to the label of the exaggeration, m."""
+"""From the floor's far edge to the words above the picture, m."""
 GHOST_OPACITY = 0.3
 GHOST_RADIUS = 0.016
 """Drawn radius of the desired pose for the paper's arms, m: a little wider than the beam, so that both are seen."""
@@ -68,7 +68,7 @@ class Overlays:
         x_min, x_max, _, y_max = floor_extent(scenario)
         # It stands still: a browser applies poses ahead of arrays, so beside a moving beam it would run away from it.
         place = ((x_min + x_max) / 2, y_max + LABEL_OFFSET, 0.0)
-        self._factor = scene.add_label("/overlays/factor", "", position=place, anchor="bottom-center")
+        self._caption = scene.add_label("/overlays/caption", "", position=place, anchor="bottom-center")
 
     @staticmethod
     def _line(
@@ -77,8 +77,8 @@ class Overlays:
         points = np.zeros((count, 2, 3))
         return scene.add_line_segments(f"/overlays/{name}", points, color, thickness=width, thickness_units="screen")
 
-    def update(self, scenario: Scenario, sample: Samples, view: View) -> None:
-        """Move everything to where `sample` (N = 1) has it, showing what `view` asks for."""
+    def update(self, scenario: Scenario, sample: Samples, view: View, caption: str) -> None:
+        """Move everything to where `sample` (N = 1) has it, showing what `view` asks for; `caption` says what is drawn."""
         self._update_path(scenario, view)
         self._update_trail(sample, view)
         self._ghost.visible = view.ghost
@@ -90,7 +90,7 @@ class Overlays:
         dashes = grips[0] + share * (grips[1] - grips[0])
         top = np.full(2 * DASHES, self._height + 0.03 * self._size)
         self._link.points = np.column_stack([dashes, top]).reshape(DASHES, 2, 3).astype(np.float32)
-        self._factor.text = f"beam deflection drawn × {view.exaggeration:g}"
+        self._caption.text = caption
 
     def forget_trail(self) -> None:
         """Begin the trail anew: after a reset."""

@@ -10,9 +10,10 @@ from flexlab.lab.scene.arms import scene_size, turn_about_z
 from flexlab.lab.scene.beam import TUBE_RADIUS
 from flexlab.lab.scene.solids import bar
 from flexlab.lab.view import View
+from flexlab.physics.beam import shape_row
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.samples import Samples
-from flexlab.sim.shape import beam_points, shape_functions
+from flexlab.sim.shape import beam_points
 
 PIECES = 48
 OVERLAP = 1.15
@@ -24,18 +25,15 @@ LEAST_STRAIN = 1.0
 """The colour range never falls below this, µm/m."""
 FRAMES_BEFORE_SHRINKING = 75
 """Pictures without a large strain before the colours are spread anew (2.5 s)."""
-DIFFERENCE = 1e-4
-"""Half width of the second difference, in beam lengths: exact for the cubic elements."""
 NEUTRAL = (225, 225, 225)
 NEGATIVE, POSITIVE = colors.BLUE, colors.VERMILION
 
 
 def curvature_functions(payload: Payload, count: int) -> np.ndarray:
     """w''(s)'s share of each free coordinate at the middles of `count` equal pieces, (count, n_q)."""
-    middle = (np.arange(count) + 0.5) / count - 0.5
-    step = DIFFERENCE * payload.length
-    rows = [shape_functions(payload, middle * payload.length + offset) for offset in (-step, 0.0, step)]
-    return (rows[0] - 2 * rows[1] + rows[2]) / step**2
+    middle = ((np.arange(count) + 0.5) / count - 0.5) * payload.length
+    rows = [shape_row(s, payload.length, payload.element_count, payload.boundary, derivative=2) for s in middle]
+    return np.array(rows)
 
 
 def strain_colors(share: np.ndarray) -> np.ndarray:

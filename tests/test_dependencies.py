@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-IMPORTED_BY_OTHERS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk", "pinocchio": "pin"}
-"""Modules whose distribution does not list them by name."""
+DISTRIBUTIONS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk", "pinocchio": "pin", "mujoco": "mujoco"}
+"""Of modules that a part of the distribution brings, or one of another name."""
 
 TOOLS = {"hatchling", "pyright", "ruff", "pytest"}
 """In the extra `test` to be run, not imported."""
@@ -49,7 +49,7 @@ def imported(folder: Path) -> set[str]:
     own = {path.stem for path in folder.rglob("*")} | {"flexlab"}
     homes = packages_distributions()
     outside = modules - own - set(sys.stdlib_module_names)
-    return {normal(IMPORTED_BY_OTHERS.get(module) or homes[module][0]) for module in outside}
+    return {normal(DISTRIBUTIONS.get(module) or homes[module][0]) for module in outside}
 
 
 def test_the_package_asks_for_what_it_imports_and_no_more(root: Path, project: dict):

@@ -1,0 +1,121 @@
+"""Seeded noise on what a sampled controller measures."""
+
+import numpy as np
+import pytest
+
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.sampled_control import gaussian
+from flexlab.sim.simulate import simulate
+
+COUNT = 20_000
+
+
+@pytest.fixture(scope="module")
+def numbers() -> np.ndarray:
+    """(channels, instants) of one seed."""
+    return np.array([[gaussian(7, instant, channel) for instant in range(COUNT)] for channel in range(8)])
+
+
+def test_numbers_are_standard_normal(numbers: np.ndarray):
+    """Mean 0, variance 1, skewness 0, kurtosis 3, each within five standard errors; tails as they should be."""
+    for values in numbers:
+        assert abs(values.mean()) < 5 / np.sqrt(COUNT)
+        assert abs(values.var() - 1) < 5 * np.sqrt(2 / COUNT)
+        assert abs((values**3).mean()) < 5 * np.sqrt(15 / COUNT)
+        assert abs((values**4).mean() - 3) < 5 * np.sqrt(96 / COUNT)
+        within = np.array([(np.abs(values) < k).mean() for k in (1, 2, 3)])
+        np.testing.assert_allclose(within, [0.6827, 0.9545, 0.9973], rtol=0, atol=0.017)
+
+
+def test_channels_instants_and_seeds_are_independent(numbers: np.ndarray):
+    """No correlation between channels, between neighbouring instants, or between seeds (five standard errors)."""
+    limit = 5 / np.sqrt(COUNT)
+    correlation = np.corrcoef(numbers) - np.eye(8)
+    assert np.abs(correlation).max() < limit
+    for lag in (1, 2, 5):
+        assert abs((numbers[:, lag:] * numbers[:, :-lag]).mean(axis=1)).max() < limit
+    other = np.array([gaussian(8, instant, 0) for instant in range(COUNT)])
+    assert abs((other * numbers[0]).mean()) < limit
+    assert abs((other[1:] * numbers[0, :-1]).mean()) < limit
+
+
+def noisy(seed: int = 1, **changes) -> Scenario:
+    """The paper's law at 1 kHz with noisy sensors."""
+    noise = {"pose": [1e-5] * 3, "pose_rate": [1e-3] * 3, "strain": 1e-4, "seed": seed}
+    base = {"controller.control_period": 0.001, "controller.sensor_noise": noise}
+    return load_preset("smooth-start").replace(base | changes)
+
+
+def test_the_same_seed_gives_the_same_bits(same_bits):
+    """Runs stay reproducible."""
+    same_bits(simulate(noisy(), 0.2), simulate(noisy(), 0.2))
+
+
+def test_another_seed_gives_another_run():
+    """And no noise a third one."""
+    quiet = simulate(noisy().replace({"controller.sensor_noise": {}}), 0.2)
+    first, second = simulate(noisy(1), 0.2), simulate(noisy(2), 0.2)
+    assert np.abs(first.joint_torque - second.joint_torque).max() > 0.1
+    assert np.abs(first.joint_torque - quiet.joint_torque).max() > 0.1
+
+
+def measured_error(run, gain: np.ndarray) -> np.ndarray:
+    """What a PD law without rate gain must have seen, less the truth, from its inputs u = -P (e + noise)."""
+    return -run.arm_input.sum(axis=1) / gain - run.tracking_error
+
+
+@pytest.mark.parametrize("sigma", [(1e-6, 2e-6, 4e-6), (3e-6, 0.0, 0.0)])
+def test_noise_on_the_pose_has_the_size_asked_for(sigma: tuple[float, ...]):
+    """The inputs show what the controller saw: e plus noise of the given standard deviation, per component."""
+    gain = np.array([2000.0, 2000.0, 500.0])
+    changes = {
+        "controller.kind": "pd",
+        "controller.position_gain": gain,
+        "controller.velocity_gain": 0.0,
+        "trajectory.amplitude": (0.0, 0.0, 0.0),
+        "controller.sensor_noise": {"pose": sigma},
+    }
+    run = simulate(noisy(**changes), 2.0)
+    seen = measured_error(run, gain)
+    for component in range(3):
+        if sigma[component] == 0:
+            assert np.abs(seen[:, component]).max() < 0.05 * max(sigma)
+        else:
+            assert seen[:, component].std() == pytest.approx(sigma[component], rel=0.1)
+            assert abs(seen[:, component].mean()) < 5 * sigma[component] / np.sqrt(len(seen))
+
+
+def test_noise_on_the_rate_has_the_size_asked_for():
+    """As above, through the rate gain."""
+    gain, sigma = np.array([400.0, 400.0, 100.0]), np.array([1e-4, 2e-4, 3e-4])
+    changes = {
+        "controller.kind": "pd",
+        "controller.position_gain": 0.0,
+        "controller.velocity_gain": gain,
+        "trajectory.amplitude": (0.0, 0.0, 0.0),
+        "controller.sensor_noise": {"pose_rate": sigma},
+    }
+    run = simulate(noisy(**changes), 2.0)
+    seen = -run.arm_input.sum(axis=1) / gain - run.pose_rate
+    np.testing.assert_allclose(seen.std(axis=0), sigma, rtol=0.1)
+
+
+def test_strain_noise_matters_to_vibration_damping_only(same_bits):
+    """Only that law measures the beam."""
+    strain = {"controller.sensor_noise": {"strain": 0.01}}
+    quiet = {"controller.sensor_noise": {}}
+    same_bits(simulate(noisy(**strain), 0.1), simulate(noisy(**quiet), 0.1))
+    kind = {"controller.kind": "vibration-damping"}
+    difference = (
+        simulate(noisy(**kind, **strain), 0.1).joint_torque - simulate(noisy(**kind, **quiet), 0.1).joint_torque
+    )
+    assert np.abs(difference).max() > 0.1
+
+
+def test_the_truth_is_sampled_without_noise():
+    """Samples show the state, not the measurement: pose and rate belong together."""
+    run = simulate(noisy(), 0.2)
+    moved = np.diff(run.pose, axis=0)
+    mean_rate = (run.pose_rate[1:] + run.pose_rate[:-1]) / 2
+    np.testing.assert_allclose(moved, 0.001 * mean_rate, rtol=0, atol=1e-6)

@@ -25,7 +25,7 @@ from flexlab.recording.run_files import (
 )
 
 LARGE_FILE = 500_000_000
-"""Bytes: above that the index is left out, since building it takes the whole recording into memory."""
+"""Bytes: above that the pieces are indexed but not joined, which would take the whole recording into memory."""
 
 LOW_PRIORITY = 19
 """Unix niceness: a lab that runs on must not notice."""
@@ -65,7 +65,7 @@ class Mending:
 
     def rewrite(self, source: Path, target: Path) -> bool:
         """Write what can be read of `source` to `target`, with a footer; whether anything could be."""
-        ways = ("route",) if source.stat().st_size > LARGE_FILE else ("optimize", "route")
+        ways = ("filter",) if source.stat().st_size > LARGE_FILE else ("optimize", "filter")
         return any(not self._stopped.is_set() and self._run(way, source, target) for way in ways)
 
     def _run(self, way: str, source: Path, target: Path) -> bool:

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recording_helpers import assert_same_bits
+from rerun.chunk import RrdReader
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
+from flexlab.recording import finishing
 from flexlab.recording.finishing import finish
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_files import claim_run_file, has_footer, read_notes, run_state
@@ -64,6 +66,21 @@ def test_a_torn_tail_costs_what_is_behind_the_tear_only(unfinished: Path, run: R
     finish(unfinished)
     assert run_state(unfinished) == "recovered"
     assert len(read_recording(unfinished).samples) == rows
+
+
+def test_a_file_too_large_to_be_joined_is_mended_piece_by_piece(
+    unfinished: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(finishing, "LARGE_FILE", 0)
+    data = unfinished.read_bytes()
+    unfinished.write_bytes(data[: int(0.8 * len(data))])
+    found = read_recording(unfinished)
+    assert_same_bits(found.samples, run.slice(0, len(found.samples)))
+    assert len(found.samples) >= 600
+    finish(unfinished)
+    assert run_state(unfinished) == "recovered"
+    assert RrdReader(unfinished).store()
+    assert len(read_recording(unfinished).samples) == len(found.samples)
 
 
 def test_finishing_twice_changes_nothing(recording_file: Path) -> None:

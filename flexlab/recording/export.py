@@ -1,0 +1,167 @@
+"""Runs as CSV, Parquet or NPZ for other programs, and back: what is read again equals what was written, bit for bit.
+
+Every column's name says its unit; SI throughout. Scenario, versions, seed and commands go along as one JSON text: in CSV
+the first line (after "# "), in Parquet and NPZ the metadata named "flexlab".
+"""
+
+import csv
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as parquet
+
+from flexlab.errors import FlexlabError, RecordingError
+from flexlab.recording.columns import from_columns, to_columns
+from flexlab.recording.commands_json import command_to_json
+from flexlab.recording.reader import Recording
+from flexlab.recording.run_files import replacing
+from flexlab.scenario import parse_scenario
+from flexlab.sim.samples import Run, Samples, Status
+
+NAME = "flexlab"
+"""Name of the metadata."""
+
+Columns = dict[str, np.ndarray]
+
+_UNREADABLE = (
+    *(OSError, EOFError, ValueError, KeyError, TypeError, IndexError),
+    *(zipfile.BadZipFile, pa.ArrowException, FlexlabError),
+)
+"""What the readers of the three formats raise for files that are none."""
+
+
+def export_recording(recording: Recording, path: Path, start: float | None = None, end: float | None = None) -> Path:
+    """Write a recording to `path` (.csv, .parquet or .npz), from `start` to `end` s of simulation time.
+
+    Raises `RecordingError` for another suffix, an empty range or a file that cannot be written.
+    """
+    commands = [
+        {"time": event.time, "command": json.loads(command_to_json(event.command))}
+        for event in recording.events
+        if event.command is not None
+    ]
+    about = {"preset": recording.name, "started": recording.started.isoformat(), "commands": commands}
+    return export_run(recording.run, path, start, end, recording.properties | about)
+
+
+def export_run(
+    run: Run, path: Path, start: float | None = None, end: float | None = None, about: Mapping[str, Any] | None = None
+) -> Path:
+    """Write a run to `path` (.csv, .parquet or .npz), as `export_recording` does; `about` joins the metadata."""
+    write, _ = _format(path)
+    chosen = _time_range(run, start, end)
+    metadata = {
+        "flexlab_version": _version(),
+        "numpy_version": np.__version__,
+        "seed": run.scenario.controller.sensor_noise.seed,
+        **(about or {}),
+        "status": [str(run.status), run.status.text, run.status.time],
+        "scenario": run.scenario.model_dump(mode="json"),
+    }
+    try:
+        with replacing(path) as draft:
+            write(draft, to_columns(chosen, run.scenario), json.dumps(metadata, ensure_ascii=False))
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be written ({error.strerror or error}): choose another place.") from None
+    return path
+
+
+def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
+    """(run, metadata) of a file that was exported. Raises `RecordingError` for any other file."""
+    _, read = _format(path)
+    try:
+        columns, text = read(path)
+        metadata = json.loads(text)
+        scenario = parse_scenario(metadata["scenario"])
+        samples = from_columns(columns, scenario)
+        name, sentence, time = metadata["status"]
+    except FileNotFoundError:
+        raise RecordingError(f"There is no file {path}: check the name.") from None
+    except _UNREADABLE as error:
+        reason = str(error).split("\n")[0]
+        raise RecordingError(f"{path} is not a run exported by flexlab ({reason}).") from None
+    signals = {name: getattr(samples, name) for name in Samples.__dataclass_fields__}
+    return Run(**signals, scenario=scenario, status=Status(name, sentence, time)), metadata
+
+
+def _time_range(run: Run, start: float | None, end: float | None) -> Samples:
+    """The samples with start <= time <= end."""
+    if len(run) == 0:
+        raise RecordingError("The run has no samples: there is nothing to export.")
+    low = float(run.time[0]) if start is None else start
+    high = float(run.time[-1]) if end is None else end
+    first, last = np.searchsorted(run.time, low, "left"), np.searchsorted(run.time, high, "right")
+    if not low <= high or last <= first:
+        raise RecordingError(
+            f"From {low:g} to {high:g} s there is no sample: choose times within {run.time[0]:g} to {run.time[-1]:g} s."
+        )
+    return run.slice(int(first), int(last))
+
+
+def _write_csv(path: Path, columns: Columns, metadata: str) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"# {metadata}\n")
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        # repr is the shortest text that reads back to the same bits.
+        writer.writerows(zip(*(map(repr, values.tolist()) for values in columns.values()), strict=True))
+
+
+def _read_csv(path: Path) -> tuple[Columns, str]:
+    with path.open(encoding="utf-8", newline="") as file:
+        metadata = file.readline().removeprefix("# ")
+        names = next(csv.reader([file.readline()]))
+        table = np.array(list(csv.reader(file)), dtype=float).reshape(-1, len(names))
+    return dict(zip(names, table.T, strict=True)), metadata
+
+
+def _write_parquet(path: Path, columns: Columns, metadata: str) -> None:
+    table = pa.table(columns).replace_schema_metadata({NAME: metadata})
+    # Splitting doubles into their bytes packs smooth signals a third smaller.
+    parquet.write_table(table, path, compression="zstd", use_dictionary=False, use_byte_stream_split=True)
+
+
+def _read_parquet(path: Path) -> tuple[Columns, str]:
+    table = parquet.read_table(path)
+    columns = {name: table.column(name).to_numpy() for name in table.column_names}
+    return columns, (table.schema.metadata or {})[NAME.encode()].decode()
+
+
+def _write_npz(path: Path, columns: Columns, metadata: str) -> None:
+    arrays: dict[str, Any] = {**columns, NAME: np.array(metadata)}
+    with path.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def _read_npz(path: Path) -> tuple[Columns, str]:
+    with np.load(path, allow_pickle=False) as file:
+        return {name: file[name] for name in file.files if name != NAME}, str(file[NAME])
+
+
+Writer = Callable[[Path, Columns, str], None]
+Reader = Callable[[Path], tuple[Columns, str]]
+FORMATS: dict[str, tuple[Writer, Reader]] = {
+    ".csv": (_write_csv, _read_csv),
+    ".parquet": (_write_parquet, _read_parquet),
+    ".npz": (_write_npz, _read_npz),
+}
+"""By suffix."""
+
+
+def _format(path: Path) -> tuple[Writer, Reader]:
+    if path.suffix.lower() not in FORMATS:
+        raise RecordingError(f"{path} has no known format: let its name end in {', '.join(FORMATS)}.")
+    return FORMATS[path.suffix.lower()]
+
+
+def _version() -> str:
+    try:
+        return version("flexlab")
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,7 +1,8 @@
 """The guide that the lab shows: chapters and lessons, read from markdown in `web_assets/guide`.
 
 A line `![alt](file.svg)` becomes the picture itself (inline SVG takes the page's text colour, and no page shows it smaller
-than it is); a line `[symbols: x e …]` becomes a table of those symbols from `flexlab.notation`. All texts are flexlab's
+than it is); a line `[symbols: x e …]` becomes a table of those symbols from `flexlab.notation`; in a table's first column
+`x_d` becomes x with an index. All texts are flexlab's
 own: nothing that a person typed gets into them.
 """
 
@@ -16,6 +17,7 @@ from flexlab.assets import web_assets_folder
 
 _PICTURE = re.compile(r"^!\[([^\]]*)\]\(([\w./-]+\.svg)\)$", re.MULTILINE)
 _SYMBOLS = re.compile(r"^\[symbols: ([^\]]+)\]$", re.MULTILINE)
+_INDEXED = re.compile(r"^\| ([^|_`\s]+)_(\w+) \|", re.MULTILINE)
 _LESSON = re.compile(
     r"---\n(?P<head>.*?)\n---\n(?P<question>.*?)\n## Do\n(?P<steps>.*?)\n## Observe\n(?P<observe>.*)", re.S
 )
@@ -46,6 +48,11 @@ class Lesson(NamedTuple):
     """Markdown: a numbered list of what to do."""
     observe: str
     """Markdown: what to see, and why."""
+
+    @property
+    def text(self) -> str:
+        """The whole lesson as markdown, without its title."""
+        return f"{self.question}\n\n#### Do\n\n{self.steps}\n\n#### Observe\n\n{self.observe}"
 
 
 def guide_folder() -> Path:
@@ -91,6 +98,7 @@ def _lesson(file: Path) -> Lesson:
 
 def _complete(text: str, folder: Path) -> str:
     text = _SYMBOLS.sub(lambda found: symbol_table(found[1].split()), text)
+    text = _INDEXED.sub(r"| \1<sub>\2</sub> |", text)
     return _PICTURE.sub(lambda found: _inline(folder / found[2], found[1]), text)
 
 

@@ -6,16 +6,25 @@ this run, but for the two references named below.
 """
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.scenario import AdaptiveSlidingMode, Payload, Scenario, VibrationDamping
-from flexlab.sim.build import build_beam
+from flexlab.scenario import AdaptiveSlidingMode, Scenario, VibrationDamping, parse_scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
+from flexlab.studies.lesson_measures import (
+    between,
+    first_frequency,
+    largest,
+    length,
+    newest,
+    ring_frequency,
+    settling_time,
+    tick,
+    torque_jump,
+)
 
 SECONDS = 30.0
 """How much of a run to hand to a check, s: what the engine keeps."""
@@ -25,16 +34,12 @@ UNADAPTED_ERROR = 1.46e-3
 UNDAMPED_TIME = 0.47
 """Time in which the ring of the preset paper falls to `SETTLED`, s (a test measures it)."""
 
-SETTLED = 0.01
-"""Share of its peak under which a vibration counts as gone."""
 RINGING = 2e-5
 """Vibration that counts as a ring, m: a hundred times what steady motion leaves in the preset paper."""
 QUIET = 1e-5
 """Vibration that counts as none, m."""
 CHATTER = 5.0
 """RMS jump of a joint torque from one control step to the next that counts as chatter, N·m; 0.5 is usual."""
-
-
 DISTURBANCES = (ChangeScenario, Pull, Tap)
 """Commands after which a run is not steady for a while."""
 
@@ -66,16 +71,16 @@ def check_ring(scenario: Scenario, samples: Samples, events: Sequence[Event]) ->
         return Verdict(
             False, "Something was changed or touched in this run: press R and leave it alone until t = 0.6 s."
         )
-    start = _between(samples, 0.0, 0.6)
-    path_rate = (start.desired_pose[1] - start.desired_pose[0]) / _tick(samples)
+    start = between(samples, 0.0, 0.6)
+    path_rate = (start.desired_pose[1] - start.desired_pose[0]) / tick(samples)
     jump = float(np.linalg.norm((start.pose_rate[0] - path_rate)[:2]))
-    peak, hertz = _peak(start.vibration), ring_frequency(start)
+    peak, hertz = largest(start.vibration), ring_frequency(start)
     if jump > 0.1 and peak > RINGING:
-        late = _peak(_between(samples, 0.5, 0.6).vibration)
+        late = largest(between(samples, 0.5, 0.6).vibration)
         return Verdict(
             False,
             f"The start was wrong by {jump:.2f} m/s and rang the beam at {hertz:.1f} Hz "
-            f"(f1 = {first_frequency(scenario.payload):.1f} Hz) by up to {_length(peak)}; after 0.5 s {_length(late)} was "
+            f"(f1 = {first_frequency(scenario.payload):.1f} Hz) by up to {length(peak)}; after 0.5 s {length(late)} was "
             "left. Now load the preset smooth-start.",
         )
     if np.linalg.norm(path_rate[:2]) < 0.1:
@@ -83,10 +88,10 @@ def check_ring(scenario: Scenario, samples: Samples, events: Sequence[Event]) ->
     if jump < 0.02 and peak < QUIET:
         return Verdict(
             True,
-            f"Same path, but the start has its velocity, and the vibration stays under {_length(peak)}: "
+            f"Same path, but the start has its velocity, and the vibration stays under {length(peak)}: "
             "the jump rang the beam, not the motion ✓",
         )
-    return Verdict(False, f"This run vibrates by {_length(peak)} for another reason: load the preset smooth-start.")
+    return Verdict(False, f"This run vibrates by {length(peak)} for another reason: load the preset smooth-start.")
 
 
 def check_soft_beam(scenario: Scenario, samples: Samples, events: Sequence[Event]) -> Verdict:
@@ -96,10 +101,10 @@ def check_soft_beam(scenario: Scenario, samples: Samples, events: Sequence[Event
     since = _since(samples, events)
     if since < period:
         return Verdict(False, f"EI = {stiffness:g} N·m²: f1 = {f1:.1f} Hz. Let one period of the path go by.")
-    bending = _peak(_last(samples, period).quasi_static_deflection)
+    bending = largest(newest(samples, period).quasi_static_deflection)
     if bending < 1e-5:
         return Verdict(False, "The payload hardly moves: load the preset paper.")
-    facts = f"EI = {stiffness:g} N·m²: f1 = {f1:.1f} Hz, and the motion bends the beam by {_length(bending)}"
+    facts = f"EI = {stiffness:g} N·m²: f1 = {f1:.1f} Hz, and the motion bends the beam by {length(bending)}"
     if stiffness > 25:
         return Verdict(False, f"{facts}. Now set Bending stiffness EI to 10.")
     paper = scenario.payload.model_copy(update={"bending_stiffness": 100.0})
@@ -115,12 +120,15 @@ def check_boundary_layer(scenario: Scenario, samples: Samples, events: Sequence[
     epsilon = law.boundary_layer
     if wait > 0:
         return Verdict(False, f"ε = {epsilon:g} m/s: wait {wait:.1f} s for a second of samples.")
-    last = _last(samples, 1.0)
-    jump = torque_jump(last, law.control_period)
-    force, error = _peak(np.linalg.norm(last.internal_force[:, 0, :2], axis=1)), _peak(last.tracking_error[:, :2])
+    second = newest(samples, 1.0)
+    jump = torque_jump(second, law.control_period)
+    force, error = (
+        largest(np.linalg.norm(second.internal_force[:, 0, :2], axis=1)),
+        largest(second.tracking_error[:, :2]),
+    )
     facts = (
         f"ε = {epsilon:g} m/s: torques change by {jump:.1f} N·m (RMS) per control step, internal force up to {force:.1f} N, "
-        f"tracking error up to {_length(error)}"
+        f"tracking error up to {length(error)}"
     )
     if jump > CHATTER and epsilon <= 0.01:
         return Verdict(True, f"{facts}. The torques chatter: the boundary layer is too thin for this clock ✓")
@@ -132,7 +140,7 @@ def check_boundary_layer(scenario: Scenario, samples: Samples, events: Sequence[
 def check_adaptation(scenario: Scenario, samples: Samples, events: Sequence[Event]) -> Verdict:
     """Why adaptive? Done when adaptation has halved the error that weak feedback leaves."""
     law = scenario.controller
-    usual = Scenario(controller=law)
+    usual = parse_scenario({})
     if not isinstance(law, AdaptiveSlidingMode) or np.max(law.feedback_gain) > 25:
         return Verdict(False, "Load the preset weak-feedback, and keep its feedback gain K.")
     if (scenario.trajectory, scenario.payload, scenario.gravity) != (usual.trajectory, usual.payload, usual.gravity):
@@ -140,18 +148,18 @@ def check_adaptation(scenario: Scenario, samples: Samples, events: Sequence[Even
     since, period = _since(samples, events), _period(scenario)
     if since < period:
         return Verdict(False, "Let one period of the path go by.")
-    error = float(np.sqrt(np.mean(np.sum(_last(samples, period).tracking_error[:, :2] ** 2, axis=1))))
+    error = float(np.sqrt(np.mean(np.sum(newest(samples, period).tracking_error[:, :2] ** 2, axis=1))))
     estimate = samples.bound_estimates[-1]
-    facts = f"error {_length(error)} RMS, estimates b̂ = {estimate[0]:.2g} N, {estimate[1]:.2g} N/m, {estimate[2]:.2g} N·s²/m²"
+    facts = f"error {length(error)} RMS, estimates b̂ = {estimate[0]:.2g} N, {estimate[1]:.2g} N/m, {estimate[2]:.2g} N·s²/m²"
     if min(law.adaptation) > 1:
         return Verdict(False, f"Hardly any adaptation: {facts}. Now set Adaptation k0, k1 and k2 to 0.1.")
     if error > 0.5 * UNADAPTED_ERROR:
         return Verdict(
-            False, f"The estimates grow: {facts}. Wait until the error is under half of {_length(UNADAPTED_ERROR)}."
+            False, f"The estimates grow: {facts}. Wait until the error is under half of {length(UNADAPTED_ERROR)}."
         )
     return Verdict(
         True,
-        f"Adaptation made up for the weak feedback: {facts}; without it the error settles at {_length(UNADAPTED_ERROR)} RMS ✓",
+        f"Adaptation made up for the weak feedback: {facts}; without it the error settles at {length(UNADAPTED_ERROR)} RMS ✓",
     )
 
 
@@ -159,14 +167,14 @@ def check_internal_force(scenario: Scenario, samples: Samples, events: Sequence[
     """Internal force. Done when a high gain has brought its steady peak under 0.3 N on the paper's path."""
     if len(scenario.arms) < 2:
         return Verdict(False, "One arm alone has nothing to press against: load the preset paper.")
-    if not isinstance(scenario.controller, AdaptiveSlidingMode) or scenario.trajectory != Scenario().trajectory:
+    if not isinstance(scenario.controller, AdaptiveSlidingMode) or scenario.trajectory != parse_scenario({}).trajectory:
         return Verdict(False, "Load the preset paper: the check needs its path and its law.")
     since = _since(samples, events)
     if since < 1.5:
         return Verdict(False, f"Wait {1.5 - since:.1f} s: the check needs a period of steady motion.")
-    steady = _last(samples, _period(scenario)).internal_force
-    peak = _peak(np.linalg.norm(steady[:, 0, :2], axis=1))
-    balance = _peak(steady.sum(axis=1))
+    steady = newest(samples, _period(scenario)).internal_force
+    peak = largest(np.linalg.norm(steady[:, 0, :2], axis=1))
+    balance = largest(steady.sum(axis=1))
     gain = float(np.max(scenario.controller.feedback_gain))
     facts = f"K = {gain:g}: in steady motion the arms press against each other with up to {peak:.2f} N"
     if balance > 1e-6:
@@ -175,7 +183,7 @@ def check_internal_force(scenario: Scenario, samples: Samples, events: Sequence[
         return Verdict(True, f"{facts}, and the two internal forces cancel to within {max(balance, 1e-15):.0e} N ✓")
     start = ""
     if _has_start(samples):
-        begun = _peak(np.linalg.norm(_between(samples, 0.0, 0.1).internal_force[:, 0, :2], axis=1))
+        begun = largest(np.linalg.norm(between(samples, 0.0, 0.1).internal_force[:, 0, :2], axis=1))
         start = f" (at the start {begun:.0f} N)"
     return Verdict(False, f"{facts}{start}. Now set Feedback gain K to 1000.")
 
@@ -185,21 +193,21 @@ def check_vibration(scenario: Scenario, samples: Samples, events: Sequence[Event
     waiting = _wait_for_start(samples, 1.0)
     if waiting:
         return waiting
-    run = _between(samples, 0.0, 1.0)
-    peak = _peak(_between(samples, 0.0, 0.1).vibration)
+    run = between(samples, 0.0, 1.0)
+    peak = largest(between(samples, 0.0, 0.1).vibration)
     if peak < RINGING:
         return Verdict(False, "This run did not ring at its start: load the preset vibration-damping.")
     time = settling_time(run)
-    bending, rest = _peak(run.quasi_static_deflection), _peak(_between(samples, 0.9, 1.0).vibration)
-    facts = f"The ring of {_length(peak)} fell to one per cent within {time:.2f} s"
+    bending, rest = largest(run.quasi_static_deflection), largest(between(samples, 0.9, 1.0).vibration)
+    facts = f"The ring of {length(peak)} fell to one per cent within {time:.2f} s"
     if not isinstance(scenario.controller, VibrationDamping):
         return Verdict(False, f"{facts} without active damping. Now load the preset vibration-damping.")
     if time > 0.15:
         return Verdict(False, f"{facts}: press R, and give Lateral vibration gain k_v a value of about 100.")
     return Verdict(
         True,
-        f"{facts} (the preset paper takes {UNDAMPED_TIME:g} s), and {_length(rest)} of it is left after a second; "
-        f"slow bending of up to {_length(bending)} stays ✓",
+        f"{facts} (the preset paper takes {UNDAMPED_TIME:g} s), and {length(rest)} of it is left after a second; "
+        f"slow bending of up to {length(bending)} stays ✓",
     )
 
 
@@ -214,41 +222,8 @@ CHECKS: dict[str, Check] = {
 """Check id → function, as the lessons name them."""
 
 
-@lru_cache(maxsize=32)
-def first_frequency(payload: Payload) -> float:
-    """f1 of the payload with its grips held, Hz."""
-    return float(np.min(build_beam(payload).modes.omega)) / (2 * np.pi)
-
-
-def ring_frequency(samples: Samples) -> float:
-    """The strongest frequency of the vibration above 2 Hz, Hz."""
-    signal = samples.vibration
-    length = 1 << 15
-    spectrum = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)), length))
-    hertz = np.fft.rfftfreq(length, _tick(samples))
-    return float(hertz[np.argmax(np.where(hertz > 2, spectrum, 0))])
-
-
-def settling_time(samples: Samples) -> float:
-    """Time from the first sample until |vibration| stays under `SETTLED` of its peak, s."""
-    size = np.abs(samples.vibration)
-    above = np.nonzero(size > SETTLED * size.max())[0]
-    return float(samples.time[above[-1]] - samples.time[0]) if len(above) else 0.0
-
-
-def torque_jump(samples: Samples, control_period: float) -> float:
-    """RMS change of the joint torques over one control period, the largest of all joints, N·m."""
-    stride = max(1, round(control_period / _tick(samples)))
-    torque = samples.joint_torque[::stride]
-    return float(np.sqrt(np.mean(np.diff(torque, axis=0) ** 2, axis=0)).max()) if len(torque) > 1 else 0.0
-
-
-def _tick(samples: Samples) -> float:
-    return float(samples.time[-1] - samples.time[0]) / (len(samples) - 1)
-
-
 def _has_start(samples: Samples) -> bool:
-    return bool(samples.time[0] < 0.5 * _tick(samples))
+    return bool(samples.time[0] < 0.5 * tick(samples))
 
 
 def _wait_for_start(samples: Samples, until: float) -> Verdict | None:
@@ -258,15 +233,6 @@ def _wait_for_start(samples: Samples, until: float) -> Verdict | None:
     if samples.time[-1] < until:
         return Verdict(False, f"Let the run go on to t = {until:g} s.")
     return None
-
-
-def _between(samples: Samples, start: float, stop: float) -> Samples:
-    first, last = np.searchsorted(samples.time, [start - 1e-9, stop + 1e-9])
-    return samples.slice(int(first), int(last))
-
-
-def _last(samples: Samples, seconds: float) -> Samples:
-    return _between(samples, samples.time[-1] - seconds, samples.time[-1])
 
 
 def _since(samples: Samples, events: Sequence[Event]) -> float:
@@ -279,12 +245,3 @@ def _period(scenario: Scenario) -> float:
     """The path's longest period, s; 1 for a path that stands still, and no longer than a check can see."""
     frequencies = [hertz for hertz in scenario.trajectory.frequency if hertz > 0]
     return min(1 / min(frequencies), SECONDS / 2) if frequencies else 1.0
-
-
-def _peak(signal: np.ndarray) -> float:
-    return float(np.abs(signal).max()) if signal.size else 0.0
-
-
-def _length(metres: float) -> str:
-    """A length as it reads best: mm, or µm under 10 µm."""
-    return f"{1e3 * metres:.2f} mm" if metres >= 1e-5 else f"{1e6 * metres:.1f} µm"

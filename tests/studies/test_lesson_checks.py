@@ -14,7 +14,7 @@ from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import Event
-from flexlab.studies import lesson_checks
+from flexlab.studies import lesson_checks, lesson_measures
 from flexlab.studies.lesson_checks import CHECKS, SECONDS, Verdict, check_lesson
 from flexlab.studies.modes import modes
 
@@ -139,16 +139,16 @@ def test_numbers_of_why_does_it_ring():
     path_rate = (paper.desired_pose[1] - paper.desired_pose[0]) / 0.001
     assert np.hypot(*path_rate[:2]) == pytest.approx(says("ring", r"moves at (\S+) m/s"), abs=0.01)
     assert 1e3 * peak(paper.vibration) == pytest.approx(says("ring", r"behind by (\S+) mm"), abs=0.005)
-    f1 = lesson_checks.first_frequency(load_preset("paper").payload)
+    f1 = lesson_measures.first_frequency(load_preset("paper").payload)
     assert f1 == pytest.approx(says("ring", r"f1 = (\S+) Hz"), abs=0.05)
     ring = says("ring", r"rings at (\S+) Hz")
-    assert lesson_checks.ring_frequency(between(paper, 0, 0.3)) == pytest.approx(ring, abs=0.1)
+    assert lesson_measures.ring_frequency(between(paper, 0, 0.3)) == pytest.approx(ring, abs=0.1)
     # The frequency of the whole closed loop, found another way, is raised by the grips that give way.
     loop = modes(load_preset("paper")).pole_frequency
     assert np.abs(loop - ring).min() < 0.1
     assert ring > f1
-    assert lesson_checks.settling_time(paper) == pytest.approx(says("ring", r"per cent in (\S+) s"), abs=0.005)
-    assert lesson_checks.UNDAMPED_TIME == pytest.approx(lesson_checks.settling_time(paper), abs=0.005)
+    assert lesson_measures.settling_time(paper) == pytest.approx(says("ring", r"per cent in (\S+) s"), abs=0.005)
+    assert lesson_checks.UNDAMPED_TIME == pytest.approx(lesson_measures.settling_time(paper), abs=0.005)
     assert 1e6 * peak(smooth.vibration) < says("ring", r"under (\d+) µm")
 
 
@@ -161,7 +161,7 @@ def test_numbers_of_soft_beam():
     ):
         result = run("paper", (2.0, EI, stiffness), duration=5.0)
         payload = load_preset("paper").payload.model_copy(update={"bending_stiffness": stiffness})
-        assert lesson_checks.first_frequency(payload) == pytest.approx(says("soft-beam", hertz), abs=0.05)
+        assert lesson_measures.first_frequency(payload) == pytest.approx(says("soft-beam", hertz), abs=0.05)
         largest = 1e3 * peak(between(result, 4, 5).quasi_static_deflection)
         assert largest == pytest.approx(says("soft-beam", bending), rel=0.02)
         errors.append(1e3 * peak(between(result, 4, 5).tracking_error[:, :2]))
@@ -180,7 +180,7 @@ def test_numbers_of_what_epsilon_does():
     assert errors[0] == pytest.approx(says(check, r"falls from (\S+) mm"), abs=0.01)
     assert errors[1] == pytest.approx(says(check, r"to (\S+) mm at its peak"), abs=0.01)
     assert errors[2] == pytest.approx(says(check, r"hardly better, (\S+) mm"), abs=0.01)
-    jumps = [lesson_checks.torque_jump(part, 0.001) for part in (thick, thin, thinnest)]
+    jumps = [lesson_measures.torque_jump(part, 0.001) for part in (thick, thin, thinnest)]
     assert jumps[1] == pytest.approx(says(check, r"change by (\S+) N·m \(RMS\) per step"), abs=0.05)
     # Chatter is not smooth in its causes: another compiler may give slightly other jumps.
     assert jumps[2] == pytest.approx(says(check, r"change by (\S+) N·m \(RMS\) at every"), rel=0.1)
@@ -222,8 +222,8 @@ def test_numbers_of_internal_force():
 def test_numbers_of_can_vibration_reach_zero():
     paper, damped = run("paper"), run("vibration-damping")
     check = "vibration"
-    assert lesson_checks.settling_time(paper) == pytest.approx(says(check, r"takes (\S+) s"), abs=0.005)
-    assert lesson_checks.settling_time(damped) == pytest.approx(says(check, r"hands with it: (\S+) s"), abs=0.005)
+    assert lesson_measures.settling_time(paper) == pytest.approx(says(check, r"takes (\S+) s"), abs=0.005)
+    assert lesson_measures.settling_time(damped) == pytest.approx(says(check, r"hands with it: (\S+) s"), abs=0.005)
     assert 1e6 * peak(between(damped, 1, 3).vibration) < says(check, r"less than (\S+) µm")
     moments = [peak(result.internal_force[:, 0, 2]) for result in (damped, paper)]
     assert moments[0] == pytest.approx(says(check, r"peaks at (\d+) N·m"), abs=0.5)

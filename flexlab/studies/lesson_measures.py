@@ -1,0 +1,72 @@
+"""What lessons measure in a run: frequencies, peaks, settling, jumps, and how they read in a sentence."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from flexlab.scenario import Payload
+from flexlab.sim.build import build_beam
+from flexlab.sim.samples import Samples
+
+SETTLED = 0.01
+"""Share of its peak under which a vibration counts as gone."""
+
+
+def first_frequency(payload: Payload) -> float:
+    """f1 of the payload with its grips held, Hz."""
+    return _first_frequency(payload.model_dump_json())
+
+
+@lru_cache(maxsize=32)
+def _first_frequency(payload: str) -> float:
+    """Remembered, because the lab asks several times a second and 64 elements take a while."""
+    return float(np.min(build_beam(Payload.model_validate_json(payload)).modes.omega)) / (2 * np.pi)
+
+
+def ring_frequency(samples: Samples) -> float:
+    """The strongest frequency of the vibration above 2 Hz, Hz."""
+    signal = samples.vibration
+    padded = 1 << 15
+    spectrum = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)), padded))
+    hertz = np.fft.rfftfreq(padded, tick(samples))
+    return float(hertz[np.argmax(np.where(hertz > 2, spectrum, 0))])
+
+
+def settling_time(samples: Samples) -> float:
+    """Time from the first sample until |vibration| stays under `SETTLED` of its peak, s."""
+    size = np.abs(samples.vibration)
+    above = np.nonzero(size > SETTLED * size.max())[0]
+    return float(samples.time[above[-1]] - samples.time[0]) if len(above) else 0.0
+
+
+def torque_jump(samples: Samples, control_period: float) -> float:
+    """RMS change of the joint torques over one control period, the largest of all joints, N·m."""
+    stride = max(1, round(control_period / tick(samples)))
+    torque = samples.joint_torque[::stride]
+    return float(np.sqrt(np.mean(np.diff(torque, axis=0) ** 2, axis=0)).max()) if len(torque) > 1 else 0.0
+
+
+def tick(samples: Samples) -> float:
+    """The sample period, s; needs two samples or more."""
+    return float(samples.time[-1] - samples.time[0]) / (len(samples) - 1)
+
+
+def between(samples: Samples, start: float, stop: float) -> Samples:
+    """The samples from `start` to `stop`, s, both included."""
+    first, end = np.searchsorted(samples.time, [start - 1e-9, stop + 1e-9])
+    return samples.slice(int(first), int(end))
+
+
+def newest(samples: Samples, seconds: float) -> Samples:
+    """The newest `seconds` of samples."""
+    return between(samples, samples.time[-1] - seconds, samples.time[-1])
+
+
+def largest(signal: np.ndarray) -> float:
+    """The largest magnitude; 0 for nothing."""
+    return float(np.abs(signal).max()) if signal.size else 0.0
+
+
+def length(metres: float) -> str:
+    """A length as it reads best: mm, or µm under 10 µm."""
+    return f"{1e3 * metres:.2f} mm" if metres >= 1e-5 else f"{1e6 * metres:.1f} µm"

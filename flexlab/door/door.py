@@ -40,7 +40,9 @@ class Door:
     """A front door that is open until `close`. See `open_door`."""
 
     def __init__(self, settings: Settings, port: int, token: str | None, places: Places, plug: socket.socket):
-        self._settings, self._token, self._places, self._plug = settings, token, places, plug
+        self.settings, self.places, self.token = settings, places, token
+        """`token`: the word that opens the door; None if it does not ask for one."""
+        self._plug = plug
         self.port = port
         """The public one, really taken."""
         self._opened = threading.Event()
@@ -64,16 +66,11 @@ class Door:
         """Where a browser on this machine finds the lab, signed in."""
         return self.address("/lab/")
 
-    @property
-    def token(self) -> str | None:
-        """The word that opens the door, if it asks for one."""
-        return self._token
-
     def address(self, path: str = "/", host: str | None = None) -> str:
         """The address of a page, with the token if there is one. `host`: as others know this machine."""
-        host = host or ("127.0.0.1" if self._settings.host in ("0.0.0.0", "::", "") else self._settings.host)
+        host = host or ("127.0.0.1" if self.settings.host in ("0.0.0.0", "::", "") else self.settings.host)
         name = f"[{host}]" if ":" in host else host
-        return f"http://{name}:{self.port}{path}" + (f"?token={self._token}" if self._token else "")
+        return f"http://{name}:{self.port}{path}" + (f"?token={self.token}" if self.token else "")
 
     def close(self) -> Path | None:
         """Close every page and lab, runs kept; returns the newest recording. May be called twice."""
@@ -103,7 +100,7 @@ class Door:
     async def _serve(self) -> None:
         self._loop, self._closing = asyncio.get_running_loop(), asyncio.Event()
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
-            context = Context(self._settings, self.port, self._token, self._places, inside)
+            context = Context(self.settings, self.port, self.token, self.places, inside)
             runner = web.AppRunner(build_app(context), access_log=None, shutdown_timeout=CLOSING_TIME)
             try:
                 await runner.setup()
@@ -112,7 +109,7 @@ class Door:
                 await self._closing.wait()
             finally:
                 # Labs first: their recordings matter more than a visitor's last request.
-                self._last = await self._places.close()
+                self._last = await self.places.close()
                 await runner.cleanup()
 
 

@@ -29,7 +29,7 @@ LONGEST_ROUND = 10.0
 CRASHED = (
     "This lab ended unexpectedly ({reason}). Everybody else's lab runs on, and your run was kept up to that moment."
 )
-IDLE = "This lab was closed after {minutes:g} minutes without a visitor. Its run was kept."
+IDLE = "This lab was closed after {time} without a visitor. Its run was kept."
 CLOSED = "This lab was closed. Its run was kept."
 
 log = logging.getLogger(__name__)
@@ -91,7 +91,7 @@ class PrivateLabs:
             self._watch = asyncio.create_task(self._close_idle_ones())
         if len({place.visitor for place in self._places.values()} | set(self._opening)) > self._settings.max_sessions:
             raise FullError(
-                f"All {self._settings.max_sessions} labs of this machine are taken. "
+                f"No lab is free: {self._settings.max_sessions} of {self._settings.max_sessions} are taken. "
                 "Come back in a few minutes: a lab that nobody looks at is closed."
             )
         loop = asyncio.get_running_loop()
@@ -150,7 +150,7 @@ class PrivateLabs:
             await asyncio.sleep(min(idle / ROUNDS_PER_IDLE_TIME, LONGEST_ROUND))
             for place in list(self._places.values()):
                 if place.port and not place.visitors and not place.why and time.monotonic() - place.seen > idle:
-                    place.why = IDLE.format(minutes=round(idle / 60, 2))
+                    place.why = IDLE.format(time=f"{idle / 60:g} minutes" if idle >= 60 else f"{idle:g} s")
                     self._keep(asyncio.to_thread(place.worker.stop))
 
     def _over(self, lab: str) -> None:

@@ -9,6 +9,7 @@ from flexlab.door.layout import message, page
 from flexlab.door.library import RunRow, annotate_run, delete_run, duration_text, find_row, list_rows, size_text
 from flexlab.door.markup import Markup, fill
 from flexlab.door.runs_table import metrics_text, runs_table
+from flexlab.door.security import WITH_A_PASS, recording_address
 from flexlab.errors import RecordingError
 from flexlab.recording.finishing import finish
 from flexlab.recording.reader import check_recording
@@ -46,7 +47,7 @@ REVIEW = """<div class="review-head">
 </div>
 {hint}
 <noscript><p>Rerun's viewer needs JavaScript.</p></noscript>
-<iframe id="viewer" title="The recording in rerun's viewer" data-recording="/runs/{id}.rrd" allowfullscreen></iframe>
+<iframe id="viewer" title="The recording in rerun's viewer" data-recording="{address}" allowfullscreen></iframe>
 """
 LIVE_HINT = Markup(
     '<p class="hint">This run is still being recorded: you see it up to this moment. Reload to see more.</p>'
@@ -63,6 +64,7 @@ def add_runs_pages(router: web.UrlDispatcher) -> None:
     router.add_get("/runs", library)
     router.add_get("/runs/", library)
     router.add_get("/runs/{run}" + SUFFIX, recording)
+    router.add_get(WITH_A_PASS + "{pass}/{run}" + SUFFIX, recording)
     router.add_get("/runs/{run}", review)
     router.add_post("/runs/{run}/notes", save_notes)
     router.add_get("/runs/{run}/delete", ask_to_delete)
@@ -108,15 +110,17 @@ async def review(request: web.Request) -> web.Response:
             id=row.id,
         )
         return message("This run cannot be shown", str(error), 422, more)
-    return page(f"{row.preset} {row.started:%H:%M:%S}", _review_body(row), here="/runs", kind="review",
-                head=Markup(SCRIPT.format("review")))  # fmt: skip
+    body = _review_body(row, recording_address(context_of(request), row.id))
+    script = Markup(SCRIPT.format("review"))
+    return page(f"{row.preset} {row.started:%H:%M:%S}", body, here="/runs", kind="review", head=script)
 
 
-def _review_body(row: RunRow) -> Markup:
+def _review_body(row: RunRow, address: str) -> Markup:
     metrics = metrics_text(row)
     return fill(
         REVIEW,
         id=row.id,
+        address=address,
         preset=row.preset,
         started=f"{row.started:%Y-%m-%d %H:%M:%S}",
         duration=duration_text(row.duration),

@@ -13,6 +13,7 @@ from flexlab.door.layout import message
 from flexlab.door.markup import Markup, fill
 from flexlab.door.settings import LOOPBACK
 from flexlab.errors import FlexlabError
+from flexlab.recording.run_files import SUFFIX
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -22,6 +23,8 @@ COOKIE_AGE = 30 * 24 * 3600
 """s that a browser stays signed in, if it is the same door with the same token."""
 OPEN_TO_ALL = "/static/"
 """Style sheet and scripts, which are no secret and which the sign-in page needs."""
+WITH_A_PASS = "/pass/"
+"""Recordings whose address carries a pass: rerun's viewer sends no cookies."""
 SAFE_METHODS = ("GET", "HEAD")
 
 HEADERS = {
@@ -86,7 +89,7 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
     problem = _malformed(request) or _foreign(request, context)
     if problem:
         return refuse(request, *problem)
-    if context.token is None or request.path.startswith(OPEN_TO_ALL):
+    if context.token is None or request.path.startswith(OPEN_TO_ALL) or _has_pass(request, context.token):
         return await handler(request)
     if "token" in request.query and request.method in SAFE_METHODS and not is_websocket(request):
         return _sign_in(request, context, context.token)
@@ -150,7 +153,8 @@ def _sign_in(request: web.Request, context: Context, token: str) -> web.Response
     """The token in the address becomes a cookie, and leaves the address bar."""
     if not _same(request.query["token"], token):
         return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
-    to = str(request.rel_url.without_query_params("token"))
+    # One slash only: an address that begins with two leads to another site.
+    to = "/" + str(request.rel_url.without_query_params("token")).lstrip("/")
     if request.headers.get("Sec-Fetch-Site", "none") == "cross-site":
         # After a redirect, the browser still counts as coming from the other site and keeps a strict cookie back.
         answer = message("Welcome", "One moment.", 200, fill('<a class="button" href="{to}">Go on</a>', to=to))
@@ -167,6 +171,24 @@ def _sign_in(request: web.Request, context: Context, token: str) -> web.Response
 def _ask_for_token(request: web.Request) -> web.Response:
     sentence = "This lab opens with a token: use the address that flexlab printed in the terminal, or enter the token."
     return message("Sign in", sentence, 401, Markup(SIGN_IN))
+
+
+def recording_address(context: Context, run: str) -> str:
+    """Where the viewer of a signed-in visitor finds one recording, and with it nothing else."""
+    if context.token is None:
+        return f"/runs/{run}{SUFFIX}"
+    return f"{WITH_A_PASS}{_pass(context.token, run)}/{run}{SUFFIX}"
+
+
+def _has_pass(request: web.Request, token: str) -> bool:
+    if not request.path.startswith(WITH_A_PASS) or request.method not in SAFE_METHODS:
+        return False
+    given, _, run = request.path.removeprefix(WITH_A_PASS).partition("/")
+    return _same(given, _pass(token, run.removesuffix(SUFFIX)))
+
+
+def _pass(token: str, run: str) -> str:
+    return hmac.new(token.encode(), f"recording {run}".encode(), "sha256").hexdigest()
 
 
 def _same(given: str, token: str) -> bool:

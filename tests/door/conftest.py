@@ -1,0 +1,83 @@
+"""Real doors with real labs behind them, and a real headless Chromium."""
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from get_browser import find_browser
+from playwright.sync_api import Browser, sync_playwright
+
+from flexlab.door.door import Door, open_door
+from flexlab.door.settings import Settings
+from flexlab.presets import load_preset
+from flexlab.recording.headless import write_run
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+SOFTWARE_RENDERING = [
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--no-sandbox",
+    "--ignore-gpu-blocklist",
+]
+ARTIFACTS = Path(__file__).parents[2] / ".artifacts"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled() -> None:
+    """Compile the engine before the first lab, so that no test waits for it."""
+    World(load_preset("paper")).advance(2)
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Browser]:
+    """A headless Chromium. Without one the browser tests fail on CI and are skipped, loudly, elsewhere."""
+    path = find_browser()
+    if path is None:
+        message = "no Chromium found: install one (python tests/get_browser.py) to run the browser tests"
+        if os.environ.get("CI"):
+            pytest.fail(message)
+        pytest.skip(message)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=SOFTWARE_RENDERING)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished recording of half a second."""
+    run = simulate(load_preset("paper"), duration=0.5, sample_period=0.001)
+    return write_run(run, tmp_path_factory.mktemp("recorded"), "paper")
+
+
+@pytest.fixture(scope="session")
+def door(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Iterator[Door]:
+    """A door on loopback with the shared lab, used by all tests that do not change what others see."""
+    logs = tmp_path_factory.mktemp("logs")
+    for file in (recorded, recorded.with_suffix(".json")):
+        (logs / file.name).write_bytes(file.read_bytes())
+    with open_door(Settings(logs=logs, port=0, shadows=False), load_preset("paper"), "paper") as opened:
+        yield opened
+
+
+@pytest.fixture
+def open_another(tmp_path: Path) -> Iterator[Callable[..., Door]]:
+    """Opens further doors, and closes them after the test."""
+    doors: list[Door] = []
+
+    def opened(**settings) -> Door:
+        settings = {"logs": tmp_path / "logs", "port": 0, "shadows": False} | settings
+        doors.append(open_door(Settings(**settings), load_preset("paper"), "paper"))
+        return doors[-1]
+
+    yield opened
+    for door in doors:
+        door.close()
+
+
+@pytest.fixture
+def logs(door: Door) -> Path:
+    """The logs folder of the shared door."""
+    return door.settings.logs

@@ -1,0 +1,139 @@
+"""What a person sees who opens the door in a real browser."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+from conftest import ARTIFACTS
+from door_client import PATIENCE, wait_until
+from PIL import Image
+from playwright.sync_api import Browser, Page
+
+from flexlab.door.door import Door
+
+SCENE = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
+  && window.__viserTestpoints.rendererInfo.render.frame > 2"""
+
+
+@contextmanager
+def window(browser: Browser, url: str, **options) -> Iterator[Page]:
+    """A browser window of its own (no cookies yet); fails on errors of a page and on a call to any other address."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, **options)
+    page = context.new_page()
+    strangers: list[str] = []
+    errors: list[str] = []
+
+    def note(address: str) -> None:
+        here = urlsplit(address)
+        if here.scheme not in ("data", "blob", "about") and here.netloc != urlsplit(url).netloc:
+            strangers.append(address)
+
+    # Of the context, not the page: frames and workers count too.
+    context.on("request", lambda request: note(request.url))
+    page.on("websocket", lambda plug: note(plug.url))
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    try:
+        page.goto(url)
+        yield page
+    finally:
+        context.close()
+    assert strangers == []
+    assert errors == []
+
+
+def picture(page: Page, name: str) -> Path:
+    """Keep a screenshot for people to look at."""
+    ARTIFACTS.mkdir(exist_ok=True)
+    path = ARTIFACTS / f"{name}.png"
+    page.screenshot(path=path)
+    return path
+
+
+def test_from_the_start_page_into_the_lab(chromium: Browser, door: Door):
+    with window(chromium, door.url) as page:
+        picture(page, "door-start")
+        page.get_by_role("link", name="Open the lab").click()
+        page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
+        assert door.places.running()[0].visitors == 1
+        page.get_by_role("button", name="Share").click()
+        link = page.locator(".door-word input").input_value()
+        assert link.startswith(f"{door.url}lab/?scenario=")
+        page.get_by_role("button", name="Close").click()
+        picture(page, "door-lab")
+        page.locator("#door-bar").get_by_role("link", name="Runs").click()
+        page.get_by_role("searchbox").wait_for()
+    wait_until(lambda: door.places.running()[0].visitors == 0, "the door knows that the visitor has left")
+
+
+def test_a_deep_link_shows_its_preset_and_the_page_tells_when_the_lab_is_gone(
+    chromium: Browser, open_another: Callable[..., Door]
+):
+    door = open_another()
+    with window(chromium, f"{door.url}lab/soft-beam?fixedDpr=0.5") as page:
+        page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
+        assert urlsplit(page.url).path == "/lab/"
+        wait_until(lambda: "A soft beam" in page.locator("body").inner_text(), "the panel names the preset")
+        door.close()
+        page.get_by_text("The lab does not answer").wait_for(timeout=1000 * PATIENCE)
+        picture(page, "door-gone")
+
+
+def test_signing_in_by_the_printed_address(chromium: Browser, open_another: Callable[..., Door]):
+    door = open_another(token="a-token-for-tests")
+    with window(chromium, f"http://127.0.0.1:{door.port}/lab/") as page:
+        picture(page, "door-sign-in")
+        page.get_by_label("Token").fill("a-token-for-tests")
+        page.get_by_role("button", name="Open").click()
+        page.get_by_role("link", name="Open the lab").wait_for()
+        assert "token" not in page.url
+        page.goto(f"{page.url}lab/?fixedDpr=0.5")
+        page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
+
+
+def test_the_library_finds_and_sorts(chromium: Browser, open_another: Callable[..., Door], recorded: Path):
+    door = open_another()
+    for name in ("2026-01-01T00-00-00-alpha", "2026-01-02T00-00-00-beta", "2026-01-03T00-00-00-gamma"):
+        shutil.copy(recorded, door.settings.logs / f"{name}.rrd")
+    with window(chromium, f"{door.url}runs", color_scheme="dark") as page:
+        rows = page.locator("#runs tbody tr:visible")
+        page.get_by_role("searchbox").fill("ALPHA complete")
+        assert rows.count() == 1
+        page.get_by_role("searchbox").fill("2026-01-0")
+        page.get_by_role("columnheader", name="Preset").click()
+        assert [text.split("\t")[1] for text in rows.all_inner_texts()] == ["alpha", "beta", "gamma"]
+        page.get_by_role("columnheader", name="Preset").click()
+        assert [text.split("\t")[1] for text in rows.all_inner_texts()] == ["gamma", "beta", "alpha"]
+        page.get_by_role("searchbox").fill("nothing like this")
+        page.get_by_text("No run matches.").wait_for()
+        picture(page, "door-runs")
+        page.get_by_role("searchbox").fill("beta")
+        rows.get_by_role("link", name="Delete").click()
+        page.get_by_role("button", name="Delete").click()
+        page.get_by_role("searchbox").wait_for()
+    assert not (door.settings.logs / "2026-01-02T00-00-00-beta.rrd").exists()
+
+
+def test_a_run_opens_in_the_viewer_without_a_call_to_anybody_else(
+    chromium: Browser, open_another: Callable[..., Door], recorded: Path
+):
+    # With a token, because the viewer sends no cookies: this is the harder case.
+    door = open_another(token="a-token-for-tests")
+    shutil.copy(recorded, door.settings.logs / recorded.name)
+    with window(chromium, door.address(f"/runs/{recorded.stem}")) as page:
+        frame = page.frame_locator("#viewer")
+        frame.locator("canvas").wait_for(timeout=1000 * PATIENCE)
+
+        def plotted() -> bool:
+            image = np.asarray(Image.open(picture(page, "door-review")).convert("RGB")).astype(int)
+            return _has_curves(image[:, image.shape[1] // 2 :])
+
+        wait_until(plotted, "the viewer draws the plots")
+
+
+def _has_curves(image: np.ndarray) -> bool:
+    """Whether strong colours, which only curves and legends have, make up a visible part of the picture."""
+    spread = image.max(axis=2) - image.min(axis=2)
+    return float((spread > 120).mean()) > 0.005

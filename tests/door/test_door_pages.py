@@ -1,0 +1,155 @@
+"""The pages of a door, asked for without a browser."""
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from door_client import ask, wait_until
+
+from flexlab.door.door import Door
+from flexlab.door.links import encode_scenario
+from flexlab.presets import load_preset, preset_names
+from flexlab.recording.run_files import read_notes
+
+
+def test_the_start_page_names_every_preset_and_what_runs(door: Door):
+    page = ask(door.url).text
+    for name in preset_names():
+        assert f'href="/lab/{name}"' in page
+    assert "is running (t = " in page
+    assert ask(door.url, "/static/style.css").headers["Content-Type"].startswith("text/css")
+
+
+def test_the_lab_s_page_is_passed_on_with_the_door_s_bar(door: Door):
+    answer = ask(door.url, "/lab/", Accept_Encoding="gzip")
+    assert answer.status == 200
+    assert b'<div id="root">' in answer.body
+    assert b'src="/static/lab.js" data-state="/state/lab"' in answer.body
+    again = ask(door.url, "/lab/", If_None_Match=answer.headers["ETag"])
+    assert (again.status, again.body) == (304, b"")
+    assert ask(door.url, "/lab?fixedDpr=0.5").headers["Location"] == "/lab/?fixedDpr=0.5"
+
+
+def test_a_preset_link_loads_it_once_and_a_reload_leaves_it_alone(open_another: Callable[..., Door]):
+    door = open_another()
+    answer = ask(door.url, "/lab/soft-beam?fixedDpr=0.5")
+    assert (answer.status, answer.headers["Location"]) == (303, "/lab/?fixedDpr=0.5")
+    wait_until(lambda: '"name": "soft-beam"' in ask(door.url, "/state/lab").text, "the lab shows the soft beam")
+    logs = door.settings.logs
+    ask(door.url, "/lab/")
+    ask(door.url, "/lab/soft-beam")
+    changed = load_preset("paper").replace({"payload.bending_stiffness": 33.0, "title": "Mine"})
+    ask(door.url, f"/lab/?scenario={encode_scenario(changed)}")
+    wait_until(lambda: "Mine is running" in ask(door.url).text, "the lab shows the scenario of the link")
+    assert f"/lab/?scenario={encode_scenario(changed)}" in ask(door.url, "/state/lab").text
+    assert len(list(logs.glob("*-soft-beam.rrd"))) == 1, "the same preset asked for again does not start anew"
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "says"),
+    [
+        ("/lab/sfot-beam", 404, "did you mean soft-beam?"),
+        ("/lab/?scenario=broken", 400, "copy it again"),
+        ("/runs/none", 404, "There is no run none"),
+        ("/runs/none.rrd", 404, "There is no run none"),
+        ("/runs/none/delete", 404, "There is no run none"),
+        ("/s/none/", 403, "You can have one of your own"),
+        ("/nowhere", 404, "There is no such page"),
+        ("/viewer/nothing.js", 404, "There is no such page"),
+        ("/assets/", 403, "not for visitors"),
+    ],
+)
+def test_a_wrong_address_is_answered_in_a_sentence(door: Door, path: str, status: int, says: str):
+    answer = ask(door.url, path)
+    assert answer.status == status
+    assert says in answer.text
+    assert "Traceback" not in answer.text
+
+
+def test_texts_of_runs_and_scenarios_are_escaped(open_another: Callable[..., Door], recorded: Path, tmp_path: Path):
+    evil = "<script>alert(1)</script>"
+    door = open_another()
+    logs = door.settings.logs
+    shutil.copy(recorded, logs / "2026-01-01T00-00-00-x.rrd")
+    (logs / "2026-01-01T00-00-00-x.json").write_text(
+        '{"preset": "%s", "note": "%s", "tags": ["%s"], "metrics": {"%s": "%s"}}' % ((evil,) * 5)
+    )
+    scenario = load_preset("paper").replace({"title": evil, "watch": evil})
+    ask(door.url, f"/lab/?scenario={encode_scenario(scenario)}")
+    wait_until(lambda: "&lt;script&gt;" in ask(door.url).text, "the start page shows the scenario's title")
+    for path in ("/", "/runs", "/runs/2026-01-01T00-00-00-x", "/runs/2026-01-01T00-00-00-x/delete"):
+        page = ask(door.url, path).text
+        assert "alert(1)" in page
+        assert "<script>alert" not in page
+    assert "&lt;img src=x&gt;" in ask(door.url, "/lab/%3Cimg%20src=x%3E").text
+
+
+def test_the_library_lists_serves_in_parts_and_notes(door: Door, logs: Path, recorded: Path):
+    run = recorded.stem
+    page = ask(door.url, "/runs").text
+    assert f'href="/runs/{run}"' in page
+    assert "0.5 s" in page
+    assert "complete" in page
+    whole = ask(door.url, f"/runs/{run}.rrd")
+    assert whole.body == recorded.read_bytes()
+    part = ask(door.url, f"/runs/{run}.rrd", Range="bytes=10-19")
+    assert (part.status, part.body) == (206, whole.body[10:20])
+    form = "note=Rings+%3Cnicely%3E&tags=soft%2C+best%2C+soft&keep=on"
+    kind = "application/x-www-form-urlencoded"
+    saved = ask(door.url, f"/runs/{run}/notes", "POST", form.encode(), Content_Type=kind)
+    assert saved.status == 303
+    notes = read_notes(logs / recorded.name)
+    assert (notes["note"], notes["tags"], notes["keep"]) == ("Rings <nicely>", ["soft", "best"], True)
+    assert notes["preset"] == "paper"
+    assert "Rings &lt;nicely&gt;" in ask(door.url, "/runs").text
+    refused = ask(door.url, f"/runs/{run}/delete", "POST")
+    assert (refused.status, "marked to be kept" in refused.text) == (400, True)
+
+
+def test_deleting_asks_first_and_spares_the_run_that_is_being_recorded(
+    open_another: Callable[..., Door], recorded: Path
+):
+    door = open_another()
+    logs = door.settings.logs
+    shutil.copy(recorded, logs / recorded.name)
+    running = wait_until(lambda: [file for file in logs.glob("*.rrd") if file.name != recorded.name], "a recording")[0]
+    assert "Delete this run?" in ask(door.url, f"/runs/{recorded.stem}/delete").text
+    assert (logs / recorded.name).exists()
+    assert ask(door.url, f"/runs/{recorded.stem}/delete", "POST").status == 303
+    assert not (logs / recorded.name).exists()
+    refused = ask(door.url, f"/runs/{running.stem}/delete", "POST")
+    assert "still being recorded" in refused.text
+    assert running.exists()
+    assert "still being recorded" in ask(door.url, f"/runs/{running.stem}").text
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [("empty", b"", "is empty"), ("garbage", b"garbage" * 99, "is not a rerun recording")],
+)
+def test_a_file_that_is_no_run_is_listed_and_explained(open_another, name: str, content: bytes, says: str):
+    door = open_another()
+    (door.settings.logs / f"{name}.rrd").write_bytes(content)
+    assert f'href="/runs/{name}"' in ask(door.url, "/runs").text
+    answer = ask(door.url, f"/runs/{name}")
+    assert (answer.status, says in answer.text) == (422, True)
+
+
+def test_many_runs_are_listed(open_another: Callable[..., Door], recorded: Path):
+    door = open_another()
+    for number in range(200):
+        file = door.settings.logs / f"2026-01-01T00-{number // 60:02}-{number % 60:02}-run.rrd"
+        shutil.copy(recorded, file)
+        shutil.copy(recorded.with_suffix(".json"), file.with_suffix(".json"))
+    page = ask(door.url, "/runs").text
+    assert len(re.findall(r'href="/runs/2026-01-01T', page)) >= 200
+
+
+def test_the_viewer_is_served_with_a_policy_that_names_this_address_only(door: Door):
+    answer = ask(door.url, "/viewer/")
+    policy = dict(part.split(" ", 1) for part in answer.headers["Content-Security-Policy"].split("; "))
+    assert policy["connect-src"] == "'self' data: blob:"
+    assert "http" not in answer.headers["Content-Security-Policy"]
+    assert ask(door.url, "/viewer/re_viewer_bg.wasm", "HEAD").headers["Content-Type"] == "application/wasm"

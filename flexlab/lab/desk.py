@@ -11,7 +11,7 @@ from typing import Any
 from flexlab.errors import FlexlabError
 from flexlab.lab.view import View, fitting_exaggeration
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Reset
+from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pull, Reset
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 
@@ -43,6 +43,7 @@ class Desk:
         self._run_number = snapshot.run_number
         self._asked_at = 0.0
         self._notice = Notice("")
+        self._pull: Pull | None = None
         self._view = View(exaggeration=fitting_exaggeration(snapshot.scenario))
 
     @property
@@ -85,6 +86,19 @@ class Desk:
         if isinstance(command, Reset):
             self._asked_at = time.monotonic()
         self._runner.submit(command)
+
+    def pull(self, pull: Pull | None) -> None:
+        """Pull the beam, or let go (None)."""
+        if pull is None and self._pull is not None:
+            self._runner.submit(Pull(self._pull.beam_position, self._pull.target, 0.0))
+        elif pull is not None:
+            self._runner.submit(pull)
+        self._pull = pull
+
+    @property
+    def pulled(self) -> Pull | None:
+        """The pull that a person holds now."""
+        return self._pull
 
     def settle(self, snapshot: Snapshot) -> None:
         """Fall in with the engine where it did not follow: a change that it refused, or one from elsewhere."""

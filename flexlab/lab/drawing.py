@@ -66,7 +66,7 @@ class Drawing:
 
     def _draw(self, readouts: bool) -> None:
         snapshot, view = self._runner.snapshot, self._desk.view
-        self._scene.update(snapshot, view)
+        self._scene.update(snapshot, view, self._desk.pulled)
         self._cameras.follow(snapshot)
         if readouts:
             self._panel.update(snapshot, self._scene.legend(view))

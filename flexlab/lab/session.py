@@ -15,6 +15,7 @@ from flexlab.lab.plots import Plots
 from flexlab.lab.scene import Scene
 from flexlab.lab.scene.camera import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.server import open_server
+from flexlab.lab.touch import Touch
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Consumer, Runner
 
@@ -107,9 +108,10 @@ class Session:
     def _furnish(self, server: viser.ViserServer) -> Drawing:
         """Fill the server's page."""
         desk = self._desk = Desk(self.runner)
-        scene = Scene(server, self._scenario, self._study, self._shadows)
+        touch = Touch(desk)
+        scene = Scene(server, self._scenario, self._study, touch, self._shadows)
         cameras = Cameras(server, self.runner)
-        panel = Panel(server.gui, desk, self.runner, self._study, cameras.choose, self._recording)
+        panel = Panel(server.gui, desk, self.runner, self._study, touch, cameras.choose, self._recording)
         guard_inputs(server, desk)
         board = server.gui.add_panel()
         plots = Plots(server.gui, board, self._scenario, desk.view.plot_window)

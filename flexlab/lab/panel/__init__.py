@@ -13,7 +13,9 @@ from flexlab.lab.panel.readouts import events_html, notices_html, status_html
 from flexlab.lab.panel.sections import SECTIONS, Section, three_valued
 from flexlab.lab.panel.style import style_element
 from flexlab.lab.panel.text import escaped
+from flexlab.lab.panel.touching import Touching
 from flexlab.lab.panel.viewing import Look, Viewing
+from flexlab.lab.touch import Touch
 from flexlab.lab.view import Legend
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event, Snapshot
@@ -28,6 +30,7 @@ class Panel:
         desk: Desk,
         runner: Runner,
         study: ModeStudy,
+        touch: Touch,
         look: Look,
         recording: Callable[[], str],
     ):
@@ -45,6 +48,8 @@ class Panel:
             self._sections = [Section(gui, desk, title, path) for title, path in SECTIONS]
         with tabs.add_tab("View"):
             self._viewing = Viewing(gui, desk, look)
+        with tabs.add_tab("Touch"):
+            self._touching = Touching(gui, desk, touch)
         with tabs.add_tab("Modes"):
             self._modes = ModePanel(gui, desk, runner, study)
         with tabs.add_tab("Events"):
@@ -70,6 +75,7 @@ class Panel:
                 section.show(snapshot.scenario)
         else:
             self._viewing.settle()
+            self._touching.settle()
             for section in self._sections:
                 section.settle(desk.intended)
 

@@ -4,7 +4,8 @@ from flexlab.lab import colors
 from flexlab.lab.desk import Notice
 from flexlab.lab.panel.text import escaped, factor
 from flexlab.lab.view import Legend, View
-from flexlab.sim.snapshot import Snapshot
+from flexlab.sim.commands import Pull
+from flexlab.sim.snapshot import Event, Snapshot
 
 LARGE_DEFLECTION = 0.05
 """|w|/L above which the linear beam model is no longer trusted."""
@@ -19,7 +20,8 @@ def status_html(snapshot: Snapshot, view: View, legend: Legend, recording: str) 
     tone, word = _status(snapshot)
     bending = 1e3 * float(sample.midspan_deflection[0])
     actual = snapshot.actual_speed
-    speed = f"{factor(snapshot.target_speed)} / {actual:.2f} ×" if actual >= 0.1 else f"{factor(snapshot.target_speed)} / {actual:.3f} ×"
+    digits = 2 if actual >= 0.1 else 3
+    speed = f"{factor(snapshot.target_speed)} / {actual:.{digits}f} ×"
     rows = [
         ("simulation time t", f"{float(sample.time[0]):.3f} s".replace("-", "−")),
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
@@ -88,8 +90,19 @@ def _box(text: str, level: str) -> str:
 def events_html(snapshot: Snapshot) -> str:
     """The newest events first, with their simulation times."""
     lines = []
-    for event in reversed(snapshot.events[-SHOWN_EVENTS:]):
+    for event in reversed(_without_drags(snapshot.events)[-SHOWN_EVENTS:]):
         bad = ' class="fl-bad"' if event.level == "error" else ""
         time = f"{event.time:.3f} s".replace("-", "−")
         lines.append(f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(event.text)}</span></div>')
     return f'<div class="fl fl-list">{"".join(lines) or "Nothing yet."}</div>'
+
+
+def _without_drags(events: tuple[Event, ...]) -> list[Event]:
+    """The events with each run of pulls, as one drag makes it, shown by its last one only."""
+    kept: list[Event] = []
+    for event in events:
+        dragging = isinstance(event.command, Pull) and event.command.stiffness > 0
+        if dragging and kept and isinstance(kept[-1].command, Pull) and kept[-1].command.stiffness > 0:
+            kept.pop()
+        kept.append(event)
+    return kept

@@ -11,11 +11,14 @@ from flexlab.lab.scene.arms import Arms
 from flexlab.lab.scene.beam import Beam
 from flexlab.lab.scene.forces import Forces
 from flexlab.lab.scene.overlays import Overlays
+from flexlab.lab.scene.pull import PullArrow
 from flexlab.lab.scene.reach import Reach
 from flexlab.lab.scene.stage import Stage, set_light
 from flexlab.lab.scene.strain import StrainBeam
+from flexlab.lab.touch import Touch
 from flexlab.lab.view import Legend, View
 from flexlab.scenario import Scenario
+from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Snapshot
 
@@ -28,16 +31,18 @@ MODE_SIZE = 0.06
 class Scene:
     """Everything in the 3D view of one server. `update` may be called from one thread only."""
 
-    def __init__(self, server: viser.ViserServer, scenario: Scenario, study: ModeStudy, shadows: bool = True):
-        self._server, self._study = server, study
+    def __init__(
+        self, server: viser.ViserServer, scenario: Scenario, study: ModeStudy, touch: Touch, shadows: bool = True
+    ):
+        self._server, self._study, self._touch = server, study, touch
         set_light(server.scene, shadows)
         self._built_for: object = None
         self._run_number = -1
-        self._parts: list[Stage | Reach | Arms | Beam | StrainBeam | Overlays | Forces] = []
+        self._parts: list[Stage | Reach | Arms | Beam | StrainBeam | Overlays | Forces | PullArrow] = []
         self._build(scenario)
 
-    def update(self, snapshot: Snapshot, view: View) -> None:
-        """Draw a snapshot, all parts at once."""
+    def update(self, snapshot: Snapshot, view: View, pull: Pull | None) -> None:
+        """Draw a snapshot, and the pull on the beam if there is one, all parts at once."""
         scenario, sample = snapshot.scenario, snapshot.display
         if _structure(scenario) != self._built_for:
             self._build(scenario)
@@ -51,6 +56,7 @@ class Scene:
             self._strain.update(scenario, bent, view)
             self._overlays.update(scenario, sample, view, caption)
             self._forces.update(scenario, sample, view)
+            self._pull.update(scenario, sample, view, pull)
             self._reach.update(scenario, sample, view.reach)
         self._server.flush()
 
@@ -79,7 +85,8 @@ class Scene:
         self._stage, self._reach = Stage(scene, scenario), Reach(scene, scenario)
         self._arms, self._overlays = Arms(scene, scenario), Overlays(scene, scenario)
         self._beam, self._strain = Beam(scene, scenario), StrainBeam(scene, scenario)
-        self._forces = Forces(scene, scenario)
+        self._forces, self._pull = Forces(scene, scenario), PullArrow(scene, scenario)
+        self._touch.attach(self._beam.grab)
         self._parts = [
             self._stage,
             self._reach,
@@ -88,6 +95,7 @@ class Scene:
             self._beam,
             self._strain,
             self._forces,
+            self._pull,
         ]
         self._built_for = _structure(scenario)
 

@@ -14,6 +14,10 @@ from flexlab.sim.shape import beam_points
 STATIONS = 41
 """Points along the beam: smooth up to its tenth mode, and 6 kB a frame."""
 SIDES = 12
+GRAB_RADIUS = 0.035
+"""Of the unseen tube that a hand takes hold of, for the paper's arms, m: wide enough for a finger on a telephone."""
+GRAB_EVERY = 5
+"""Stations of the drawn tube per station of the unseen one."""
 TUBE_RADIUS = 0.011
 """Drawn radius for the paper's arms, m; the model's beam has no thickness."""
 
@@ -42,12 +46,12 @@ def tube_faces(count: int) -> np.ndarray:
 
 
 class Beam:
-    """Draws the payload; `update` bends it."""
+    """Draws the payload; `update` bends it. `grab`: an unseen thicker tube around it, to be touched."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._size = scene_size(scenario)
         straight = np.column_stack([np.linspace(-0.5, 0.5, STATIONS) * scenario.payload.length, np.zeros(STATIONS)])
-        self._tube = scene.add_mesh_simple(
+        self.mesh = scene.add_mesh_simple(
             "/beam",
             self._around(straight),
             tube_faces(STATIONS),
@@ -55,15 +59,27 @@ class Beam:
             receive_shadow=False,
         )
 
-    def _around(self, line: np.ndarray) -> np.ndarray:
-        return tube_vertices(line, TUBE_RADIUS * self._size, models.BEAM_HEIGHT * self._size)
+        self.grab = scene.add_mesh_simple(
+            "/grab",
+            self._around(straight[::GRAB_EVERY], GRAB_RADIUS),
+            tube_faces(len(straight[::GRAB_EVERY])),
+            opacity=0.0,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def _around(self, line: np.ndarray, radius: float = TUBE_RADIUS) -> np.ndarray:
+        return tube_vertices(line, radius * self._size, models.BEAM_HEIGHT * self._size)
 
     def update(self, scenario: Scenario, sample: Samples, view: View) -> None:
         """Bend the tube as `sample` (N = 1) has it, exaggerated as `view` asks; hidden while strain is coloured."""
-        self._tube.visible = not view.strain
+        line = beam_points(scenario, sample, STATIONS, view.exaggeration)[0]
+        self.mesh.visible = not view.strain
         if not view.strain:
-            self._tube.vertices = self._around(beam_points(scenario, sample, STATIONS, view.exaggeration)[0])
+            self.mesh.vertices = self._around(line)
+        self.grab.vertices = self._around(line[::GRAB_EVERY], GRAB_RADIUS)
 
     def remove(self) -> None:
         """Take the beam out of the scene."""
-        self._tube.remove()
+        self.mesh.remove()
+        self.grab.remove()

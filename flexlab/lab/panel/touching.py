@@ -1,0 +1,35 @@
+"""How hard hands are: stiffness of the pull, impulse and place of the tap."""
+
+import viser
+
+from flexlab.lab.desk import Desk, handler
+from flexlab.lab.panel.number_control import NumberControl, Scale
+from flexlab.lab.touch import IMPULSE, PLACE, STIFFNESS, Touch
+
+
+class Touching:
+    """Controls of touch, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk, touch: Touch):
+        self._touch = touch
+        words = "Drag the beam to pull it with a spring; click it to tap it. Empty space turns the camera."
+        gui.add_html(f'<div class="fl fl-dim">{words}</div>')
+        self._controls = {}
+        for about, name in ((STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place")):
+            self._controls[name] = NumberControl(
+                gui,
+                desk,
+                about.title,
+                about.unit,
+                Scale(about),
+                f"Allowed: {about.range_text()}.",
+                getattr(touch, name),
+                lambda value, about=about, name=name: touch.set(about, name, value),
+            )
+        tap = gui.add_button("Tap", icon=viser.Icon.HAND_CLICK, color="gray", hint="An impulse across the beam")
+        tap.on_click(handler(desk, lambda _: touch.tap()))
+
+    def settle(self) -> None:
+        """Show the true values where nobody is at them."""
+        for name, control in self._controls.items():
+            control.settle(getattr(self._touch, name))

@@ -1,0 +1,88 @@
+"""Hands on the beam: dragging it pulls with a spring, clicking it taps with a calibrated impulse. Both are commands, so they
+are in the log and a replay contains them."""
+
+from typing import Any
+
+import numpy as np
+import viser
+
+from flexlab.errors import LabError
+from flexlab.lab.desk import Desk, handler
+from flexlab.lab.scene.arms import scene_size
+from flexlab.lab.scene.models import BEAM_HEIGHT
+from flexlab.quantities import Quantity
+from flexlab.sim.commands import Pull, Tap
+
+STIFFNESS = Quantity("Pull stiffness", unit="N/m", low=1, high=1e5, slider=(10, 10000), logarithmic=True)
+IMPULSE = Quantity("Tap impulse", unit="N·s", low=1e-4, high=100, slider=(1e-3, 1), logarithmic=True)
+PLACE = Quantity("Tap place s/L", low=-0.5, high=0.5, slider=(-0.5, 0.5))
+STEEPEST = 0.05
+"""Least downward part of a line of sight that can be followed to the plane of motion."""
+
+
+class Touch:
+    """Turns drags and clicks on the drawn beam into commands. `stiffness` N/m, `impulse` N·s, `place` s/L."""
+
+    def __init__(self, desk: Desk):
+        self._desk = desk
+        self._held_at: float | None = None
+        self.stiffness, self.impulse, self.place = 500.0, 0.05, 0.0
+
+    def attach(self, mesh: viser.MeshHandle) -> None:
+        """Make a drawn beam touchable."""
+        mesh.on_drag("left")(handler(self._desk, self._drag))
+        mesh.on_click(handler(self._desk, lambda event: self._tap_at(self._on_beam(self._seen(event)))))
+
+    def set(self, about: Quantity, name: str, value: float) -> None:
+        """Set `stiffness`, `impulse` or `place`; raises `LabError` outside the range of `about`."""
+        if not about.low <= value <= about.high:
+            allowed = about.range_text()
+            raise LabError(
+                f"{about.title.lower()} = {value:g}{about.unit_text()} is outside {allowed}: choose within it."
+            )
+        setattr(self, name, float(value))
+
+    def tap(self) -> None:
+        """Tap at the chosen place."""
+        self._tap_at(self.place * self._desk.snapshot.scenario.payload.length)
+
+    def _tap_at(self, s: float) -> None:
+        """An impulse across the beam, towards its positive side."""
+        angle = float(self._desk.snapshot.display.pose[0, 2])
+        self._desk.submit(Tap(s, (-self.impulse * float(np.sin(angle)), self.impulse * float(np.cos(angle)))))
+
+    def _drag(self, event: Any) -> None:
+        if event.phase == "end":
+            self._held_at = None
+            self._desk.pull(None)
+            return
+        if event.phase == "start" or self._held_at is None:
+            self._held_at = self._on_beam(np.array(event.start_position[:2]))
+        target = self._in_plane(event.client, np.array(event.end_position))
+        self._desk.pull(Pull(self._held_at, (float(target[0]), float(target[1])), self.stiffness))
+
+    def _on_beam(self, place: np.ndarray) -> float:
+        """The material coordinate s, m, of the beam's point nearest to a place (x, y) m in the plane."""
+        snapshot = self._desk.snapshot
+        x, y, angle = snapshot.display.pose[0]
+        half = 0.5 * snapshot.scenario.payload.length
+        along = (place[0] - x) * np.cos(angle) + (place[1] - y) * np.sin(angle)
+        return float(np.clip(along, -half, half))
+
+    def _in_plane(self, client: viser.ClientHandle, seen: np.ndarray) -> np.ndarray:
+        """Where the line of sight through a seen point (3,) meets the plane of motion, (x, y) m.
+
+        viser moves the pointer in a plane that faces the camera, which is another one.
+        """
+        eye = np.array(client.camera.position)
+        return self._meet(eye, seen - eye)
+
+    def _seen(self, event: Any) -> np.ndarray:
+        return self._meet(np.array(event.ray_origin), np.array(event.ray_direction))
+
+    def _meet(self, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        direction = direction / max(float(np.linalg.norm(direction)), 1e-12)
+        if abs(direction[2]) < STEEPEST:
+            raise LabError("The camera looks along the plane of motion: choose the overview to touch the beam.")
+        height = BEAM_HEIGHT * scene_size(self._desk.snapshot.scenario)
+        return (origin + direction * (height - origin[2]) / direction[2])[:2]

@@ -21,7 +21,7 @@ LESSONS = [
     "Can vibration reach zero?",
 ]
 SVG = "{http://www.w3.org/2000/svg}"
-PICTURES = sorted(web_assets_folder().rglob("*.svg"))
+PICTURES = sorted(file for name in ("guide", "pictures") for file in (web_assets_folder() / name).rglob("*.svg"))
 
 
 def texts() -> list[tuple[str, str]]:

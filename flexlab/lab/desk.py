@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.errors import FlexlabError
+from flexlab.lab.kept import KeptRun
 from flexlab.lab.view import View, fitting_exaggeration
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pull, Reset
@@ -44,6 +45,8 @@ class Desk:
         self._asked_at = 0.0
         self._notice = Notice("")
         self._pull: Pull | None = None
+        self.kept: KeptRun | None = None
+        """The run that is drawn behind the present one."""
         self._view = View(exaggeration=fitting_exaggeration(snapshot.scenario))
 
     @property

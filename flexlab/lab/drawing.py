@@ -8,9 +8,9 @@ import viser
 
 from flexlab.lab.cameras import Cameras
 from flexlab.lab.desk import Desk
-from flexlab.lab.panel import Panel
-from flexlab.lab.plots import Plots
-from flexlab.lab.scene import Scene
+from flexlab.lab.panel.panel import Panel
+from flexlab.lab.plots.plots import Plots
+from flexlab.lab.scene.scene import Scene
 from flexlab.sim.runner import Runner
 
 FRAME_TIME = 1 / 30
@@ -66,8 +66,8 @@ class Drawing:
 
     def _draw(self, readouts: bool) -> None:
         snapshot, view = self._runner.snapshot, self._desk.view
-        self._scene.update(snapshot, view, self._desk.pulled)
+        self._scene.update(snapshot, view, self._desk.pulled, self._desk.kept)
         self._cameras.follow(snapshot)
         if readouts:
             self._panel.update(snapshot, self._scene.legend(view))
-            self._plots.update(self._runner, snapshot, view)
+            self._plots.update(self._runner, snapshot, view, self._desk.kept)

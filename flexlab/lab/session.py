@@ -10,10 +10,10 @@ from flexlab.lab.desk import Desk
 from flexlab.lab.drawing import Drawing
 from flexlab.lab.gate import guard_inputs
 from flexlab.lab.mode_study import ModeStudy
-from flexlab.lab.panel import Panel
-from flexlab.lab.plots import Plots
-from flexlab.lab.scene import Scene
+from flexlab.lab.panel.panel import Panel
+from flexlab.lab.plots.plots import Plots
 from flexlab.lab.scene.camera import FIELD_OF_VIEW, Window, overview
+from flexlab.lab.scene.scene import Scene
 from flexlab.lab.server import open_server
 from flexlab.lab.touch import Touch
 from flexlab.scenario import Scenario

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import viser
 
 from flexlab.lab.desk import Desk
+from flexlab.lab.panel.choice import CHOICES, Choice
 from flexlab.lab.panel.field import Field
 from flexlab.lab.panel.text import number
 from flexlab.quantities import Part, Quantity, describe
@@ -67,12 +68,15 @@ class Section:
         self._folder = gui.add_folder(title)
         self._built_for: list[Entry] | None = None
         self._fields: list[Field] = []
+        self._choices: list[Choice] = []
         self._build(desk.intended)
 
     def settle(self, scenario: Scenario) -> None:
         """Follow the scenario, leaving alone what a person is at."""
         if entries(scenario, self._path) != self._built_for:
             self._build(scenario)
+        for choice in self._choices:
+            choice.show(scenario)
         for field in self._fields:
             field.settle(scenario)
 
@@ -80,14 +84,18 @@ class Section:
         """Show the scenario in every field, at once."""
         if entries(scenario, self._path) != self._built_for:
             self._build(scenario)
+        for choice in self._choices:
+            choice.show(scenario)
         for field in self._fields:
             field.show(scenario)
 
     def _build(self, scenario: Scenario) -> None:
-        for field in self._fields:
-            field.remove()
+        for widget in (*self._fields, *self._choices):
+            widget.remove()
         self._built_for = entries(scenario, self._path)
+        chosen = [path for path in CHOICES if self._path and path.startswith(f"{self._path}.")]
         with self._folder:
+            self._choices = [Choice(self._gui, self._desk, path) for path in chosen]
             self._fields = [Field(self._gui, self._desk, *entry) for entry in self._built_for]
 
 

@@ -7,6 +7,7 @@ import viser
 from viser import uplot
 
 from flexlab.lab import colors
+from flexlab.lab.kept import KeptRun
 from flexlab.lab.plots.envelope import Envelope
 from flexlab.lab.plots.signals import Limit, Plot
 from flexlab.lab.ranges import Range
@@ -39,6 +40,12 @@ def signal_series(label: str, tone: colors.Color) -> uplot.Series:
     return uplot.Series(label=label, stroke=colors.css(tone), width=1.25, spanGaps=False)
 
 
+def kept_series(tone: colors.Color) -> uplot.Series:
+    """How a signal of the kept run is drawn: dotted, in its signal's colour, not in the legend."""
+    style = {"label": "kept", "class": UNNAMED, "stroke": f"rgba{(*tone, 0.75)}", "width": 1.25, "dash": (2, 3)}
+    return cast(uplot.Series, style)
+
+
 def limit_series(limit: Limit) -> list[uplot.Series]:
     """Two dashed lines; only the first one is named."""
     style = {"stroke": colors.css(limit.tone), "width": 1, "dash": (6, 5), "points": {"show": False}}
@@ -49,12 +56,14 @@ def limit_series(limit: Limit) -> list[uplot.Series]:
 class Chart:
     """A chart in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, plot: Plot, scenario: Scenario, window: float):
-        self._plot, self._limits = plot, plot.limits(scenario)
+    def __init__(self, gui: viser.GuiApi, plot: Plot, scenario: Scenario, window: float, kept: KeptRun | None):
+        self._plot, self._limits, self._kept = plot, plot.limits(scenario), kept
         self._range = Range(plot.least)
-        self._envelope = Envelope(len(plot.labels), window)
+        self.restart(window)
         series = [uplot.Series(label="t (s)")]
         series += [signal_series(label, tone) for label, tone in zip(plot.labels, plot.tones, strict=True)]
+        if kept is not None:
+            series += [kept_series(tone) for tone in plot.tones]
         for limit in self._limits:
             series += limit_series(limit)
         self._handle = gui.add_uplot(
@@ -77,6 +86,11 @@ class Chart:
     def restart(self, window: float) -> None:
         """Forget everything and go on with a window of `window` s."""
         self._envelope = Envelope(len(self._plot.labels), window)
+        self._kept_envelope = None
+        if self._kept is not None:
+            self._kept_envelope = Envelope(len(self._plot.labels), window, keep_all=True)
+            samples = self._kept.samples
+            self._kept_envelope.append(samples.time, self._plot.values(self._kept.scenario, samples))
 
     def append(self, scenario: Scenario, samples: Samples) -> None:
         """Take in samples; those already seen are passed over."""
@@ -88,15 +102,25 @@ class Chart:
 
     def show(self) -> None:
         """Send the chart as it now is."""
-        self._range.fit(float(self._envelope.extent().max()))
+        extent = float(self._envelope.extent().max())
+        kept = self._kept_lines()
+        if np.isfinite(kept).any():
+            extent = max(extent, float(np.nanmax(np.abs(kept))))
+        self._range.fit(extent)
         self._handle.data = self._data()
+
+    def _kept_lines(self) -> np.ndarray:
+        """The kept run's lines over the present window, (signals, P); without a kept run (0, 0)."""
+        if self._kept_envelope is None:
+            return np.zeros((0, 0))
+        return self._kept_envelope.lines(self._envelope.start)[1]
 
     def _data(self) -> tuple[np.ndarray, ...]:
         time, lines = self._envelope.lines()
         levels = [self._level(len(time), sign * limit.value) for limit in self._limits for sign in (1, -1)]
         ends = np.full(len(time), np.nan)
         ends[0], ends[-1] = 0.0 if self._plot.positive else -self._range.limit, self._range.limit
-        return (time, *lines, *levels, ends)
+        return (time, *lines, *self._kept_lines(), *levels, ends)
 
     def _level(self, count: int, value: float) -> np.ndarray:
         """A horizontal line; outside the range only one point at its edge, which is not drawn but keeps the axis sound."""

@@ -16,10 +16,11 @@ BINS = 240
 class Envelope:
     """Minimum and maximum of `signals` signals over a moving window of `seconds` s.
 
-    Samples come in time order through `append`; a step back in time empties it.
+    Samples come in time order through `append`. `keep_all`: forget nothing that leaves the window.
     """
 
-    def __init__(self, signals: int, seconds: float):
+    def __init__(self, signals: int, seconds: float, keep_all: bool = False):
+        self._kept_bins = 10**9 if keep_all else BINS
         self._ticks = max(1, round(seconds / TICK / BINS))
         self.bin_width = self._ticks * TICK
         """Length of one stretch, s."""
@@ -54,7 +55,7 @@ class Envelope:
         if self.newest < 0:
             self._first_bin = int(bins[0])
         last = int(bins[-1])
-        first = max(self._first_bin, last - BINS)
+        first = max(self._first_bin, last - self._kept_bins)
         kept = slice(first - self._first_bin, None)
         missing = last - self._first_bin + 1 - self._low.shape[1]
         gap = np.full((self._signals, max(missing, 0)), np.nan)
@@ -68,26 +69,30 @@ class Envelope:
         self._high[:, at] = np.fmax(self._high[:, at], high[:, seen])
         self._falling[:, at] = falling[:, seen]
 
-    def lines(self) -> tuple[np.ndarray, np.ndarray]:
+    @property
+    def start(self) -> int:
+        """Number of the first stretch of the window; stretch k covers k · bin_width to (k + 1) · bin_width."""
+        return max(self._first_bin, self._first_bin + self._low.shape[1] - BINS)
+
+    def lines(self, start: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Time (P,) s and zigzag lines (signals, P): each stretch gives its two extremes, NaN where it is empty.
 
-        The extremes stand in the order in which a slow signal passes them, so that it stays a smooth line.
-        The times always span the same window length, so that the plot's axis moves on evenly from the first sample.
+        The extremes stand in the order in which a slow signal passes them, so that it stays a smooth line. The times always
+        span the same window length, so that the plot's axis moves on evenly from the first sample. `start`: the window's
+        first stretch, by default that of the newest window.
         """
-        start = max(self._first_bin, self._first_bin + self._low.shape[1] - BINS)
-        count = self._low.shape[1] - (start - self._first_bin)
+        first = self.start if start is None else start
+        source = np.arange(first, first + BINS) - self._first_bin
+        filled = (source >= 0) & (source < self._low.shape[1])
+        low, high = np.full((2, self._signals, BINS), np.nan)
+        low[:, filled], high[:, filled] = self._low[:, source[filled]], self._high[:, source[filled]]
         if self._ticks == 1:
-            time = (start + np.arange(BINS)) * self.bin_width
-            lines = np.full((self._signals, BINS), np.nan)
-            lines[:, :count] = self._low[:, -count:] if count else 0
-            return time, lines
-        time = (start + (np.arange(2 * BINS) * 0.5 + 0.25)) * self.bin_width
-        lines = np.full((self._signals, 2 * BINS), np.nan)
-        if count:
-            low, high, falling = self._low[:, -count:], self._high[:, -count:], self._falling[:, -count:]
-            lines[:, 0 : 2 * count : 2] = np.where(falling, high, low)
-            lines[:, 1 : 2 * count : 2] = np.where(falling, low, high)
-        return time, lines
+            return (first + np.arange(BINS)) * self.bin_width, low
+        falling = np.zeros((self._signals, BINS), bool)
+        falling[:, filled] = self._falling[:, source[filled]]
+        time = (first + (np.arange(2 * BINS) * 0.5 + 0.25)) * self.bin_width
+        pairs = np.stack([np.where(falling, high, low), np.where(falling, low, high)], axis=2)
+        return time, pairs.reshape(self._signals, 2 * BINS)
 
     def extent(self) -> np.ndarray:
         """The greatest absolute value of each signal in the window, (signals,), 0 where there is none."""

@@ -53,9 +53,10 @@ def _torque_limits(scenario: Scenario) -> tuple[Limit, ...]:
 
 
 def _boundary_layer(scenario: Scenario) -> tuple[Limit, ...]:
-    controller = scenario.controller
-    width = controller.boundary_layer if isinstance(controller, AdaptiveSlidingMode) else None
-    return () if width is None else (Limit("boundary layer ε (m/s)", width, colors.GRAY),)
+    law = scenario.controller
+    if not isinstance(law, AdaptiveSlidingMode):
+        return ()
+    return (Limit("boundary layer ε (m/s)", law.boundary_layer, colors.GRAY),)
 
 
 def _torque_plot(arm: int, name: str) -> Plot:

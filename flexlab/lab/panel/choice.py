@@ -1,0 +1,60 @@
+"""A menu for a scenario field that is one of a few words: control law, kind of damping, boundary."""
+
+from typing import Literal, get_args, get_origin
+
+import viser
+
+from flexlab.errors import LabError
+from flexlab.lab.desk import Desk, handler
+from flexlab.quantities import Part
+from flexlab.scenario import Scenario
+from flexlab.scenario.problems import parts_of
+
+CHOICES = {
+    "controller.kind": ("Control law", "Keeps the motion; fields that the new law lacks are dropped."),
+    "payload.damping.kind": ("Kind of damping", "Acts at once."),
+    "payload.boundary": ("Boundary at the grips", "Reshapes the beam's mesh; its shape is carried over."),
+}
+"""Path → label and hint."""
+
+
+def options(path: str) -> tuple[str, ...]:
+    """The words that the field at `path` allows."""
+    *parents, name = path.split(".")
+    owner: type[Part] = Scenario
+    for parent in parents if name != "kind" else parents[:-1]:
+        owner = parts_of(owner.model_fields[parent].annotation)[0]
+    if name == "kind":
+        kinds = parts_of(owner.model_fields[parents[-1]].annotation)
+        return tuple(kind.model_fields["kind"].default for kind in kinds)
+    annotation = owner.model_fields[name].annotation
+    return get_args(annotation) if get_origin(annotation) is Literal else ()
+
+
+class Choice:
+    """One menu, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk, path: str):
+        self._desk, self._path = desk, path
+        label, hint = CHOICES[path]
+        self._menu = gui.add_dropdown(label, options(path), initial_value=desk.intended.get(path), hint=hint)
+        self._menu.on_update(handler(desk, lambda _: self._ask(self._menu.value)))
+
+    def show(self, scenario: Scenario) -> None:
+        """Show the scenario's value."""
+        value = scenario.get(self._path)
+        if self._menu.value != value:
+            self._menu.value = value
+
+    def remove(self) -> None:
+        """Take the menu off the screen."""
+        self._menu.remove()
+
+    def _ask(self, value: str) -> None:
+        if value not in options(self._path):
+            raise LabError(f"{value[:40]!r} is not an option of {CHOICES[self._path][0]}: choose one from the menu.")
+        try:
+            self._desk.change({self._path: value})
+        finally:
+            # A refused word is not something to go on typing at: the menu shows the truth at once.
+            self.show(self._desk.intended)

@@ -1,0 +1,110 @@
+"""The picture: arms, beam, floor, forces and overlays in viser's 3D scene, redrawn from snapshots."""
+
+import dataclasses
+import time
+
+import numpy as np
+import viser
+
+from flexlab.lab.kept import KeptRun
+from flexlab.lab.mode_study import ModeStudy, peak_deflection
+from flexlab.lab.scene.arms import Arms
+from flexlab.lab.scene.beam import Beam
+from flexlab.lab.scene.forces import Forces
+from flexlab.lab.scene.kept_beam import KeptBeam
+from flexlab.lab.scene.overlays import Overlays
+from flexlab.lab.scene.pull import PullArrow
+from flexlab.lab.scene.reach import Reach
+from flexlab.lab.scene.stage import Stage, set_light
+from flexlab.lab.scene.strain import StrainBeam
+from flexlab.lab.touch import Touch
+from flexlab.lab.view import Legend, View
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import Pull
+from flexlab.sim.samples import Samples
+from flexlab.sim.snapshot import Snapshot
+
+MODE_SHOWN_AT = 1.0
+"""Wall frequency of an animated mode, Hz."""
+MODE_SIZE = 0.06
+"""Drawn size of an animated mode, in beam lengths, whatever the exaggeration."""
+
+
+class Scene:
+    """Everything in the 3D view of one server. `update` may be called from one thread only."""
+
+    def __init__(
+        self, server: viser.ViserServer, scenario: Scenario, study: ModeStudy, touch: Touch, shadows: bool = True
+    ):
+        self._server, self._study, self._touch = server, study, touch
+        set_light(server.scene, shadows)
+        self._built_for: object = None
+        self._run_number = -1
+        self._parts: list[Stage | Reach | Arms | Beam | StrainBeam | Overlays | Forces | PullArrow | KeptBeam] = []
+        self._build(scenario)
+
+    def update(self, snapshot: Snapshot, view: View, pull: Pull | None, kept: KeptRun | None) -> None:
+        """Draw a snapshot, the pull on the beam and the kept run if there are any, all parts at once."""
+        scenario, sample = snapshot.scenario, snapshot.display
+        if _structure(scenario) != self._built_for:
+            self._build(scenario)
+        if snapshot.run_number != self._run_number:
+            self._run_number = snapshot.run_number
+            self._overlays.forget_trail()
+        bent, caption = self._bent(scenario, sample, view)
+        with self._server.atomic():
+            self._arms.update(scenario, sample)
+            self._beam.update(scenario, bent, view)
+            self._strain.update(scenario, bent, view)
+            self._overlays.update(scenario, sample, view, caption)
+            self._forces.update(scenario, sample, view)
+            self._pull.update(scenario, sample, view, pull)
+            self._kept.update(sample, view, kept)
+            self._reach.update(scenario, sample, view.reach)
+        self._server.flush()
+
+    def legend(self, view: View) -> Legend:
+        """What the picture is now drawn to."""
+        return Legend(tuple(self._forces.scales(view)), self._strain.limit if view.strain else 0.0)
+
+    def _bent(self, scenario: Scenario, sample: Samples, view: View) -> tuple[Samples, str]:
+        """What the beam is drawn from, and the words above it: the run, or the mode that is animated in its place."""
+        truth = f"beam deflection drawn × {view.exaggeration:g}"
+        result, index = self._study.result, view.shown_mode
+        if index is None or result is None or index >= len(result.frequency):
+            return sample, truth
+        if result.shape.shape[0] != sample.beam_coordinates.shape[1]:
+            return sample, truth
+        shape = result.shape[:, index]
+        size = MODE_SIZE * scenario.payload.length / peak_deflection(scenario.payload, shape)
+        swing = np.sin(2 * np.pi * MODE_SHOWN_AT * time.monotonic()) / max(view.exaggeration, 1e-3)
+        drawn = dataclasses.replace(sample, beam_coordinates=(size * swing * shape)[None])
+        return drawn, f"mode {index + 1} ({result.frequency[index]:.1f} Hz) animated at {MODE_SHOWN_AT:g} Hz"
+
+    def _build(self, scenario: Scenario) -> None:
+        scene = self._server.scene
+        for part in self._parts:
+            part.remove()
+        self._stage, self._reach = Stage(scene, scenario), Reach(scene, scenario)
+        self._arms, self._overlays = Arms(scene, scenario), Overlays(scene, scenario)
+        self._beam, self._strain = Beam(scene, scenario), StrainBeam(scene, scenario)
+        self._forces, self._pull = Forces(scene, scenario), PullArrow(scene, scenario)
+        self._kept = KeptBeam(scene, scenario)
+        self._touch.attach(self._beam.grab)
+        self._parts = [
+            self._stage,
+            self._reach,
+            self._arms,
+            self._overlays,
+            self._beam,
+            self._strain,
+            self._forces,
+            self._pull,
+            self._kept,
+        ]
+        self._built_for = _structure(scenario)
+
+
+def _structure(scenario: Scenario) -> tuple:
+    """What the drawn parts were built from; a change rebuilds them, everything else only moves them."""
+    return scenario.left_arm, scenario.right_arm, scenario.payload.length, scenario.trajectory.center

@@ -1,0 +1,50 @@
+"""States between two samples."""
+
+import numpy as np
+
+from flexlab.presets import load_preset
+from flexlab.sim.interpolation import interpolate
+from flexlab.sim.world import World
+
+
+def ends():
+    world = World(load_preset("paper"))
+    world.advance(20)
+    before = world.observe()
+    world.advance(1)
+    return before, world.observe()
+
+
+def test_ends_are_the_samples_themselves():
+    """0 is the earlier, 1 the later one."""
+    before, after = ends()
+    assert interpolate(before, after, 1.0) is after
+    for name in ("pose", "beam_coordinates", "time", "joint_torque"):
+        np.testing.assert_allclose(getattr(interpolate(before, after, 0.0), name), getattr(before, name), rtol=1e-14)
+
+
+def test_in_between_lies_the_motion_that_finer_samples_show():
+    """Cubic in time: pose to 1e-9 m, beam to 1e-6 m of states computed every 0.1 ms."""
+    before, after = ends()
+    fine = World(load_preset("paper"), 1e-4)
+    fine.advance(200)
+    samples = fine.advance(9)
+    for k, fraction in enumerate(np.arange(1, 10) / 10):
+        state = interpolate(before, after, float(fraction))
+        assert state.time[0] == np.float64(before.time[0] + fraction * (after.time[0] - before.time[0]))
+        np.testing.assert_allclose(state.pose[0], samples.pose[k], rtol=0, atol=1e-8)
+        np.testing.assert_allclose(state.beam_coordinates[0, 1], samples.beam_coordinates[k, 1], rtol=0, atol=2e-6)
+
+
+def test_states_of_different_meshes_are_not_mixed():
+    """The later one is taken as it is."""
+    before, _ = ends()
+    other = World(load_preset("paper").replace({"payload.element_count": 5})).observe()
+    assert interpolate(before, other, 0.3) is other
+
+
+def test_the_result_is_read_only():
+    """Like every sample."""
+    state = interpolate(*ends(), 0.5)
+    for name in ("pose", "beam_coordinates", "time", "saturated"):
+        assert not getattr(state, name).flags.writeable

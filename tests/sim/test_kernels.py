@@ -1,0 +1,114 @@
+"""What the compiled code promises: no global lock, no allocation, nothing to compile on a warm start."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+
+import numba
+import numpy as np
+import pytest
+
+from flexlab.compiled import compiled
+from flexlab.presets import load_preset
+from flexlab.sim.world import World
+
+WARM = """
+import json
+import numba
+from numba.core.registry import CPUDispatcher
+import flexlab
+from flexlab.sim.commands import ChangeScenario, Pull, Tap
+from flexlab.sim.world import World
+
+for preset, arms in (("paper", 2), ("single-arm", 1)):
+    for integrator in ("rk4", "etdrk4", "generalized-alpha"):
+        world = World(flexlab.load_preset(preset).replace({"simulation.integrator": integrator}))
+        world.advance(2)
+        for kind in ("pd", "computed-torque", "vibration-damping", "none", "adaptive-sliding-mode"):
+            world.apply(ChangeScenario({"controller.kind": kind, "controller.control_period": 0.001}))
+            world.advance(2)
+        world.apply(Tap(0.0, (0.01, 0.0)))
+        world.apply(Pull(0.0, (0.0, 0.8), 10.0))
+        world.apply(ChangeScenario({"payload.element_count": 4}))
+        world.advance(2)
+        world.restore(world.state())
+        world.run(2)
+
+import gc
+stats = {d.py_func.__qualname__: [sum(d.stats.cache_hits.values()), sum(d.stats.cache_misses.values())]
+         for d in gc.get_objects() if isinstance(d, CPUDispatcher) and d.py_func.__module__.startswith("flexlab")}
+print(json.dumps(stats))
+"""
+
+
+def use_everything() -> dict[str, list[int]]:
+    """Cache hits and misses per kernel of a fresh process that uses all integrators, laws and commands."""
+    done = subprocess.run(
+        [sys.executable, "-c", WARM], capture_output=True, text=True, check=True, timeout=600, env=os.environ.copy()
+    )
+    return json.loads(done.stdout)
+
+
+def test_a_warm_start_compiles_nothing():
+    """The second process loads every kernel from the cache: no miss in any dispatcher, and some hits."""
+    use_everything()
+    stats = use_everything()
+    assert {name: misses for name, (_, misses) in stats.items() if misses} == {}
+    assert stats["advance"][0] > 0
+    assert stats["observe"][0] > 0
+
+
+def test_kernels_run_without_the_global_lock():
+    """While one thread is inside a single long kernel call, another thread's Python goes on.
+
+    With the lock held, the counting thread could not take a single step between the kernel's start and its end.
+    """
+    world = World(load_preset("paper").replace({"simulation.step": 2e-6}))
+    world.advance(1)
+    counted, inside, done = [0], threading.Event(), threading.Event()
+
+    def count() -> None:
+        inside.wait()
+        while not done.is_set():
+            counted[0] += 1
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    inside.set()
+    before = counted[0]
+    rows = world.advance_rows(1000)
+    after = counted[0]
+    done.set()
+    counter.join()
+    assert len(rows) == 1000
+    assert after - before > 1000
+
+
+def test_a_kernel_that_allocates_does_not_compile():
+    """Reference counting is off: memory cannot be asked for inside the engine's loops."""
+
+    def greedy(n):
+        return np.zeros(n)
+
+    with pytest.raises(numba.core.errors.NumbaError):
+        compiled(greedy)(3)
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "etdrk4", "generalized-alpha"])
+def test_plain_python_computes_what_the_machine_code_does(integrator: str):
+    """`.py_func` is the debug path: one step of the innermost functions agrees to rounding."""
+    from flexlab.physics.plant import make_workspace, set_momenta
+
+    world = World(load_preset("paper").replace({"simulation.integrator": integrator}))
+    world.advance(13)
+    y = world.state().y
+    sample = world.observe()
+    results = []
+    for function in (set_momenta, set_momenta.py_func):
+        own = y.copy()
+        workspace = make_workspace(2, 4)
+        function(world.system.plant, own, sample.pose_rate[0].copy(), np.array([0.1, -0.2, 0.3, 0.4]), workspace)
+        results.append(own[:19])
+    np.testing.assert_allclose(results[0], results[1], rtol=1e-12, atol=1e-12)

@@ -1,0 +1,55 @@
+"""Memory: a live engine's stays flat, a headless run's is its samples."""
+
+import tracemalloc
+
+import numpy as np
+
+from flexlab.presets import load_preset
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+
+def test_a_live_runners_memory_stays_flat(live):
+    """After the history ring is full, ten more simulated seconds with slider moves add nothing that stays."""
+    stage = live()
+    stage.keeper.blocks = Forgetful()
+    stage.play(1.0)
+    tracemalloc.start()
+    try:
+        levels = []
+        for _ in range(4):
+            for k in range(300):
+                stage.frame(1 / 60, *([ChangeScenario({"controller.feedback_gain": 200.0 + k})] if k % 30 == 0 else []))
+            stage.keeper.events.clear()
+            levels.append(tracemalloc.get_traced_memory()[0])
+    finally:
+        tracemalloc.stop()
+    assert levels[-1] - levels[1] < 200_000, levels
+
+
+class Forgetful(list):
+    """A list that keeps nothing."""
+
+    def append(self, item) -> None:
+        pass
+
+
+def test_a_runs_peak_is_its_samples():
+    """Twice the samples, twice the memory: the peak stays within a few per cent and a constant of the rows kept."""
+    world = World(load_preset("paper"))
+    row_bytes = 8 * world.row_length
+    simulate(load_preset("paper"), 0.1)
+    peaks = []
+    counts = (20_000, 40_000)
+    for count in counts:
+        tracemalloc.start()
+        try:
+            run = simulate(load_preset("smooth-start"), count * 0.0001, 0.0001)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+        finally:
+            tracemalloc.stop()
+        assert len(run) == count + 1
+        assert np.isfinite(run.pose).all()
+    assert peaks[1] - peaks[0] < 1.05 * row_bytes * (counts[1] - counts[0])
+    assert peaks[0] < 1.05 * row_bytes * counts[0] + 5_000_000

@@ -1,0 +1,167 @@
+"""The runner's clockwork with a clock set by hand: every round does what is due, and says what it could not."""
+
+import numpy as np
+import pytest
+
+from flexlab.presets import load_preset
+from flexlab.sim.commands import LoadScenario, Pause, Play, Reset, SetSpeed, StepOnce
+from flexlab.sim.pacing import BACKLOG_LIMIT
+
+
+def time_of(snapshot) -> float:
+    return float(snapshot.latest.time[0])
+
+
+@pytest.mark.parametrize("speed", [1 / 256, 1 / 16, 1.0, 4.0])
+def test_simulation_time_follows_wall_time(live, speed: float):
+    """Two wall seconds at a speed give two seconds times it, to a tick; the actual speed says so."""
+    stage = live()
+    stage.frame(0.0, SetSpeed(speed))
+    snapshot = stage.play(2.0)
+    assert time_of(snapshot) == pytest.approx(2.0 * speed, abs=0.001001)
+    assert snapshot.target_speed == speed
+    assert snapshot.actual_speed == pytest.approx(speed, rel=0.03 if speed > 0.1 else 0.5)
+    assert not snapshot.too_slow
+
+
+def test_backlog_is_dropped_and_flagged(live):
+    """A frame that comes 5 s late: only the limit is made good, the flag is up for a second, then all is well again."""
+    stage = live()
+    stage.play(0.5)
+    before = time_of(stage.runner.snapshot)
+    snapshot = stage.frame(5.0)
+    assert time_of(snapshot) - before == pytest.approx(BACKLOG_LIMIT, abs=0.0011)
+    assert snapshot.too_slow
+    snapshot = stage.play(1.5)
+    assert not snapshot.too_slow
+    assert snapshot.actual_speed == pytest.approx(1.0, rel=0.02)
+    assert np.array_equal(np.rint(stage.keeper.signal("time") / 0.001), np.arange(len(stage.keeper.signal("time"))))
+
+
+def test_a_change_of_speed_does_not_jump(live):
+    """Time goes on from where it is: no tick is skipped or repeated, slower or faster."""
+    stage = live()
+    last = time_of(stage.play(0.5))
+    for speed in (0.1, 4.0, 1 / 256, 1.0):
+        snapshot = stage.frame(0.01, SetSpeed(speed))
+        assert 0 <= time_of(snapshot) - last <= 0.0121
+        last = time_of(snapshot)
+        now = time_of(stage.play(0.5))
+        assert now - last == pytest.approx(0.5 * speed, abs=0.002)
+        last = now
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, 5.0, 1 / 300, float("nan"), float("inf")])
+def test_a_senseless_speed_is_refused_in_a_sentence(live, speed: float):
+    """The old speed stays and the run goes on."""
+    stage = live()
+    stage.play(0.2)
+    snapshot = stage.frame(0.0, SetSpeed(speed))
+    assert snapshot.target_speed == 1.0
+    assert snapshot.events[-1].level == "error"
+    assert "1/256 to 4" in snapshot.events[-1].text
+    before = time_of(snapshot)
+    assert time_of(stage.play(0.2)) == pytest.approx(before + 0.2, abs=0.002)
+
+
+def test_pause_holds_time_and_play_goes_on_without_a_jump(live):
+    """However long the pause."""
+    stage = live()
+    stage.play(0.3)
+    snapshot = stage.frame(0.0, Pause())
+    stopped = time_of(snapshot)
+    assert not snapshot.playing
+    assert time_of(stage.play(1.0)) == stopped
+    assert stage.runner.snapshot.actual_speed == 0.0
+    stage.now += 3600
+    snapshot = stage.frame(0.0, Play())
+    assert snapshot.playing
+    assert time_of(snapshot) == stopped
+    assert time_of(stage.play(0.3)) == pytest.approx(stopped + 0.3, abs=0.002)
+    assert not stage.runner.snapshot.too_slow
+
+
+def test_single_steps_while_paused(live):
+    """Exactly the ticks asked for, drawn where they are, and play goes on from there."""
+    stage = live(playing=False)
+    for ticks, expected in ((1, 0.001), (1, 0.002), (10, 0.012)):
+        snapshot = stage.frame(0.5, StepOnce(ticks))
+        assert time_of(snapshot) == pytest.approx(expected, abs=1e-15)
+        assert np.array_equal(snapshot.display.time, snapshot.latest.time)
+    stage.frame(0.0, Play())
+    assert time_of(stage.play(0.1)) == pytest.approx(0.112, abs=0.0011)
+
+
+def test_a_step_while_playing_pauses(live):
+    """Stepping is for looking closely."""
+    stage = live()
+    stage.play(0.1)
+    snapshot = stage.frame(0.0, StepOnce(5))
+    assert not snapshot.playing
+    assert time_of(stage.play(0.2)) == time_of(snapshot)
+
+
+@pytest.mark.parametrize("ticks", [0, -3, 10**9])
+def test_senseless_steps_are_refused(live, ticks: int):
+    """A sentence, and nothing moves."""
+    stage = live(playing=False)
+    snapshot = stage.frame(0.1, StepOnce(ticks))
+    assert snapshot.events[-1].level == "error"
+    assert "choose within it" in snapshot.events[-1].text
+    assert time_of(snapshot) == 0.0
+
+
+@pytest.mark.parametrize("speed", [1 / 256, 1 / 16, 1.0, 4.0])
+def test_what_is_drawn_is_never_ahead_of_the_newest_sample(live, speed: float):
+    """And it moves forward smoothly: no step backwards, none longer than a frame's share and a tick."""
+    stage = live()
+    stage.frame(0.0, SetSpeed(speed))
+    rng = np.random.default_rng(0)
+    shown = []
+    for _ in range(400):
+        snapshot = stage.frame(float(rng.uniform(0.002, 0.03)))
+        assert snapshot.display.time[0] <= snapshot.latest.time[0]
+        assert snapshot.display.time[0] >= snapshot.latest.time[0] - 0.001001
+        shown.append(float(snapshot.display.time[0]))
+    steps = np.diff(shown)
+    assert np.all(steps >= -1e-12)
+    assert steps.max() <= 0.03 * speed + 0.0011
+
+
+def test_slow_motion_moves_between_samples(live):
+    """At 1/256 a sample comes every quarter second: frames in between show states in between, on a smooth curve."""
+    stage = live()
+    stage.frame(0.0, SetSpeed(1 / 256))
+    stage.play(0.6)
+    poses, times = [], []
+    for _ in range(60):
+        snapshot = stage.frame()
+        poses.append(snapshot.display.pose[0])
+        times.append(snapshot.display.time[0])
+    assert len(np.unique(times)) > 50
+    acceleration = np.abs(np.diff(poses, n=2, axis=0)).max()
+    assert acceleration < 200 * (1 / 60 / 256) ** 2  # the jerk's 163 rad/s² and less
+
+
+@pytest.mark.parametrize("speed", [1.0, 4.0])
+@pytest.mark.parametrize(
+    "command", [Reset(), LoadScenario(load_preset("soft-beam"), "soft-beam")], ids=["reset", "load"]
+)
+def test_a_new_run_in_the_middle_of_a_round_starts_at_its_own_pace(live, speed: float, command):
+    """A reset that arrives while a late frame is being made good does not hurry the new run along."""
+    stage = live()
+    stage.frame(0.0, SetSpeed(speed))
+    stage.play(0.2)
+
+    def reset_once(samples) -> None:
+        stage.keeper.on_block = None
+        stage.runner.submit(command)
+
+    stage.keeper.on_block = reset_once
+    snapshot = stage.frame(0.14)
+    assert snapshot.run_number == 2
+    for _ in range(6):
+        assert time_of(snapshot) <= stage.now * speed  # finite
+        snapshot = stage.frame()
+    # Six frames of 1/60 s later: a tenth of a second, not that and the old frame's leftover.
+    assert time_of(snapshot) == pytest.approx(0.1 * speed, abs=0.003)

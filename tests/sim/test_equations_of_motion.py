@@ -12,7 +12,8 @@ from reference.lagrangian import Lagrangian, gradient, hermite
 from reference.terms import random_scenario, random_state
 
 from flexlab.physics.beam import free_coordinates
-from flexlab.physics.plant import DISSIPATED, ETA, WORK, P, X, make_workspace, set_momenta
+from flexlab.physics.dynamics import set_momenta
+from flexlab.physics.plant import DISSIPATED, ETA, WORK, P, X, make_workspace
 from flexlab.sim.build import nodal_damping_matrix
 from flexlab.sim.closed_loop import rates
 from flexlab.sim.commands import Pull

@@ -46,7 +46,7 @@ async def lab(request: web.Request) -> web.StreamResponse:
     if "scenario" in request.query:
         return await _enter_by_link(request, Choice(decode_scenario(request.query["scenario"]), LINKED))
     if context.places.is_private:
-        return await _enter(request, None)
+        return await _enter_by_link(request, None)
     if not request.path.endswith("/"):
         raise web.HTTPSeeOther("/lab/" + (f"?{request.query_string}" if request.query_string else ""))
     return await relay_page(request, await context.places.enter("", None), "")
@@ -68,7 +68,7 @@ async def preset_link(request: web.Request) -> web.StreamResponse:
     return await _enter_by_link(request, Choice(scenario, name))
 
 
-async def _enter_by_link(request: web.Request, choice: Choice) -> web.StreamResponse:
+async def _enter_by_link(request: web.Request, choice: Choice | None) -> web.StreamResponse:
     if not is_opened_by_person(request):
         return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
     return await _enter(request, choice)

@@ -1,6 +1,7 @@
 """One lab with its recorder, put together: the page on a loopback port, every run into the logs folder."""
 
 import contextlib
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from io import StringIO
@@ -40,6 +41,16 @@ def recording_text(recorder: Recorder) -> str:
     return "" if recorder.path is None else f"Recording to {recorder.path.name}"
 
 
+def _in_one_line(record: logging.LogRecord) -> bool:
+    """viser closes a connection whose message it cannot read; tell that, without the path through its code."""
+    error = record.exc_info[1] if record.exc_info else None
+    if error is not None and record.getMessage() == "connection handler failed":
+        record.msg, record.args = "Refused a message that the lab cannot read (%s).", (type(error).__name__,)
+        record.levelno, record.levelname = logging.WARNING, "WARNING"
+        record.exc_info = None
+    return True
+
+
 class Laboratory:
     """A session and its recorder, opened and closed together."""
 
@@ -54,6 +65,7 @@ class Laboratory:
         shadows: bool = True,
     ):
         """Start it. Raises `FlexlabError`, and leaves nothing running, if it cannot."""
+        logging.getLogger("websockets.server").addFilter(_in_one_line)
         self._recorder = recorder = Recorder(logs, hub, on_problem=on_problem)
         self._shown: tuple[Scenario | None, str] = (None, "")
         try:

@@ -2,7 +2,6 @@
 
 import logging
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -38,6 +37,9 @@ class RunRow:
     status: str
     """How the run ended."""
     metrics: dict[str, Any]
+    """Title with unit → value; empty for a run that was not measured yet."""
+    changes: tuple[str, ...]
+    """What differs from the preset, a line each."""
     note: str
     tags: tuple[str, ...]
     kept: bool
@@ -88,9 +90,7 @@ def delete_run(row: RunRow) -> None:
         row.path.unlink(missing_ok=True)
         notes_path(row.path).unlink(missing_ok=True)
     except OSError as error:
-        raise RecordingError(
-            f"{row.id} cannot be deleted ({error.strerror}): check the rights of its folder."
-        ) from None
+        raise RecordingError(f"{row.id} cannot be deleted ({error.strerror}): check its folder's rights.") from None
     log.info("Deleted the run %s.", row.id)
 
 
@@ -118,7 +118,7 @@ def _row(path: Path) -> RunRow:
             started = datetime.strptime(named[1], TIME_FORMAT)
         except ValueError:
             pass
-    tags, metrics, duration = notes.get("tags"), notes.get("metrics"), notes.get("duration")
+    metrics, duration = notes.get("metrics"), notes.get("duration")
     return RunRow(
         id=path.name.removesuffix(SUFFIX),
         path=path,
@@ -129,10 +129,15 @@ def _row(path: Path) -> RunRow:
         state=run_state(path),
         status=str(notes.get("status", "")),
         metrics=metrics if isinstance(metrics, dict) else {},
+        changes=_texts(notes.get("changes")),
         note=str(notes.get("note", "")),
-        tags=tuple(map(str, tags)) if isinstance(tags, Sequence) and not isinstance(tags, str) else (),
+        tags=_texts(notes.get("tags")),
         kept=bool(notes.get("keep", False)),
     )
+
+
+def _texts(value: Any) -> tuple[str, ...]:
+    return tuple(map(str, value)) if isinstance(value, list) else ()
 
 
 def size_text(size: float) -> str:

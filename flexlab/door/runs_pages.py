@@ -7,8 +7,8 @@ from aiohttp import hdrs, web
 from flexlab.door.context import context_of
 from flexlab.door.layout import message, page
 from flexlab.door.library import RunRow, annotate_run, delete_run, duration_text, find_row, list_rows, size_text
-from flexlab.door.markup import Markup, fill
-from flexlab.door.runs_table import metrics_text, runs_table
+from flexlab.door.markup import Markup, fill, join
+from flexlab.door.runs_table import runs_table, state_word
 from flexlab.door.security import WITH_A_PASS, recording_address
 from flexlab.errors import RecordingError
 from flexlab.recording.finishing import finish
@@ -34,9 +34,10 @@ NO_RUNS = """<h1>Runs</h1><p>There is no run in {folder} yet: the lab records ev
 
 REVIEW = """<div class="review-head">
 <h1>{preset}</h1>
-<p>{started} · {duration} · {size} · <span class="state {kind}">{state}</span> {metrics}</p>
+<p>{started} · {duration} · {size} · <span class="state {kind}">{state}</span></p>
 <p class="actions"><a class="button quiet" href="/runs/{id}.rrd" download>Download</a>
 <a class="button quiet danger" href="/runs/{id}/delete">Delete</a></p>
+{details}
 <details><summary>Note and tags{mark}</summary>
 <form method="post" action="/runs/{id}/notes">
 <label>Note <textarea name="note" rows="3" maxlength="2000">{note}</textarea></label>
@@ -49,6 +50,8 @@ REVIEW = """<div class="review-head">
 <noscript><p>Rerun's viewer needs JavaScript.</p></noscript>
 <iframe id="viewer" title="The recording in rerun's viewer" data-recording="{address}" allowfullscreen></iframe>
 """
+DETAILS = """<details><summary>Metrics and changes</summary><div class="details"><dl>{metrics}</dl><ul>{changes}</ul></div>
+</details>"""
 LIVE_HINT = Markup(
     '<p class="hint">This run is still being recorded: you see it up to this moment. Reload to see more.</p>'
 )
@@ -116,7 +119,6 @@ async def review(request: web.Request) -> web.Response:
 
 
 def _review_body(row: RunRow, address: str) -> Markup:
-    metrics = metrics_text(row)
     return fill(
         REVIEW,
         id=row.id,
@@ -126,14 +128,23 @@ def _review_body(row: RunRow, address: str) -> Markup:
         duration=duration_text(row.duration),
         size=size_text(row.size),
         kind=row.state.replace(" ", "-"),
-        state="recording" if row.state == "in use" else row.state,
-        metrics=f"· {metrics}" if metrics else "",
+        state=state_word(row),
+        details=_details(row),
         mark=f": {', '.join(row.tags) or row.note[:60]}" if row.tags or row.note else "",
         note=row.note,
         tags=", ".join(row.tags),
         kept=Markup(" checked" if row.kept else ""),
         hint=LIVE_HINT if row.state == "in use" else Markup(""),
     )
+
+
+def _details(row: RunRow) -> Markup:
+    """Metrics, and what was changed against the preset."""
+    if not row.metrics and not row.changes:
+        return Markup("")
+    metrics = join(fill("<dt>{name}</dt><dd>{value}</dd>", name=name, value=row.metrics[name]) for name in row.metrics)
+    changes = join(fill("<li>{line}</li>", line=line) for line in row.changes)
+    return fill(DETAILS, metrics=metrics, changes=changes)
 
 
 async def recording(request: web.Request) -> web.StreamResponse:

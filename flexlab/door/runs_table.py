@@ -6,29 +6,40 @@ from flexlab.door.library import RunRow, duration_text, size_text
 from flexlab.door.markup import Markup, fill, join
 
 COLUMNS = (("Started", "time"), ("Preset", "text"), ("Duration", "number"), ("Size", "number"), ("State", "text"))
+METRIC_COLUMNS = {
+    "RMS error x [mm]": "RMS x mm",
+    "RMS error y [mm]": "RMS y mm",
+    "Peak vibration [mm]": "Vibration mm",
+    "Free vibration gone after [s]": "Settled s",
+    "Peak joint torque [N·m]": "Torque N·m",
+    "RMS internal force [N]": "Force N",
+}
+"""Metric, as the notes name it → heading: those of which a table has room; a run's own page has all."""
+
 ROW = """<tr>
 <td data-key="{time}"><a href="/runs/{id}">{started}</a></td><td>{preset}{tags}</td>
 <td data-key="{duration_key}" class="number">{duration}</td><td data-key="{size_key}" class="number">{size}</td>
 <td><span class="state {kind}">{state}</span></td>{more}
 </tr>"""
-MORE = """<td class="metrics">{metrics}</td><td class="note">{note}</td>
+MORE = """{metrics}<td class="note">{note}<span class="changes">{changes}</span></td>
 <td class="row-actions"><a href="/runs/{id}.rrd" download title="Download the recording">Download</a>
 <a href="/runs/{id}/delete" class="danger">Delete</a></td>"""
+METRIC = """<td data-key="{key}" class="number">{text}</td>"""
 TABLE = """<div class="table"><table{mark}><thead><tr>{head}</tr></thead><tbody>
 {rows}
 </tbody></table></div>"""
-METRICS_SHOWN = 4
-"""Of a run's metrics, how many stand in the table."""
+CHANGES_SHOWN = 3
+"""Of what was changed in a run, how many lines stand in the table."""
 
 
 def runs_table(rows: Sequence[RunRow], short: bool = False) -> Markup:
     """The table; the short one has no metrics, notes and actions."""
-    names = [name for name, _ in COLUMNS] + ([] if short else ["Metrics", "Note", ""])
-    kinds = [kind for _, kind in COLUMNS] + ([] if short else ["text", "text", ""])
-    head = join(
-        fill('<th data-sort="{kind}">{name}</th>', kind=kind, name=name)
-        for name, kind in zip(names, kinds, strict=True)
-    )
+    columns = [(name, kind, name) for name, kind in COLUMNS]
+    if not short:
+        columns += [(name, "number", title) for title, name in METRIC_COLUMNS.items()]
+        columns += [("Note, changes", "text", "Note, and what was changed against the preset"), ("", "text", "")]
+    heading = '<th data-sort="{kind}" title="{title}">{name}</th>'
+    head = join(fill(heading, name=name, kind=kind, title=title) for name, kind, title in columns)
     mark = Markup("" if short else ' id="runs"')
     return fill(TABLE, head=head, rows=join(_row(row, short) for row in rows), mark=mark)
 
@@ -36,7 +47,6 @@ def runs_table(rows: Sequence[RunRow], short: bool = False) -> Markup:
 def _row(row: RunRow, short: bool) -> Markup:
     tags = join(fill(' <span class="tag">{tag}</span>', tag=tag) for tag in row.tags)
     kept = Markup(' <span class="tag kept">kept</span>') if row.kept else Markup("")
-    more = Markup("") if short else fill(MORE, id=row.id, metrics=metrics_text(row, METRICS_SHOWN), note=row.note)
     return fill(
         ROW,
         id=row.id,
@@ -49,12 +59,24 @@ def _row(row: RunRow, short: bool) -> Markup:
         size_key=row.size,
         size=size_text(row.size),
         kind=row.state.replace(" ", "-"),
-        state="recording" if row.state == "in use" else row.state,
-        more=more,
+        state=state_word(row),
+        more=Markup("") if short else _more(row),
     )
 
 
-def metrics_text(row: RunRow, most: int | None = None) -> str:
-    """A run's metrics as the recording has them: name and value."""
-    pairs = [(name, value) for name, value in row.metrics.items() if isinstance(value, (int, float, str))][:most]
-    return ", ".join(f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in pairs)
+def _more(row: RunRow) -> Markup:
+    values = [row.metrics.get(title) for title in METRIC_COLUMNS]
+    metrics = join(
+        fill(METRIC, key=value, text=f"{value:.4g}") if isinstance(value, (int, float)) else _NONE for value in values
+    )
+    left = len(row.changes) - CHANGES_SHOWN
+    changes = "; ".join(row.changes[:CHANGES_SHOWN]) + (f"; {left} more" if left > 0 else "")
+    return fill(MORE, id=row.id, metrics=metrics, note=f"{row.note} " if row.note else "", changes=changes)
+
+
+_NONE = Markup('<td data-key="-1" class="number">–</td>')
+
+
+def state_word(row: RunRow) -> str:
+    """The state for people."""
+    return "recording" if row.state == "in use" else row.state

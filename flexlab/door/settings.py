@@ -1,6 +1,5 @@
 """What a front door is told when it is opened."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,11 +9,6 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """Addresses that only this machine can reach."""
 MOST_SESSIONS = 1000
 """Private labs that may be asked for at once: far more than any machine can run."""
-
-
-def fitting_sessions() -> int:
-    """Private labs that this machine carries: one takes about a third of a core, browsers elsewhere."""
-    return max(2, 2 * (os.cpu_count() or 1))
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
 """A lab in a process of its own: what runs inside that process, and how the door holds it."""
 
+import contextlib
 import multiprocessing
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -45,7 +46,6 @@ class Refusal:
 
 def work(order: Order, pipe: Connection) -> None:
     """The worker's life: open, report, follow, close. Ends when the door says so or is no more."""
-    # Ctrl-C reaches every process of a terminal; the door then closes its workers itself, in order.
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -71,6 +71,19 @@ def work(order: Order, pipe: Connection) -> None:
         lab.close()
 
 
+@contextlib.contextmanager
+def _without_interrupt() -> Iterator[None]:
+    """Keep Ctrl-C from processes started meanwhile: it reaches all of a terminal, but the door closes them, in order."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class Worker:
     """The door's hold on one worker process. Blocking calls are marked; they belong on a thread."""
 
@@ -79,7 +92,8 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self._pipe, other = context.Pipe()
         self._process = context.Process(target=work, args=(order, other), name="flexlab-lab", daemon=True)
-        self._process.start()
+        with _without_interrupt():
+            self._process.start()
         other.close()
         self._on_end = on_end
         self._answered = threading.Event()

@@ -74,7 +74,7 @@ def test_texts_of_runs_and_scenarios_are_escaped(open_another: Callable[..., Doo
     logs = door.settings.logs
     shutil.copy(recorded, logs / "2026-01-01T00-00-00-x.rrd")
     (logs / "2026-01-01T00-00-00-x.json").write_text(
-        '{"preset": "%s", "note": "%s", "tags": ["%s"], "metrics": {"%s": "%s"}}' % ((evil,) * 5)
+        '{"preset": "%s", "note": "%s", "tags": ["%s"], "metrics": {"%s": "%s"}, "changes": ["%s"]}' % ((evil,) * 6)
     )
     scenario = load_preset("paper").replace({"title": evil, "watch": evil})
     ask(door.url, f"/lab/?scenario={encode_scenario(scenario)}")

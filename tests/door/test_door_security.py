@@ -201,6 +201,8 @@ async def connected(door: Door, act: Callable) -> aiohttp.ClientWebSocketRespons
     [
         (lambda plug: plug.send_bytes(b"x" * (LARGEST_MESSAGE + 1)), {1009, 1006}),
         (lambda plug: plug.send_str("hello"), {1003}),
+        (lambda plug: plug.send_bytes(b"\xc1garbage"), {1011}),
+        (lambda plug: plug.send_bytes(b"\x93" * 100_000), {1011}),
     ],
 )
 def test_a_bad_message_closes_that_connection_only(door: Door, act, codes: set[int], caplog: pytest.LogCaptureFixture):
@@ -209,6 +211,7 @@ def test_a_bad_message_closes_that_connection_only(door: Door, act, codes: set[i
         plug = thread.submit(asyncio.run, connected(door, act)).result()
     assert plug.close_code in codes
     assert "Refused" in caplog.text
+    assert "Traceback" not in caplog.text
     assert ask(door.url, "/lab", **upgrade()).status == 101
 
 

@@ -92,6 +92,7 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Do
 def test_a_full_house_says_so_and_a_lab_that_nobody_watches_makes_room(open_another: Callable[..., Door]):
     door = open_another(private=True, max_sessions=1, idle_time=3.0)
     anna, ben = Visitor(door), Visitor(door)
+    assert anna.ask("/lab/", Sec_Fetch_Dest="image").status == 403, "a foreign page cannot take labs unseen"
     path = anna.enter()
     full = ben.ask("/lab/")
     assert full.status == 503

@@ -74,6 +74,9 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Do
 
     run = wait_until(lambda: anna.place.status().time > 0.5 and anna.place.status().recording, "Anna's run is recorded")
     ben_before = ben.place.status().time
+    os.kill(
+        ben.place.worker.pid, signal.SIGINT
+    )  # Ctrl-C in a terminal reaches every process; closing is the door's part
     os.kill(anna.place.worker.pid, signal.SIGKILL)
     told = wait_until(lambda: "ended unexpectedly (ended by signal 9)" in state(anna, first) and state(anna, first), "")
     assert '"open": false' in told

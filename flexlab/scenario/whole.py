@@ -115,6 +115,8 @@ class Scenario(Part):
         """Title, symbol, unit and range of the field at a dotted path."""
         *parents, name = path.split(".")
         owner = self.get(".".join(parents)) if parents else self
+        if not isinstance(owner, BaseModel) or name not in type(owner).model_fields:
+            raise ScenarioError([(path, f"{path} is not a scenario field: check the name.")])
         return describe(type(owner), name)
 
 

@@ -35,7 +35,6 @@ def advance(system, sampling, scheme, deflection_limit, tick, tick_period, step_
         for i in range(len(y)):
             good[i] = y[i]
         start = (tick + done) * tick_period
-        ws.flags[1] = 0
         code = 0
         for j in range(step_count):
             code = integrate(system, scheme, start + j * dt, dt, y, ws)

@@ -143,8 +143,9 @@ def build_control(scenario: Scenario, beam: Beam) -> Control:
     elif law.kind in ("computed-torque", "pd"):
         feedback = FeedbackGains(_triple(law.position_gain), _triple(law.velocity_gain))
         # These laws have no sliding surface; their own ratio of gains gives the comparable one for the plots.
-        slope = feedback.position / np.maximum(feedback.velocity, np.finfo(float).tiny)
-        adaptive = adaptive._replace(Lambda=np.where(feedback.velocity > 0, slope, 0.0))
+        slope = np.zeros(3)
+        np.divide(feedback.position, feedback.velocity, out=slope, where=feedback.velocity > 0)
+        adaptive = adaptive._replace(Lambda=slope)
     factors = (model.length_factor, model.linear_density_factor, model.bending_stiffness_factor)
     believed, kappa = beam.matrices, beam.kappa
     if factors != (1.0, 1.0, 1.0):

@@ -8,7 +8,8 @@ from flexlab.compiled import inlined
 from flexlab.control.law import Control, control_law
 from flexlab.control.trajectory import Sine, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
-from flexlab.physics.plant import MEMORY, G, Plant, find_velocities, momentum_rates
+from flexlab.physics.dynamics import find_velocities, momentum_rates
+from flexlab.physics.plant import MEMORY, G, Plant
 
 
 class System(NamedTuple):
@@ -22,12 +23,11 @@ class System(NamedTuple):
 
 
 @inlined
-def limit_torques(limit, tau, flags):
-    """Clip joint torques (3,) to their limits and note in flags[1] that one was reached."""
+def limit_torques(limit, tau):
+    """Clip joint torques (3,) to their limits (3,)."""
     for joint in range(3):
         if abs(tau[joint]) > limit[joint]:
             tau[joint] = np.copysign(limit[joint], tau[joint])
-            flags[1] = 1
 
 
 @inlined
@@ -61,7 +61,7 @@ def find_inputs(system, t, y, ws):
     if control.limited:
         for i in range(len(plant.arms)):
             joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], ws.tau)
-            limit_torques(control.torque_limit, ws.tau, ws.flags)
+            limit_torques(control.torque_limit, ws.tau)
             task_input(ws.arm.J[i], ws.tau, ws.u[i])
 
 

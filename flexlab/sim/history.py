@@ -36,7 +36,7 @@ class History:
         """A copy of the last `seconds`, oldest first."""
         size = len(self._rows)
         with self._lock:
-            count = min(max(int(seconds / TICK), 0) + 1, size, self._written)
+            count = min(max(round(seconds / TICK), 0) + 1, size, self._written)
             start = (self._written - count) % size
             first = min(count, size - start)
             rows = np.concatenate([self._rows[start : start + first], self._rows[: count - first]])

@@ -3,9 +3,10 @@
 from flexlab.compiled import compiled, inlined
 from flexlab.control.adaptive_sliding_mode import sliding_variable
 from flexlab.physics.arm import joint_angles, joint_torques
+from flexlab.physics.dynamics import acceleration
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
 from flexlab.physics.internal_force import internal_forces
-from flexlab.physics.plant import DISSIPATED, ETA, MEMORY, MID, WORK, acceleration
+from flexlab.physics.plant import DISSIPATED, ETA, MEMORY, MID, WORK
 from flexlab.sim import columns
 from flexlab.sim.closed_loop import find_state
 
@@ -20,6 +21,9 @@ KINETIC, ELASTIC, GRAVITY, POWER_IN, LOSS = (
     columns.DISSIPATION,
 )
 ARMS, PER_ARM = columns.ARMS, columns.PER_ARM
+
+AT_LIMIT = 1e-9
+"""Relative distance from its limit at which a torque counts as standing there: the rounding of turning τ into u and back."""
 
 
 @compiled
@@ -38,6 +42,7 @@ def observe(system, t, y, ws, row):
         row[POSE + a], row[RATE + a] = y[a], ws.velocity[a]
         row[DESIRED + a], row[ERROR + a] = ws.desired[0, a], y[a] - ws.desired[0, a]
         row[ESTIMATES + a] = y[MEMORY + a]
+    row[SATURATED] = 0.0
     force = row[ARMS : ARMS + PER_ARM * len(plant.arms)].reshape(len(plant.arms), 4, 3)
     internal_forces(ws.arm, ws.u, x_ddot, ws.velocity, force[:, 3], row[MOVING : MOVING + 3])
     for i in range(len(plant.arms)):
@@ -45,6 +50,8 @@ def observe(system, t, y, ws, row):
         joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], force[i, 1])
         for a in range(3):
             force[i, 2, a] = ws.u[i, a]
+            if abs(force[i, 1, a]) >= (1 - AT_LIMIT) * system.control.torque_limit[a]:
+                row[SATURATED] = 1.0
     _observe_beam(plant, y, ws, row)
     lateral = c * x_ddot[1] - s * x_ddot[0] + plant.gravity * c
     row[QUASI_STATIC] = plant.compliance[0] * lateral + plant.compliance[1] * x_ddot[2]
@@ -52,7 +59,6 @@ def observe(system, t, y, ws, row):
     row[ELASTIC] = elastic_energy(plant, y)
     row[GRAVITY] = gravity_energy(plant, ws.arm, y, w_bar)
     row[POWER_IN], row[LOSS] = y[WORK], y[DISSIPATED]
-    row[SATURATED] = 1.0 if ws.flags[1] != 0 else 0.0
     return code
 
 

@@ -43,12 +43,14 @@ class Pacing:
         if not self.playing:
             return 0
         target = self.target(wall)
-        behind = (target - tick * TICK) / self.speed
-        if behind > BACKLOG_LIMIT:
-            target = tick * TICK + BACKLOG_LIMIT * self.speed
-            self.anchor(wall, target)
+        due = max(0, int(target / TICK + 1e-6) - tick)
+        # Whole ticks only: in slow motion the line runs ahead of the last tick for long without anything being late.
+        affordable = max(1, int(BACKLOG_LIMIT * self.speed / TICK))
+        if due > affordable:
+            due = affordable
+            self.anchor(wall, (tick + due) * TICK)
             self._dropped_at = wall
-        return max(0, int(target / TICK + 1e-6) - tick)
+        return due
 
     def note(self, wall: float, time: float) -> None:
         """Remember where the simulation stood at `wall`, for `actual_speed`."""

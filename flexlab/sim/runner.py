@@ -119,8 +119,8 @@ class Runner:
     def frame(self) -> None:
         """One round: commands, then the ticks that are due, then a snapshot. The thread's body; tests call it alone."""
         self._drain()
-        due = self._pacing.due_ticks(self._clock(), self._world.tick)
-        while due > 0 and not self._world.status.failed and self._pacing.playing:
+        run, due = self._run_number, self._pacing.due_ticks(self._clock(), self._world.tick)
+        while due > 0 and not self._world.status.failed and self._pacing.playing and run == self._run_number:
             block = min(due, BLOCK_TICKS)
             self._advance(block)
             due -= block
@@ -145,7 +145,10 @@ class Runner:
             try:
                 self._carry_out(command)
             except FlexlabError as error:
-                self._report(Event(self._world.time, str(error), level="error"))
+                self._report(Event(self._world.time, " ".join(str(error).split("\n")), level="error"))
+            except Exception as error:  # A command nobody foresaw must not end everybody's lab; nor pass in silence.
+                what = f"{type(command).__name__} could not be carried out ({type(error).__name__}: {error})."
+                self._report(Event(self._world.time, f"{what} Nothing was changed by it.", level="error"))
 
     def _carry_out(self, command: Command) -> None:
         wall, world = self._clock(), self._world
@@ -167,11 +170,10 @@ class Runner:
     def _change(self, command: ChangeScenario | Pull | Tap) -> None:
         """Let the world take on a change; a restart or another beam structure begins a new run."""
         world = self._world
-        width = world.row_length
         event = Event(world.time, command_text(command), command)
-        restarted = world.apply(command)
+        begins_anew = world.apply(command)
         self._report(event)
-        if restarted or world.row_length != width:
+        if begins_anew:
             self._end()
             self._begin(world, self._name)
         else:

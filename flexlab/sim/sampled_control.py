@@ -12,7 +12,8 @@ from flexlab.compiled import compiled, inlined
 from flexlab.control.law import control_law
 from flexlab.control.trajectory import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
-from flexlab.physics.plant import MEMORY, configure_arms
+from flexlab.physics.dynamics import configure_arms
+from flexlab.physics.plant import MEMORY
 from flexlab.sim.closed_loop import find_state, limit_torques
 
 
@@ -29,7 +30,7 @@ class Sampling(NamedTuple):
     """Standard deviations of pose, pose rate and of hᵀq̇, gᵀq̇, (8,)."""
     seed: int
     line: np.ndarray
-    """Torques on their way, a ring, N·m, (delay + 1, arms, 3)."""
+    """Torques on their way, oldest first, N·m, (delay + 1, arms, 3)."""
 
 
 @inlined
@@ -64,7 +65,7 @@ def control_instant(system, sampling, instant, t, y, ws):
         v[a] = ws.velocity[a] + sampling.noise[3 + a] * gaussian(sampling.seed, instant, 3 + a)
     for a in range(2):
         beam[a] = ws.beam_rate[a] + sampling.noise[6 + a] * gaussian(sampling.seed, instant, 6 + a)
-    code = configure_arms(plant, x, ws.seen, ws.flags)
+    code = configure_arms(plant, x, ws.seen, ws.fault)
     if code != 0:
         return code
     c, s = ws.seen.trig[0], ws.seen.trig[1]
@@ -76,12 +77,12 @@ def control_instant(system, sampling, instant, t, y, ws):
     control_law(control, plant.gravity, x, v, beam, ws.seen, ws.desired, memory, ws.u, ws.memory_rate)
     for a in range(3):
         memory[a] += sampling.period * ws.memory_rate[a]
-    slots = sampling.delay + 1
-    now, due = instant % slots, (instant + 1) % slots
     for i in range(len(plant.arms)):
         joint_torques(plant.arms[i], c, s, ws.seen.direction[i], ws.u[i], ws.tau)
-        limit_torques(control.torque_limit, ws.tau, ws.flags)
+        limit_torques(control.torque_limit, ws.tau)
         for joint in range(3):
-            sampling.line[now, i, joint] = ws.tau[joint]
-            system.held_torque[i, joint] = sampling.line[due, i, joint]
+            for place in range(sampling.delay):
+                sampling.line[place, i, joint] = sampling.line[place + 1, i, joint]
+            sampling.line[sampling.delay, i, joint] = ws.tau[joint]
+            system.held_torque[i, joint] = sampling.line[0, i, joint]
     return code

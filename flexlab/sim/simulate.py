@@ -41,8 +41,7 @@ def simulate(
         done += world.fill(rows[done : max(done, min(count, _tick_at(time, sample_period)) + 1)])
         if world.status.failed or done > count:
             break
-        width = world.row_length
-        if world.apply(command) or world.row_length != width:
+        if world.apply(command):
             raise StudyError(
                 f"The command at t = {time:g} s changes the beam's mesh or restarts: simulate it on its own."
             )

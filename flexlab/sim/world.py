@@ -5,27 +5,27 @@ Same scenario and same commands at the same ticks give the same bits, whatever t
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from flexlab.errors import ScenarioError
-from flexlab.physics.plant import ETA, Plant, Workspace, find_velocities, make_workspace, set_momenta, state_size
+from flexlab.physics.dynamics import find_velocities, set_momenta
+from flexlab.physics.plant import ETA, Workspace, make_workspace, state_size
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import columns
 from flexlab.sim.advance import advance
-from flexlab.sim.blas import one_blas_thread
-from flexlab.sim.build import Beam, build_beam, build_system, desired_at, payload_row
+from flexlab.sim.build import Beam, desired_at
 from flexlab.sim.closed_loop import System
-from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
+from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
+from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row
 from flexlab.sim.faults import DEFLECTION_LIMIT, pose_fault, runtime_fault
-from flexlab.sim.integrators.scheme import Scheme
+from flexlab.sim.machinery import Machinery, build_machinery
 from flexlab.sim.observe import observe
 from flexlab.sim.projection import project_beam
-from flexlab.sim.sampled_control import Sampling, control_instant
+from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import TICK
-from flexlab.sim.timing import build_scheme, choose_step, steps_per_tick
 from flexlab.sim.workspace_check import check_trajectory
 
 RESTARTING = ("payload.length", "left_arm", "right_arm", "initial")
@@ -47,17 +47,6 @@ class WorldState:
     """s, target x, target y, stiffness, (4,)."""
 
 
-class _Machinery(NamedTuple):
-    """What is derived from a scenario."""
-
-    beam: Beam
-    system: System
-    sampling: Sampling
-    scheme: Scheme
-    step_count: int
-    integrator: str
-
-
 class World:
     """One scenario in motion. `advance` moves it, `apply` changes it; both leave it whole when they refuse."""
 
@@ -69,7 +58,7 @@ class World:
         self.scenario = parse_scenario(scenario.model_dump())
         self.tick_period = tick_period
         self.tick = 0
-        self._machinery = _build(self.scenario, tick_period)
+        self._machinery = build_machinery(self.scenario, tick_period)
         self._y = np.zeros(state_size(len(self._machinery.beam.modes.omega)))
         self._workspace = self._new_workspace()
         self.status = Status("running", "Running.")
@@ -208,16 +197,19 @@ class World:
         return done
 
     def apply(self, command: WorldCommand) -> bool:
-        """Carry out a command at the present instant; returns whether the world started anew.
+        """Carry out a command at the present instant; returns whether a new run begins.
 
-        Raises `ScenarioError` (and changes nothing) for values that are not valid or a motion that cannot be reached.
+        It does when the change cannot be taken on in motion (the world starts anew, at t = 0) or when the beam's coordinates
+        get another meaning (another mesh or boundary; time goes on). Raises `ScenarioError` (and changes nothing) for values
+        that are not valid or a motion that cannot be reached.
         """
+        machinery, payload = self._machinery, self.scenario.payload
         if isinstance(command, ChangeScenario):
             return self._change(command.changes)
         if isinstance(command, Pull):
-            self._pull(command)
-        elif isinstance(command, Tap):
-            self._tap(command)
+            apply_pull(machinery.system.plant, payload, machinery.beam, command)
+        else:
+            apply_tap(payload, machinery.beam, self._y, command)
         return False
 
     def _change(self, changes: Mapping[str, Any]) -> bool:
@@ -226,67 +218,39 @@ class World:
         if fault is not None:
             raise ScenarioError([("trajectory", fault.text)])
         if any(path.startswith(RESTARTING) for path in changes) or len(scenario.arms) != len(self.scenario.arms):
-            self.__init__(scenario, self.tick_period)
+            anew = World(scenario, self.tick_period)
+            if anew.status.failed:
+                raise ScenarioError([("initial", anew.status.text)])
+            vars(self).update(vars(anew))
             return True
-        machinery = _build(scenario, self.tick_period)
-        self._carry_over(scenario, machinery)
-        return False
+        reshaped = not _same_mesh(self.scenario, scenario)
+        self._carry_over(scenario, build_machinery(scenario, self.tick_period))
+        return reshaped
 
-    def _carry_over(self, scenario: Scenario, machinery: _Machinery) -> None:
+    def _carry_over(self, scenario: Scenario, machinery: Machinery) -> None:
         """Go on with new machinery: coordinates and velocities stay, momenta follow."""
         old, plant = self._machinery, self._machinery.system.plant
         n = plant.modal.shape[1]
         find_velocities(plant, self._y, self._workspace)
         rate, eta_dot = self._workspace.velocity.copy(), self._workspace.eta_dot.copy()
         q, q_dot = plant.V @ self._y[ETA : ETA + n], plant.V @ eta_dot
-        same_mesh = (
-            scenario.payload.element_count == self.scenario.payload.element_count
-            and scenario.payload.boundary == self.scenario.payload.boundary
-        )
-        if not same_mesh:
+        if not _same_mesh(self.scenario, scenario):
             q = project_beam(self.scenario.payload, scenario.payload, machinery.beam.matrices.M_q, q)
             q_dot = project_beam(self.scenario.payload, scenario.payload, machinery.beam.matrices.M_q, q_dot)
         y = np.zeros(state_size(len(machinery.beam.modes.omega)))
         y[:ETA] = self._y[:ETA]
         machinery.system.plant.pull[:] = plant.pull
-        _set_pull_row(machinery.system.plant, scenario, machinery.beam)
+        set_pull_row(machinery.system.plant, scenario.payload, machinery.beam)
         machinery.system.held_torque[:] = old.system.held_torque
-        if machinery.sampling.line.shape == old.sampling.line.shape:
-            machinery.sampling.line[:] = old.sampling.line
+        machinery.sampling.line[:] = old.system.held_torque
+        kept = min(len(machinery.sampling.line), len(old.sampling.line))
+        machinery.sampling.line[-kept:] = old.sampling.line[-kept:]
         self.scenario, self._machinery, self._y = scenario, machinery, y
         self._workspace = self._new_workspace()
         eta, eta_dot = _to_modes(machinery.beam, q), _to_modes(machinery.beam, q_dot)
         self._set_motion(y[:3].copy(), rate, eta, eta_dot)
         if machinery.system.control.sampled and not old.system.control.sampled:
             self._act_at_start()
-
-    def _pull(self, command: Pull) -> None:
-        _check_point(self.scenario, command.beam_position)
-        values = (command.beam_position, *command.target, command.stiffness)
-        if not all(np.isfinite(values)) or not 0 <= command.stiffness <= MAX_PULL_STIFFNESS:
-            raise ScenarioError(
-                [("pull", f"pull stiffness = {command.stiffness:g} N/m is outside 0 to {MAX_PULL_STIFFNESS:g} N/m.")]
-            )
-        plant = self._machinery.system.plant
-        plant.pull[:] = values
-        _set_pull_row(plant, self.scenario, self._machinery.beam)
-
-    def _tap(self, command: Tap) -> None:
-        _check_point(self.scenario, command.beam_position)
-        size = float(np.hypot(*command.impulse))
-        if not size <= MAX_IMPULSE:
-            raise ScenarioError([("tap", f"tap = {size:g} N·s is more than the {MAX_IMPULSE:g} N·s allowed.")])
-        plant, y = self._machinery.system.plant, self._y
-        n = plant.modal.shape[1]
-        shape = self._machinery.beam.modes.V.T @ payload_row(self.scenario.payload, command.beam_position)
-        c, s = np.cos(y[2]), np.sin(y[2])
-        along = c * command.impulse[0] + s * command.impulse[1]
-        across = c * command.impulse[1] - s * command.impulse[0]
-        deflection = float(shape @ y[ETA : ETA + n])
-        # Momenta take an impulse directly: (P, π) += (∂R/∂p)ᵀ impulse.
-        y[3:5] += command.impulse
-        y[5] += command.beam_position * across - deflection * along
-        y[ETA + n : ETA + 2 * n] += shape * across
 
     def state(self) -> WorldState:
         """A copy of all that changes with time."""
@@ -306,41 +270,9 @@ class World:
         self._machinery.system.held_torque[:] = state.held_torque
         self._machinery.sampling.line[:] = state.torque_line
         self._machinery.system.plant.pull[:] = state.pull
-        _set_pull_row(self._machinery.system.plant, self.scenario, self._machinery.beam)
+        set_pull_row(self._machinery.system.plant, self.scenario.payload, self._machinery.beam)
         self._workspace = self._new_workspace()
         self.status = Status("running", "Running.")
-
-
-MAX_PULL_STIFFNESS = 1e5
-"""N/m: stiffer pulls would outdo the controller and need shorter steps."""
-
-MAX_IMPULSE = 100.0
-"""N·s: a hammer blow; more than that only destroys the run."""
-
-
-def _build(scenario: Scenario, tick_period: float) -> _Machinery:
-    """Derive everything from a scenario; raises `ScenarioError`."""
-    with one_blas_thread():
-        return _derive(scenario, tick_period)
-
-
-def _derive(scenario: Scenario, tick_period: float) -> _Machinery:
-    beam = build_beam(scenario.payload)
-    system = build_system(scenario, beam)
-    integrator, step = choose_step(scenario, system, beam)
-    count, per_control = steps_per_tick(scenario, tick_period, step)
-    law, noise = scenario.controller, scenario.controller.sensor_noise
-    # A strain gauge's noise reaches hᵀq̇ and gᵀq̇ in proportion to the loads they weigh.
-    strain = noise.strain * np.array([beam.matrices.m, beam.matrices.m * scenario.payload.length])
-    sampling = Sampling(
-        law.control_period or 0.0,
-        max(per_control, 1),
-        law.input_delay,
-        np.concatenate([noise.pose, noise.pose_rate, strain]).astype(float),
-        noise.seed,
-        np.zeros((law.input_delay + 1, len(scenario.arms), 3)),
-    )
-    return _Machinery(beam, system, sampling, build_scheme(integrator, beam, tick_period / count), count, integrator)
 
 
 def _to_modes(beam: Beam, q: np.ndarray) -> np.ndarray:
@@ -348,23 +280,17 @@ def _to_modes(beam: Beam, q: np.ndarray) -> np.ndarray:
     return beam.modes.V.T @ (beam.matrices.M_q @ q)
 
 
-def _set_pull_row(plant: Plant, scenario: Scenario, beam: Beam) -> None:
-    plant.modal[-1] = beam.modes.V.T @ payload_row(scenario.payload, plant.pull[0])
-
-
-def _check_point(scenario: Scenario, s: float) -> None:
-    half = scenario.payload.length / 2
-    if not abs(s) <= half:
-        raise ScenarioError(
-            [("beam_position", f"beam position = {s:g} m is not on the beam: choose {-half:g} to {half:g} m.")]
-        )
+def _same_mesh(one: Scenario, other: Scenario) -> bool:
+    """Whether beam coordinates mean the same in two scenarios."""
+    a, b = one.payload, other.payload
+    return (a.element_count, a.boundary) == (b.element_count, b.boundary)
 
 
 def _keep_phase(scenario: Scenario, changes: Mapping[str, Any], time: float) -> Scenario:
     """The changed scenario; a new frequency alone keeps the sine's argument, so that the target does not jump."""
     changed = scenario.replace(changes)
     old, new = scenario.trajectory, changed.trajectory
-    if old.frequency == new.frequency or "trajectory.phase" in changes:
+    if old.frequency == new.frequency or {"trajectory", "trajectory.phase"} & changes.keys():
         return changed
     turn = 2 * np.pi
     phase = tuple(

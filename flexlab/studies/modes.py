@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlab.errors import ScenarioError, StudyError
-from flexlab.physics.plant import ETA, P, X, make_workspace, set_momenta, state_size
+from flexlab.physics.dynamics import set_momenta
+from flexlab.physics.plant import ETA, P, X, make_workspace, state_size
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam, build_system
 from flexlab.sim.closed_loop import rates

@@ -3,7 +3,8 @@
 import numpy as np
 
 from flexlab.physics.arm import ArmTerms, arm_velocity_terms
-from flexlab.physics.plant import Plant, configure_arms, make_workspace
+from flexlab.physics.dynamics import configure_arms
+from flexlab.physics.plant import Plant, make_workspace
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.build import build_beam, build_plant
 from flexlab.sim.faults import pose_fault
@@ -18,7 +19,7 @@ def arm_terms(plant: Plant, pose: np.ndarray, rate: np.ndarray) -> ArmTerms:
     """𝒥, M̄, C̄ and Ḡ of all arms."""
     workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
     terms = workspace.arm
-    assert configure_arms(plant, np.asarray(pose, float), terms, workspace.flags) == 0
+    assert configure_arms(plant, np.asarray(pose, float), terms, workspace.fault) == 0
     c, s = terms.trig
     for i in range(len(plant.arms)):
         arm_velocity_terms(plant.arms[i], c, s, *map(float, rate), terms.J[i], terms.direction[i], terms.C[i])

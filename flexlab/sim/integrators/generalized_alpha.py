@@ -9,7 +9,8 @@ which belong to a slightly shifted instant, are carried at the end of the state.
 import numpy as np
 
 from flexlab.compiled import compiled, inlined, inlined_sums
-from flexlab.physics.plant import ETA, MEMORY, G, H, X, acceleration, momentum_rates, set_momenta, solve_symmetric
+from flexlab.physics.dynamics import acceleration, momentum_rates, set_momenta, solve_symmetric
+from flexlab.physics.plant import ETA, MEMORY, G, H, X
 from flexlab.sim.closed_loop import find_state
 
 RHO = 0.8

@@ -1,0 +1,236 @@
+"""The equations of motion of arms and payload, as kernels over a `plant.Plant` and its state y (Eqs. 8-16).
+
+Read beside the module docstring of `physics.plant`, which defines the state and the equations.
+"""
+
+import numpy as np
+
+from flexlab.compiled import compiled, inlined, inlined_sums
+from flexlab.physics.arm import arm_configuration
+from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, PULL, WORK, G, H, P, X
+
+
+@inlined
+def solve_symmetric(S, b):
+    """Solve S z = b in place of b for a symmetric positive definite 3 x 3 matrix (LDLᵀ)."""
+    d0 = S[0, 0]
+    l10, l20 = S[1, 0] / d0, S[2, 0] / d0
+    d1 = S[1, 1] - l10 * S[1, 0]
+    l21 = (S[2, 1] - l20 * S[1, 0]) / d1
+    d2 = S[2, 2] - l20 * S[2, 0] - l21 * l21 * d1
+    z1 = b[1] - l10 * b[0]
+    z2 = (b[2] - l20 * b[0] - l21 * z1) / d2
+    b[2] = z2
+    b[1] = z1 / d1 - l21 * z2
+    b[0] = b[0] / d0 - l10 * b[1] - l20 * z2
+
+
+@inlined_sums
+def damping_force(plant, rate, force):
+    """force = D rate, block by block, (n_m,)."""
+    for block in range(len(plant.block_start) - 1):
+        low, high = plant.block_start[block], plant.block_start[block + 1]
+        own, result = rate[low:high], force[low:high]
+        for i in range(high - low):
+            row = plant.damping[low + i, low:high]
+            total = 0.0
+            for j in range(high - low):
+                total += row[j] * own[j]
+            result[i] = total
+
+
+@inlined
+def configure_arms(plant, pose, terms, fault):
+    """Fill cos θ, sin θ and 𝒥, M̄, Ḡ of every arm at a pose (3,); returns `arm.OK` or the fault of arm fault[0]."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    terms.trig[0], terms.trig[1] = c, s
+    for i in range(len(plant.arms)):
+        code = arm_configuration(
+            plant.arms[i], pose[0], pose[1], c, s, plant.gravity, terms.M[i], terms.G[i], terms.J[i], terms.direction[i]
+        )
+        if code != 0:
+            fault[0] = i
+            return code
+    return 0
+
+
+@inlined
+def rigid_inertia(plant, terms, c, s, w_bar, eta_norm2, S):
+    """S = ΣM̄_i + A11 - A12 A21 (3, 3), the inertia that the pose feels with the beam's momenta held."""
+    hh, hg, gg = plant.kappa[0], plant.kappa[1], plant.kappa[2]
+    S[0, 0], S[1, 1], S[2, 2] = plant.m - s * s * hh, plant.m - c * c * hh, plant.I + eta_norm2 - gg
+    S[1, 0] = s * c * hh
+    S[2, 0], S[2, 1] = -c * w_bar + s * hg, -s * w_bar - c * hg
+    for i in range(len(terms.M)):
+        for a in range(3):
+            for b in range(a + 1):
+                S[a, b] += terms.M[i, a, b]
+    S[0, 1], S[0, 2], S[1, 2] = S[1, 0], S[2, 0], S[2, 1]
+
+
+@inlined
+def find_velocities(plant, y, ws):
+    """Configure the arms and turn momenta into ẋ and η̇ (ws.velocity, ws.eta_dot); returns a fault code and h·η, h·η̇.
+
+    Leaves the Schur complement in ws.S.
+    """
+    n = plant.modal.shape[1]
+    code = configure_arms(plant, y[X : X + 3], ws.arm, ws.fault)
+    if code != 0:
+        return code, 0.0, 0.0
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    w_bar = eta_norm2 = h_pi = g_pi = 0.0
+    for k in range(n):
+        eta, pi = y[ETA + k], y[ETA + n + k]
+        w_bar += plant.modal[H, k] * eta
+        eta_norm2 += eta * eta
+        h_pi += plant.modal[H, k] * pi
+        g_pi += plant.modal[G, k] * pi
+    rigid_inertia(plant, ws.arm, c, s, w_bar, eta_norm2, ws.S)
+    v = ws.velocity
+    v[0], v[1], v[2] = y[P] + s * h_pi, y[P + 1] - c * h_pi, y[P + 2] - g_pi
+    solve_symmetric(ws.S, v)
+    v2 = c * v[1] - s * v[0]
+    for k in range(n):
+        ws.eta_dot[k] = y[ETA + n + k] - plant.modal[H, k] * v2 - plant.modal[G, k] * v[2]
+    return code, w_bar, h_pi - plant.kappa[0] * v2 - plant.kappa[1] * v[2]
+
+
+@compiled
+def inertia_at(plant, pose, ws):
+    """Fill ws.S with S for a straight beam at a pose (3,); returns a fault code."""
+    code = configure_arms(plant, pose, ws.arm, ws.fault)
+    if code == 0:
+        rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
+    return code
+
+
+@compiled
+def set_momenta(plant, y, velocity, eta_dot, ws):
+    """Set P and π of y from ẋ (3,) and η̇ (n_m,) at y's coordinates; returns a fault code."""
+    n = plant.modal.shape[1]
+    code = configure_arms(plant, y[X : X + 3], ws.arm, ws.fault)
+    if code != 0:
+        return code
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    v2 = c * velocity[1] - s * velocity[0]
+    w_bar = eta_norm2 = h_pi = g_pi = 0.0
+    for k in range(n):
+        eta = y[ETA + k]
+        pi = eta_dot[k] + plant.modal[H, k] * v2 + plant.modal[G, k] * velocity[2]
+        y[ETA + n + k] = pi
+        w_bar += plant.modal[H, k] * eta
+        eta_norm2 += eta * eta
+        h_pi += plant.modal[H, k] * pi
+        g_pi += plant.modal[G, k] * pi
+    rigid_inertia(plant, ws.arm, c, s, w_bar, eta_norm2, ws.S)
+    for a in range(3):
+        y[P + a] = ws.S[a, 0] * velocity[0] + ws.S[a, 1] * velocity[1] + ws.S[a, 2] * velocity[2]
+    y[P] -= s * h_pi
+    y[P + 1] += c * h_pi
+    y[P + 2] += g_pi
+    return code
+
+
+@inlined
+def pull_force(plant, y, c, s):
+    """Force (x, y), N, of the spring at the beam, and the deflection w(s) of the pulled point, m."""
+    n = plant.modal.shape[1]
+    w = 0.0
+    for k in range(n):
+        w += plant.modal[PULL, k] * y[ETA + k]
+    at, stiffness = plant.pull[0], plant.pull[3]
+    fx = stiffness * (plant.pull[1] - (y[0] + at * c - w * s))
+    fy = stiffness * (plant.pull[2] - (y[1] + at * s + w * c))
+    return fx, fy, w
+
+
+@inlined
+def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
+    """Fill ẋ, Ṗ, η̇, π̇ and the powers of dy, after `find_velocities`, C̄_i and the inputs u (arms, 3) are known.
+
+    `whole`: the complete derivative. Otherwise without the beam's linear part, (η̇, π̇) - (π, -Ω²η - Dπ).
+    """
+    n = plant.modal.shape[1]
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    v, g = ws.velocity, plant.gravity
+    w = v[2]
+    v1, v2 = c * v[0] + s * v[1], c * v[1] - s * v[0]
+    power = 0.0
+    for a in range(3):
+        rate = 0.0
+        for i in range(len(u)):
+            rate += u[i, a] - ws.arm.G[i, a]
+            for b in range(3):
+                rate += ws.arm.C[i, b, a] * v[b]
+            power += u[i, a] * v[a]
+        dy[X + a], dy[P + a] = v[a], rate
+    dy[P + 1] -= plant.m * g
+    dy[P + 2] += g * s * w_bar - w * w_bar * v2 - w_bar_rate * v1
+
+    damping_force(plant, ws.eta_dot, ws.damping_force)
+    lift = w * v1 + g * c
+    dissipation = 0.0
+    for k in range(n):
+        dissipation += ws.eta_dot[k] * ws.damping_force[k]
+    if whole:
+        for k in range(n):
+            dy[ETA + k] = ws.eta_dot[k]
+            dy[ETA + n + k] = (
+                (w * w - plant.modal[OMEGA2, k]) * y[ETA + k] - ws.damping_force[k] - plant.modal[H, k] * lift
+            )
+    else:
+        for k in range(n):
+            h, gk = plant.modal[H, k], plant.modal[G, k]
+            dy[ETA + k] = -h * v2 - gk * w
+            dy[ETA + n + k] = w * w * y[ETA + k] - h * lift + plant.modal[DH, k] * v2 + plant.modal[DG, k] * w
+    if plant.pull[3] != 0:
+        fx, fy, deflection = pull_force(plant, y, c, s)
+        f1, f2, at = c * fx + s * fy, c * fy - s * fx, plant.pull[0]
+        dy[P] += fx
+        dy[P + 1] += fy
+        dy[P + 2] += at * f2 - deflection * f1
+        power += fx * v[0] + fy * v[1] + (at * f2 - deflection * f1) * w
+        for k in range(n):
+            dy[ETA + n + k] += plant.modal[PULL, k] * f2
+            power += plant.modal[PULL, k] * f2 * ws.eta_dot[k]
+    dy[WORK], dy[DISSIPATED] = power, dissipation
+
+
+@inlined
+def acceleration(plant, y, w_bar, w_bar_rate, u, ws, result):
+    """ẍ (3,) from Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`.
+
+    Leaves in ws.restoring what gives η̈ = -restoring - A21 ẍ.
+    """
+    n = plant.modal.shape[1]
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    v, g = ws.velocity, plant.gravity
+    w = v[2]
+    damping_force(plant, ws.eta_dot, ws.damping_force)
+    f1 = f2 = pull_turn = 0.0
+    if plant.pull[3] != 0:
+        fx, fy, deflection = pull_force(plant, y, c, s)
+        f1, f2 = c * fx + s * fy, c * fy - s * fx
+        pull_turn = plant.pull[0] * f2 - deflection * f1
+    h_force = g_force = eta_eta_dot = 0.0
+    for k in range(n):
+        force = (plant.modal[OMEGA2, k] - w * w) * y[ETA + k] + ws.damping_force[k] - plant.modal[PULL, k] * f2
+        force += plant.modal[H, k] * g * c
+        ws.restoring[k] = force
+        h_force += plant.modal[H, k] * force
+        g_force += plant.modal[G, k] * force
+        eta_eta_dot += y[ETA + k] * ws.eta_dot[k]
+    for a in range(3):
+        total = 0.0
+        for i in range(len(u)):
+            total += u[i, a] - ws.arm.G[i, a]
+            for b in range(3):
+                total -= ws.arm.C[i, a, b] * v[b]
+        result[a] = total
+    # -(B11 ẋ + B12 q̇), weight, the pull, and A12 times what restores the beam.
+    inward, sideways = 2 * w * w_bar_rate + f1, w * w * w_bar + h_force + f2
+    result[0] += c * inward - s * sideways
+    result[1] += s * inward + c * sideways - plant.m * g
+    result[2] += g * s * w_bar - 2 * w * eta_eta_dot + g_force + pull_turn
+    solve_symmetric(ws.S, result)

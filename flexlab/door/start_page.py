@@ -85,7 +85,7 @@ def _card(preset: Preset, pictures: dict[str, str]) -> Markup:
         return fill(BROKEN, name=preset.name, problem=preset.problem)
     scenario = preset.scenario
     if preset.name in pictures:
-        picture = fill('<img src="{source}" alt="" loading="lazy">', source=pictures[preset.name])
+        picture = fill('<img src="{source}" alt="">', source=pictures[preset.name])
     else:
         picture = thumbnail(scenario)
     return fill(CARD, name=preset.name, title=scenario.title or preset.name, watch=scenario.watch, picture=picture)

@@ -19,6 +19,10 @@ SAME_ASPECT = 0.02
 """Changes of width over height below this do not move the camera."""
 
 
+def _near(one: np.ndarray, other: np.ndarray) -> bool:
+    return float(np.linalg.norm(one - other)) < STILL
+
+
 @dataclass
 class _Watch:
     """One browser."""
@@ -34,7 +38,7 @@ class Cameras:
     """The cameras of all browsers of one server; a browser that comes back is a new one."""
 
     def __init__(self, server: viser.ViserServer, runner: Runner):
-        self._runner = runner
+        self._server, self._runner = server, runner
         self._watches: dict[int, _Watch] = {}
         self._lock = threading.Lock()
         server.on_client_connect(self._greet)
@@ -63,8 +67,11 @@ class Cameras:
             self._watches[client.client_id] = watch
 
         async def reshape(camera: viser.CameraHandle) -> None:
-            moved = watch.put_at is not None and np.linalg.norm(camera.position - watch.put_at) > STILL
-            if watch.view != "Follow" and not moved and abs(camera.aspect - watch.aspect) > SAME_ASPECT:
+            # viser puts its own first camera back some two seconds after the page has opened.
+            put_back = watch.view == VIEWS[0] and _near(camera.position, self._server.initial_camera.position)
+            stands = watch.put_at is None or _near(camera.position, watch.put_at)
+            reshaped = abs(camera.aspect - watch.aspect) > SAME_ASPECT
+            if watch.view != "Follow" and (put_back or (stands and reshaped)):
                 self._aim(watch, self._runner.snapshot)
 
         client.camera.on_update(reshape)

@@ -1,4 +1,4 @@
-"""What all controls of one lab share: the way to the runner, the scenario as asked for, the view and the last notice."""
+"""What all controls of one lab share: the way to the runner, the scenario as asked for, the way back, the view, notices."""
 
 import dataclasses
 import logging
@@ -8,13 +8,15 @@ from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from flexlab.errors import FlexlabError
+from flexlab.errors import FlexlabError, LabError, ScenarioError
 from flexlab.lab.kept import KeptRun
+from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.lab.view import View, fitting_exaggeration
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pull, Reset
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
+from flexlab.sim.workspace_check import check_trajectory
 
 NOTICE_TIME = 12.0
 """How long a notice stays on screen, wall seconds: time to read two lines twice."""
@@ -39,9 +41,9 @@ class Desk:
     def __init__(self, runner: Runner):
         snapshot = runner.snapshot
         self._runner = runner
-        self._lock = threading.Lock()
-        self._intended = snapshot.scenario
-        self._run_number = snapshot.run_number
+        self._lock = threading.RLock()
+        self._settings = Settings(snapshot.scenario, snapshot.name, snapshot.scenario)
+        self._undo = Undo()
         self._asked_at = 0.0
         self._notice = Notice("")
         self._pull: Pull | None = None
@@ -57,7 +59,22 @@ class Desk:
     @property
     def intended(self) -> Scenario:
         """The scenario with every accepted change, even those that the engine has not yet taken up."""
-        return self._intended
+        return self._settings.scenario
+
+    @property
+    def baseline(self) -> Scenario:
+        """The preset or file that the scenario came from, unchanged."""
+        return self._settings.baseline
+
+    @property
+    def name(self) -> str:
+        """Name of the preset or file that the scenario came from."""
+        return self._settings.name
+
+    @property
+    def changed(self) -> bool:
+        """Whether the scenario differs from the preset or file that it came from."""
+        return self._settings.scenario != self._settings.baseline
 
     @property
     def view(self) -> View:
@@ -72,17 +89,35 @@ class Desk:
     def change(self, changes: Mapping[str, Any]) -> None:
         """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid."""
         with self._lock:
-            self._intended = self._intended.replace(changes)
-            self._asked_at = time.monotonic()
-            self._runner.submit(ChangeScenario(dict(changes)))
+            wanted = self.intended.replace(changes)
+            fault = check_trajectory(wanted)
+            if fault is not None:
+                raise ScenarioError([("trajectory", fault.text)])
+            self._undo.note(self._settings, gesture=tuple(changes))
+            self._send(dataclasses.replace(self._settings, scenario=wanted), changes)
 
     def load(self, scenario: Scenario, name: str) -> None:
         """Ask for a new run from another scenario."""
         with self._lock:
-            self._intended = scenario
-            self._asked_at = time.monotonic()
-            self._view = dataclasses.replace(self._view, exaggeration=fitting_exaggeration(scenario))
-            self._runner.submit(LoadScenario(scenario, name))
+            self._undo.note(self._settings)
+            self._start(Settings(scenario, name, scenario))
+
+    def saved(self, scenario: Scenario, name: str) -> None:
+        """The present scenario now has a file of its own: changes count from there."""
+        with self._lock:
+            self._settings = Settings(scenario, name, scenario)
+
+    def undo(self) -> None:
+        """Take the last change back; raises `LabError` if there is none."""
+        self._step(self._undo.back, "There is nothing to undo.")
+
+    def redo(self) -> None:
+        """Make the last undone change again; raises `LabError` if there is none."""
+        self._step(self._undo.forward, "There is nothing to redo.")
+
+    def back_to_baseline(self) -> None:
+        """Take all changes against the preset or file back, and start a new run of it."""
+        self.load(self.baseline, self.name)
 
     def submit(self, command: Command) -> None:
         """Pass on any other command."""
@@ -106,8 +141,8 @@ class Desk:
     def settle(self, snapshot: Snapshot) -> None:
         """Fall in with the engine where it did not follow: a change that it refused, or one from elsewhere."""
         with self._lock:
-            if time.monotonic() - self._asked_at > CATCH_UP_TIME:
-                self._intended = snapshot.scenario
+            if time.monotonic() - self._asked_at > CATCH_UP_TIME and snapshot.scenario != self.intended:
+                self._settings = dataclasses.replace(self._settings, scenario=snapshot.scenario)
 
     def say(self, text: str, level: str = "info") -> None:
         """Show a sentence to everybody who looks at this lab."""
@@ -118,6 +153,26 @@ class Desk:
         """The sentence now to be shown; its text is empty when there is none."""
         notice = self._notice
         return notice if time.monotonic() - notice.at < NOTICE_TIME else Notice("")
+
+    def _step(self, move: Callable[[Settings], Settings | None], otherwise: str) -> None:
+        with self._lock:
+            present = self._settings
+            wanted = move(present)
+            if wanted is None:
+                raise LabError(otherwise)
+            if wanted.name == present.name and wanted.baseline == present.baseline:
+                self._send(wanted, changes_towards(present.scenario, wanted.scenario))
+            else:
+                self._start(wanted)
+
+    def _send(self, settings: Settings, changes: Mapping[str, Any]) -> None:
+        self._settings, self._asked_at = settings, time.monotonic()
+        self._runner.submit(ChangeScenario(dict(changes)))
+
+    def _start(self, settings: Settings) -> None:
+        self._settings, self._asked_at = settings, time.monotonic()
+        self.set_view(exaggeration=fitting_exaggeration(settings.scenario), shown_mode=None)
+        self._runner.submit(LoadScenario(settings.scenario, settings.name))
 
 
 def handler(desk: Desk, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:

@@ -8,6 +8,7 @@ import viser
 
 from flexlab.lab.cameras import Cameras
 from flexlab.lab.desk import Desk
+from flexlab.lab.panel.guide import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.plots.plots import Plots
 from flexlab.lab.scene.scene import Scene
@@ -33,9 +34,10 @@ class Drawing:
         cameras: Cameras,
         panel: Panel,
         plots: Plots,
+        guide: Guide,
     ):
         self._server, self._runner, self._desk = server, runner, desk
-        self._scene, self._cameras, self._panel, self._plots = scene, cameras, panel, plots
+        self._scene, self._cameras, self._panel, self._plots, self._guide = scene, cameras, panel, plots, guide
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="flexlab-drawing", daemon=True)
 
@@ -70,4 +72,5 @@ class Drawing:
         self._cameras.follow(snapshot)
         if readouts:
             self._panel.update(snapshot, self._scene.legend(view))
+            self._guide.update(snapshot)
             self._plots.update(self._runner, snapshot, view, self._desk.kept)

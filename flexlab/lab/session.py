@@ -10,6 +10,7 @@ from flexlab.lab.desk import Desk
 from flexlab.lab.drawing import Drawing
 from flexlab.lab.gate import guard_inputs
 from flexlab.lab.mode_study import ModeStudy
+from flexlab.lab.panel.guide import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.plots.plots import Plots
 from flexlab.lab.scene.camera import FIELD_OF_VIEW, Window, overview
@@ -29,7 +30,8 @@ class Session:
     """A running lab. Any number may live in one process; each is started once and stopped once.
 
     `consumers` get every sample and event (a recorder, say). `recording` gives the sentence that the panel shows about
-    the recording. `port` 0 takes any free port. `shadows` costs a slow graphics card most of its time.
+    the recording, `link` the address that opens a scenario in another browser. `port` 0 takes any free port. `shadows`
+    costs a slow graphics card most of its time.
     """
 
     def __init__(
@@ -43,9 +45,10 @@ class Session:
         playing: bool = True,
         shadows: bool = True,
         recording: Callable[[], str] = lambda: "",
+        link: Callable[[Scenario], str] | None = None,
     ):
         self._scenario, self._host, self._port = scenario, host, port
-        self._shadows, self._recording = shadows, recording
+        self._shadows, self._recording, self._link = shadows, recording, link
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing)
         self._server: viser.ViserServer | None = None
         self._desk: Desk | None = None
@@ -111,10 +114,12 @@ class Session:
         touch = Touch(desk)
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)
         cameras = Cameras(server, self.runner)
-        panel = Panel(server.gui, desk, self.runner, self._study, touch, cameras.choose, self._recording)
+        panel = Panel(server.gui, desk, self.runner, self._study, touch, cameras.choose, self._recording, self._link)
         guard_inputs(server, desk)
         board = server.gui.add_panel()
         plots = Plots(server.gui, board, self._scenario, desk.view.plot_window)
+        with board.add_tab("Guide"):
+            guide = Guide(server.gui, desk, self.runner)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
         board.dock_left()
@@ -123,4 +128,4 @@ class Session:
         server.initial_camera.fov = FIELD_OF_VIEW
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position
-        return Drawing(server, self.runner, desk, scene, cameras, panel, plots)
+        return Drawing(server, self.runner, desk, scene, cameras, panel, plots, guide)

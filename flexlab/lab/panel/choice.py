@@ -12,8 +12,8 @@ from flexlab.scenario.problems import parts_of
 
 CHOICES = {
     "controller.kind": ("Control law", "Keeps the motion; fields that the new law lacks are dropped."),
-    "payload.damping.kind": ("Kind of damping", "Acts at once."),
-    "payload.boundary": ("Boundary at the grips", "Reshapes the beam's mesh; its shape is carried over."),
+    "payload.damping.kind": ("Damping kind", "Acts at once."),
+    "payload.boundary": ("Boundary", "Reshapes the beam's mesh; its shape is carried over."),
 }
 """Path → label and hint."""
 

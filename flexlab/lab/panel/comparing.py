@@ -81,15 +81,18 @@ def _settings_html(kept: Scenario, now: Scenario) -> str:
     changed = differences(kept, now)
     if not changed:
         return "<div>Both runs have the same settings.</div>"
-    lines = [f"<tr><td>{_name(now, path)}</td><td>{_value(a)}</td><td>{_value(b)}</td></tr>" for path, a, b in changed]
+    lines = [
+        f"<tr><td>{field_name(now, path)}</td><td>{field_value(a)}</td><td>{field_value(b)}</td></tr>"
+        for path, a, b in changed
+    ]
     more = len(lines) - MOST_DIFFERENCES
     note = f"<div>… and {more} more.</div>" if more > 0 else ""
     head = "<tr><th>setting</th><th>kept</th><th>now</th></tr>"
     return f'<table class="fl-table">{head}{"".join(lines[:MOST_DIFFERENCES])}</table>{note}'
 
 
-def _name(scenario: Scenario, path: str) -> str:
-    """A field in the words of the screen, with its unit."""
+def field_name(scenario: Scenario, path: str) -> str:
+    """A field in the words of the screen, with its unit, as HTML."""
     if path.endswith(".kind"):
         return escaped(path.removesuffix(".kind").replace(".", " "))
     try:
@@ -100,9 +103,10 @@ def _name(scenario: Scenario, path: str) -> str:
     return escaped(f"{about.title} {about.symbol}{unit}")
 
 
-def _value(value: object) -> str:
+def field_value(value: object) -> str:
+    """A field's value in the fewest words, as HTML."""
     if value is None:
         return "–"
     if isinstance(value, tuple):
-        return ", ".join(_value(item) for item in value)
+        return ", ".join(field_value(item) for item in value)
     return number(value) if isinstance(value, (int, float)) else escaped(str(value))

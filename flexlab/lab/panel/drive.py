@@ -1,5 +1,8 @@
 """The buttons that drive the clock: play and pause, single step, reset, speed."""
 
+import math
+import time
+
 import viser
 
 from flexlab.errors import LabError
@@ -12,14 +15,23 @@ SPEEDS = tuple(2.0**power for power in range(2, -9, -1))
 """Choices of simulated seconds per wall second: 4 down to 1/256."""
 
 
+STEPS_PER_SECOND = 10.0
+"""While the step button is held."""
+SAME_PRESS = 0.25
+"""Two requests to play or pause within this time are one, wall seconds."""
+
+
 class Drive:
     """Play/pause, step, reset and speed, in the GUI container that is open while it is made."""
 
     def __init__(self, gui: viser.GuiApi, desk: Desk):
         self._desk = desk
+        self._toggled_at = -math.inf
         self._seen_speed = desk.snapshot.target_speed
         self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, hint="Hold or go on with simulation time")
-        step = gui.add_button("Step", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", hint="1 ms further, then hold")
+        step = gui.add_button(
+            "Step", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", hint="1 ms further; hold the button to go on"
+        )
         reset = gui.add_button(
             "Reset", icon=viser.Icon.REFRESH, color="gray", hint="A new run from t = 0, same settings"
         )
@@ -27,9 +39,10 @@ class Drive:
         self._speed = gui.add_dropdown(
             "Speed", tuple(self._speeds), initial_value=factor(1.0), hint="Simulated time per real time"
         )
-        self._play.on_click(handler(desk, lambda _: self._toggle()))
-        step.on_click(handler(desk, lambda _: self._step()))
-        reset.on_click(handler(desk, lambda _: desk.submit(Reset())))
+        self._play.on_click(handler(desk, lambda _: self.toggle()))
+        # Pressing steps once and holding goes on; a click handler beside it would step twice.
+        step.on_hold(handler(desk, lambda _: self.step()), callback_hz=STEPS_PER_SECOND)
+        reset.on_click(handler(desk, lambda _: self.reset()))
         self._speed.on_update(handler(desk, lambda _: self._set_speed(self._speed.value)))
 
     def update(self, snapshot: Snapshot) -> None:
@@ -41,10 +54,21 @@ class Drive:
             self._seen_speed = snapshot.target_speed
             self._speed.value = shown
 
-    def _toggle(self) -> None:
+    def toggle(self) -> None:
+        """Play or pause."""
+        now = time.monotonic()
+        # A space on the focused button is a key and a click at once in some browsers.
+        if now - self._toggled_at < SAME_PRESS:
+            return
+        self._toggled_at = now
         self._desk.submit(Pause() if self._desk.snapshot.playing else Play())
 
-    def _step(self) -> None:
+    def reset(self) -> None:
+        """A new run with the same settings."""
+        self._desk.submit(Reset())
+
+    def step(self) -> None:
+        """Hold, and go one sample further."""
         self._desk.submit(Pause())
         self._desk.submit(StepOnce())
 

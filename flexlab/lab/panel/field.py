@@ -4,6 +4,7 @@ from typing import Any
 
 import viser
 
+from flexlab.errors import ScenarioError
 from flexlab.lab.desk import Desk
 from flexlab.lab.panel.number_control import NumberControl, Scale
 from flexlab.lab.panel.text import number
@@ -29,7 +30,7 @@ class Field:
         space = f" {unit}" if unit else ""
         hint = f"Allowed: {number(about.low)} to {number(about.high)}{space}. {LIVE_HINTS[about.live]}"
         value = self._read(desk.intended)
-        self._control = NumberControl(gui, desk, name, unit, Scale(about, whole), hint, value, self._ask)
+        self._control = NumberControl(gui, desk, name, unit, Scale(about, whole), hint, value, self._ask, self._usual)
 
     def settle(self, scenario: Scenario) -> None:
         """Show the scenario's value, unless a person is at this field."""
@@ -45,6 +46,13 @@ class Field:
 
     def _ask(self, value: float) -> None:
         self._desk.change({self._path: self._whole(value)})
+
+    def _usual(self) -> float:
+        """The preset's value; where the preset has no such field (another control law), the present one."""
+        try:
+            return self._read(self._desk.baseline)
+        except ScenarioError:
+            return self._read(self._desk.intended)
 
     def _read(self, scenario: Scenario) -> float:
         value = scenario.get(self._path)

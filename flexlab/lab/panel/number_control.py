@@ -48,9 +48,10 @@ class Scale:
 
 
 class NumberControl:
-    """Box, slider and a line for what is wrong, in the GUI container that is open while it is made.
+    """Box, slider, the way back and a line for what is wrong, in the GUI container that is open while it is made.
 
-    `name` and `unit` make the label. `ask(value)` carries out what a person wants, or raises a `FlexlabError`.
+    `name` and `unit` make the label. `ask(value)` carries out what a person wants, or raises a `FlexlabError`. `usual()` is
+    the value that the small button goes back to; None: no button.
     """
 
     def __init__(
@@ -63,17 +64,21 @@ class NumberControl:
         hint: str,
         value: float,
         ask: Callable[[float], None],
+        usual: Callable[[], float] | None = None,
     ):
-        self._scale, self._ask, self._value = scale, ask, value
+        self._scale, self._ask, self._value, self._usual = scale, ask, value, usual
         self._touched = -math.inf
         self._box = gui.add_number(f"{name} ({unit})" if unit else name, value, step=scale.box_step, hint=hint)
         self._box.precision = BOX_DIGITS
         self._slider = gui.add_slider(
             f"{name}, slider", scale.low, scale.high, scale.step, scale.place(value), marks=scale.marks, hint=hint
         )
+        self._back = gui.add_button("↺", color="gray", visible=False, hint=f"{name}: back to its usual value")
         self._problem = gui.add_html("", visible=False)
         self._box.on_update(handler(desk, lambda _: self._type(self._box.value)))
         self._slider.on_update(handler(desk, lambda _: self._slide(self._slider.value)))
+        self._back.on_click(handler(desk, lambda _: self._go_back()))
+        self._offer_way_back()
 
     def settle(self, value: float) -> None:
         """Show the true value, unless a person is at this control."""
@@ -85,6 +90,7 @@ class NumberControl:
     def show(self, value: float) -> None:
         """Show the true value at once: after a reset, a preset, an undo."""
         self._value = value
+        self._offer_way_back()
         if self._box.value != value:
             self._box.value = value
         place = self._scale.place(value)
@@ -94,7 +100,7 @@ class NumberControl:
 
     def remove(self) -> None:
         """Take the control off the screen."""
-        for widget in (self._box, self._slider, self._problem):
+        for widget in (self._box, self._slider, self._back, self._problem):
             widget.remove()
 
     def _slide(self, place: float) -> None:
@@ -114,8 +120,18 @@ class NumberControl:
             self._complain(f"{error} It stays at {number(self._value, 6)}.")
             return False
         self._value = value
+        self._offer_way_back()
         self._complain("")
         return True
+
+    def _go_back(self) -> None:
+        if self._usual is not None and self._accepted(self._usual()):
+            self._touched = -math.inf
+            self.show(self._value)
+
+    def _offer_way_back(self) -> None:
+        if self._usual is not None:
+            self._back.visible = self._usual() != self._value
 
     def _complain(self, text: str) -> None:
         box = f'<div class="fl"><div class="fl-box fl-error">{escaped(text)}</div></div>' if text else ""

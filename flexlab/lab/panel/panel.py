@@ -8,9 +8,12 @@ from flexlab.lab.desk import Desk
 from flexlab.lab.mode_study import ModeStudy
 from flexlab.lab.panel.comparing import Comparing
 from flexlab.lab.panel.drive import Drive
+from flexlab.lab.panel.events import Events
+from flexlab.lab.panel.filing import Filing
+from flexlab.lab.panel.keys import Key, add_keys
 from flexlab.lab.panel.modes import ModePanel
 from flexlab.lab.panel.presets import Presets
-from flexlab.lab.panel.readouts import events_html, notices_html, status_html
+from flexlab.lab.panel.readouts import notices_html, status_html
 from flexlab.lab.panel.sections import SECTIONS, Section, three_valued
 from flexlab.lab.panel.style import style_element
 from flexlab.lab.panel.text import escaped
@@ -18,6 +21,7 @@ from flexlab.lab.panel.touching import Touching
 from flexlab.lab.panel.viewing import Look, Viewing
 from flexlab.lab.touch import Touch
 from flexlab.lab.view import Legend
+from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event, Snapshot
 
@@ -34,6 +38,7 @@ class Panel:
         touch: Touch,
         look: Look,
         recording: Callable[[], str],
+        link: Callable[[Scenario], str] | None,
     ):
         self._desk, self._recording = desk, recording
         self._run_number = -1
@@ -55,8 +60,11 @@ class Panel:
             self._modes = ModePanel(gui, desk, runner, study)
         with tabs.add_tab("Compare"):
             self._comparing = Comparing(gui, desk, runner)
+        with tabs.add_tab("File"):
+            self._filing = Filing(gui, desk, link, self._presets.refresh)
         with tabs.add_tab("Events"):
-            self._events = gui.add_html("")
+            self._events = Events(gui, desk)
+        add_keys(gui, desk, self._keys())
 
     def update(self, snapshot: Snapshot, legend: Legend) -> None:
         """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them."""
@@ -65,15 +73,16 @@ class Panel:
         self._announce(snapshot)
         self._status.content = status_html(snapshot, desk.view, legend, self._recording())
         self._notices.content = notices_html(snapshot, desk.notice)
-        self._events.content = events_html(snapshot)
+        self._events.update(snapshot)
+        self._presets.update()
         self._drive.update(snapshot)
         self._modes.update(snapshot)
         self._comparing.update(snapshot)
+        self._filing.update(snapshot)
         note = three_valued(desk.intended)
         self._note.content, self._note.visible = f'<div class="fl fl-dim">{escaped(note)}</div>', bool(note)
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
-            self._presets.show(snapshot)
             self._viewing.show()
             for section in self._sections:
                 section.show(snapshot.scenario)
@@ -82,6 +91,18 @@ class Panel:
             self._touching.settle()
             for section in self._sections:
                 section.settle(desk.intended)
+
+    def _keys(self) -> list[Key]:
+        desk, drive = self._desk, self._drive
+        return [
+            Key("Play or pause", "Hold or go on with simulation time", "space", None, lambda _: drive.toggle()),
+            Key("Step", "1 ms further, then hold", "arrowright", None, lambda _: drive.step()),
+            Key("Reset", "A new run from t = 0, same settings", "R", None, lambda _: drive.reset()),
+            Key("Undo", "Take the last change back", "Z", "cmd/ctrl", lambda _: desk.undo()),
+            Key("Redo", "Make it again", "Z", "cmd/ctrl+shift", lambda _: desk.redo()),
+            Key("Save as preset", "Under the name on the tab File", "S", None, lambda _: self._filing.save()),
+            Key("Back to preset", "A new run without your changes", None, None, lambda _: desk.back_to_baseline()),
+        ]
 
     def _announce(self, snapshot: Snapshot) -> None:
         """Show what the engine refused or stopped at since the last update."""

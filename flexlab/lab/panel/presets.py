@@ -5,7 +5,6 @@ import viser
 from flexlab.lab.desk import Desk, handler
 from flexlab.lab.panel.text import escaped
 from flexlab.presets import load_preset, preset_names
-from flexlab.sim.snapshot import Snapshot
 
 
 class Presets:
@@ -20,13 +19,22 @@ class Presets:
         self._text = gui.add_html("")
         self._menu.on_update(handler(desk, lambda _: self._load(self._menu.value)))
 
-    def show(self, snapshot: Snapshot) -> None:
-        """Show which preset the run came from, and its words."""
-        if snapshot.name in self._menu.options:
-            self._menu.value = snapshot.name
-        title, watch = snapshot.scenario.title, snapshot.scenario.watch
-        words = f'<div class="fl-title">{escaped(title)}</div>' if title else ""
-        self._text.content = f'<div class="fl">{words}{escaped(watch)}</div>'
+    def refresh(self) -> None:
+        """Offer the presets that there are now, and show which one the scenario came from."""
+        names, present = tuple(preset_names()), self._desk.name
+        options = names if present in names else (present, *names)
+        if options != tuple(self._menu.options):
+            self._menu.options = options
+        if self._menu.value != present:
+            self._menu.value = present
+
+    def update(self) -> None:
+        """Show which preset the scenario came from, its words, and whether it has been changed."""
+        self.refresh()
+        title, watch = self._desk.baseline.title, self._desk.baseline.watch
+        mark = ' <span class="fl-badge">changed, not saved</span>' if self._desk.changed else ""
+        head = f'<div class="fl-title">{escaped(title or self._desk.name)}{mark}</div>'
+        self._text.content = f'<div class="fl">{head}{escaped(watch)}</div>'
 
     def _load(self, name: str) -> None:
         self._desk.load(load_preset(name), name)

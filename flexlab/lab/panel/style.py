@@ -13,7 +13,12 @@ div:has(> p > label) + div:has(.mantine-NumberInput-root):not(:has(.mantine-Slid
   flex: 0 0 6.2em !important; }
 div:has(> p > label):has(+ div .mantine-Slider-root) { display: none; }
 div:has(> .mantine-Slider-root) > .mantine-NumberInput-root { display: none; }
-.mantine-Slider-root { margin: -0.35em 0.3em 0.35em 0.3em; }
+.mantine-Slider-root { margin: -0.35em 2.2em 0.35em 0.3em; }
+/* The way back to the usual value stands at the end of the slider's line. */
+div:has(.mantine-Slider-root) + div:has(> button[data-block]) {
+  display: block; position: relative; height: 0; margin: 0 !important; padding: 0 !important; }
+div:has(.mantine-Slider-root) + div:has(> button[data-block]) > button {
+  position: absolute; right: 0.7em; top: -2.4em; height: 1.5em; padding: 0 0.4em; }
 .mantine-NumberInput-controls { display: none; }
 .mantine-NumberInput-input { text-align: right; font-variant-numeric: tabular-nums; padding-inline-end: 0.5em !important; }
 label { letter-spacing: -0.2px; }
@@ -22,7 +27,7 @@ p:has(> label) { letter-spacing: -0.2px !important; color: var(--mantine-color-t
 div:has(> p > label):has(+ div .mantine-Checkbox-root) { width: auto !important; flex: 1 1 auto !important; }
 div:has(> p > label) + div:has(.mantine-Checkbox-root) { flex: 0 0 auto !important; }
 /* Buttons stand side by side. */
-div:has(> button[data-block]) { display: inline-block; margin-inline: 0.6em 0; }
+div:has(> button[data-block]) { display: inline-block; margin-inline: 0.6em 0; vertical-align: top; }
 button[data-block] { width: auto; padding-inline: 0.8em; }
 /* On a telephone the sheet is as wide as the screen and leaves its upper half to the picture. */
 @media (max-width: 575px) {
@@ -42,12 +47,17 @@ button[data-block] { width: auto; padding-inline: 0.8em; }
 .fl-table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; margin-bottom: 0.5em; }
 .fl-table th { font-weight: 500; color: var(--mantine-color-dimmed); text-align: left; padding: 0 0.5em 0 0; }
 .fl-table td { padding: 0.1em 0.5em 0.1em 0; border-top: 1px solid var(--mantine-color-default-border); }
+.fl-code { user-select: all; cursor: copy; overflow-wrap: anywhere; font-family: monospace; font-size: 0.85em;
+  max-height: 6em; overflow-y: auto; padding: 0.3em 0.5em; border: 1px solid var(--mantine-color-default-border); }
 .fl-bad { color: var(--mantine-color-red-text, #e03131); }
 .fl-float { position: fixed; bottom: 16px; left: 50%; transform: translateX(-50%); z-index: 300; pointer-events: none;
   width: min(36em, 92vw); padding: 0; }
 .fl-float .fl-box { background: var(--mantine-color-body); box-shadow: 0 2px 12px rgba(0, 0, 0, 0.35); }
 .fl-box { border-radius: 4px; padding: 0.4em 0.6em; margin: 0.2em 0; overflow-wrap: anywhere; }
 .fl-error { background: rgba(224, 49, 49, 0.14); border-left: 3px solid #e03131; }
+.fl-done { background: rgba(0, 158, 115, 0.16); border-left: 3px solid #009e73; }
+.fl-badge { font-size: 0.75em; font-weight: 500; padding: 0.1em 0.5em; border-radius: 0.8em; white-space: nowrap;
+  background: rgba(230, 159, 0, 0.25); }
 .fl-info { background: rgba(0, 114, 178, 0.12); border-left: 3px solid #0072b2; }
 .fl-list { max-height: 11em; overflow-y: auto; overflow-wrap: anywhere; font-variant-numeric: tabular-nums; }
 /* The labels of a slider's ends stay between its ends. */

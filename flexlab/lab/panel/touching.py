@@ -1,10 +1,13 @@
 """How hard hands are: stiffness of the pull, impulse and place of the tap."""
 
+from functools import partial
+
 import viser
 
 from flexlab.lab.desk import Desk, handler
 from flexlab.lab.panel.number_control import NumberControl, Scale
 from flexlab.lab.touch import IMPULSE, PLACE, STIFFNESS, Touch
+from flexlab.quantities import Quantity
 
 
 class Touching:
@@ -16,16 +19,7 @@ class Touching:
         gui.add_html(f'<div class="fl fl-dim">{words}</div>')
         self._controls = {}
         for about, name in ((STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place")):
-            self._controls[name] = NumberControl(
-                gui,
-                desk,
-                about.title,
-                about.unit,
-                Scale(about),
-                f"Allowed: {about.range_text()}.",
-                getattr(touch, name),
-                lambda value, about=about, name=name: touch.set(about, name, value),
-            )
+            self._controls[name] = self._control(gui, desk, about, name)
         tap = gui.add_button("Tap", icon=viser.Icon.HAND_CLICK, color="gray", hint="An impulse across the beam")
         tap.on_click(handler(desk, lambda _: touch.tap()))
 
@@ -33,3 +27,9 @@ class Touching:
         """Show the true values where nobody is at them."""
         for name, control in self._controls.items():
             control.settle(getattr(self._touch, name))
+
+    def _control(self, gui: viser.GuiApi, desk: Desk, about: Quantity, name: str) -> NumberControl:
+        usual = getattr(self._touch, name)
+        hint = f"Allowed: {about.range_text()}."
+        ask = partial(self._touch.set, about, name)
+        return NumberControl(gui, desk, about.title, about.unit, Scale(about), hint, usual, ask, lambda: usual)

@@ -9,7 +9,7 @@ from flexlab.errors import LabError
 from flexlab.lab.desk import Desk, handler
 from flexlab.lab.panel.number_control import NumberControl, Scale
 from flexlab.lab.scene.camera import VIEWS
-from flexlab.lab.view import EXAGGERATION, PLOT_WINDOWS, SWITCHES
+from flexlab.lab.view import EXAGGERATION, PLOT_WINDOWS, SWITCHES, fitting_exaggeration
 
 Look = Callable[[viser.ClientHandle, str], None]
 """Show a named camera view in one browser."""
@@ -27,7 +27,15 @@ class Viewing:
         view = desk.view
         hint = f"Drawing only, {EXAGGERATION.range_text()}; plots stay in true mm."
         self._exaggeration = NumberControl(
-            gui, desk, EXAGGERATION.title, "×", Scale(EXAGGERATION), hint, view.exaggeration, self._exaggerate
+            gui,
+            desk,
+            EXAGGERATION.title,
+            "×",
+            Scale(EXAGGERATION),
+            hint,
+            view.exaggeration,
+            self._exaggerate,
+            lambda: fitting_exaggeration(desk.intended),
         )
         self._seen_window = view.plot_window
         self._windows = {f"{window:g} s": window for window in PLOT_WINDOWS}

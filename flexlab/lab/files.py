@@ -1,0 +1,48 @@
+"""Scenarios as files of a person's own: saved as presets, downloaded, uploaded."""
+
+import re
+import tempfile
+from pathlib import Path
+
+from flexlab.assets import presets_folder
+from flexlab.errors import PresetError, ScenarioError
+from flexlab.presets import OWN_FOLDER, load_scenario_file, save_scenario
+from flexlab.scenario import Scenario
+
+NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,38}[a-z0-9])?")
+"""Names of presets: what every file system, link and command line takes unchanged."""
+
+
+def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Path:
+    """Write a scenario as a person's own preset; raises `PresetError` for a name that cannot be used."""
+    if not NAME.fullmatch(name):
+        raise PresetError(
+            f"{name[:60]!r} cannot be a preset's name: use 1 to 40 small letters, digits and hyphens, as in my-soft-beam."
+        )
+    if (presets_folder() / f"{name}.json").exists():
+        raise PresetError(f"{name} is a preset of flexlab itself and stays as it is: choose another name.")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise PresetError(f"The folder {folder} cannot be made ({error.strerror}): start flexlab elsewhere.") from None
+    path = folder / f"{name}.json"
+    save_scenario(scenario, path)
+    return path
+
+
+def read_upload(file_name: str, content: bytes) -> tuple[str, Scenario]:
+    """(short name, scenario) of an uploaded file; raises `PresetError` or `ScenarioError` with the file's own name."""
+    stem = re.sub(r"[^a-z0-9]+", "-", Path(file_name).stem.lower()).strip("-")[:40].strip("-") or "uploaded"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{stem}.json"
+        path.write_bytes(content)
+        try:
+            return stem, load_scenario_file(path)
+        except ScenarioError as error:
+            raise ScenarioError([(field, _own(text, path)) for field, text in error.problems]) from None
+        except PresetError as error:
+            raise PresetError(_own(str(error), path)) from None
+
+
+def _own(text: str, path: Path) -> str:
+    return text.replace(str(path), path.name)

@@ -118,3 +118,15 @@ def test_a_new_period_keeps_the_order_of_torques_on_their_way(periods: tuple[flo
     after = world.advance(15).joint_torque[:, 0, 0]
     steps = np.diff(np.concatenate([[before], after]))
     assert np.all(steps > -1e-9), steps
+
+
+@pytest.mark.parametrize("delays", [(1, 3), (3, 1), (0, 4), (4, 0)])
+def test_a_new_delay_neither_drops_nor_reorders_torques(delays: tuple[int, int]):
+    """A longer delay holds the last torque until the next arrives, a shorter one skips ahead; the motors never go off."""
+    changes = {"controller.control_period": 0.001, "controller.input_delay": delays[0], "initial.pose_rate": None}
+    world = World(load_preset("smooth-start").replace(changes))
+    world.advance(102)
+    before = world.observe().joint_torque[0, 0, 0]
+    world.apply(ChangeScenario({"controller.input_delay": delays[1]}))
+    after = world.advance(15).joint_torque[:, 0, 0]
+    assert np.all(np.diff(np.concatenate([[before], after])) > -1e-9), after

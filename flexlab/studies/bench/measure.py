@@ -1,0 +1,83 @@
+"""Timing on a machine that others use too: processor time instead of wall time, and the least of several runs.
+
+Whatever disturbs a run makes it longer, never shorter, so the least is the best estimate of what the work itself costs.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.world import World
+
+SAMPLE_PERIOD = 1e-3
+"""s: the rate of the lab and of recordings; each sample costs about as much as a quarter of a step."""
+
+LEAST_TIME = 0.05
+"""s of processor time that the runs of one setting add up to: twenty runs or so of the shortest."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One scenario, simulated for its motion or several times for its cost."""
+
+    samples: Samples
+    """The motion, from the first sample period on."""
+    completed: bool
+    """False if the run stopped before its end."""
+    cpu: float
+    """Processor time, s."""
+    step: float
+    """Integration step, s."""
+    duration: float
+    """Simulated time, s."""
+
+    @property
+    def ms_per_second(self) -> float:
+        """Processor time per simulated second, ms."""
+        return 1e3 * self.cpu / self.duration
+
+    @property
+    def us_per_step(self) -> float:
+        """Processor time per integration step, µs, the samples' share included."""
+        return 1e6 * self.cpu * self.step / self.duration
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per second of processor time."""
+        return self.duration / self.cpu
+
+
+def try_out(
+    scenario: Scenario, duration: float, repeats: int = 3, sample_period: float = SAMPLE_PERIOD, least_time: float = 0.0
+) -> Trial:
+    """Simulate `scenario` for `duration` s in new worlds and take the least time; building worlds is not counted.
+
+    At least `repeats` times, and until the runs add up to `least_time` s of processor time: short ones are easily
+    disturbed. Raises `ScenarioError` for a scenario that is not valid.
+    """
+    ticks = round(duration / sample_period)
+    times: list[float] = []
+    while len(times) < repeats or sum(times) < least_time:
+        world = World(scenario, sample_period)
+        start = time.thread_time()
+        samples = world.advance(ticks)
+        times.append(time.thread_time() - start)
+        if len(samples) < ticks:
+            break
+    return Trial(samples, len(samples) == ticks, min(times), world.step, ticks * sample_period)
+
+
+def pose_error(samples: Samples, reference: Samples) -> float:
+    """Largest difference of any pose coordinate at the common instants, m or rad."""
+    count = min(len(samples), len(reference))
+    return float(np.max(np.abs(samples.pose[:count] - reference.pose[:count]), initial=0.0))
+
+
+def deflection_error(samples: Samples, reference: Samples) -> float:
+    """Largest difference of the mid-span deflection at the common instants, m."""
+    count = min(len(samples), len(reference))
+    difference = samples.midspan_deflection[:count] - reference.midspan_deflection[:count]
+    return float(np.max(np.abs(difference), initial=0.0))

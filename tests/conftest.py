@@ -1,14 +1,32 @@
-"""Shared by all tests: where things are."""
+"""Shared by all tests: where things are, the command line, and one browser."""
 
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from get_browser import find_browser
+from playwright.sync_api import Browser, sync_playwright
+
+SOFTWARE_RENDERING = [
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--no-sandbox",
+]
+"""A browser that draws in three dimensions on a machine without a graphics card, as root too."""
 
 ROOT = Path(__file__).resolve().parent.parent
+
+SOFTWARE_RENDERING = [
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--no-sandbox",
+    "--ignore-gpu-blocklist",
+]
+"""What Chromium needs to draw the lab and rerun's viewer without a graphics card."""
 
 
 @pytest.fixture(scope="session")
@@ -36,3 +54,29 @@ def flexlab_command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess
         )
 
     return run
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Browser]:
+    """A headless Chromium. Without one the browser tests fail on CI and are skipped, loudly, elsewhere."""
+    path = find_browser()
+    if path is None:
+        message = "no Chromium found: install one (python tests/get_browser.py) to run the browser tests"
+        if os.environ.get("CI"):
+            pytest.fail(message)
+        pytest.skip(message)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=SOFTWARE_RENDERING)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Browser]:
+    """A headless Chromium, one for all tests: playwright cannot be started twice on one thread."""
+    path = find_browser()
+    assert path, "no Chromium found: install one with python tests/get_browser.py"
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=SOFTWARE_RENDERING)
+        yield browser
+        browser.close()

@@ -8,8 +8,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from get_browser import find_browser
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser
 
 from flexlab.cli.waiting_page import WaitingPage
 
@@ -28,18 +27,16 @@ def test_the_port_is_free_again():
         pass
 
 
-def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path):
+def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path, chromium: Browser):
     (tmp_path / "index.html").write_text("<title>the lab</title>")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=find_browser(), args=["--no-sandbox"])
-        tab = browser.new_page()
-        with WaitingPage("127.0.0.1", 0) as page:
-            tab.goto(page.url)
-            assert "compiling" in tab.inner_text("main")
-        port = int(page.url.rsplit(":", 1)[1])
-        handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
-        with http.server.ThreadingHTTPServer(("127.0.0.1", port), handler) as lab:
-            threading.Thread(target=lab.serve_forever, args=(0.05,), daemon=True).start()
-            tab.wait_for_function("document.title === 'the lab'")
-            lab.shutdown()
-        browser.close()
+    tab = chromium.new_page()
+    with WaitingPage("127.0.0.1", 0) as page:
+        tab.goto(page.url)
+        assert "compiling" in tab.inner_text("main")
+    port = int(page.url.rsplit(":", 1)[1])
+    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", port), handler) as lab:
+        threading.Thread(target=lab.serve_forever, args=(0.05,), daemon=True).start()
+        tab.wait_for_function("document.title === 'the lab'")
+        lab.shutdown()
+    tab.close()

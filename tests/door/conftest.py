@@ -1,12 +1,9 @@
 """Real doors with real labs behind them, and a real headless Chromium."""
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from get_browser import find_browser
-from playwright.sync_api import Browser, sync_playwright
 
 from flexlab.door.door import Door, open_door
 from flexlab.door.settings import Settings
@@ -15,12 +12,6 @@ from flexlab.recording.headless import write_run
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
-SOFTWARE_RENDERING = [
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--no-sandbox",
-    "--ignore-gpu-blocklist",
-]
 ARTIFACTS = Path(__file__).parents[2] / ".artifacts"
 
 
@@ -28,21 +19,6 @@ ARTIFACTS = Path(__file__).parents[2] / ".artifacts"
 def _compiled() -> None:
     """Compile the engine before the first lab, so that no test waits for it."""
     World(load_preset("paper")).advance(2)
-
-
-@pytest.fixture(scope="session")
-def chromium() -> Iterator[Browser]:
-    """A headless Chromium. Without one the browser tests fail on CI and are skipped, loudly, elsewhere."""
-    path = find_browser()
-    if path is None:
-        message = "no Chromium found: install one (python tests/get_browser.py) to run the browser tests"
-        if os.environ.get("CI"):
-            pytest.fail(message)
-        pytest.skip(message)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=SOFTWARE_RENDERING)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="session")

@@ -10,14 +10,6 @@ import pytest
 from get_browser import find_browser
 from playwright.sync_api import Browser, sync_playwright
 
-SOFTWARE_RENDERING = [
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-    "--no-sandbox",
-]
-"""A browser that draws in three dimensions on a machine without a graphics card, as root too."""
-
 ROOT = Path(__file__).resolve().parent.parent
 
 SOFTWARE_RENDERING = [
@@ -54,21 +46,6 @@ def flexlab_command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess
         )
 
     return run
-
-
-@pytest.fixture(scope="session")
-def chromium() -> Iterator[Browser]:
-    """A headless Chromium. Without one the browser tests fail on CI and are skipped, loudly, elsewhere."""
-    path = find_browser()
-    if path is None:
-        message = "no Chromium found: install one (python tests/get_browser.py) to run the browser tests"
-        if os.environ.get("CI"):
-            pytest.fail(message)
-        pytest.skip(message)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=SOFTWARE_RENDERING)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,6 @@
 """`flexlab` as a person starts it: serves a page, records, ends on Ctrl-C, refuses what it cannot do."""
 
+import http.client
 import os
 import re
 import signal
@@ -165,7 +166,7 @@ def answer(url: str) -> int | None:
             return page.status
     except urllib.error.HTTPError as error:
         return error.code
-    except urllib.error.URLError:
+    except (OSError, http.client.HTTPException):
         return None
 
 

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from flexlab.control.law import COMPUTED_TORQUE, PROPORTIONAL_DERIVATIVE
+from flexlab.control.law import COMPUTED_TORQUE, PROPORTIONAL_DERIVATIVE, VIBRATION_DAMPING
 from flexlab.errors import ScenarioError
 from flexlab.physics.dynamics import inertia_at
 from flexlab.physics.plant import make_workspace
@@ -70,13 +70,18 @@ def _largest(S: list[np.ndarray], numerator: np.ndarray) -> float:
 
 
 def control_rate(system: System, S: list[np.ndarray]) -> float:
-    """Fastest rate of the closed loop's rigid part, 1/s: the largest eigenvalue of S⁻¹(damping gain), plus Λ."""
+    """Fastest rate of the closed loop's rigid part, 1/s: the largest eigenvalue of S⁻¹(damping gain), plus Λ.
+
+    Stiffness alone counts with its frequency, vibration gains with the rate at which they take from hᵀq̇ and gᵀq̇.
+    """
     control = system.control
     gain, extra = control.adaptive.K, float(np.max(control.adaptive.Lambda))
     if control.kind == COMPUTED_TORQUE:
         gain, extra = np.zeros(3), float(np.max(control.feedback.velocity))
     elif control.kind == PROPORTIONAL_DERIVATIVE:
-        gain = control.feedback.velocity
+        gain, extra = control.feedback.velocity, math.sqrt(_largest(S, np.diag(control.feedback.position)))
+    elif control.kind == VIBRATION_DAMPING:
+        extra += float(control.vibration_gains @ system.plant.kappa[[0, 2]])
     return _largest(S, np.diag(gain)) + extra
 
 

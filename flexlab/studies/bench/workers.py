@@ -64,10 +64,10 @@ class WorkerScaling:
 
     @property
     def speed_up(self) -> float:
-        """Median over the rounds, with the time in the queue for a core taken out; by wall time where it is unknown."""
-        pairs = [(a.undisturbed, b.undisturbed) for a, b in zip(self.one, self.two, strict=True)]
-        ratios = [a / b for a, b in pairs if a is not None and b is not None]
-        return statistics.median(ratios) if ratios else self.wall_speed_up
+        """Best round against best round with the time in the queue for a core taken out; by wall time if unknown."""
+        one = [r.undisturbed for r in self.one if r.undisturbed is not None]
+        two = [r.undisturbed for r in self.two if r.undisturbed is not None]
+        return min(one) / min(two) if one and two else self.wall_speed_up
 
 
 def worker_scaling(rounds: int) -> WorkerScaling:

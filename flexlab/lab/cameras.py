@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from flexlab.errors import LabError
-from flexlab.lab.scene.camera import VIEWS, Shot, Window, shot
+from flexlab.lab.scene.camera import VIEWS, Window, shot
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 
@@ -82,7 +82,8 @@ class Cameras:
 
     def _aim(self, watch: _Watch, snapshot: Snapshot) -> None:
         camera = watch.client.camera
-        aim: Shot = shot(watch.view, snapshot.scenario, snapshot.display, Window(camera.aspect, watch.telephone))
+        window = Window(camera.aspect, camera.image_width, watch.telephone)
+        aim = shot(watch.view, snapshot.scenario, snapshot.display, window)
         watch.put_at, watch.aspect = aim.position, camera.aspect
         # Position first: viser moves the point looked at along with it.
         with watch.client.atomic():

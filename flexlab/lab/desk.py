@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.errors import FlexlabError, LabError, ScenarioError
-from flexlab.lab.kept import KeptRun
+from flexlab.lab.kept import KeptRun, differences
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.lab.view import View, fitting_exaggeration
 from flexlab.scenario import Scenario
@@ -73,8 +73,8 @@ class Desk:
 
     @property
     def changed(self) -> bool:
-        """Whether the scenario differs from the preset or file that it came from."""
-        return self._settings.scenario != self._settings.baseline
+        """Whether the scenario differs from the preset or file that it came from, titles apart."""
+        return bool(differences(self._settings.baseline, self._settings.scenario))
 
     @property
     def view(self) -> View:
@@ -103,9 +103,9 @@ class Desk:
             self._start(Settings(scenario, name, scenario))
 
     def saved(self, scenario: Scenario, name: str) -> None:
-        """The present scenario now has a file of its own: changes count from there."""
+        """`scenario`, the present one but for its title, now has a file of its own: changes count from there."""
         with self._lock:
-            self._settings = Settings(scenario, name, scenario)
+            self._settings = Settings(self.intended, name, scenario)
 
     def undo(self) -> None:
         """Take the last change back; raises `LabError` if there is none."""

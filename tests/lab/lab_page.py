@@ -26,6 +26,21 @@ MID_VERTEX = """() => {
   return found; }"""
 
 
+BEAM_PIXEL = """() => {
+  const mutable = window.__viserMutable; let point = null;
+  mutable.nodeRefFromName['/grab'].traverse((node) => {
+    const position = node.geometry?.attributes?.position;
+    if (!position || point) return;
+    let [x, y, z] = [0, 0, 0];
+    for (let i = 0; i < position.count; i++) {
+      x += position.getX(i); y += position.getY(i); z += position.getZ(i); }
+    const center = mutable.camera.position.clone();
+    point = center.set(x / position.count, y / position.count, z / position.count).applyMatrix4(node.matrixWorld); });
+  point.project(mutable.camera);
+  const box = mutable.canvas.getBoundingClientRect();
+  return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height]; }"""
+
+
 def wait_until(ask: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
     """Ask until the answer is true and return it; fails naming `what` and the last answer."""
     deadline = time.monotonic() + patience
@@ -82,6 +97,12 @@ class LabPage:
         box.fill(value)
         time.sleep(BETWEEN_WIDGETS)
 
+    def write(self, label: str, text: str) -> None:
+        """Write into a text box; viser ties its label to nothing."""
+        row = self.page.locator("label", has_text=label).locator("xpath=../../..")
+        row.locator("input").fill(text)
+        time.sleep(BETWEEN_WIDGETS)
+
     def choose(self, label: str, option: str) -> None:
         """Choose from a menu."""
         self.page.get_by_role("combobox", name=label).or_(self.page.get_by_label(label, exact=True)).first.click()
@@ -100,6 +121,26 @@ class LabPage:
     def wait_for_text(self, text: str) -> None:
         """Wait until the page shows a text."""
         wait_until(lambda: text in self.text(), f"the page shows {text!r}")
+
+    def switch(self, label: str) -> None:
+        """Turn a switch on or off."""
+        self.page.get_by_label(label, exact=True).click()
+        time.sleep(BETWEEN_WIDGETS)
+
+    def key(self, key: str) -> None:
+        """Press a key with the cursor in no text field."""
+        self.page.evaluate("document.activeElement?.blur()")
+        self.page.keyboard.press(key)
+        time.sleep(BETWEEN_WIDGETS)
+
+    def camera(self) -> list[float]:
+        """Where the camera stands, (x, y, z) m; three.js has its own axes, y up."""
+        away, up, left = self.page.evaluate("window.__viserMutable.camera.position.toArray()")
+        return [-left, -away, up]
+
+    def beam_pixel(self) -> list[float]:
+        """Where the middle of the drawn beam is on the page, px."""
+        return self.page.evaluate(BEAM_PIXEL)
 
     def picture(self, name: str) -> None:
         """Keep a screenshot for people to look at."""

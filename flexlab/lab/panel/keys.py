@@ -60,8 +60,9 @@ def _show_list(event: Any, keys: list[Key]) -> None:
     rows = "".join(
         f"<tr><td>{escaped(key.shown)}</td><td>{escaped(key.label)}</td><td>{escaped(key.words)}</td></tr>"
         for key in keys
-        if key.key is not None
+        if key.key is not None and not key.key.isdecimal()
     )
+    rows += f"<tr><td>1 … {NUMBER_KEYS}</td><td>Load a preset</td><td>In the order of the menu</td></tr>"
     gui = event.client.gui
     with gui.add_modal("Keys") as modal:
         gui.add_html(

@@ -33,7 +33,7 @@ button[data-block] { width: auto; padding-inline: 0.8em; }
 @media (max-width: 575px) {
   div[style*="position: fixed"][style*="width: 20em"] { width: 100% !important; max-height: 52% !important; }
   div[style*="position: fixed"][style*="width: 20em"] div[style="width: 20em;"] { width: 100% !important; }
-  .fl-float { bottom: auto !important; top: 12px; }
+  .fl-float { bottom: auto !important; top: 12px; width: 92vw !important; }
 }
 
 .fl { padding: 0 0.75em 0.5em 0.75em; font-size: 0.875em; line-height: 1.4; }
@@ -51,7 +51,7 @@ button[data-block] { width: auto; padding-inline: 0.8em; }
   max-height: 6em; overflow-y: auto; padding: 0.3em 0.5em; border: 1px solid var(--mantine-color-default-border); }
 .fl-bad { color: var(--mantine-color-red-text, #e03131); }
 .fl-float { position: fixed; bottom: 16px; left: 50%; transform: translateX(-50%); z-index: 300; pointer-events: none;
-  width: min(36em, 92vw); padding: 0; }
+  width: clamp(16em, calc(100vw - 730px), 36em); padding: 0; }
 .fl-float .fl-box { background: var(--mantine-color-body); box-shadow: 0 2px 12px rgba(0, 0, 0, 0.35); }
 .fl-box { border-radius: 4px; padding: 0.4em 0.6em; margin: 0.2em 0; overflow-wrap: anywhere; }
 .fl-error { background: rgba(224, 49, 49, 0.14); border-left: 3px solid #e03131; }

@@ -16,8 +16,10 @@ TILT = np.radians(24.0)
 PLAN_TILT = np.radians(0.5)
 """Of the plan view, rad: straight down leaves it open which side is up."""
 FRONT_TILT = np.radians(62.0)
-ROOM_HIGH, ROOM_WIDE = 1.1, 1.25
-"""Distance relative to the one at which the floor's middle fills the window: room for its nearer edge and the labels."""
+ROOM = 1.12
+"""Distance relative to the one at which the floor's middle fills the window: room for its nearer edge."""
+LABEL_WIDTH = 65
+"""Room for the lengths at the floor's sides, px on each side."""
 TELEPHONE_SHIFT = 0.22
 """On a telephone a sheet covers the lower half: there the machine stands higher by this share of the height."""
 CLOSE_UP = 2.6
@@ -27,9 +29,10 @@ VIEWS = ("Overview", "Plan", "Front", "Left grip", "Follow")
 
 
 class Window(NamedTuple):
-    """The shape of a browser's picture: width over height, and whether it is a telephone's."""
+    """A browser's picture: width over height, width in px, and whether it is a telephone's."""
 
     aspect: float
+    width: float = 800.0
     telephone: bool = False
 
 
@@ -56,7 +59,7 @@ def overview(scenario: Scenario, window: Window, tilt: float = TILT) -> Shot:
     half_angle = np.tan(FIELD_OF_VIEW / 2)
     needed_high = 0.5 * (y_max - y_min) / half_angle
     needed_wide = 0.5 * (x_max - x_min) / (half_angle * max(window.aspect, 0.1))
-    distance = max(ROOM_HIGH * needed_high, ROOM_WIDE * needed_wide)
+    distance = ROOM * max(needed_high, needed_wide * (1 + 2 * LABEL_WIDTH / max(window.width, 2 * LABEL_WIDTH)))
     if window.telephone:
         center[1] -= TELEPHONE_SHIFT * 2 * half_angle * distance
     return _from(center, distance, tilt)

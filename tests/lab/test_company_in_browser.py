@@ -1,0 +1,83 @@
+"""Several browsers on one lab, windows of every size, light and dark."""
+
+import numpy as np
+import pytest
+from lab_page import LabPage, wait_until
+from playwright.sync_api import Browser
+
+from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+
+EI = "Bending stiffness EI (N·m²)"
+
+OVERFLOWING = """() => {
+  const width = window.innerWidth;
+  return [...document.querySelectorAll('label, button, input, .fl, .uplot, p')]
+    .filter((node) => node.offsetParent !== null && !node.closest('[hidden]'))
+    .map((node) => [node, node.getBoundingClientRect()])
+    .filter(([node, box]) => box.width > 0 && (box.left < -1 || box.right > width + 1))
+    .map(([node, box]) => node.outerHTML.slice(0, 90) + ' ' + box.left + '..' + box.right); }"""
+
+
+def test_two_browsers_stay_in_step_and_a_late_one_sees_the_running_state(chromium: Browser, session: Session) -> None:
+    with LabPage(chromium, session) as first:
+        first.enter(EI, "20")
+        wait_until(lambda: first.snapshot.scenario.payload.bending_stiffness == 20.0, "the change is taken")
+        with LabPage(chromium, session) as second:
+            wait_until(lambda: second.box(EI).input_value() == "20", "the late one sees the value")
+            second.press("Pause")
+            first.wait_for_text("Paused")
+            second.enter(EI, "30")
+            wait_until(lambda: first.box(EI).input_value() == "30", "the first one sees the second one's value")
+            wait_until(
+                lambda: np.allclose(first.beam_vertex(), second.beam_vertex(), atol=1e-6), "both draw the same beam"
+            )
+        first.press("Play")
+        wait_until(lambda: first.snapshot.playing, "the lab goes on when one leaves")
+
+
+def test_a_lost_connection_comes_back_to_the_running_lab(page: LabPage) -> None:
+    page.enter(EI, "20")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 20.0, "the change is taken")
+    before = float(page.snapshot.latest.time[0])
+    page.session.server._websock_server.disconnect_all_clients()
+    wait_until(lambda: len(page.session.server.get_clients()) == 1, "the browser is back")
+    wait_until(lambda: page.box(EI).input_value() == "20", "it shows the value")
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > before, "nothing was lost meanwhile")
+    page.enter(EI, "25")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 25.0, "it can be used as before")
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("size", [(1440, 900), (1024, 768), (390, 844)], ids=lambda size: f"{size[0]}x{size[1]}")
+def test_nothing_is_clipped(chromium: Browser, session: Session, size: tuple[int, int], dark: bool) -> None:
+    with LabPage(chromium, session, size, dark) as page:
+        page.wait_for_text("simulation time t")
+        page.page.wait_for_timeout(2500)
+        look = "dark" if dark else "light"
+        for tab in ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events"):
+            page.open_tab(tab)
+            page.page.wait_for_timeout(300)
+            assert page.page.evaluate(OVERFLOWING) == []
+            if tab in ("Parameters", "Modes", "File"):
+                page.picture(f"{tab.lower()}-{size[0]}x{size[1]}-{look}")
+        background = page.page.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert (background == "rgb(255, 255, 255)") is not dark
+        assert not page.errors
+
+
+def test_a_run_that_cannot_go_on_says_why(chromium: Browser) -> None:
+    scenario = load_preset("paper").replace({"trajectory.amplitude": (0.9, 0.2, 0.2)})
+    with Session(scenario, "far", port=0, shadows=False) as session, LabPage(chromium, session) as page:
+        page.wait_for_text("Stopped")
+        page.wait_for_text("cannot reach")
+        page.picture("stopped")
+        page.choose("Preset", "paper")
+        page.press("Play")
+        wait_until(lambda: page.snapshot.playing, "another preset runs")
+
+
+def test_large_bending_is_flagged(page: LabPage) -> None:
+    page.enter(EI, "0.2")
+    page.wait_for_text("Large deflection")
+    page.wait_for_text("5 %")

@@ -1,0 +1,80 @@
+"""Scenarios as a person's own files: names checked, nothing overwritten that is flexlab's, uploads answered in sentences."""
+
+from pathlib import Path
+
+import pytest
+
+from flexlab.errors import PresetError, ScenarioError
+from flexlab.lab.files import read_upload, save_preset
+from flexlab.presets import load_preset, scenario_text
+from flexlab.scenario import Scenario
+
+
+def test_a_saved_preset_is_found_again(tmp_path: Path) -> None:
+    scenario = Scenario().replace({"payload.bending_stiffness": 33.0, "title": "Mine"})
+    path = save_preset(scenario, "my-beam", tmp_path / "presets")
+    assert path == tmp_path / "presets" / "my-beam.json"
+    assert load_preset("my-beam", tmp_path / "presets") == scenario
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "../evil",
+        "a/b",
+        "A",
+        "x" * 41,
+        "-a",
+        "a-",
+        "name with spaces",
+        "con.json",
+        "é",
+        "a\n",
+        "\x00",
+        "..",
+        "a" * 10**6,
+    ],
+)
+def test_names_that_cannot_be_used(name: str, tmp_path: Path) -> None:
+    with pytest.raises(PresetError, match="cannot be a preset's name") as caught:
+        save_preset(Scenario(), name, tmp_path)
+    assert len(str(caught.value)) < 250
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_flexlabs_own_presets_stay(tmp_path: Path) -> None:
+    with pytest.raises(PresetError, match="stays as it is"):
+        save_preset(Scenario(), "paper", tmp_path)
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "presets").write_text("a file")
+    with pytest.raises(PresetError, match="cannot be"):
+        save_preset(Scenario(), "mine", tmp_path / "presets")
+
+
+def test_uploads() -> None:
+    scenario = Scenario().replace({"gravity": 9.81})
+    assert read_upload("My Run (3).JSON", scenario_text(scenario).encode()) == ("my-run-3", scenario)
+    assert read_upload("../../etc/passwd", scenario_text(scenario).encode())[0] == "passwd"
+    assert read_upload("….json", scenario_text(scenario).encode())[0] == "uploaded"
+
+
+@pytest.mark.parametrize(
+    ("content", "error", "said"),
+    [
+        (b"", PresetError, "not valid JSON"),
+        (b"\xff\xfe\x00", PresetError, "not a text file"),
+        (b"[1, 2]", ScenarioError, "JSON object"),
+        (b'{"payload": {"bending_stiffness": -1}}', ScenarioError, "outside the allowed range"),
+        (b'{"a": 1, "a": 2}', PresetError, "given twice"),
+        (b"[" * 100_000, PresetError, "cannot be read"),
+    ],
+)
+def test_bad_uploads_are_answered_in_sentences_with_the_files_own_name(content: bytes, error: type, said: str) -> None:
+    with pytest.raises(error, match=said) as caught:
+        read_upload("mine.json", content)
+    if error is PresetError:
+        assert "mine.json" in str(caught.value)
+    assert "/tmp" not in str(caught.value)

@@ -1,0 +1,111 @@
+"""What is drawn says what is true: strain, reach, arrows, the spectrum and the Lyapunov function."""
+
+import numpy as np
+import pytest
+
+from flexlab.lab.kept import KeptRun, common_metrics, differences
+from flexlab.lab.plots.lyapunov import tracking_energy
+from flexlab.lab.plots.spectrum import POINTS, amplitude_spectrum, thinned
+from flexlab.lab.scene.pull import held_point
+from flexlab.lab.scene.reach import elbow_sines, shade
+from flexlab.lab.scene.strain import PIECES, curvature_functions, strain_colors
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.shape import beam_points, deflection_at
+from flexlab.sim.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def paper() -> Samples:
+    return simulate(load_preset("paper"), 0.5)
+
+
+@pytest.mark.parametrize("boundary", ["pinned-pinned", "clamped-clamped", "clamped-pinned"])
+def test_curvature_is_the_second_derivative_of_the_deflection(boundary: str) -> None:
+    payload = Scenario().replace({"payload.element_count": 5, "payload.boundary": boundary}).payload
+    q = np.random.default_rng(1).normal(size=(1, payload.coordinate_count)) * 1e-3
+    middle = ((np.arange(PIECES) + 0.5) / PIECES - 0.5) * payload.length
+    step = 1e-5
+    w = [deflection_at(payload, q, middle + offset)[0] for offset in (-step, 0.0, step)]
+    numeric = (w[0] - 2 * w[1] + w[2]) / step**2
+    curvature = curvature_functions(payload, PIECES) @ q[0]
+    np.testing.assert_allclose(curvature, numeric, rtol=1e-3, atol=1e-3 * np.abs(numeric).max())
+
+
+def test_strain_colours_are_grey_at_zero_and_part_to_both_sides() -> None:
+    low, middle, high, over = strain_colors(np.array([-1.0, 0.0, 1.0, 7.0])).astype(int)
+    assert len(set(middle)) == 1
+    assert low[2] > low[0]
+    assert high[0] > high[2]
+    np.testing.assert_array_equal(high, over)
+
+
+def test_reach_is_shaded_where_an_arm_cannot_go() -> None:
+    scenario = load_preset("paper")
+    x, y = np.array([0.0, 0.0, 0.0]), np.array([0.75, 3.0, 1.18])
+    sines = elbow_sines(scenario, x, y, 0.0)
+    assert sines[0] > 0.5
+    assert sines[1] == 0
+    assert 0 < sines[2] < sines[0]
+    picture = shade(sines)
+    assert picture[0, 3] == 0
+    assert picture[1, 3] > 0
+
+
+def test_the_held_point_is_on_the_beam(paper: Samples) -> None:
+    scenario, sample = load_preset("paper"), paper.slice(30, 31)
+    along = beam_points(scenario, sample, 101, exaggeration=3.0)[0]
+    for index in (0, 25, 50, 100):
+        s = (index / 100 - 0.5) * scenario.payload.length
+        np.testing.assert_allclose(held_point(scenario, sample, s, 3.0), along[index], atol=1e-12)
+
+
+def test_a_sine_shows_its_own_amplitude_at_its_own_frequency() -> None:
+    time = np.arange(4000) * 1e-3
+    frequency, amplitude = amplitude_spectrum(0.3 * np.sin(2 * np.pi * 44.0 * time), 1e-3)
+    assert frequency[np.argmax(amplitude)] == pytest.approx(44.0, abs=0.25)
+    assert amplitude.max() == pytest.approx(0.3, rel=0.01)
+
+
+def test_thinning_a_spectrum_keeps_its_lines() -> None:
+    frequency = np.linspace(0, 500, 15_001)
+    amplitude = np.full(15_001, 1e-3)
+    amplitude[[1338, 5331]] = 1.0, 0.5
+    grid, line = thinned(frequency, amplitude, 500.0)
+    assert len(grid) == POINTS
+    for place, height in ((frequency[1338], 1.0), (frequency[5331], 0.5)):
+        assert line[np.argmin(np.abs(grid - place))] == height
+
+
+def test_the_tracking_energy_is_the_kinetic_energy_of_a_rigid_motion(paper: Samples) -> None:
+    scenario = load_preset("smooth-start").replace({"payload.bending_stiffness": 1e9, "payload.linear_density": 1e-3})
+    run = simulate(scenario, 0.05)
+    moved = Samples(**{**vars(run.slice(0, 40)), "sliding_variable": run.pose_rate[:40]})
+    np.testing.assert_allclose(tracking_energy(scenario, moved), run.kinetic_energy[:40], rtol=1e-4)
+    assert (tracking_energy(load_preset("paper"), paper) >= 0).all()
+
+
+def test_a_kept_run_is_found_by_its_time_and_compared_where_both_runs_are(paper: Samples) -> None:
+    scenario = load_preset("paper")
+    kept = KeptRun("paper", scenario, paper.slice(100, 401))
+    assert kept.span == pytest.approx((0.1, 0.4))
+    found = kept.at(0.25)
+    assert found is not None
+    assert found.time[0] == pytest.approx(0.25)
+    assert kept.at(0.05) is None
+    assert kept.at(0.45) is None
+    rows, (first, last) = common_metrics(kept, paper.slice(0, 301))
+    assert (first, last) == pytest.approx((0.1, 0.3))
+    assert all(old.value == new.value for old, new in rows)
+    assert common_metrics(kept, paper.slice(0, 50))[0] == []
+    assert common_metrics(kept, paper.slice(0, 0))[0] == []
+
+
+def test_differences_name_every_changed_field() -> None:
+    paper = load_preset("paper")
+    other = paper.replace({"payload.bending_stiffness": 5.0, "controller.kind": "pd", "title": "other"})
+    paths = {path for path, _, _ in differences(paper, other)}
+    assert {"payload.bending_stiffness", "controller.kind", "controller.position_gain"} <= paths
+    assert "title" not in paths
+    assert differences(paper, paper) == []

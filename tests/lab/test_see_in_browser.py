@@ -1,0 +1,125 @@
+"""Seeing: exaggeration, strain, forces, camera, modes and plots, in a real browser."""
+
+import math
+
+import numpy as np
+import pytest
+from lab_page import LabPage, wait_until
+
+from flexlab.lab.view import PLOT_WINDOWS
+
+FACTOR = "Exaggeration of the deflection (×)"
+
+
+def node_shown(page: LabPage, name: str) -> bool:
+    return page.page.evaluate(f"window.__viserMutable.nodeRefFromName['{name}']?.visible ?? false")
+
+
+def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None:
+    page.press("Pause")
+    wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    page.open_tab("View")
+    bends = {}
+    for factor in (0, 1000):
+        page.enter(FACTOR, str(factor))
+        page.wait_for_text(f"{factor} × true size")
+        wait_until(lambda factor=factor: page.session.desk.view.exaggeration == factor, "the factor is taken")
+        page.page.wait_for_timeout(1500)
+        bends[factor] = page.beam_vertex()
+    true = abs(float(page.snapshot.display.midspan_deflection[0]))
+    assert math.dist(bends[0][:2], bends[1000][:2]) == pytest.approx(1000 * true, rel=0.02, abs=1e-4)
+    assert page.snapshot.run_number == 1
+
+
+def test_every_switch_shows_its_part_and_its_scale(page: LabPage) -> None:
+    page.open_tab("View")
+    for label, node, words in (
+        ("Strain colours", "/strain", "strain, 1 mm off the axis"),
+        ("Moving force", "/forces/moving", "moving force, 10 cm ="),
+        ("Internal moment", "/forces/moment", "internal moment, ¼ turn ="),
+        ("Trail of the payload", "/overlays/trail", ""),
+        ("Reach and singular poses", "/reach", ""),
+    ):
+        page.switch(label)
+        wait_until(lambda node=node: node_shown(page, node), f"{node} is drawn")
+        if words:
+            page.wait_for_text(words)
+    assert not node_shown(page, "/beam"), "the tube gives way to the strain colours"
+    page.picture("everything")
+    page.switch("Strain colours")
+    wait_until(lambda: node_shown(page, "/beam"), "the tube is back")
+    assert not page.errors
+
+
+def test_camera_views_belong_to_one_browser(page: LabPage) -> None:
+    page.open_tab("View")
+    seen = {}
+    for view in ("Plan", "Front", "Left grip", "Overview"):
+        before = page.camera()
+        page.press(view)
+        wait_until(lambda before=before: math.dist(before, page.camera()) > 0.05, f"the camera goes to {view}")
+        page.page.wait_for_timeout(500)
+        seen[view] = page.camera()
+    assert abs(seen["Plan"][1] - seen["Overview"][1]) > 0.3
+    assert seen["Front"][2] < seen["Overview"][2] < seen["Plan"][2]
+    page.press("Follow")
+    first = page.camera()
+    wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the camera follows the payload")
+    page.press("Overview")
+    page.page.wait_for_timeout(500)
+
+
+def test_modes_are_told_and_shown(page: LabPage) -> None:
+    page.open_tab("Modes")
+    page.wait_for_text("44.60")
+    page.wait_for_text("sideways, 81 %")
+    page.wait_for_text("Arms, beam and controller together")
+    page.choose("Mode", "2")
+    page.press("Start in it")
+    wait_until(lambda: page.snapshot.run_number > 1, "a new run")
+    assert page.snapshot.target_speed == 1 / 128, "197 Hz is seen at 1.5 Hz"
+    assert page.snapshot.scenario.initial.beam_coordinates is not None
+    samples = page.session.runner.recent(0.05)
+    assert np.abs(samples.midspan_deflection).max() < 2e-4, "mode 2 has a node at mid-span"
+    assert np.abs(samples.beam_coordinates[0]).max() > 1e-3
+    assert page.session.desk.view.plot_window in PLOT_WINDOWS[:3]
+    page.switch("Animate its shape")
+    wait_until(lambda: page.session.desk.view.shown_mode == 1, "the mode is animated")
+    page.picture("mode-2")
+    page.switch("Animate its shape")
+    wait_until(lambda: page.session.desk.view.shown_mode is None, "the run is drawn again")
+
+
+def test_slow_motion_for_a_mode_needs_no_restart(page: LabPage) -> None:
+    page.key("r")
+    wait_until(lambda: page.snapshot.run_number == 2, "a new run, ringing")
+    page.open_tab("Modes")
+    page.wait_for_text("44.60")
+    page.press("Slow motion for it")
+    wait_until(lambda: page.snapshot.target_speed == 1 / 32, "44.6 Hz is seen at 1.4 Hz")
+    assert page.snapshot.run_number == 2
+
+
+def test_plots_on_every_tab(page: LabPage) -> None:
+    for tab, texts in {
+        "Torques": ("Joint torques, left arm", "Joint torques, right arm", "τ1 (N·m)"),
+        "Control": ("Sliding variable s", "boundary layer ε (m/s)", "b̂2 (N·s²/m²)"),
+        "Energy": ("kinetic (J)", "elastic (mJ)", "V (mJ)"),
+        "Spectrum": ("f (Hz)", "vibration (µm)", "modes of the beam"),
+        "Motion": ("Tracking error", "quasi-static (mm)", "M (N·m)"),
+    }.items():
+        page.open_tab(tab)
+        for text in texts:
+            page.wait_for_text(text)
+        page.picture(f"plots-{tab.lower()}")
+    page.open_tab("View")
+    page.choose("Plot window", "1 s")
+    span = "() => { const u = Object.values(window.__viserTestpoints.uplots)[0].chart.scales.x; return u.max - u.min; }"
+    wait_until(lambda: abs(page.page.evaluate(span) - 1.0) < 0.1, "the plots show one second")
+    page.switch("Hold the plots still")
+    page.page.wait_for_timeout(500)
+    newest = "() => Object.values(window.__viserTestpoints.uplots)[0].chart.data[0].at(-1)"
+    held = page.page.evaluate(newest)
+    page.page.wait_for_timeout(800)
+    assert page.page.evaluate(newest) == held
+    assert not page.errors

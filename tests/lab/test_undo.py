@@ -1,0 +1,80 @@
+"""The way back is complete: from any scenario to any other and back again."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexlab.lab import undo
+from flexlab.lab.undo import Settings, Undo, changes_towards
+from flexlab.presets import load_preset, preset_names
+from flexlab.scenario import Scenario
+
+PAPER = Scenario()
+NAMES = preset_names()
+
+
+def with_stiffness(value: float) -> Settings:
+    return Settings(PAPER.replace({"payload.bending_stiffness": value}), "paper", PAPER)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.sampled_from(NAMES), st.sampled_from(NAMES))
+def test_changes_lead_from_any_preset_to_any_other(start: str, goal: str) -> None:
+    present, wanted = load_preset(start), load_preset(goal)
+    assert present.replace(changes_towards(present, wanted)) == wanted
+
+
+def test_a_new_kind_comes_before_its_fields() -> None:
+    wanted = PAPER.replace(
+        {"controller.kind": "pd", "controller.position_gain": 5000.0, "payload.damping.kind": "modal"}
+    )
+    changes = changes_towards(PAPER, wanted)
+    assert PAPER.replace(changes) == wanted
+    names = list(changes)
+    assert names.index("controller.kind") < names.index("controller.position_gain")
+    assert "controller.boundary_layer" not in changes
+
+
+def test_back_and_forward() -> None:
+    history = Undo()
+    steps = [with_stiffness(value) for value in (100.0, 50.0, 20.0)]
+    history.note(steps[0], "a")
+    history.note(steps[1], "b")
+    assert history.back(steps[2]) == steps[1]
+    assert history.back(steps[1]) == steps[0]
+    assert history.back(steps[0]) is None
+    assert history.forward(steps[0]) == steps[1]
+    assert history.forward(steps[1]) == steps[2]
+    assert history.forward(steps[2]) is None
+
+
+def test_one_gesture_is_one_step() -> None:
+    history = Undo()
+    for value in (100.0, 90.0, 80.0):
+        history.note(with_stiffness(value), ("payload.bending_stiffness",))
+    assert history.back(with_stiffness(70.0)) == with_stiffness(100.0)
+    assert history.back(with_stiffness(100.0)) is None
+
+
+def test_a_new_change_ends_the_way_forward() -> None:
+    history = Undo()
+    history.note(with_stiffness(100.0), "a")
+    assert history.back(with_stiffness(50.0)) == with_stiffness(100.0)
+    history.note(with_stiffness(100.0), "b")
+    assert history.forward(with_stiffness(10.0)) is None
+
+
+def test_a_step_without_effect_is_passed_over() -> None:
+    history = Undo()
+    history.note(with_stiffness(100.0), "a")
+    history.note(with_stiffness(50.0), "b")
+    assert history.back(with_stiffness(50.0)) == with_stiffness(100.0)
+
+
+def test_the_history_is_bounded() -> None:
+    history = Undo()
+    for value in range(3 * undo.LONGEST_HISTORY):
+        history.note(with_stiffness(1.0 + value), value)
+    steps, present = 0, with_stiffness(0.5)
+    while (earlier := history.back(present)) is not None:
+        present, steps = earlier, steps + 1
+    assert steps == undo.LONGEST_HISTORY

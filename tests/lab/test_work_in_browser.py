@@ -1,0 +1,217 @@
+"""Working: touch, compare, edit, keys and lessons, in a real browser."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lab_page import LabPage, wait_until
+
+from flexlab.guide import lessons
+from flexlab.presets import load_preset, load_scenario_file
+from flexlab.sim.commands import Pull, Tap
+
+EI = "Bending stiffness EI (N·m²)"
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A person's own presets go where they work: not into this checkout."""
+    monkeypatch.chdir(tmp_path)
+
+
+def stiffness(page: LabPage) -> float:
+    return page.snapshot.scenario.payload.bending_stiffness
+
+
+def hold(page: LabPage) -> None:
+    page.press("Pause")
+    wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    page.page.wait_for_timeout(1500)
+
+
+def test_dragging_the_beam_pulls_it_and_clicking_taps_it(page: LabPage) -> None:
+    page.choose("Preset", "soft-beam")
+    wait_until(lambda: page.snapshot.name == "soft-beam", "the soft beam runs")
+    hold(page)
+    x, y = page.beam_pixel()
+    mouse = page.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x + 10, y + 20, steps=3)
+    mouse.move(x + 40, y + 80, steps=8)
+    wait_until(lambda: page.session.desk.pulled is not None, "somebody pulls")
+    page.picture("pull")
+    before = float(page.snapshot.latest.midspan_deflection[0])
+    page.key("Space")
+    wait_until(lambda: float(page.snapshot.latest.midspan_deflection[0]) < before - 5e-3, "the beam gives way", 20)
+    mouse.up()
+    wait_until(lambda: page.session.desk.pulled is None, "the hand lets go")
+    pulls = [event.command for event in page.snapshot.events if isinstance(event.command, Pull)]
+    assert abs(pulls[0].beam_position) < 0.05
+    assert pulls[-1].stiffness == 0
+    hold(page)
+    x, y = page.beam_pixel()
+    mouse.click(x, y)
+    wait_until(lambda: any(isinstance(event.command, Tap) for event in page.snapshot.events), "the beam is tapped")
+    page.open_tab("Events")
+    page.wait_for_text("Let go of the beam")
+    page.wait_for_text("Tap the beam")
+
+
+def test_a_tap_is_calibrated_and_its_place_can_be_chosen(page: LabPage) -> None:
+    page.open_tab("Touch")
+    page.enter("Tap impulse (N·s)", "0.02")
+    page.enter("Tap place s/L", "0.25")
+    page.press("Tap")
+    wait_until(lambda: any(isinstance(event.command, Tap) for event in page.snapshot.events), "the tap is in the log")
+    tap = next(event.command for event in page.snapshot.events if isinstance(event.command, Tap))
+    assert tap.beam_position == pytest.approx(0.25 * 0.5)
+    assert math.hypot(*tap.impulse) == pytest.approx(0.02)
+    page.enter("Tap impulse (N·s)", "1000")
+    page.wait_for_text("outside 0.0001 to 100 N·s")
+    assert page.session.runner.snapshot.playing
+
+
+def test_a_kept_run_stands_behind_the_next_one(page: LabPage) -> None:
+    page.key("r")
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > 1.5, "a run to keep")
+    page.open_tab("Compare")
+    page.press("Keep this run")
+    kept = wait_until(lambda: page.session.desk.kept, "it is kept")
+    page.open_tab("Parameters")
+    page.enter(EI, "40")
+    page.choose("Speed", "1/8 ×")
+    page.key("r")
+    wait_until(lambda: float(page.snapshot.latest.time[0]) < 1.0, "the next run begins")
+    page.open_tab("Compare")
+    page.wait_for_text("Peak vibration (mm)")
+    page.wait_for_text("Bending stiffness EI (N·m²)")
+    wait_until(
+        lambda: page.page.evaluate("window.__viserMutable.nodeRefFromName['/kept']?.visible"), "the kept beam is drawn"
+    )
+    now = page.session.runner.recent(30)
+    assert np.array_equal(kept.at(0.2).pose, kept.samples.pose[200:201])
+    assert not np.array_equal(kept.samples.midspan_deflection[:50], now.midspan_deflection[:50])
+    page.picture("compare")
+    page.press("Forget it")
+    wait_until(lambda: page.session.desk.kept is None, "it is forgotten")
+    assert not page.errors
+
+
+def test_undo_redo_and_the_way_back(page: LabPage) -> None:
+    page.enter(EI, "50")
+    page.page.wait_for_timeout(1200)
+    page.enter("Damping c (N·s/m)", "0.5")
+    wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 0.5, "both changes are taken")
+    page.wait_for_text("changed, not saved")
+    page.key("Control+z")
+    wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 0.1, "the damping is back")
+    assert stiffness(page) == 50.0
+    page.key("Control+z")
+    wait_until(lambda: stiffness(page) == 100.0, "the stiffness is back")
+    wait_until(lambda: page.box(EI).input_value() == "100", "and the box shows it", 20)
+    page.key("Control+Shift+z")
+    wait_until(lambda: stiffness(page) == 50.0, "it is made again")
+    page.page.get_by_role("button", name="↺").first.click()
+    wait_until(lambda: stiffness(page) == 100.0, "the small button goes back to the preset's value")
+    wait_until(lambda: "changed, not saved" not in page.text(), "nothing is changed any more", 20)
+    page.key("Control+z")
+    page.key("Control+z")
+    page.key("Control+z")
+    page.wait_for_text("nothing to undo")
+
+
+def test_save_download_and_open(page: LabPage, tmp_path: Path) -> None:
+    page.enter(EI, "33")
+    wait_until(lambda: stiffness(page) == 33.0, "the change is taken")
+    page.open_tab("File")
+    page.wait_for_text("changed, not saved")
+    for name, said in (("../evil", "cannot be a preset's name"), ("paper", "a preset of flexlab itself")):
+        page.write("Name", name)
+        page.press("Save as preset")
+        page.wait_for_text(said)
+    assert list(tmp_path.rglob("*.json")) == []
+    page.write("Name", "my-soft")
+    page.key("s")
+    wait_until(lambda: (tmp_path / "presets" / "my-soft.json").exists(), "it is saved")
+    assert load_preset("my-soft").payload.bending_stiffness == 33.0
+    wait_until(
+        lambda: page.session.desk.name == "my-soft" and not page.session.desk.changed, "changes count from there"
+    )
+    with page.page.expect_download() as download:
+        page.press("Download")
+    file = tmp_path / "copy.json"
+    download.value.save_as(file)
+    assert load_scenario_file(file).payload.bending_stiffness == 33.0
+    data = json.loads(file.read_text())
+    data["payload"]["bending_stiffness"] = 77.0
+    file.write_text(json.dumps(data))
+    page.page.locator("input[type=file]").first.set_input_files(file)
+    wait_until(lambda: stiffness(page) == 77.0, "the uploaded scenario runs")
+    for name, text, said in (
+        ("bad.json", '{"payload": {"bending_stiffness": -1}}', "outside the allowed range"),
+        ("junk.json", "not json", "not valid JSON"),
+    ):
+        (tmp_path / name).write_text(text)
+        page.page.locator("input[type=file]").first.set_input_files(tmp_path / name)
+        page.wait_for_text(said)
+    assert stiffness(page) == 77.0
+
+
+def test_keys(page: LabPage) -> None:
+    page.key("Space")
+    wait_until(lambda: not page.snapshot.playing, "space holds")
+    held = float(page.snapshot.latest.time[0])
+    page.key("ArrowRight")
+    wait_until(lambda: float(page.snapshot.latest.time[0]) == pytest.approx(held + 0.001, abs=1e-9), "one step")
+    page.page.wait_for_timeout(300)
+    page.key("Space")
+    wait_until(lambda: page.snapshot.playing, "space goes on")
+    run = page.snapshot.run_number
+    page.key("r")
+    wait_until(lambda: page.snapshot.run_number == run + 1, "r begins anew")
+    page.key("2")
+    wait_until(lambda: page.snapshot.name != "paper", "2 loads the second preset")
+    page.key("1")
+    wait_until(lambda: page.snapshot.name == "paper", "1 loads the first")
+    page.key("Shift+?")
+    page.wait_for_text("A new run from t = 0, same settings")
+    page.picture("keys")
+    page.press("Close")
+    box = page.box(EI)
+    box.fill("1")
+    box.press("2")
+    wait_until(lambda: stiffness(page) == 12.0, "in a text field keys are text")
+    assert page.snapshot.name == "paper"
+
+
+def test_run_to_a_time_and_hold_to_step(page: LabPage) -> None:
+    page.open_tab("Events")
+    goal = float(page.snapshot.latest.time[0]) + 20
+    page.enter("Run to t (s)", f"{goal:.3f}")
+    page.press("Run to it")
+    wait_until(lambda: float(page.snapshot.latest.time[0]) >= goal - 0.001, "it is there at once", 20)
+    assert not page.snapshot.playing
+    page.press("Run to it")
+    page.wait_for_text("has passed")
+    held = float(page.snapshot.latest.time[0])
+    step = page.page.get_by_role("button", name="Step", exact=True)
+    step.hover()
+    page.page.mouse.down()
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > held + 0.003, "holding goes on stepping")
+    page.page.mouse.up()
+
+
+def test_a_lesson_checks_itself(page: LabPage) -> None:
+    page.open_tab("Guide")
+    page.wait_for_text("Virtual link")
+    page.choose("Read", f"Lesson 1: {lessons()[0].title}")
+    page.press("Load paper")
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.7, "the ringing run goes on", 30)
+    page.wait_for_text("Now load the preset smooth-start")
+    page.choose("Preset", "smooth-start")
+    page.wait_for_text("the jump rang the beam, not the motion")
+    page.picture("lesson")
+    assert not page.errors

@@ -43,6 +43,7 @@ class Desk:
         self._runner = runner
         self._lock = threading.RLock()
         self._settings = Settings(snapshot.scenario, snapshot.name, snapshot.scenario)
+        self._run_name = snapshot.name
         self._undo = Undo()
         self._asked_at = 0.0
         self._notice = Notice("")
@@ -139,9 +140,14 @@ class Desk:
         return self._pull
 
     def settle(self, snapshot: Snapshot) -> None:
-        """Fall in with the engine where it did not follow: a change that it refused, or one from elsewhere."""
+        """Fall in with the engine where it did not follow: a change that it refused, or one, or a run, from elsewhere."""
         with self._lock:
-            if time.monotonic() - self._asked_at > CATCH_UP_TIME and snapshot.scenario != self.intended:
+            if time.monotonic() - self._asked_at < CATCH_UP_TIME:
+                return
+            if snapshot.name != self._run_name:
+                self._run_name = snapshot.name
+                self._settings = Settings(snapshot.scenario, snapshot.name, snapshot.scenario)
+            elif snapshot.scenario != self.intended:
                 self._settings = dataclasses.replace(self._settings, scenario=snapshot.scenario)
 
     def say(self, text: str, level: str = "info") -> None:
@@ -170,7 +176,7 @@ class Desk:
         self._runner.submit(ChangeScenario(dict(changes)))
 
     def _start(self, settings: Settings) -> None:
-        self._settings, self._asked_at = settings, time.monotonic()
+        self._settings, self._asked_at, self._run_name = settings, time.monotonic(), settings.name
         self.set_view(exaggeration=fitting_exaggeration(settings.scenario), shown_mode=None)
         self._runner.submit(LoadScenario(settings.scenario, settings.name))
 

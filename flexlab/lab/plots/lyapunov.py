@@ -3,9 +3,11 @@
 The other part, ½ Σ k_j (b_j - b̂_j)², holds the true bounds b_j, which nobody knows.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
-from flexlab.scenario import Arm, Scenario
+from flexlab.scenario import Arm, Payload, Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
 
@@ -24,11 +26,17 @@ def tracking_energy(scenario: Scenario, samples: Samples) -> np.ndarray:
     return total
 
 
+@lru_cache(maxsize=8)
+def _inertia(payload: Payload) -> tuple[float, ...]:
+    """m, I, hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g: found once per payload, as the linear algebra behind it wakes all cores."""
+    beam = build_beam(payload)
+    return float(beam.matrices.m), float(beam.matrices.I), *map(float, beam.kappa)
+
+
 def _payload(scenario: Scenario, s: np.ndarray, across: np.ndarray) -> np.ndarray:
-    beam = build_beam(scenario.payload)
-    hh, hg, gg = beam.kappa
+    m, inertia, hh, hg, gg = _inertia(scenario.payload)
     lateral = np.einsum("ni,ni->n", s[:, :2], across)
-    rigid = beam.matrices.m * (s[:, 0] ** 2 + s[:, 1] ** 2) + beam.matrices.I * s[:, 2] ** 2
+    rigid = m * (s[:, 0] ** 2 + s[:, 1] ** 2) + inertia * s[:, 2] ** 2
     return 0.5 * (rigid - hh * lateral**2 - 2 * hg * lateral * s[:, 2] - gg * s[:, 2] ** 2)
 
 
@@ -38,8 +46,11 @@ def _arm(arm: Arm, joint_angle: np.ndarray, grip_rate: np.ndarray, turn_rate: np
     normal = np.stack([-np.sin(angle), np.cos(angle)], axis=2)
     l1, l2, l3 = arm.link_length
     wrist = grip_rate - l3 * turn_rate[:, None] * normal[:, 2]
-    matrix = np.stack([l1 * normal[:, 0], l2 * normal[:, 1]], axis=2)
-    rate = np.column_stack([np.linalg.solve(matrix, wrist[:, :, None])[:, :, 0], turn_rate])
+    # wrist = l1 φ̇1 n1 + l2 φ̇2 n2, solved by hand: the library's solver wakes all cores for it.
+    elbow = normal[:, 0, 0] * normal[:, 1, 1] - normal[:, 0, 1] * normal[:, 1, 0]
+    first = (wrist[:, 0] * normal[:, 1, 1] - wrist[:, 1] * normal[:, 1, 0]) / (l1 * elbow)
+    second = (normal[:, 0, 0] * wrist[:, 1] - normal[:, 0, 1] * wrist[:, 0]) / (l2 * elbow)
+    rate = np.column_stack([first, second, turn_rate])
     joint = np.zeros_like(wrist)
     energy = np.zeros(len(wrist))
     for link in range(3):

@@ -34,7 +34,9 @@ class RawBrowser:
 
     def __init__(self, session: Session):
         protocol: Any = f"viser-v{viser.__version__}"
-        self._socket = connect(session.url.replace("http", "ws"), subprotocols=[protocol], max_size=None)
+        # The lab goes on sending and is slow to say goodbye; a browser would not wait for that either.
+        address = session.url.replace("http", "ws")
+        self._socket = connect(address, subprotocols=[protocol], max_size=None, close_timeout=0.2)
         self.send(CAMERA)
 
     def send(self, message: dict[str, Any]) -> None:

@@ -2,8 +2,8 @@
 
 import signal
 import socket
-import time
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,10 +1,12 @@
 """What a recording shows when it is opened: the moving arms, the plots that matter, parameters and events. No clicking."""
 
+from collections.abc import Sequence
+
 import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
 from flexlab.recording.chunks import TIMELINE
-from flexlab.recording.drawing import eye
+from flexlab.recording.drawing import VIEW_SHAPE, eye
 from flexlab.recording.signals import REAL_TIME_FACTOR, PlotSignal, plot_signals
 from flexlab.scenario import Scenario
 
@@ -37,9 +39,11 @@ def run_blueprint(scenario: Scenario, factor: float, title: str) -> rrb.Blueprin
     )
 
 
-def scene_view(name: str, scenario: Scenario, contents: str = "/scene/**") -> rrb.Spatial3DView:
-    """The plane from above."""
-    (x, y, z), height = eye(scenario)
+def scene_view(
+    name: str, scenario: Scenario, contents: str = "/scene/**", shape: float = VIEW_SHAPE
+) -> rrb.Spatial3DView:
+    """The plane from above; `shape`: the view's width over its height, about."""
+    (x, y, z), height = eye(scenario, shape)
     return rrb.Spatial3DView(
         origin="/",
         contents=contents,
@@ -56,11 +60,12 @@ def scene_view(name: str, scenario: Scenario, contents: str = "/scene/**") -> rr
     )
 
 
-def plot_view(signal: PlotSignal) -> rrb.TimeSeriesView:
-    """One plot, its time axis shared with all others."""
+def plot_view(signal: PlotSignal, contents: Sequence[str] = ()) -> rrb.TimeSeriesView:
+    """One plot, its time axis shared with all others. `contents`: other entities to draw in it than the signal's own."""
     units = sorted({name[name.rindex("[") + 1 : -1] for name in signal.names})
     return rrb.TimeSeriesView(
-        origin=f"/{signal.entity}",
+        origin="/" if contents else f"/{signal.entity}",
+        contents=list(contents) or "$origin/**",
         name=f"{signal.title} [{', '.join(units)}]",
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),

@@ -1,5 +1,8 @@
 """Arrow columns for rerun, built from whole NumPy blocks: ten times faster than its archetypes, row by row or not."""
 
+from collections.abc import Iterable
+from typing import cast
+
 import numpy as np
 import pyarrow as pa
 import rerun as rr
@@ -39,6 +42,12 @@ def nanoseconds(time: np.ndarray) -> np.ndarray:
 def time_column(time: np.ndarray) -> rr.TimeColumn:
     """The timeline's column for instants (N,) in s."""
     return rr.TimeColumn(TIMELINE, duration=nanoseconds(time))
+
+
+def send_columns(stream: rr.RecordingStream, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
+    """Send columns for the instants `time` (N,), s."""
+    # A `Column` is all that rerun asks of one, though not one by name.
+    stream.send_columns(entity, [time_column(time)], cast(Iterable[rr.ComponentColumn], columns))
 
 
 def scalars(values: np.ndarray) -> Column:

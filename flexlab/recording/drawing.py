@@ -134,12 +134,12 @@ EYE_ANGLE = np.radians(55)
 """Rerun's field of view from top to bottom."""
 
 
-def eye(scenario: Scenario) -> tuple[tuple[float, float, float], float]:
-    """(point to look at, height above it in m) from which the whole motion is seen."""
+def eye(scenario: Scenario, shape: float = VIEW_SHAPE) -> tuple[tuple[float, float, float], float]:
+    """(point to look at, height above it in m) from which the whole motion is seen, in a view `shape` times as wide as high."""
     path = scenario.trajectory
     center, reach = np.array(path.center[:2]), np.abs(path.amplitude[:2]) + 0.5 * scenario.payload.length
     points = np.array([*(arm.base for arm in scenario.arms), center - reach, center + reach])
     low, high = points.min(axis=0) - VIEW_MARGIN / 2, points.max(axis=0) + VIEW_MARGIN / 2
     x, y = 0.5 * (low + high)
-    half = 0.5 * max((high[0] - low[0] + VIEW_MARGIN) / VIEW_SHAPE, high[1] - low[1])
+    half = 0.5 * max((high[0] - low[0] + VIEW_MARGIN) / shape, high[1] - low[1])
     return (float(x), float(y), 0.0), float(half / np.tan(EYE_ANGLE / 2))

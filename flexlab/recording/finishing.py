@@ -94,6 +94,8 @@ def finish(path: Path, mending: Mending | None = None) -> None:
     try:
         if has_footer(path):
             return
+        if path.stat().st_size == 0:
+            raise RecordingError(f"{path} is empty: its run was lost before anything was written.")
         own = claim(path, "rb+")
     except BlockingIOError:
         return

@@ -28,7 +28,7 @@ class HeadlessRecording:
         self._file = claim_run_file(logs, info.name, info.started)
         self._status: Status | None = None
         try:
-            self._stream = open_file_stream(self._file.path, info)
+            self._stream = open_file_stream(self._file, info)
         except BaseException:
             self._file.release()
             self._file.path.unlink(missing_ok=True)
@@ -43,7 +43,7 @@ class HeadlessRecording:
     def write(self, samples: Samples) -> None:
         """Write the next block (N >= 1)."""
         self._run.write_samples(samples)
-        self._stream.flush()
+        self._stream.push()
 
     def note(self, event: Event) -> None:
         """Write an event; commands belong here too, so that the run can be replayed."""

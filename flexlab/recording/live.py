@@ -7,7 +7,7 @@ import rerun as rr
 
 from flexlab.errors import RecordingError
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.run_stream import FLUSH_TIMEOUT, RunStream
+from flexlab.recording.run_stream import FLUSH_TIMEOUT, RunStream, open_live_stream
 
 MEMORY_LIMIT = "64MiB"
 """What the hub keeps for viewers that join late: about four minutes of the paper's run. What never changes stays."""
@@ -58,7 +58,7 @@ class LiveHub:
         """The stream of one run, for all viewers present and to come. Raises `RecordingError` once the hub is closed."""
         if self._stream is None:
             raise RecordingError("The live stream is closed.")
-        return RunStream(rr.GrpcSink(self.url), info, exact=False)
+        return open_live_stream(self.url, info)
 
     def close(self) -> None:
         """Stop serving. Runs that still stream into the hub must be closed first. May be called twice."""

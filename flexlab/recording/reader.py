@@ -1,25 +1,20 @@
 """Reads a recording back: exact samples, scenario, events, and how the run ended. Torn files are read up to the tear."""
 
 import json
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-from rerun.chunk import LazyChunkStream, RrdReader
 
 from flexlab.errors import RecordingError, ScenarioError
 from flexlab.recording.blocks import decode_block, join_blocks
-from flexlab.recording.chunks import TIMELINE
 from flexlab.recording.commands_json import command_from_json
 from flexlab.recording.documents import FORMAT, state_from_json
-from flexlab.recording.finishing import Mending
-from flexlab.recording.run_files import MAGIC, State, run_state
+from flexlab.recording.rrd_rows import Rows, Unreadable, check_recording, read_rows, stream_rows
+from flexlab.recording.run_files import State, has_footer, run_state
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.columns import row_length, rows_to_samples
 from flexlab.sim.samples import Run, Samples, Status
@@ -28,8 +23,6 @@ from flexlab.sim.world import WorldState
 
 PROPERTIES = "/__properties/"
 """Where rerun keeps a recording's properties."""
-ROW_ID = "rerun.controls.RowId"
-"""Rerun's own column, of no interest here."""
 
 
 @dataclass(frozen=True)
@@ -65,91 +58,36 @@ class Recording:
         return Run(**signals, scenario=self.scenario, status=self.status)
 
 
-def read_recording(path: Path | str) -> Recording:
-    """Read a recording, with a torn tail too. Raises `RecordingError` with one sentence for what is none."""
-    return _assemble(Path(path), _read(Path(path), ["/exact/**", PROPERTIES + "**"]))
+def read_recording(path: Path | str, with_samples: bool = True) -> Recording:
+    """Read a recording, with a torn tail too. Raises `RecordingError` with one sentence for what is none.
+
+    `with_samples` False leaves the samples out (N = 0): enough for scenario and events, and quick for hours of data.
+    """
+    content = ["/exact/**", PROPERTIES + "**"] if with_samples else ["/exact/events", "/exact/start", PROPERTIES + "**"]
+    return _assemble(Path(path), read_rows(Path(path), content))
+
+
+def read_blocks(path: Path | str) -> Iterator[Samples]:
+    """The samples of a recording in blocks, not always in the order of time: for hours of data in little memory.
+
+    Raises `RecordingError` as `read_recording` does.
+    """
+    path = Path(path)
+    check_recording(path)
+    if not has_footer(path):
+        yield read_recording(path).samples
+        return
+    try:
+        for _, (_, values) in stream_rows(path, ["/exact/samples"]):
+            yield decode_block(values["data"])
+    except Unreadable:
+        raise RecordingError(f"{path} is damaged: its samples cannot be read to the end.") from None
 
 
 def read_scenario(path: Path | str) -> tuple[str, Scenario]:
     """(name, scenario) of a recording; of a finished one in milliseconds, however long. Raises `RecordingError`."""
-    properties = _properties(Path(path), _read(Path(path), [PROPERTIES + "**"]))
+    properties = _properties(Path(path), read_rows(Path(path), [PROPERTIES + "**"]))
     return properties["preset"], _scenario(Path(path), properties)
-
-
-def _read(path: Path, content: list[str]) -> "Rows":
-    """The rows of the entities that match; of a torn file through a mended copy. Raises `RecordingError`."""
-    check_recording(path)
-    try:
-        return _rows_by_entity(path, content)
-    except _Unreadable:
-        with TemporaryDirectory(prefix="flexlab-") as folder:
-            mended = Path(folder) / path.name
-            try:
-                if Mending().rewrite(path, mended):
-                    return _rows_by_entity(mended, content)
-            except _Unreadable:
-                pass
-    raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
-
-
-class _Unreadable(Exception):
-    """Rerun refuses the file."""
-
-
-Rows = dict[str, list[tuple[int, dict[str, Any]]]]
-"""Entity → (time in ns, component → value) in the order of times."""
-
-
-def check_recording(path: Path) -> None:
-    """Look whether a file can be a rerun recording at all. Raises `RecordingError` with the reason if not."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(len(MAGIC))
-    except FileNotFoundError:
-        raise RecordingError(f"There is no recording {path}: check the name.") from None
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read ({error.strerror}): check its name and rights.") from None
-    if not head:
-        raise RecordingError(f"{path} is empty: its run was lost before anything was written.")
-    if head != MAGIC:
-        raise RecordingError(
-            f"{path} is not a rerun recording: choose a file that ends in .rrd and was made by flexlab."
-        )
-
-
-def _rows_by_entity(path: Path, content: list[str]) -> Rows:
-    rows: Rows = {}
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # That a file has no index yet is no news here.
-            reader = RrdReader(path)
-            if not reader.recordings():
-                raise _Unreadable
-            for chunk in _stream(reader).filter(content=content):
-                rows.setdefault(chunk.entity_path, []).extend(_rows(chunk.to_record_batch()))
-    except (ValueError, RuntimeError, OSError) as error:
-        raise _Unreadable from error
-    for entity in rows.values():
-        entity.sort(key=lambda row: row[0])
-    return rows
-
-
-def _stream(reader: RrdReader) -> LazyChunkStream:
-    """All chunks; by the index, if the file has one, so that a filter leaves the others on the disk."""
-    try:
-        return reader.store().stream()
-    except (ValueError, RuntimeError):
-        return reader.stream()
-
-
-def _rows(batch: pa.RecordBatch) -> Iterator[tuple[int, dict[str, Any]]]:
-    """(time in ns, component → first value) of each row; what has no time stands at -1."""
-    names = batch.schema.names
-    time = batch.column(TIMELINE).cast(pa.int64()).to_pylist() if TIMELINE in names else [-1] * batch.num_rows
-    components = [name for name in names if name not in (TIMELINE, ROW_ID)]
-    columns = {name.rpartition(":")[2]: batch.column(name).to_pylist() for name in components}
-    for row, instant in enumerate(time):
-        yield instant, {name: column[row][0] for name, column in columns.items() if column[row]}
 
 
 def _values(rows: Rows, entity: str) -> dict[str, Any]:

@@ -15,7 +15,8 @@ from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import run_blueprint
 from flexlab.recording.drawing import exaggeration
 from flexlab.recording.finishing import finish
-from flexlab.recording.reader import check_recording, read_scenario
+from flexlab.recording.reader import read_scenario
+from flexlab.recording.rrd_rows import check_recording
 from flexlab.recording.run_files import newest_run
 from flexlab.recording.run_stream import APPLICATION
 from flexlab.recording.web_viewer import LOOPBACK, ViewerServer, viewer_link

@@ -36,6 +36,9 @@ QUIET_TIME = 60.0
 MAX_SAME_NAME = 1000
 """Runs of one preset within one second."""
 
+CLAIM_ATTEMPTS, CLAIM_PAUSE = 50, 0.01
+"""How often, and with how many s between, a new file is claimed."""
+
 State = Literal["in use", "complete", "recovered", "unfinished", "damaged"]
 """complete: ended as it should. recovered: its writer died, the file was made whole. unfinished: not yet looked after."""
 
@@ -82,13 +85,18 @@ def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> R
 
 def claim(path: Path, mode: Literal["xb", "rb+"]) -> RunFile:
     """Open and lock a file. Raises OSError, `BlockingIOError` if another process has it."""
-    handle = path.open(mode)
-    try:
-        if fcntl is not None:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        handle.close()
-        raise
+    handle = path.open(mode, buffering=0)
+    # Somebody who looks whether a new file is in use holds its lock for a moment.
+    for attempts_left in reversed(range(CLAIM_ATTEMPTS if mode == "xb" else 1)):
+        try:
+            if fcntl is not None:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        except OSError:
+            if attempts_left == 0:
+                handle.close()
+                raise
+            time.sleep(CLAIM_PAUSE)
     return RunFile(path, handle)
 
 
@@ -124,7 +132,10 @@ def run_state(path: Path) -> State:
     if notes.get("damaged_size") == path.stat().st_size:
         return "damaged"
     if not has_footer(path):
-        return "in use" if is_in_use(path) else "unfinished"
+        if is_in_use(path):
+            return "in use"
+        # An empty file is one that is just being made, or whose lab died at that moment: nothing to mend.
+        return "unfinished" if path.stat().st_size else "damaged"
     return "recovered" if notes.get("recovered") else "complete"
 
 

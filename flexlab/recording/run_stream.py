@@ -1,17 +1,18 @@
 """One run's recording on its way to one place: a file, or the hub for live viewers."""
 
 from collections.abc import Iterable
-from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import run_blueprint
-from flexlab.recording.chunks import Column, time_column
+from flexlab.recording.chunks import Column, send_columns
 from flexlab.recording.documents import parameters_text, run_properties, signals_text, state_json
 from flexlab.recording.drawing import fixed_shapes
+from flexlab.recording.rrd_file import RrdFile
+from flexlab.recording.run_files import RunFile
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
 
@@ -19,32 +20,27 @@ APPLICATION = "flexlab"
 """Rerun keeps one layout per application: a person's own changes to it hold for the next run too."""
 
 FLUSH_TIMEOUT = 5.0
-"""s: a file system that does not answer for so long counts as failed."""
+"""s: rerun's encoder or the hub, if silent for so long, counts as failed."""
 
 
 class RunStream:
     """A rerun stream that has already said what the run is. Not for use by two threads at once."""
 
-    def __init__(self, sink: Any, info: RunInfo, exact: bool):
-        """Open `sink` and send what does not change. `exact`: whether blocks of exact samples belong here.
+    def __init__(
+        self, stream: rr.RecordingStream, info: RunInfo, encoded: rr.BinaryStream | None, file: RrdFile | None
+    ):
+        """`stream` has its sink already; for a file, `encoded` is that sink and `file` where its bytes go.
 
-        Raises `RecordingError` if the sink cannot be opened.
+        Raises `RecordingError` if what does not change cannot be brought to its place.
         """
-        self.exact = exact
-        self._stream = rr.RecordingStream(APPLICATION, recording_id=info.run_id, send_properties=False)
-        # Wall-clock axes would only be a second, jumpy time beside the simulation's own.
-        self._stream.set_log_time_enabled(False)
-        self._stream.set_log_tick_enabled(False)
-        try:
-            blueprint = run_blueprint(info.scenario, info.exaggeration, info.name)
-            self._stream.set_sinks(sink, default_blueprint=blueprint)
-        except (RuntimeError, OSError) as error:
-            raise RecordingError(f"The recording cannot be opened: {_one_line(error)}") from None
-        try:
-            self._introduce(info)
-        except RecordingError:
-            self.close()
-            raise
+        self._stream, self._encoded, self._file = stream, encoded, file
+        self._introduce(info)
+        self.push()
+
+    @property
+    def exact(self) -> bool:
+        """Whether blocks of exact samples belong here: in files they do, viewers have no use for them."""
+        return self._file is not None
 
     def _introduce(self, info: RunInfo) -> None:
         stream, scenario = self._stream, info.scenario
@@ -68,39 +64,87 @@ class RunStream:
         if info.start is not None:
             self._log("exact/start", rr.AnyValues(state=state_json(info.start)))
         # `log` goes through a batcher that `send_columns` overtakes.
-        self.flush()
+        try:
+            stream.flush(timeout_sec=FLUSH_TIMEOUT)
+        except (RuntimeError, ValueError, OSError) as error:
+            raise RecordingError(f"The recording cannot be opened: {_one_line(error)}") from None
 
     def _log(self, entity: str, archetype: rr.AsComponents) -> None:
         self._stream.log(entity, archetype, static=True)
 
     def send(self, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
-        """Send columns for the instants `time` (N,), s. Returns at once; what fails is told by `flush`."""
-        # A `Column` is all that rerun asks of one, though not one by name.
-        self._stream.send_columns(entity, [time_column(time)], cast(Iterable[rr.ComponentColumn], columns))
+        """Send columns for the instants `time` (N,), s. Returns at once; `push` brings them to their place."""
+        send_columns(self._stream, entity, time, columns)
 
     def send_property(self, name: str, values: rr.AsComponents) -> None:
         """Add a property, as seen in listings."""
         self._stream.send_property(name, values)
 
-    def flush(self) -> None:
-        """Wait until all is written. Raises `RecordingError` if something was not (a full disk, say)."""
+    def push(self) -> None:
+        """Bring what was sent to its place (a live stream does so by itself).
+
+        Raises `RecordingError` if a file takes no more; what is left then waits for the next call.
+        """
+        self.hold()
+        if self._file is not None:
+            self._file.write()
+
+    def hold(self) -> None:
+        """Keep what was sent for the next `push`: for a disk that is known to be full."""
+        if self._file is None or self._encoded is None:
+            return
         try:
-            self._stream.flush(timeout_sec=FLUSH_TIMEOUT)
-        except (RuntimeError, ValueError, OSError) as error:
-            raise RecordingError(f"The recording cannot be written: {_one_line(error)}") from None
+            piece = self._encoded.read(flush_timeout_sec=FLUSH_TIMEOUT)
+        except (RuntimeError, ValueError) as error:
+            raise RecordingError(f"Rerun does not encode: {_one_line(error)}") from None
+        if piece:
+            self._file.hold(piece)
+
+    @property
+    def given_up(self) -> int:
+        """Pieces of the recording that a full disk has cost."""
+        return 0 if self._file is None else self._file.given_up
 
     def close(self) -> None:
-        """Write what is left and let go of the sink."""
-        self._stream.disconnect()
+        """Bring what is left to its place and let go of it. Raises `RecordingError` if a file takes no more."""
+        try:
+            self.push()
+        finally:
+            self._stream.disconnect()
 
 
-def open_file_stream(path: Path, info: RunInfo) -> RunStream:
-    """A stream into the file `path`, overwriting it. Raises `RecordingError` if it cannot be written."""
-    # A footer's index would grow in memory by 100 MB an hour; `finish` adds it afterwards.
+def open_live_stream(url: str, info: RunInfo) -> RunStream:
+    """A stream into the hub that listens at `url`. Raises `RecordingError`."""
+    stream = _new_stream(info)
     try:
-        return RunStream(rr.FileSink(str(path), write_footer=False), info, exact=True)
+        stream.set_sinks(rr.GrpcSink(url), default_blueprint=_layout(info))
+    except (RuntimeError, ValueError, OSError) as error:
+        raise RecordingError(f"The live stream cannot be opened: {_one_line(error)}") from None
+    return RunStream(stream, info, None, None)
+
+
+def open_file_stream(file: RunFile, info: RunInfo) -> RunStream:
+    """A stream into a claimed, empty file. Raises `RecordingError` if it cannot be written."""
+    stream = _new_stream(info)
+    encoded = stream.binary_stream()
+    stream.set_sinks(encoded, default_blueprint=_layout(info))
+    try:
+        return RunStream(stream, info, encoded, RrdFile(file.handle))
     except RecordingError as error:
-        raise RecordingError(f"{path.name}: {error}") from None
+        stream.disconnect()
+        raise RecordingError(f"{file.path.name}: {error}") from None
+
+
+def _new_stream(info: RunInfo) -> rr.RecordingStream:
+    stream = rr.RecordingStream(APPLICATION, recording_id=info.run_id, send_properties=False)
+    # Wall-clock axes would only be a second, jumpy time beside the simulation's own.
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    return stream
+
+
+def _layout(info: RunInfo) -> rrb.Blueprint:
+    return run_blueprint(info.scenario, info.exaggeration, info.name)
 
 
 def _one_line(error: BaseException) -> str:

@@ -1,5 +1,6 @@
 """Turns a run's samples and events into what its streams hold. No thread, no queue, no file names: see `writer`."""
 
+import contextlib
 import json
 from collections.abc import Sequence
 from typing import Any
@@ -44,7 +45,21 @@ class RunWriter:
             self._send_events([stream], self._events)
 
     def write_samples(self, samples: Samples, speed_time: Sequence[float] = (), speed: Sequence[float] = ()) -> None:
-        """Write a block (N >= 1). `speed`: real-time factors as they stood at the simulation times `speed_time`, s."""
+        """Write a block (N >= 1), exact and shown. `speed`: real-time factors at the simulation times `speed_time`, s."""
+        self.write_exact(samples)
+        self.write_shown(samples, speed_time, speed)
+
+    def write_exact(self, samples: Samples) -> None:
+        """Write a block (N >= 1) in full precision only, at its last instant, so that no time axis ends later."""
+        column = blobs("flexlab.Block", "data", [encode_block(samples)])
+        for stream in self.streams:
+            if stream.exact:
+                stream.send("exact/samples", samples.time[-1:], [column])
+        self.rows += len(samples)
+        self.last_time = float(samples.time[-1])
+
+    def write_shown(self, samples: Samples, speed_time: Sequence[float], speed: Sequence[float]) -> None:
+        """Write what a viewer shows of a block (N >= 1): curves and drawing."""
         for signal in self._signals:
             self._send(signal.entity, samples.time, [scalars(signal.values(samples))])
         if len(speed):
@@ -54,21 +69,10 @@ class RunWriter:
         if len(drawn):
             for entity, columns in moving_shapes(self._scenario, drawn, self.info.exaggeration):
                 self._send(entity, drawn.time, columns)
-        self._send_exact(samples)
-        self.rows += len(samples)
-        self.last_time = float(samples.time[-1])
 
     def _send(self, entity: str, time: np.ndarray, columns: list) -> None:
         for stream in self.streams:
             stream.send(entity, time, columns)
-
-    def _send_exact(self, samples: Samples) -> None:
-        """The block in full precision, at its last instant, so that a viewer's time axis does not end later."""
-        streams = [stream for stream in self.streams if stream.exact]
-        if streams:
-            column = blobs("flexlab.Block", "data", [encode_block(samples)])
-            for stream in streams:
-                stream.send("exact/samples", samples.time[-1:], [column])
 
     def _frames(self, samples: Samples, speed: float) -> Samples:
         """The samples to draw: FRAMES_PER_SECOND a simulated second, in slow motion as many a wall second."""
@@ -124,7 +128,7 @@ class RunWriter:
         return json.dumps(record | {"text": event.text, "level": event.level, "command": command}, ensure_ascii=False)
 
     def end(self, status: Status, dropped: int = 0) -> None:
-        """Say how the run ended, then close all streams."""
+        """Say how the run ended, then close all streams. Raises `RecordingError` if a file does not take it all."""
         text = Event(
             status.time or self.last_time, f"End of the run: {status.text}", level="error" if status.failed else "info"
         )
@@ -147,14 +151,18 @@ class RunWriter:
         }
 
     def close(self) -> None:
-        """Close all streams without a word (the run goes on elsewhere or was lost)."""
+        """Close all streams without a word (the run goes on elsewhere or was lost). Raises `RecordingError`."""
+        problems = []
         while self.streams:
-            self.streams.pop().close()
+            try:
+                self.streams.pop().close()
+            except RecordingError as error:
+                problems.append(error)
+        if problems:
+            raise problems[0]
 
     def drop_stream(self, stream: RunStream) -> None:
         """Go on without a stream that failed."""
         self.streams.remove(stream)
-        try:
+        with contextlib.suppress(RecordingError):
             stream.close()
-        except RecordingError:
-            pass

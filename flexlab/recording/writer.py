@@ -6,20 +6,17 @@ exception in the lab; recording resumes by itself, in a new part of the run, as 
 
 import contextlib
 import queue
-import shutil
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from flexlab.errors import RecordingError
 from flexlab.recording.blocks import join_blocks
+from flexlab.recording.file_keeper import FileKeeper
 from flexlab.recording.finisher import Finisher
 from flexlab.recording.live import LiveHub
-from flexlab.recording.run_files import RunFile, claim_run_file, write_notes
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.run_stream import RunStream, open_file_stream
 from flexlab.recording.run_writer import RunWriter
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
@@ -27,17 +24,14 @@ from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 from flexlab.sim.world import WorldState
 
-WRITE_PERIOD = 0.2
-"""Wall seconds between writes: what a killed process loses at most, and some time for the write itself."""
+WRITE_PERIOD = 0.1
+"""Wall seconds between writes of exact samples: what a killed process loses, and some time for the write itself."""
 
-CHECK_PERIOD = 0.5
-"""Wall seconds between looks at whether the file takes what is written: rerun tells of a full disk only when asked."""
+WRITE_ROWS = 200
+"""Samples that are written at once, however little time has passed: at four times real time they come as fast."""
 
-RETRY_PERIOD = 1.0
-"""Wall seconds between attempts to go on with a file."""
-
-ROOM_TO_RESUME = 32_000_000
-"""Free bytes that a full disk must have again: a minute's worth, so that files do not fill up one by one."""
+SHOW_PERIOD = 0.2
+"""Wall seconds between writes of what a viewer shows: each costs a kilobyte per curve or shape, however short it is."""
 
 QUEUE_ROWS = 20_000
 """Samples (rows) that may wait: 20 s at real time, 12 MB; more are dropped and counted."""
@@ -53,10 +47,12 @@ class Recorder:
         on_problem: Callable[[str], None] | None = None,
         sample_period: float = TICK,
         queue_rows: int = QUEUE_ROWS,
+        on_finished: Callable[[Path], object] | None = None,
     ):
         """Start the recorder's thread; nothing is written before a run begins.
 
-        `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes.
+        `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes; `on_finished`
+        every file whose run has ended and that is whole, on a thread of low importance.
         """
         self._logs, self._hub, self._on_problem = logs, hub, on_problem
         self._sample_period, self._queue_rows = sample_period, queue_rows
@@ -64,28 +60,28 @@ class Recorder:
         self._lock = threading.Lock()
         self._waiting_rows = 0
         self._dropped = 0
-        self._problem: str | None = None
+        self._stumble: str | None = None
         self._run: RunWriter | None = None
-        self._file: RunFile | None = None
-        self._file_stream: RunStream | None = None
-        self._parts = 0
+        self._keeper: FileKeeper | None = None
         self._blocks: list[Samples] = []
+        self._unshown: list[Samples] = []
         self._speeds: list[tuple[float, float]] = []
-        self._next_write = self._next_check = self._next_try = 0.0
-        self._finisher = Finisher(logs)
+        self._next_write = self._next_show = 0.0
+        self._finisher = Finisher(logs, on_finished)
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
 
     @property
     def problem(self) -> str | None:
         """Why nothing is being recorded just now, as a sentence; None while all is well."""
-        return self._problem
+        keeper = self._keeper
+        return self._stumble if keeper is None else keeper.problem or self._stumble
 
     @property
     def path(self) -> Path | None:
         """The file being written."""
-        file = self._file
-        return None if file is None else file.path
+        keeper = self._keeper
+        return None if keeper is None else keeper.path
 
     @property
     def dropped_rows(self) -> int:
@@ -141,32 +137,30 @@ class Recorder:
                 job()
                 self._keep_up()
             except Exception as error:  # The lab must go on whatever becomes of its recording.
-                self._fail(f"The recorder stumbled ({type(error).__name__}: {error}).")
+                self._report(f"The recorder stumbled ({type(error).__name__}: {error}).")
                 if job is None:
                     return
 
     def _keep_up(self) -> None:
         now = time.monotonic()
-        if now >= self._next_write:
-            self._write()
+        if now >= self._next_write or sum(map(len, self._blocks)) >= WRITE_ROWS:
             self._next_write = now + WRITE_PERIOD
-        if now >= self._next_check:
-            self._check()
-            self._next_check = now + CHECK_PERIOD
-        if self._run is not None and self._file_stream is None and now >= self._next_try:
-            self._resume()
-            self._next_try = now + RETRY_PERIOD
+            self._write_exact()
+            if now >= self._next_show:
+                self._next_show = now + SHOW_PERIOD
+                self._write_shown()
+            if self._keeper is not None:
+                self._keeper.keep_up(now)
 
     def _begin(self, info: RunInfo) -> None:
         self._end(Status("finished", "A new run began."), self._dropped)
-        self._run = RunWriter(info)
-        self._problem, self._parts = None, 0
+        self._run, self._stumble = RunWriter(info), None
         if self._hub is not None:
-            self._run.add_stream(self._hub.open_stream(info))
-        try:
-            self._open_file(self._run)
-        except RecordingError as error:
-            self._fail(str(error))
+            try:
+                self._run.add_stream(self._hub.open_stream(info))
+            except RecordingError as error:
+                self._report(str(error))
+        self._keeper = FileKeeper(self._logs, self._run, self._tell)
 
     def _take(self, samples: Samples, speed: float) -> None:
         self._blocks.append(samples)
@@ -180,91 +174,45 @@ class Recorder:
         self._run.write_event(event)
 
     def _write(self) -> None:
-        blocks, speeds, self._blocks, self._speeds = self._blocks, self._speeds, [], []
+        self._write_exact()
+        self._write_shown()
+
+    def _write_exact(self) -> None:
+        blocks, self._blocks = self._blocks, []
+        try:
+            if blocks and self._run is not None:
+                samples = join_blocks(blocks)
+                self._run.write_exact(samples)
+                self._unshown.append(samples)
+        finally:
+            with self._lock:
+                self._waiting_rows -= sum(map(len, blocks))
+
+    def _write_shown(self) -> None:
+        blocks, speeds, self._unshown, self._speeds = self._unshown, self._speeds, [], []
         if blocks and self._run is not None:
-            self._run.write_samples(join_blocks(blocks), *zip(*speeds, strict=True))
-        with self._lock:
-            self._waiting_rows -= sum(map(len, blocks))
+            self._run.write_shown(join_blocks(blocks), *zip(*speeds, strict=True))
 
     def _end(self, status: Status, dropped: int) -> None:
-        run = self._run
-        if run is None:
+        if self._keeper is None:
             return
         self._write()
-        run.end(status, dropped)
-        self._run, file, self._file, self._file_stream = None, self._file, None, None
-        if file is not None:
-            with contextlib.suppress(OSError):  # The recording is there; its state is then told from the file alone.
-                write_notes(file.path, **run.summary(status, dropped))
-            file.release()
-            self._finisher.add(file.path)
+        path = self._keeper.end(status, dropped)
+        self._run = self._keeper = None
+        if path is not None:
+            self._finisher.add(path)
 
-    # Files that fail and come back.
-
-    def _open_file(self, run: RunWriter) -> RunFile:
-        """Begin the run's next part. Raises `RecordingError`."""
-        info = replace(run.info, part=self._parts + 1)
-        file = claim_run_file(self._logs, info.name, info.started, info.part)
-        try:
-            stream = open_file_stream(file.path, info)
-        except RecordingError:
-            file.release()
-            file.path.unlink(missing_ok=True)
-            raise
-        run.add_stream(stream)
-        self._parts, self._file, self._file_stream = info.part, file, stream
-        return file
-
-    def _check(self) -> None:
-        if self._file_stream is None or self._file is None:
-            return
-        try:
-            self._file_stream.flush()
-            if not self._file.path.exists():
-                raise RecordingError(f"{self._file.path} was removed while it was being written.")
-        except RecordingError as error:
-            self._fail(str(error))
-
-    def _resume(self) -> None:
-        run = self._run
-        assert run is not None
-        if _free_bytes(self._logs) < ROOM_TO_RESUME:
-            return
-        try:
-            file = self._open_file(run)
-        except RecordingError:
-            return  # Said already; tried again soon.
-        self._problem = None
-        self._tell(f"Recording goes on in {file.path.name}.")
-
-    def _fail(self, reason: str) -> None:
-        """Go on without a file, and say so once."""
-        file, stream, self._file, self._file_stream = self._file, self._file_stream, None, None
-        if stream is not None and self._run is not None and stream in self._run.streams:
-            self._run.drop_stream(stream)
-        if file is not None:
-            file.release()
-        free = _free_bytes(self._logs)
-        if free < ROOM_TO_RESUME:
-            reason = f"The disk of {self._logs} is full ({free / 1e6:.1f} MB free)."
-        told, self._problem = self._problem, f"{reason} This run is not being recorded until that is mended."
-        if told is None:
-            self._tell(self._problem)
+    def _report(self, text: str) -> None:
+        """Keep a problem that concerns no file until the next run, and say it once."""
+        said, self._stumble = self._stumble, text
+        if said is None:
+            self._tell(text)
 
     def _tell(self, text: str) -> None:
         if self._on_problem is not None:
-            self._on_problem(text)
+            with contextlib.suppress(Exception):  # A broken listener is no reason to stop recording.
+                self._on_problem(text)
 
 
 def _nothing() -> None:
     """What to do when nothing waits."""
-
-
-def _free_bytes(folder: Path) -> float:
-    """Free bytes on the folder's disk; without a folder, of the nearest one above that is there."""
-    for place in (folder, *folder.absolute().parents):
-        try:
-            return shutil.disk_usage(place).free
-        except OSError:
-            continue
-    return float("inf")

@@ -32,23 +32,54 @@ class RunMetrics:
     """Root mean square of its moment, N·m."""
 
 
+class MetricSums:
+    """Gathers the metrics block by block, in any order of blocks, so that hours of a run need little memory."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._error_squares = np.zeros(3)
+        self._force_squares = np.zeros(3)
+        self._error_peak = np.zeros(3)
+        self._torque_peak = 0.0
+        self._vibration: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def add(self, samples: Samples) -> None:
+        """Take in a block."""
+        if len(samples) == 0:
+            return
+        self._count += len(samples)
+        self._error_squares += np.sum(samples.tracking_error**2, axis=0)
+        self._force_squares += np.sum(samples.internal_force[:, 0] ** 2, axis=0)
+        self._error_peak = np.maximum(self._error_peak, np.max(np.abs(samples.tracking_error), axis=0))
+        self._torque_peak = max(self._torque_peak, float(np.max(np.abs(samples.joint_torque))))
+        self._vibration.append((samples.time.copy(), samples.vibration))
+
+    def result(self) -> RunMetrics:
+        """The metrics of all blocks so far."""
+        if self._count == 0:
+            nothing = (np.nan, np.nan, np.nan)
+            return RunMetrics(0.0, nothing, nothing, *[np.nan] * 5)
+        time = np.concatenate([time for time, _ in self._vibration])
+        vibration = np.concatenate([vibration for _, vibration in self._vibration])
+        order = np.argsort(time, kind="stable")
+        force = self._force_squares / self._count
+        return RunMetrics(
+            duration=float(time[order[-1]] - time[order[0]]),
+            rms_error=_three(np.sqrt(self._error_squares / self._count)),
+            peak_error=_three(self._error_peak),
+            peak_vibration=float(np.max(np.abs(vibration))),
+            settling_time=settling_time(time[order], vibration[order]),
+            peak_torque=self._torque_peak,
+            rms_internal_force=float(np.sqrt(force[0] + force[1])),
+            rms_internal_moment=float(np.sqrt(force[2])),
+        )
+
+
 def run_metrics(samples: Samples) -> RunMetrics:
     """The metrics of a run, or of any piece of one."""
-    if len(samples) == 0:
-        nothing = (np.nan, np.nan, np.nan)
-        return RunMetrics(0.0, nothing, nothing, *[np.nan] * 5)
-    force = samples.internal_force[:, 0]
-    vibration = np.abs(samples.vibration)
-    return RunMetrics(
-        duration=float(samples.time[-1] - samples.time[0]),
-        rms_error=_three(np.sqrt(np.mean(samples.tracking_error**2, axis=0))),
-        peak_error=_three(np.max(np.abs(samples.tracking_error), axis=0)),
-        peak_vibration=float(np.max(vibration)),
-        settling_time=settling_time(samples.time, vibration),
-        peak_torque=float(np.max(np.abs(samples.joint_torque))),
-        rms_internal_force=float(np.sqrt(np.mean(np.sum(force[:, :2] ** 2, axis=1)))),
-        rms_internal_moment=float(np.sqrt(np.mean(force[:, 2] ** 2))),
-    )
+    sums = MetricSums()
+    sums.add(samples)
+    return sums.result()
 
 
 def settling_time(time: np.ndarray, signal: np.ndarray) -> float:

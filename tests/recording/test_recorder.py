@@ -9,6 +9,7 @@ import pytest
 from recording_helpers import assert_same_bits, drawn_beam, wait_until
 
 from flexlab.presets import load_preset
+from flexlab.recording.finishing import unfinished_runs
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_files import list_runs, read_notes, run_state
 from flexlab.recording.writer import Recorder
@@ -149,6 +150,31 @@ def test_two_labs_in_one_folder_and_one_second_keep_apart(tmp_path: Path) -> Non
         assert path is not None
         assert_same_bits(read_recording(path).samples, samples)
         assert run_state(path) == "complete"
+
+
+def test_a_file_that_others_look_at_while_it_is_made_is_claimed_all_the_same(tmp_path: Path) -> None:
+    looking, world = threading.Event(), World(load_preset("paper"))
+    looking.set()
+
+    def look() -> None:
+        while looking.is_set():
+            for path in [*list_runs(tmp_path), *unfinished_runs(tmp_path)]:
+                run_state(path)
+
+    observers = [threading.Thread(target=look) for _ in range(2)]
+    for observer in observers:
+        observer.start()
+    told: list[str] = []
+    recorder = Recorder(tmp_path, on_problem=told.append)
+    for number in range(20):
+        recorder.begin_run(number, "paper", world.scenario, world.state())
+        recorder.end_run(number, Status("finished"))
+    recorder.close(finishing_time=60)
+    looking.clear()
+    for observer in observers:
+        observer.join()
+    assert told == []
+    assert len(list_runs(tmp_path)) == 20
 
 
 def test_the_next_start_mends_what_a_dead_lab_left(tmp_path: Path, recording_file: Path) -> None:

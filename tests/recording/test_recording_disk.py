@@ -11,12 +11,14 @@ from recording_helpers import start_script, wait_until
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
+from flexlab.recording.finishing import finish
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
-from flexlab.recording.run_files import check_folder, list_runs, newest_run
+from flexlab.recording.run_files import check_folder, list_runs, newest_run, run_state
 from flexlab.recording.writer import Recorder
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Run
+from flexlab.studies.replay import replay
 
 TOLD_WITHIN = 2.0
 """s of simulation at real time."""
@@ -83,7 +85,7 @@ def test_a_file_that_is_taken_away_is_told_and_replaced(tmp_path: Path) -> None:
     wait_until(lambda: recorder.path not in (None, first), "there is another file")
     runner.stop()
     recorder.close()
-    assert "was removed while it was being written" in told[0]
+    assert "was taken away while it was being written" in told[0]
     (path,) = list_runs(tmp_path)
     assert path.stem.endswith("-part2")
     assert read_recording(path).part == 2
@@ -104,29 +106,35 @@ recorder = Recorder(Path(sys.argv[1]), on_problem=told.append)
 runner = Runner(load_preset("paper"), "paper", [recorder])
 _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
 runner.start()
-runner.submit(Tap(0.0, (0.0, 0.1)))
-time.sleep(1)
+
+def wait_for(seconds):
+    end = runner.snapshot.latest.time[0] + seconds
+    while runner.snapshot.latest.time[0] < end:
+        time.sleep(0.01)
+
+if sys.argv[2] == "later":
+    wait_for(1)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, most))
 full = runner.snapshot.latest.time[0]
 while not told:
     time.sleep(0.01)
 print(f"{full:.3f}", f"{runner.snapshot.latest.time[0]:.3f}", told[0], sep="|", flush=True)
-time.sleep(1)
+wait_for(1.5)
+runner.submit(Tap(0.0, (0.0, 0.1)))
 resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
 while recorder.problem:
     time.sleep(0.01)
-resumed = runner.snapshot.latest.time[0]
-while runner.snapshot.latest.time[0] < resumed + 1:
-    time.sleep(0.01)
+wait_for(0.5)
 print(runner.snapshot.dropped_samples, runner.snapshot.status, told[1], sep="|", flush=True)
 runner.stop()
 recorder.close(60)
 """
-"""A lab whose files may not grow beyond a limit for a while: to the writer the same as a full disk, on any machine."""
+"""A lab whose files may not grow for a while: to the writer the same as a full disk, on any machine."""
 
 
-def test_a_disk_that_takes_no_more_is_told_and_recording_resumes(tmp_path: Path) -> None:
-    lab = start_script(FULL_DISK, tmp_path)
+@pytest.mark.parametrize("when", ["later", "from the start"])
+def test_a_disk_that_takes_no_more_is_told_and_costs_nothing(when: str, tmp_path: Path) -> None:
+    lab = start_script(FULL_DISK, tmp_path, when)
     assert lab.stdout is not None
     full, said, sentence = lab.stdout.readline().strip().split("|")
     dropped, status, resumed = lab.stdout.readline().strip().split("|")
@@ -134,16 +142,13 @@ def test_a_disk_that_takes_no_more_is_told_and_recording_resumes(tmp_path: Path)
     assert float(said) - float(full) < TOLD_WITHIN
     assert "not being recorded until that is mended" in sentence
     assert (dropped, status) == ("0", "running")
-    first, second = sorted((read_recording(path) for path in list_runs(tmp_path)), key=lambda run: run.part)
-    assert resumed == f"Recording goes on in {second.path.name}."
-    assert (first.part, second.part) == (1, 2)
-    assert first.samples.time[-1] > float(full) - 0.3
-    assert second.samples.time[0] > first.samples.time[-1]
-    np.testing.assert_allclose(np.diff(second.samples.time), 0.001)
-    # The part that came later can be replayed from the start all the same.
-    assert [event.command for event in first.events if event.command] == [
-        event.command for event in second.events if event.command
-    ]
+    (path,) = list_runs(tmp_path)
+    found = read_recording(path)
+    assert resumed == f"Recording goes on in {path.name}."
+    assert (found.part, found.state, found.status) == (1, "complete", "finished")
+    assert replay(found).identical
+    if when == "later":
+        np.testing.assert_array_equal(found.samples.time, np.arange(len(found.samples)) * 0.001)
 
 
 @pytest.fixture
@@ -160,29 +165,56 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "-l", disk], check=True)
 
 
-def test_a_full_disk_is_called_full(small_disk: Path) -> None:
+def fill(disk: Path) -> Path:
+    """Leave no byte on a disk; the file that does."""
+    filler = disk / "filler"
+    with filler.open("wb") as file:
+        place = os.statvfs(disk)
+        os.posix_fallocate(file.fileno(), 0, place.f_bavail * place.f_frsize)
+    return filler
+
+
+def test_a_full_disk_is_called_full_and_costs_nothing_once_there_is_room(small_disk: Path) -> None:
     told: list[str] = []
     logs = small_disk / "logs"
     recorder = Recorder(logs, on_problem=told.append)
     runner = Runner(load_preset("paper"), "paper", [recorder])
     runner.start()
-    wait_until(lambda: recorder.path and recorder.path.stat().st_size > 200_000, "something is recorded")
-    filler = small_disk / "filler"
-    with filler.open("wb") as file:
-        free = os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize
-        os.posix_fallocate(file.fileno(), 0, free)
+    wait_until(lambda: recorder.path and recorder.path.stat().st_size > 400_000, "something is recorded")
+    filler = fill(small_disk)
     full = float(runner.snapshot.latest.time[0])
     wait_until(lambda: told, "the person is told")
     assert runner.snapshot.latest.time[0] - full < TOLD_WITHIN
     assert told[0].startswith(f"The disk of {logs} is full (0.0 MB free).")
+    wait_until(lambda: runner.snapshot.latest.time[0] > full + 1, "the lab runs on")
     filler.unlink()
-    wait_until(lambda: recorder.problem is None and recorder.path, "recording resumes")
+    wait_until(lambda: recorder.problem is None, "recording resumes")
     resumed = float(runner.snapshot.latest.time[0])
     wait_until(lambda: runner.snapshot.latest.time[0] > resumed + 0.5, "something more is recorded")
     assert runner.snapshot.dropped_samples == 0
     runner.stop()
     recorder.close(60)
-    parts = sorted((read_recording(path) for path in list_runs(logs)), key=lambda run: run.part)
-    assert [part.part for part in parts] == [1, 2]
-    assert full - parts[0].samples.time[-1] < 0.5
-    assert len(parts[1].samples) > 400
+    (path,) = list_runs(logs)
+    found = read_recording(path)
+    np.testing.assert_array_equal(found.samples.time, np.arange(len(found.samples)) * 0.001)
+    assert found.samples.time[-1] > resumed
+    assert told[1] == f"Recording goes on in {path.name}."
+
+
+def test_a_lab_that_ends_on_a_full_disk_keeps_what_fitted(small_disk: Path) -> None:
+    logs = small_disk / "logs"
+    recorder = Recorder(logs)
+    runner = Runner(load_preset("paper"), "paper", [recorder])
+    runner.start()
+    wait_until(lambda: recorder.path and recorder.path.stat().st_size > 400_000, "something is recorded")
+    filler = fill(small_disk)
+    full = float(runner.snapshot.latest.time[0])
+    wait_until(lambda: recorder.problem, "the disk is full")
+    runner.stop()
+    recorder.close()
+    (path,) = list_runs(logs)
+    assert run_state(path) == "unfinished"
+    filler.unlink()
+    finish(path)
+    assert run_state(path) == "recovered"
+    assert full - read_recording(path).samples.time[-1] < 0.5

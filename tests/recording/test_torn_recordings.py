@@ -28,11 +28,11 @@ def unfinished(run: Run, tmp_path: Path) -> Path:
     info = RunInfo("paper", load_preset("paper"))
     file = claim_run_file(tmp_path, "paper", info.started)
     writer = RunWriter(info)
-    stream = open_file_stream(file.path, info)
+    stream = open_file_stream(file, info)
     writer.add_stream(stream)
     for first in range(0, 1000, BLOCK):
         writer.write_samples(run.slice(first, first + BLOCK))
-    stream.flush()
+    stream.push()
     lost = tmp_path / "lost.rrd"
     shutil.copy(file.path, lost)
     writer.close()

@@ -1,0 +1,136 @@
+"""Two or more runs in one recording: curves laid over each other, time counted from each run's first sample."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from flexlab.errors import RecordingError
+from flexlab.recording.blueprint import plot_view, scene_view
+from flexlab.recording.chunks import TIMELINE, scalars, send_columns
+from flexlab.recording.drawing import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
+from flexlab.recording.reader import Recording
+from flexlab.recording.run_files import replacing
+from flexlab.recording.signals import PlotSignal, plot_signals
+from flexlab.sim.samples import Samples
+
+APPLICATION = "flexlab comparison"
+"""Apart from single runs, whose layout a person may have changed."""
+
+MOST_RUNS = 6
+"""Curves of more runs cannot be told apart."""
+
+BLOCK_ROWS = 4000
+"""Samples sent at once."""
+
+
+def write_comparison(recordings: Sequence[Recording], target: Path, text: str = "") -> None:
+    """Write 2 to `MOST_RUNS` runs into the rerun file `target`, with a layout that overlays them.
+
+    `text`: markdown shown beside the plots, such as a table of differences. Raises `RecordingError`.
+    """
+    if not 2 <= len(recordings) <= MOST_RUNS:
+        raise RecordingError(f"{len(recordings)} runs cannot be compared: choose 2 to {MOST_RUNS}.")
+    stream = rr.RecordingStream(APPLICATION, send_properties=False)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    try:
+        # Rerun's own file sink may wait forever if the disk is full (see `rrd_file`).
+        encoded = stream.binary_stream()
+        stream.set_sinks(encoded, default_blueprint=_blueprint(recordings))
+        stream.send_recording_name(" and ".join(f"{run.name} {run.started:%H:%M:%S}" for run in recordings))
+        stream.log("differences", rr.TextDocument(text, media_type="text/markdown"), static=True)
+        for number, recording in enumerate(recordings):
+            _send_run(stream, number, recording, _factor(recordings))
+        with replacing(target) as draft:
+            draft.write_bytes(encoded.read() or b"")
+    except (RuntimeError, OSError) as error:
+        reason = str(error).split("\n")[0]
+        raise RecordingError(f"The comparison cannot be written to {target}: {reason}") from None
+    finally:
+        stream.disconnect()
+
+
+def run_label(number: int) -> str:
+    """A, B, C…: how a run is called in curves' names and tables."""
+    return chr(ord("A") + number)
+
+
+def _factor(recordings: Sequence[Recording]) -> float:
+    """One exaggeration of the drawn deflection for all, or they could not be compared by eye."""
+    return min(exaggeration(recording.scenario) for recording in recordings)
+
+
+def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> None:
+    scenario, label = recording.scenario, run_label(number)
+    signals = plot_signals(len(scenario.arms))
+    for signal in signals:
+        curves = rr.SeriesLines(
+            names=[f"{label}: {name}" for name in signal.names],
+            colors=[_shade(color, number) for color in signal.colors],
+            widths=[1.5] * len(signal.names),
+            aggregation_policy=rr.components.AggregationPolicy.MinMax,
+        )
+        stream.log(f"runs/{label}/{signal.entity}", curves, static=True)
+    for entity, shape in fixed_shapes(scenario):
+        stream.log(f"runs/{label}/{entity}", shape, static=True)
+    stream.flush()
+    samples = _from_zero(recording.samples)
+    stride = max(1, round(1 / (FRAMES_PER_SECOND * recording.sample_period)))
+    for first in range(0, len(samples), BLOCK_ROWS):
+        block = samples.slice(first, first + BLOCK_ROWS)
+        for signal in signals:
+            values = scalars(signal.values(block))
+            send_columns(stream, f"runs/{label}/{signal.entity}", block.time, [values])
+        drawn = Samples(**{name: getattr(block, name)[::stride] for name in Samples.__dataclass_fields__})
+        for entity, columns in moving_shapes(scenario, drawn, factor):
+            send_columns(stream, f"runs/{label}/{entity}", drawn.time, columns)
+
+
+def _from_zero(samples: Samples) -> Samples:
+    """Time counted from the first sample: a run may have begun when another's structure was changed."""
+    return replace(samples, time=samples.time - samples.time[0]) if len(samples) else samples
+
+
+def _shade(color: tuple[int, int, int], number: int) -> tuple[int, int, int]:
+    """The first run's curves are as always; later ones of the same kind ever paler."""
+    pale = 1 - 0.55**number
+    red, green, blue = (round(part + pale * (235 - part)) for part in color)
+    return red, green, blue
+
+
+def _blueprint(recordings: Sequence[Recording]) -> rrb.Blueprint:
+    labels = [run_label(number) for number in range(len(recordings))]
+    arms = max(len(recording.scenario.arms) for recording in recordings)
+    signals = {signal.entity: signal for signal in plot_signals(arms)}
+    scenes = [
+        scene_view(
+            f"{label}: {recording.name}, deflection drawn × {_factor(recordings):g}",
+            recording.scenario,
+            f"/runs/{label}/scene/**",
+            1.8 / len(recordings),
+        )
+        for label, recording in zip(labels, recordings, strict=True)
+    ]
+    main = ("error", "vibration", "internal_force", "joint_torque")
+    rest = [_overlay(signal, labels) for name, signal in signals.items() if name not in main]
+    left = rrb.Vertical(
+        rrb.Tabs(rrb.Horizontal(*scenes, name="Side by side"), *scenes, active_tab=0),
+        rrb.Tabs(rrb.TextDocumentView(origin="differences", name="Differences"), *rest, active_tab=0),
+    )
+    right = rrb.Vertical(*(_overlay(signals[name], labels) for name in main))
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _overlay(signal: PlotSignal, labels: Sequence[str]) -> rrb.TimeSeriesView:
+    """One plot with the curves of all runs."""
+    return plot_view(signal, [f"/runs/{label}/{signal.entity}" for label in labels])

@@ -1,0 +1,90 @@
+"""Appends a rerun stream to a file, and survives a full disk.
+
+Rerun can write files itself, but when a disk is full its writer dies silently, all later data is lost, and letting go of it
+may wait forever, even when the program ends. So rerun only encodes, into memory, and the bytes are written here: an error
+is known at once, a half-written message is cut off again, and what could not be written waits until there is room.
+
+Each piece that rerun encodes is a small file of its own: a head, messages (kind and length, 8 bytes each, then the body), an
+end message with an index, and a foot. A larger file is one head and the messages of all pieces; `finishing` adds the end.
+"""
+
+import os
+import struct
+from collections import deque
+from typing import IO
+
+from flexlab.errors import RecordingError
+
+MAGIC = b"RRF2"
+"""How a rerun file of this generation begins."""
+HEAD = 12
+"""Bytes of the head: magic, version, options."""
+MESSAGE = struct.Struct("<QQ")
+"""Kind and length of a message's body."""
+END = 0
+"""Kind of the end message."""
+
+HELD_BYTES = 48_000_000
+"""What waits for a full disk at most: one and a half minutes of the paper's run. Then the oldest is given up."""
+
+
+class RrdFile:
+    """A file that grows by whole messages. Not for use by two threads at once."""
+
+    def __init__(self, handle: IO[bytes], held_bytes: int = HELD_BYTES):
+        """`handle`: a file open for writing, unbuffered, empty."""
+        self._handle = handle
+        self._held_bytes = held_bytes
+        self._waiting: deque[bytes] = deque()
+        self._waiting_bytes = 0
+        self._size = 0
+        self._begun = False
+        self.given_up = 0
+        """Pieces that were given up because a disk stayed full for too long."""
+
+    def hold(self, piece: bytes) -> None:
+        """Take one piece as rerun encodes it, to be written by `write`. Raises `RecordingError` for what is none."""
+        data = _messages(piece, with_head=not self._begun)
+        self._begun = True
+        self._waiting.append(data)
+        self._waiting_bytes += len(data)
+        # The first piece has the head and says what the run is: without it the rest is worth nothing.
+        oldest = 0 if self._size else 1
+        while self._waiting_bytes > self._held_bytes and len(self._waiting) > oldest + 1:
+            self._waiting_bytes -= len(self._waiting[oldest])
+            del self._waiting[oldest]
+            self.given_up += 1
+
+    def write(self) -> None:
+        """Write all that waits. Raises `RecordingError` if the disk does not take it; what is left waits on."""
+        try:
+            while self._waiting:
+                self._write(self._waiting[0])
+                self._waiting_bytes -= len(self._waiting.popleft())
+        except OSError as error:
+            raise RecordingError(f"The recording cannot be written ({error.strerror}).") from None
+
+    def _write(self, data: bytes) -> None:
+        """All or nothing: what was half written is cut off again."""
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[os.write(self._handle.fileno(), rest) :]
+        except OSError:
+            os.ftruncate(self._handle.fileno(), self._size)
+            os.lseek(self._handle.fileno(), self._size, os.SEEK_SET)
+            raise
+        self._size += len(data)
+
+
+def _messages(piece: bytes, with_head: bool) -> bytes:
+    """A piece without its end and foot, and without its head unless asked for."""
+    if piece[: len(MAGIC)] != MAGIC:
+        raise RecordingError(f"Rerun encodes as {piece[:4]!r}, not {MAGIC!r}: this flexlab needs rerun-sdk 0.41.")
+    place = HEAD
+    while place < len(piece):
+        kind, length = MESSAGE.unpack_from(piece, place)
+        if kind == END:
+            break
+        place += MESSAGE.size + length
+    return piece[0 if with_head else HEAD : place]

@@ -1,0 +1,104 @@
+"""A rerun file as plain rows: entity, time, values. Torn files are read up to the tear."""
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pyarrow as pa
+from rerun.chunk import LazyChunkStream, RrdReader
+
+from flexlab.errors import RecordingError
+from flexlab.recording.chunks import TIMELINE
+from flexlab.recording.finishing import Mending
+from flexlab.recording.run_files import MAGIC
+
+ROW_ID = "rerun.controls.RowId"
+"""Rerun's own column, of no interest here."""
+
+Row = tuple[int, dict[str, Any]]
+"""(time in ns, component → value); what has no time stands at -1."""
+
+Rows = dict[str, list[Row]]
+"""Entity → its rows in the order of times."""
+
+
+class Unreadable(Exception):
+    """Rerun refuses the file."""
+
+
+def read_rows(path: Path, content: list[str]) -> Rows:
+    """The rows of the entities that match; of a torn file through a mended copy. Raises `RecordingError`."""
+    check_recording(path)
+    try:
+        return _rows_by_entity(path, content)
+    except Unreadable:
+        with TemporaryDirectory(prefix="flexlab-") as folder:
+            mended = Path(folder) / path.name
+            try:
+                if Mending().rewrite(path, mended):
+                    return _rows_by_entity(mended, content)
+            except Unreadable:
+                pass
+    raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
+
+
+def check_recording(path: Path) -> None:
+    """Look whether a file can be a rerun recording at all. Raises `RecordingError` with the reason if not."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(len(MAGIC))
+    except FileNotFoundError:
+        raise RecordingError(f"There is no recording {path}: check the name.") from None
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read ({error.strerror}): check its name and rights.") from None
+    if not head:
+        raise RecordingError(f"{path} is empty: its run was lost before anything was written.")
+    if head != MAGIC:
+        raise RecordingError(
+            f"{path} is not a rerun recording: choose a file that ends in .rrd and was made by flexlab."
+        )
+
+
+def _rows_by_entity(path: Path, content: list[str]) -> Rows:
+    rows: Rows = {}
+    for entity, row in stream_rows(path, content):
+        rows.setdefault(entity, []).append(row)
+    for entity in rows.values():
+        entity.sort(key=lambda row: row[0])
+    return rows
+
+
+def stream_rows(path: Path, content: list[str]) -> Iterator[tuple[str, Row]]:
+    """(entity, row) as they stand in the file, one piece of it in memory at a time. Raises `Unreadable`."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # That a file has no index yet is no news here.
+            reader = RrdReader(path)
+            if not reader.recordings():
+                raise Unreadable
+            chunks = _stream(reader).filter(content=content)
+        for chunk in chunks:
+            for row in _rows(chunk.to_record_batch()):
+                yield chunk.entity_path, row
+    except (ValueError, RuntimeError, OSError) as error:
+        raise Unreadable from error
+
+
+def _stream(reader: RrdReader) -> LazyChunkStream:
+    """All chunks; by the index, if the file has one, so that a filter leaves the others on the disk."""
+    try:
+        return reader.store().stream()
+    except (ValueError, RuntimeError):
+        return reader.stream()
+
+
+def _rows(batch: pa.RecordBatch) -> Iterator[Row]:
+    """Each row with the first value of every component."""
+    names = batch.schema.names
+    time = batch.column(TIMELINE).cast(pa.int64()).to_pylist() if TIMELINE in names else [-1] * batch.num_rows
+    components = [name for name in names if name not in (TIMELINE, ROW_ID)]
+    columns = {name.rpartition(":")[2]: batch.column(name).to_pylist() for name in components}
+    for row, instant in enumerate(time):
+        yield instant, {name: column[row][0] for name, column in columns.items() if column[row]}

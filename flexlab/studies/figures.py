@@ -1,0 +1,169 @@
+"""The paper's Figures 2 to 5 of any run, as files for a report.
+
+Figure 2: trajectory of the payload. 3: vibration. 4: error of the trajectory. 5: internal force. The same run gives the
+same bytes of SVG, so that a figure can live under version control.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexlab.errors import StudyError
+from flexlab.sim.samples import Run, Samples
+
+FORMATS = ("png", "svg")
+WIDTH = 6.0
+"""Inches: a text column."""
+ROW_HEIGHT = 1.7
+"""Inches per plot; a figure of one plot is twice as high."""
+RESOLUTION = 200
+"""Dots per inch of PNG."""
+POINTS = 4000
+"""Most points of one curve: more only swell the file. Beyond that, least and largest of each stretch are drawn."""
+
+BLUE, VERMILION, GREEN, GRAY = "#0072b2", "#d55e00", "#009e73", "#80868e"
+"""Okabe and Ito's palette, told apart with any colour vision and in print."""
+
+MILLI = 1e3
+AXES = ("x", "y", "θ")
+
+STYLE: Any = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "lines.linewidth": 1.0,
+    "svg.hashsalt": "flexlab",
+    "svg.fonttype": "none",
+}
+
+
+def paper_figures(
+    run: Run,
+    folder: Path,
+    formats: Sequence[str] = FORMATS,
+    start: float | None = None,
+    end: float | None = None,
+    name: str = "run",
+) -> list[Path]:
+    """Write Figures 2-5 of a run as `folder/<name>-figure-<number>.<format>` and return those paths.
+
+    From `start` to `end` s of simulation time. Raises `StudyError` for an unknown format, an empty range, or a folder that
+    cannot be written.
+    """
+    unknown = [kind for kind in formats if kind not in FORMATS]
+    if unknown:
+        raise StudyError(
+            f"format = {unknown[0]} is not one that figures are written in: choose {' or '.join(FORMATS)}."
+        )
+    samples = _time_range(run, start, end)
+    paths = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for number in FIGURES:
+            figure = draw_figure(number, samples)
+            for kind in formats:
+                path = folder / f"{name}-figure-{number}.{kind}"
+                with mpl.rc_context(STYLE):
+                    # Without a date, the same run gives the same file.
+                    figure.savefig(path, dpi=RESOLUTION, metadata={"Date": None} if kind == "svg" else None)
+                paths.append(path)
+    except OSError as error:
+        raise StudyError(
+            f"The figures cannot be written to {folder} ({error.strerror}): choose another folder."
+        ) from None
+    return paths
+
+
+def draw_figure(number: int, samples: Samples) -> Figure:
+    """Figure 2, 3, 4 or 5 of the paper for these samples (N >= 1)."""
+    draw, rows = FIGURES[number]
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, ROW_HEIGHT * max(rows, 2)), layout="constrained")
+        axes = [figure.add_subplot(rows, 1, row + 1) for row in range(rows)]
+        draw(axes, samples)
+        for upper in axes[:-1]:
+            upper.tick_params(labelbottom=False)
+        for part in axes:
+            part.set_xlim(samples.time[0], max(samples.time[-1], samples.time[0] + 1e-9))
+        axes[-1].set_xlabel("t (s)")
+        figure.align_ylabels()
+    return figure
+
+
+def _draw_trajectory(axes: list[Axes], samples: Samples) -> None:
+    for axis, (part, unit) in enumerate(zip(axes, ("m", "m", "rad"), strict=True)):
+        _curve(part, samples.time, samples.desired_pose[:, axis], VERMILION, "desired", "--")
+        _curve(part, samples.time, samples.pose[:, axis], BLUE, "payload")
+        part.set_ylabel(f"{AXES[axis]} ({unit})")
+    _legend(axes[0])
+
+
+def _draw_vibration(axes: list[Axes], samples: Samples) -> None:
+    _curve(axes[0], samples.time, MILLI * samples.midspan_deflection, BLUE, "deflection at mid-span")
+    _curve(axes[0], samples.time, MILLI * samples.quasi_static_deflection, VERMILION, "its quasi-static part", "--")
+    axes[0].set_ylabel("w(0, t) (mm)")
+    _legend(axes[0])
+
+
+def _draw_error(axes: list[Axes], samples: Samples) -> None:
+    for axis, (part, unit) in enumerate(zip(axes, ("mm", "mm", "mrad"), strict=True)):
+        _curve(part, samples.time, MILLI * samples.tracking_error[:, axis], BLUE)
+        part.set_ylabel(f"error {AXES[axis]} ({unit})")
+
+
+def _draw_internal_force(axes: list[Axes], samples: Samples) -> None:
+    for axis, (part, unit) in enumerate(zip(axes, ("N", "N", "N·m"), strict=True)):
+        for arm, (side, color) in enumerate(zip(("left arm", "right arm"), (BLUE, VERMILION), strict=True)):
+            if arm < samples.internal_force.shape[1]:
+                _curve(part, samples.time, samples.internal_force[:, arm, axis], color, side)
+        part.set_ylabel(f"F {AXES[axis]} ({unit})")
+    _legend(axes[0])
+
+
+FIGURES: dict[int, tuple[Callable[[list[Axes], Samples], None], int]] = {
+    2: (_draw_trajectory, 3),
+    3: (_draw_vibration, 1),
+    4: (_draw_error, 3),
+    5: (_draw_internal_force, 3),
+}
+"""The paper's number → how to draw it, and how many plots it has."""
+
+
+def _curve(axes: Axes, time: np.ndarray, values: np.ndarray, color: str, label: str = "", line: str = "-") -> None:
+    axes.plot(*thin_out(time, values), color=color, label=label, linestyle=line)
+
+
+def _legend(axes: Axes) -> None:
+    """Above the plot, where no curve is."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
+
+
+def thin_out(time: np.ndarray, values: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, np.ndarray]:
+    """At most about `points` points of a curve that look like all of it: the least and the largest of each stretch."""
+    if len(values) <= points:
+        return time, values
+    edges = np.linspace(0, len(values), points // 2 + 1).astype(int)
+    rows = np.concatenate([[a + np.argmin(values[a:b]), a + np.argmax(values[a:b])] for a, b in pairwise(edges)])
+    rows = np.unique(np.concatenate([[0], rows, [len(values) - 1]]))
+    return time[rows], values[rows]
+
+
+def _time_range(run: Run, start: float | None, end: float | None) -> Samples:
+    if len(run) == 0:
+        raise StudyError("The run has no samples: there is nothing to draw.")
+    low = float(run.time[0]) if start is None else start
+    high = float(run.time[-1]) if end is None else end
+    first, last = np.searchsorted(run.time, low, "left"), np.searchsorted(run.time, high, "right")
+    if not low <= high or last <= first:
+        raise StudyError(
+            f"From {low:g} to {high:g} s there is no sample: choose times within {run.time[0]:g} to {run.time[-1]:g} s."
+        )
+    return run.slice(int(first), int(last))

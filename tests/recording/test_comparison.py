@@ -1,0 +1,75 @@
+"""Runs laid over each other, with what was set differently and what came of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_helpers import plotted
+from rerun.chunk import RrdReader
+
+from flexlab.errors import RecordingError
+from flexlab.presets import load_preset
+from flexlab.recording.headless import HeadlessRecording, write_run
+from flexlab.recording.run_info import RunInfo
+from flexlab.sim.commands import Tap
+from flexlab.sim.samples import Run, Status
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+from flexlab.studies.compare import compare, compare_into
+
+
+@pytest.fixture
+def softer(tmp_path: Path) -> Path:
+    scenario = load_preset("paper").replace({"payload.bending_stiffness": 60.0, "payload.damping.kind": "modal"})
+    return write_run(simulate(scenario, duration=0.5), tmp_path, "softer")
+
+
+def test_curves_of_all_runs_are_in_one_file(recording_file: Path, softer: Path, run: Run, tmp_path: Path) -> None:
+    target = tmp_path / "both.out"
+    compare_into([recording_file, softer], target)
+    _, first = plotted(target, "/runs/A/error")
+    times, second = plotted(target, "/runs/B/error")
+    np.testing.assert_array_equal(first, (1e3 * run.tracking_error).astype(np.float32))
+    assert len(second) == 501
+    assert times[-1] == 500_000_000
+    reader = RrdReader(target)
+    assert reader.blueprints()
+    names = {chunk.entity_path for chunk in reader.stream()}
+    assert {"/runs/A/scene/beam", "/runs/B/scene/links", "/differences"} <= names
+
+
+def test_tables_say_what_differs(recording_file: Path, softer: Path) -> None:
+    found = compare([recording_file, softer])
+    assert ("payload.bending_stiffness", ("100", "60")) in found.settings
+    assert ("payload.damping", ("nodal", "modal")) in found.settings
+    text = found.text()
+    assert "| Duration [s] | 1 | 0.5 | -0.5 |" in text
+    assert "| `payload.bending_stiffness` | 100 | 60 |" in text
+
+
+def test_the_same_run_twice_differs_in_nothing(recording_file: Path) -> None:
+    assert compare([recording_file, recording_file]).settings == ()
+    assert "same scenario" in compare([recording_file, recording_file]).text()
+
+
+def test_time_is_counted_from_each_runs_first_sample(recording_file: Path, tmp_path: Path) -> None:
+    world = World(load_preset("paper"))
+    world.advance(250)
+    world.apply(Tap(0.0, (0.0, 0.1)))
+    with HeadlessRecording(tmp_path, RunInfo("late", world.scenario, start=world.state())) as late:
+        late.write(world.observe())
+        late.write(world.advance(100))
+        late.end(Status("finished"))
+    target = tmp_path / "both.out"
+    compare_into([recording_file, late.path], target)
+    times, _ = plotted(target, "/runs/B/vibration")
+    assert (times[0], times[-1]) == (0, 100_000_000)
+
+
+def test_what_cannot_be_compared_is_said(recording_file: Path, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="1 runs cannot be compared: choose 2 to 6"):
+        compare_into([recording_file], tmp_path / "x.out")
+    with pytest.raises(RecordingError, match="There is no recording"):
+        compare([recording_file, tmp_path / "no.rrd"])
+    with pytest.raises(RecordingError, match="The comparison cannot be written"):
+        compare_into([recording_file, recording_file], tmp_path / "no" / "x.out")

@@ -1,0 +1,146 @@
+"""Notes on runs: metrics, changes against the preset, and which old runs may go."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_helpers import wait_until
+
+from flexlab.errors import RecordingError
+from flexlab.presets import load_preset
+from flexlab.recording.headless import HeadlessRecording, write_run
+from flexlab.recording.reader import read_recording
+from flexlab.recording.retention import removable_runs, remove_runs
+from flexlab.recording.run_files import list_runs, read_notes, write_notes
+from flexlab.recording.run_info import RunInfo
+from flexlab.recording.writer import Recorder
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.samples import Run, Status
+from flexlab.sim.simulate import simulate
+from flexlab.sim.snapshot import Event
+from flexlab.sim.world import World
+from flexlab.studies.library import note_metrics, note_missing_metrics, scenario_differences
+from flexlab.studies.metrics import MetricSums, metric_rows, run_metrics, settling_time
+
+
+def test_metrics_of_a_known_signal() -> None:
+    time = np.arange(2001) * 0.001
+    # A ring that falls by e each 0.1 s goes below 5 % of its peak for good after 0.1 · ln 20 = 0.2996 s.
+    ring = np.exp(-time / 0.1) * np.cos(2 * np.pi * 1000 * time)
+    assert settling_time(time, ring) == pytest.approx(0.1 * np.log(20), abs=1e-3)
+    assert settling_time(time + 7.0, ring) == pytest.approx(0.1 * np.log(20), abs=1e-3)
+    assert settling_time(time, np.zeros(2001)) == 0.0
+
+
+def test_metrics_of_the_papers_run_are_those_of_the_model(run: Run) -> None:
+    found = run_metrics(run)
+    np.testing.assert_allclose(found.peak_error, (1.674e-2, 1.704e-2, 7.005e-3), rtol=1e-3)
+    assert found.peak_torque == pytest.approx(638.890, abs=0.01)
+    assert found.settling_time < 0.5
+    assert found.rms_error[0] == pytest.approx(np.sqrt(np.mean(run.tracking_error[:, 0] ** 2)), rel=1e-12)
+    assert all(np.isfinite(row.value) for row in metric_rows(found))
+    assert len({row.title for row in metric_rows(found)}) == len(metric_rows(found))
+
+
+def test_metrics_gathered_in_blocks_of_any_order_are_the_same(run: Run) -> None:
+    sums, whole = MetricSums(), run_metrics(run)
+    for first in (600, 0, 300, 900):
+        sums.add(run.slice(first, min(first + 300, len(run))))
+    for row, expected in zip(metric_rows(sums.result()), metric_rows(whole), strict=True):
+        assert row.value == pytest.approx(expected.value, rel=1e-12)
+
+
+def test_a_run_without_samples_has_no_metrics_and_no_error(run: Run) -> None:
+    assert np.isnan(run_metrics(run.slice(0, 0)).peak_torque)
+
+
+def test_notes_hold_metrics_and_changes_and_leave_a_persons_own_alone(tmp_path: Path) -> None:
+    scenario = load_preset("paper").replace({"payload.bending_stiffness": 60.0})
+    with HeadlessRecording(tmp_path, RunInfo("paper", scenario)) as recording:
+        recording.write(simulate(scenario, duration=0.5))
+        recording.note(Event(0.2, "Gravity 0 → 9.81 m/s²", ChangeScenario({"gravity": 9.81})))
+        recording.note(Event(0.3, "Gravity = 99 m/s² is outside", ChangeScenario({"gravity": 99.0}), level="error"))
+        recording.end(Status("finished"))
+    write_notes(recording.path, note="my best", tags=["soft"], keep=True)
+    notes = note_metrics(recording.path)
+    assert notes["changes"] == ["payload.bending_stiffness: 100 → 60", "t = 0.200 s: Gravity 0 → 9.81 m/s²"]
+    assert notes["metrics"]["Duration [s]"] == 0.5
+    stored = read_notes(recording.path)
+    assert (stored["note"], stored["tags"], stored["keep"], stored["ended"]) == ("my best", ["soft"], True, True)
+    assert stored["metrics"] == notes["metrics"]
+
+
+def test_missing_metrics_are_made_up_for_and_bad_files_passed_over(run: Run, tmp_path: Path) -> None:
+    for _ in range(2):
+        write_run(run, tmp_path, "paper")
+    (tmp_path / "bad.rrd").write_text("nonsense")
+    assert note_missing_metrics(tmp_path) == 2
+    assert note_missing_metrics(tmp_path) == 0
+
+
+def test_a_recorder_can_have_metrics_noted_as_runs_end(tmp_path: Path) -> None:
+    world = World(load_preset("paper"))
+    recorder = Recorder(tmp_path, on_finished=note_metrics)
+    recorder.begin_run(1, "paper", world.scenario, world.state())
+    recorder.take_samples(1, world.advance(300), 1.0)
+    recorder.end_run(1, Status("finished"))
+    wait_until(lambda: any("metrics" in read_notes(path) for path in list_runs(tmp_path)), "metrics are noted")
+    recorder.close()
+
+
+def test_differences_name_fields_by_path() -> None:
+    paper = load_preset("paper")
+    other = paper.replace({"title": "x", "gravity": 9.81, "controller.kind": "pd", "payload.damping.kind": "modal"})
+    assert scenario_differences(paper, paper) == []
+    found = {path: (old, new) for path, old, new in scenario_differences(paper, other)}
+    assert found["gravity"] == ("0", "9.81")
+    assert found["controller"] == ("adaptive-sliding-mode", "pd")
+    assert found["payload.damping"] == ("nodal", "modal")
+    assert "title" not in found
+
+
+@pytest.fixture
+def runs(recording_file: Path) -> list[Path]:
+    """Five runs of one size, a day apart, newest first."""
+    made = []
+    for day in range(5):
+        path = recording_file.with_name(f"run-{day}.rrd")
+        path.write_bytes(recording_file.read_bytes())
+        os.utime(path, (1e9 - day * 86400, 1e9 - day * 86400))
+        made.append(path)
+    recording_file.unlink()
+    recording_file.with_suffix(".json").unlink()
+    return made
+
+
+def test_nothing_goes_without_a_limit(runs: list[Path]) -> None:
+    assert removable_runs(runs[0].parent, now=2e9) == []
+
+
+def test_age_and_size_take_the_oldest_first_and_never_a_kept_one(runs: list[Path]) -> None:
+    logs, size = runs[0].parent, runs[0].stat().st_size
+    assert removable_runs(logs, most_days=2.5, now=1e9) == [runs[4], runs[3]]
+    assert removable_runs(logs, most_bytes=3.5 * size, now=1e9) == [runs[4], runs[3]]
+    assert removable_runs(logs, most_bytes=5 * size, now=1e9) == []
+    write_notes(runs[4], keep=True)
+    assert removable_runs(logs, most_days=2.5, now=1e9) == [runs[3]]
+    assert removable_runs(logs, most_bytes=3.5 * size, now=1e9) == [runs[3], runs[2]]
+    remove_runs(removable_runs(logs, most_days=2.5, now=1e9))
+    assert list_runs(logs) == [runs[0], runs[1], runs[2], runs[4]]
+    assert read_recording(runs[4]).state == "complete"
+
+
+def test_a_run_being_written_never_goes(tmp_path: Path) -> None:
+    world = World(load_preset("paper"))
+    recorder = Recorder(tmp_path)
+    recorder.begin_run(1, "paper", world.scenario, world.state())
+    wait_until(lambda: recorder.path, "there is a file")
+    assert removable_runs(tmp_path, most_bytes=1, most_days=1, now=1e12) == []
+    recorder.close()
+
+
+@pytest.mark.parametrize("limit", [0, -1, float("nan")])
+def test_a_limit_that_is_none_is_said(tmp_path: Path, limit: float) -> None:
+    with pytest.raises(RecordingError, match=r"most_bytes = .* is no limit"):
+        removable_runs(tmp_path, most_bytes=limit)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import aiohttp
 from aiohttp import web
 
+from flexlab.door.measuring import Measuring
 from flexlab.door.places import Places
 from flexlab.door.settings import Settings
 
@@ -20,6 +21,7 @@ class Context:
     places: Places
     inside: aiohttp.ClientSession
     """Calls to the labs on loopback."""
+    measuring: Measuring
 
     @property
     def token_cookie(self) -> str:

@@ -16,6 +16,7 @@ from aiohttp import web
 from flexlab.door.app import build_app
 from flexlab.door.context import Context
 from flexlab.door.laboratory import Laboratory
+from flexlab.door.measuring import Measuring
 from flexlab.door.places import Choice, Places
 from flexlab.door.private import PrivateLabs
 from flexlab.door.relay import inside_connector
@@ -100,7 +101,8 @@ class Door:
     async def _serve(self) -> None:
         self._loop, self._closing = asyncio.get_running_loop(), asyncio.Event()
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
-            context = Context(self.settings, self.port, self.token, self.places, inside)
+            measuring = Measuring(self.settings.logs)
+            context = Context(self.settings, self.port, self.token, self.places, inside, measuring)
             runner = web.AppRunner(build_app(context), access_log=None, shutdown_timeout=CLOSING_TIME)
             try:
                 await runner.setup()
@@ -110,6 +112,7 @@ class Door:
             finally:
                 # Labs first: their recordings matter more than a visitor's last request.
                 self._last = await self.places.close()
+                measuring.close()
                 await runner.cleanup()
 
 

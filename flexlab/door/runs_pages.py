@@ -25,7 +25,7 @@ SCRIPT = Markup('<script src="/static/{}.js" defer></script>')
 
 LIBRARY = """<h1>Runs</h1>
 <p class="tools"><input type="search" id="search" placeholder="Search {count} runs" aria-label="Search runs" autocomplete="off">
-<span>{total} in {folder}</span></p>
+<span>{total} in {folder}</span> <span>{measuring}</span></p>
 {table}
 <p id="nothing" hidden>No run matches.</p>
 """
@@ -77,12 +77,15 @@ def add_runs_pages(router: web.UrlDispatcher) -> None:
 
 async def library(request: web.Request) -> web.Response:
     """All runs."""
-    logs = context_of(request).settings.logs
+    context = context_of(request)
+    logs = context.settings.logs
     rows = await asyncio.to_thread(list_rows, logs)
     if not rows:
         return page("Runs", fill(NO_RUNS, folder=logs), here="/runs")
+    missing = await asyncio.to_thread(context.measuring.look, rows)
+    measuring = f"{missing} of them are being measured: reload to see more." if missing else ""
     total = size_text(sum(row.size for row in rows))
-    body = fill(LIBRARY, count=len(rows), total=total, folder=logs, table=runs_table(rows))
+    body = fill(LIBRARY, count=len(rows), total=total, folder=logs, measuring=measuring, table=runs_table(rows))
     return page("Runs", body, here="/runs", kind="wide", head=Markup(SCRIPT.format("runs")))
 
 

@@ -13,6 +13,8 @@ from flexlab.quantities import Quantity
 
 SETTLE_TIME = 4.0
 """How long a box keeps what a person typed but the lab did not take, wall seconds; then it shows the true value again."""
+READING_TIME = 12.0
+"""How long the sentence about a value that was refused stays, wall seconds: it outlives the value itself."""
 SLIDER_STEPS = 200
 BOX_DIGITS = 9
 """Decimals that a number box takes."""
@@ -83,12 +85,18 @@ class NumberControl:
     def settle(self, value: float) -> None:
         """Show the true value, unless a person is at this control."""
         if time.monotonic() - self._touched > SETTLE_TIME:
-            self.show(value)
+            self._show(value)
+            if time.monotonic() - self._touched > READING_TIME:
+                self._complain("")
         else:
             self._value = value
 
     def show(self, value: float) -> None:
         """Show the true value at once: after a reset, a preset, an undo."""
+        self._show(value)
+        self._complain("")
+
+    def _show(self, value: float) -> None:
         self._value = value
         self._offer_way_back()
         if self._box.value != value:
@@ -96,7 +104,6 @@ class NumberControl:
         place = self._scale.place(value)
         if not math.isclose(self._slider.value, place, abs_tol=self._scale.step):
             self._slider.value = place
-        self._complain("")
 
     def remove(self) -> None:
         """Take the control off the screen."""

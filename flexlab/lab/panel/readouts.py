@@ -1,10 +1,13 @@
 """What the panel says about the run: time, speed, status, events, as HTML made from a snapshot."""
 
+import numpy as np
+
 from flexlab.lab import colors
 from flexlab.lab.desk import Notice
 from flexlab.lab.panel.text import escaped, factor
 from flexlab.lab.view import Legend, View
 from flexlab.sim.commands import Pull
+from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event, Snapshot
 
 LARGE_DEFLECTION = 0.05
@@ -27,6 +30,7 @@ def status_html(snapshot: Snapshot, view: View, legend: Legend, recording: str) 
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
         ("first beam frequency f<sub>1</sub>", f"{snapshot.first_frequency:.2f} Hz"),
         ("mid-span deflection", f"{bending:+.3f} mm".replace("-", "−")),
+        ("largest joint torque", _torque(sample)),
         ("drawn deflection", f"{view.exaggeration:g} × true size"),
         *legend.scales,
     ]
@@ -34,11 +38,16 @@ def status_html(snapshot: Snapshot, view: View, legend: Legend, recording: str) 
         rows.append(("strain, 1 mm off the axis", _strain_legend(legend.strain)))
     if snapshot.dropped_samples:
         rows.append(("samples not recorded", f'<span class="fl-bad">{snapshot.dropped_samples}</span>'))
-    if recording:
-        rows.append(("recording", escaped(recording)))
     grid = "".join(f"<span>{name}</span><span>{value}</span>" for name, value in rows)
     dot = f'<span class="fl-dot" style="background:{tone}"></span>'
-    return f'<div class="fl"><div class="fl-title">{dot}{word}</div><div class="fl-grid">{grid}</div></div>'
+    kept = f'<div class="fl-dim fl-line">{escaped(recording)}</div>' if recording else ""
+    return f'<div class="fl"><div class="fl-title">{dot}{word}</div><div class="fl-grid">{grid}</div>{kept}</div>'
+
+
+def _torque(sample: Samples) -> str:
+    """The largest joint torque now, and whether a motor is at its limit."""
+    limit = ' <span class="fl-bad">at its limit</span>' if sample.saturated[0] else ""
+    return f"{np.abs(sample.joint_torque[0]).max():.1f} N·m{limit}"
 
 
 def _strain_legend(limit: float) -> str:

@@ -49,6 +49,7 @@ button[data-block] { width: auto; padding-inline: 0.8em; }
 .fl-table td { padding: 0.1em 0.5em 0.1em 0; border-top: 1px solid var(--mantine-color-default-border); }
 .fl-code { user-select: all; cursor: copy; overflow-wrap: anywhere; font-family: monospace; font-size: 0.85em;
   max-height: 6em; overflow-y: auto; padding: 0.3em 0.5em; border: 1px solid var(--mantine-color-default-border); }
+.fl-line { overflow-wrap: anywhere; }
 .fl-bad { color: var(--mantine-color-red-text, #e03131); }
 .fl-float { position: fixed; bottom: 16px; left: 50%; transform: translateX(-50%); z-index: 300; pointer-events: none;
   width: clamp(16em, calc(100vw - 730px), 36em); padding: 0; }

@@ -34,7 +34,7 @@ def _inertia(payload: Payload) -> tuple[float, ...]:
 
 
 def _payload(scenario: Scenario, s: np.ndarray, across: np.ndarray) -> np.ndarray:
-    m, inertia, hh, hg, gg = _inertia(scenario.payload)
+    m, inertia, hh, hg, gg = _inertia(scenario.payload)  # pyright: ignore[reportArgumentType]
     lateral = np.einsum("ni,ni->n", s[:, :2], across)
     rigid = m * (s[:, 0] ** 2 + s[:, 1] ** 2) + inertia * s[:, 2] ** 2
     return 0.5 * (rigid - hh * lateral**2 - 2 * hg * lateral * s[:, 2] - gg * s[:, 2] ** 2)

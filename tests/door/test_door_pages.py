@@ -137,6 +137,18 @@ def test_a_file_that_is_no_run_is_listed_and_explained(open_another, name: str, 
     assert (answer.status, says in answer.text) == (422, True)
 
 
+def test_runs_are_measured_when_somebody_looks(open_another: Callable[..., Door], recorded: Path):
+    door = open_another()
+    file = door.settings.logs / "2026-01-01T00-00-00-paper.rrd"
+    shutil.copy(recorded, file)
+    assert "1 of them are being measured" in ask(door.url, "/runs").text
+    notes = wait_until(lambda: "metrics" in read_notes(file) and read_notes(file), "the run is measured")
+    value = notes["metrics"]["Peak vibration [mm]"]
+    assert value > 1
+    assert f"{value:.4g}</td>" in ask(door.url, "/runs").text
+    assert "Free vibration gone after [s]" in ask(door.url, f"/runs/{file.stem}").text
+
+
 def test_many_runs_are_listed(open_another: Callable[..., Door], recorded: Path):
     door = open_another()
     for number in range(200):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from flexlab.door.library import RunRow
+from flexlab.recording.run_rows import RunRow
 from flexlab.studies.library import note_missing_metrics
 
 LOW_PRIORITY = 19

@@ -6,14 +6,23 @@ from aiohttp import hdrs, web
 
 from flexlab.door.context import context_of
 from flexlab.door.layout import message, page
-from flexlab.door.library import RunRow, annotate_run, delete_run, duration_text, find_row, list_rows, size_text
 from flexlab.door.markup import Markup, fill, join
-from flexlab.door.runs_table import runs_table, state_word
+from flexlab.door.runs_table import runs_table
 from flexlab.door.security import WITH_A_PASS, recording_address
 from flexlab.errors import RecordingError
 from flexlab.recording.finishing import finish
 from flexlab.recording.reader import check_recording
 from flexlab.recording.run_files import SUFFIX
+from flexlab.recording.run_rows import (
+    RunRow,
+    annotate_run,
+    delete_run,
+    duration_text,
+    find_row,
+    list_rows,
+    size_text,
+    state_word,
+)
 from flexlab.recording.web_viewer import VIEWER_FILES, viewer_folder
 
 VIEWER_POLICY = (

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from flexlab.door.library import RunRow, duration_text, size_text
 from flexlab.door.markup import Markup, fill, join
+from flexlab.recording.run_rows import RunRow, duration_text, size_text, state_word
 
 COLUMNS = (("Started", "time"), ("Preset", "text"), ("Duration", "number"), ("Size", "number"), ("State", "text"))
 METRIC_COLUMNS = {
@@ -75,8 +75,3 @@ def _more(row: RunRow) -> Markup:
 
 
 _NONE = Markup('<td data-key="-1" class="number">–</td>')
-
-
-def state_word(row: RunRow) -> str:
-    """The state for people."""
-    return "recording" if row.state == "in use" else row.state

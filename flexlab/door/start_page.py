@@ -9,13 +9,13 @@ from aiohttp import web
 from flexlab.assets import web_assets_folder
 from flexlab.door.context import Context, context_of
 from flexlab.door.layout import page
-from flexlab.door.library import newest_rows
 from flexlab.door.markup import Markup, fill, join
 from flexlab.door.places import Place
 from flexlab.door.runs_table import runs_table
 from flexlab.door.thumbnail import thumbnail
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_scenario_file, preset_files
+from flexlab.recording.run_rows import newest_rows
 from flexlab.scenario import Scenario
 
 NEWEST = 5

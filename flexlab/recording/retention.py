@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexlab.errors import RecordingError
-from flexlab.recording.run_files import list_runs, notes_path, read_notes, run_state
+from flexlab.recording.run_files import list_runs, read_notes, remove_run, run_state
 
 DAY = 86400.0
 """s."""
@@ -38,10 +38,4 @@ def removable_runs(
 def remove_runs(paths: Sequence[Path]) -> None:
     """Delete recordings and their notes. Raises `RecordingError` for the first that cannot be deleted."""
     for path in paths:
-        try:
-            path.unlink(missing_ok=True)
-            notes_path(path).unlink(missing_ok=True)
-        except OSError as error:
-            raise RecordingError(
-                f"{path} cannot be deleted ({error.strerror}): check the rights of its folder."
-            ) from None
+        remove_run(path)

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 from flexlab.errors import RecordingError
-from flexlab.recording.run_info import TIME_FORMAT
 
 try:
     import fcntl
@@ -25,6 +24,8 @@ except ImportError:  # Windows: see `is_in_use`
     fcntl = None
 
 SUFFIX = ".rrd"
+TIME_FORMAT = "%Y-%m-%dT%H-%M-%S"
+"""Of file names: sorts by time, allowed on every file system."""
 FOOTER = b"RRF2FOOT"
 """How the last 12 bytes of a finished rerun file begin."""
 MAGIC = b"RRF"
@@ -173,6 +174,15 @@ def write_notes(path: Path, **changes: Any) -> None:
     notes = read_notes(path) | changes
     with replacing(notes_path(path)) as draft:
         draft.write_text(json.dumps(notes, indent=1, ensure_ascii=False), encoding="utf-8")
+
+
+def remove_run(path: Path) -> None:
+    """Delete a recording and its notes. Raises `RecordingError` if it cannot be deleted."""
+    try:
+        path.unlink(missing_ok=True)
+        notes_path(path).unlink(missing_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be deleted ({error.strerror}): check its folder's rights.") from None
 
 
 @contextlib.contextmanager

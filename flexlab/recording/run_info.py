@@ -9,9 +9,6 @@ from flexlab.scenario import Scenario
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.world import WorldState
 
-TIME_FORMAT = "%Y-%m-%dT%H-%M-%S"
-"""Of file names: sorts by time, allowed on every file system."""
-
 
 @dataclass(frozen=True)
 class RunInfo:

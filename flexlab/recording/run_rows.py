@@ -1,5 +1,6 @@
-"""The runs in the logs folder, as the library shows them: told from file names, notes and states, without reading runs."""
+"""The runs in the logs folder as a table lists them: told from file names, notes and states, without reading runs."""
 
+import contextlib
 import logging
 import re
 from dataclasses import dataclass
@@ -8,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.errors import RecordingError
-from flexlab.recording.run_files import SUFFIX, list_runs, notes_path, read_notes, run_state, write_notes
-from flexlab.recording.run_info import TIME_FORMAT
+from flexlab.recording.run_files import SUFFIX, TIME_FORMAT, list_runs, read_notes, remove_run, run_state, write_notes
 
 LONGEST_NOTE = 2000
 """Characters of a person's note on a run."""
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class RunRow:
-    """One run as the library lists it."""
+    """One run in a table."""
 
     id: str
     """File name without its ending: the run's address."""
@@ -86,11 +86,7 @@ def delete_run(row: RunRow) -> None:
         raise RecordingError(f"{row.id} is marked to be kept: take that mark away first.")
     if row.state == "in use":
         raise RecordingError(f"{row.id} is still being recorded: it can be deleted when its run has ended.")
-    try:
-        row.path.unlink(missing_ok=True)
-        notes_path(row.path).unlink(missing_ok=True)
-    except OSError as error:
-        raise RecordingError(f"{row.id} cannot be deleted ({error.strerror}): check its folder's rights.") from None
+    remove_run(row.path)
     log.info("Deleted the run %s.", row.id)
 
 
@@ -110,14 +106,8 @@ def annotate_run(row: RunRow, note: str, tags: str, kept: bool) -> None:
 def _row(path: Path) -> RunRow:
     notes, stat = read_notes(path), path.stat()
     named = _NAME.fullmatch(path.stem)
-    started = datetime.fromtimestamp(stat.st_mtime)
-    preset = path.stem
-    if named:
-        preset = named[2]
-        try:
-            started = datetime.strptime(named[1], TIME_FORMAT)
-        except ValueError:
-            pass
+    started = _time(notes.get("started")) or (named and _time(named[1])) or datetime.fromtimestamp(stat.st_mtime)
+    preset = named[2] if named else path.stem
     metrics, duration = notes.get("metrics"), notes.get("duration")
     return RunRow(
         id=path.name.removesuffix(SUFFIX),
@@ -136,8 +126,21 @@ def _row(path: Path) -> RunRow:
     )
 
 
+def _time(text: Any) -> datetime | None:
+    """Local time as the notes or a file's name say it; None for anything else."""
+    for read in (datetime.fromisoformat, lambda words: datetime.strptime(words, TIME_FORMAT)):
+        with contextlib.suppress(ValueError, TypeError):
+            return read(text).replace(tzinfo=None)
+    return None
+
+
 def _texts(value: Any) -> tuple[str, ...]:
     return tuple(map(str, value)) if isinstance(value, list) else ()
+
+
+def state_word(row: RunRow) -> str:
+    """The state for people."""
+    return "recording" if row.state == "in use" else row.state
 
 
 def size_text(size: float) -> str:

@@ -129,7 +129,7 @@ class Desk:
     def pull(self, pull: Pull | None) -> None:
         """Pull the beam, or let go (None)."""
         if pull is None and self._pull is not None:
-            self._runner.submit(Pull(self._pull.beam_position, self._pull.target, 0.0))
+            self._runner.submit(dataclasses.replace(self._pull, stiffness=0.0))
         elif pull is not None:
             self._runner.submit(pull)
         self._pull = pull

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlab.compiled import compiled, inlined, inlined_sums
 from flexlab.physics.arm import arm_configuration
-from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, PULL, WORK, G, H, P, X
+from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, HELD_ARM, HELD_LINK, OMEGA2, PULL, WORK, G, H, P, X
 
 
 @inlined
@@ -146,6 +146,30 @@ def pull_force(plant, y, c, s):
 
 
 @inlined
+def pull_on_link(plant, terms, y, c, s, force):
+    """Fill (∂R/∂x)ᵀF (3,) of the spring's force F on a link's point R, after `arm_configuration`: as an arm's input does.
+
+    R = base + Σ d_k (cos α_k, sin α_k) with d_k the links' lengths up to the point, so that (∂R/∂x)ᵀF = 𝒥ᵀ(d_k n_k·F).
+    """
+    held, link = int(plant.pull[HELD_ARM]), int(plant.pull[HELD_LINK])
+    arm, at, stiffness = plant.arms[held], plant.pull[0], plant.pull[3]
+    if link == 2:
+        reach = arm.reach + arm.tip * at
+        fx = stiffness * (plant.pull[1] - (y[0] + reach * c))
+        fy = stiffness * (plant.pull[2] - (y[1] + reach * s))
+        force[0], force[1], force[2] = fx, fy, reach * (c * fy - s * fx)
+    else:
+        c1, s1 = terms.direction[held, 0], terms.direction[held, 1]
+        c2, s2 = terms.direction[held, 2], terms.direction[held, 3]
+        d1, d2 = (at, 0.0) if link == 0 else (arm.l1, at)
+        fx = stiffness * (plant.pull[1] - (arm.base_x + d1 * c1 + d2 * c2))
+        fy = stiffness * (plant.pull[2] - (arm.base_y + d1 * s1 + d2 * s2))
+        turn_1, turn_2 = d1 * (c1 * fy - s1 * fx), d2 * (c2 * fy - s2 * fx)
+        for a in range(3):
+            force[a] = terms.J[held, 0, a] * turn_1 + terms.J[held, 1, a] * turn_2
+
+
+@inlined
 def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     """Fill ẋ, Ṗ, η̇, π̇ and the powers of dy, after `find_velocities`, C̄_i and the inputs u (arms, 3) are known.
 
@@ -184,7 +208,13 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
             h, gk = plant.modal[H, k], plant.modal[G, k]
             dy[ETA + k] = -h * v2 - gk * w
             dy[ETA + n + k] = w * w * y[ETA + k] - h * lift + plant.modal[DH, k] * v2 + plant.modal[DG, k] * w
-    if plant.pull[3] != 0:
+    if plant.pull[3] != 0 and plant.pull[HELD_ARM] >= 0:
+        held = int(plant.pull[HELD_ARM])
+        pull_on_link(plant, ws.arm, y, c, s, ws.hand[held])
+        for a in range(3):
+            dy[P + a] += ws.hand[held, a]
+            power += ws.hand[held, a] * v[a]
+    elif plant.pull[3] != 0:
         fx, fy, deflection = pull_force(plant, y, c, s)
         f1, f2, at = c * fx + s * fy, c * fy - s * fx, plant.pull[0]
         dy[P] += fx
@@ -201,7 +231,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
 def acceleration(plant, y, w_bar, w_bar_rate, u, ws, result):
     """ẍ (3,) from Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`.
 
-    Leaves in ws.restoring what gives η̈ = -restoring - A21 ẍ.
+    Leaves in ws.restoring what gives η̈ = -restoring - A21 ẍ, and in ws.hand what a hand on a link does.
     """
     n = plant.modal.shape[1]
     c, s = ws.arm.trig[0], ws.arm.trig[1]
@@ -209,7 +239,12 @@ def acceleration(plant, y, w_bar, w_bar_rate, u, ws, result):
     w = v[2]
     damping_force(plant, ws.eta_dot, ws.damping_force)
     f1 = f2 = pull_turn = 0.0
-    if plant.pull[3] != 0:
+    for i in range(len(u)):
+        for a in range(3):
+            ws.hand[i, a] = 0.0
+    if plant.pull[3] != 0 and plant.pull[HELD_ARM] >= 0:
+        pull_on_link(plant, ws.arm, y, c, s, ws.hand[int(plant.pull[HELD_ARM])])
+    elif plant.pull[3] != 0:
         fx, fy, deflection = pull_force(plant, y, c, s)
         f1, f2 = c * fx + s * fy, c * fy - s * fx
         pull_turn = plant.pull[0] * f2 - deflection * f1
@@ -224,7 +259,7 @@ def acceleration(plant, y, w_bar, w_bar_rate, u, ws, result):
     for a in range(3):
         total = 0.0
         for i in range(len(u)):
-            total += u[i, a] - ws.arm.G[i, a]
+            total += u[i, a] + ws.hand[i, a] - ws.arm.G[i, a]
             for b in range(3):
                 total -= ws.arm.C[i, a, b] * v[b]
         result[a] = total

@@ -7,15 +7,15 @@ from flexlab.physics.beam import BeamMatrices
 
 
 @inlined
-def internal_forces(terms, u, x_ddot, v, force, moving):
+def internal_forces(terms, u, hand, x_ddot, v, force, moving):
     """F_i = J_iᵀf_i - share f (arms, 3), with J_iᵀf_i = u_i - M̄_iẍ - C̄_iẋ - Ḡ_i and f their sum; moving = share f (3,).
 
-    Eqs. (13)-(15) with equal shares.
+    Eqs. (13)-(15) with equal shares. `hand` (arms, 3): what a hand on an arm's link adds to its u.
     """
     for a in range(3):
         total = 0.0
         for i in range(len(u)):
-            grip = u[i, a] - terms.G[i, a]
+            grip = u[i, a] + hand[i, a] - terms.G[i, a]
             for b in range(3):
                 grip -= terms.M[i, a, b] * x_ddot[b] + terms.C[i, a, b] * v[b]
             force[i, a] = grip

@@ -26,6 +26,11 @@ ETA = 11
 H, G, DH, DG, OMEGA2, MID, PULL = 0, 1, 2, 3, 4, 5, 6
 """Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape at the pulled point N(s)V."""
 
+HELD_ARM, HELD_LINK = 4, 5
+"""Indices in `Plant.pull`."""
+ON_BEAM = -1.0
+"""`Plant.pull[HELD_ARM]` of a hand that holds the beam."""
+
 
 class Plant(NamedTuple):
     """Constants of one system; n_m modes, n_q nodal coordinates."""
@@ -51,7 +56,11 @@ class Plant(NamedTuple):
     compliance: np.ndarray
     """Mid-span deflection per unit of lateral and of angular acceleration, -N(0)K_F⁻¹h and -N(0)K_F⁻¹g, (2,)."""
     pull: np.ndarray
-    """Spring on the beam: material coordinate s, target x, target y, stiffness, (4,)."""
+    """A hand's spring: position on what it holds, m, target x, target y, stiffness, arm, link, (6,).
+
+    Arm < 0: it holds the beam at the material coordinate s. Otherwise arm and link count from 0, and the position is the
+    distance from the link's inner joint.
+    """
 
 
 class Workspace(NamedTuple):
@@ -63,6 +72,8 @@ class Workspace(NamedTuple):
     """At the pose a sampled controller measures."""
     u: np.ndarray
     """Arm inputs, (arms, 3)."""
+    hand: np.ndarray
+    """What a hand on a link adds to the arm's input, 𝒥-transformed as u is, (arms, 3)."""
     tau: np.ndarray
     """Joint torques of one arm, (3,)."""
     velocity: np.ndarray
@@ -112,6 +123,7 @@ def make_workspace(arm_count: int, mode_count: int) -> Workspace:
     return Workspace(
         terms(),
         terms(),
+        np.zeros((arm_count, 3)),
         np.zeros((arm_count, 3)),
         np.zeros(3),
         np.zeros(3),

@@ -28,7 +28,7 @@ from flexlab.physics.beam import (
     stiffness_damping,
     undamped_modes,
 )
-from flexlab.physics.plant import Plant
+from flexlab.physics.plant import ON_BEAM, Plant
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.closed_loop import System
 
@@ -107,7 +107,7 @@ def build_plant(scenario: Scenario, beam: Beam) -> Plant:
         kappa=np.array([h @ h, h @ g, g @ g]),
         V=modes.V,
         compliance=-middle @ bend,
-        pull=np.zeros(4),
+        pull=np.array([0.0, 0.0, 0.0, 0.0, ON_BEAM, 0.0]),
     )
 
 

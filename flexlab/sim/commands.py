@@ -20,14 +20,16 @@ class ChangeScenario:
 
 @dataclass(frozen=True)
 class Pull:
-    """A spring from a point of the beam (material coordinate s, m) to a point of the plane; stiffness 0 lets go.
+    """A spring from a point of the beam, or of a link, to a point of the plane; stiffness 0 lets go.
 
-    `target` (x, y), m; `stiffness` N/m.
+    `link`: (arm, link), both counted from 1; None: the beam. `position`: material coordinate s of the beam, or distance
+    from the link's inner joint, m. `target` (x, y), m; `stiffness` N/m.
     """
 
-    beam_position: float
+    position: float
     target: tuple[float, float]
     stiffness: float
+    link: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
-"""Hands on the beam: a spring that pulls at one of its points, and a tap."""
+"""Hands on the machine: a spring that pulls at a point of the beam or of a link, and a tap on the beam."""
 
 import numpy as np
 
 from flexlab.errors import ScenarioError
-from flexlab.physics.plant import ETA, P, Plant
-from flexlab.scenario import Payload
+from flexlab.physics.plant import ETA, HELD_ARM, ON_BEAM, PULL, P, Plant
+from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam, payload_row
 from flexlab.sim.commands import Pull, Tap
 
@@ -16,6 +16,9 @@ MAX_DISTANCE = 100.0
 
 MAX_IMPULSE = 100.0
 """N·s: a hammer blow; more than that only destroys the run."""
+
+LINKS = (1, 2, 3)
+"""Numbers of an arm's links, from its base."""
 
 
 def _refuse(name: str, value: float, unit: str, low: float, high: float) -> None:
@@ -31,19 +34,33 @@ def _check_point(payload: Payload, s: float) -> None:
     _refuse("beam position", s, "m", -payload.length / 2, payload.length / 2)
 
 
-def apply_pull(plant: Plant, payload: Payload, beam: Beam, command: Pull) -> None:
+def _check_link(scenario: Scenario, link: tuple[int, int], position: float) -> None:
+    links = [(arm + 1, number) for arm in range(len(scenario.arms)) for number in LINKS]
+    if link not in links:
+        allowed = f"choose arm 1 to {len(scenario.arms)} and link 1 to {LINKS[-1]}"
+        raise ScenarioError([("pulled link", f"pulled link = {link!r} is not (arm, link) of this machine: {allowed}.")])
+    arm, number = link
+    _refuse("position on the link", position, "m", 0, scenario.arms[arm - 1].link_length[number - 1])
+
+
+def apply_pull(plant: Plant, scenario: Scenario, beam: Beam, command: Pull) -> None:
     """Attach, move or release (stiffness 0) the spring. Raises `ScenarioError` for values that make no sense."""
-    _check_point(payload, command.beam_position)
+    if command.link is None:
+        _check_point(scenario.payload, command.position)
+    else:
+        _check_link(scenario, command.link, command.position)
     _refuse("pull stiffness", command.stiffness, "N/m", 0, MAX_PULL_STIFFNESS)
     for axis, value in zip("xy", command.target, strict=True):
         _refuse(f"pull target {axis}", value, "m", -MAX_DISTANCE, MAX_DISTANCE)
-    plant.pull[:] = (command.beam_position, *command.target, command.stiffness)
-    set_pull_row(plant, payload, beam)
+    held = (ON_BEAM, 0.0) if command.link is None else (command.link[0] - 1, command.link[1] - 1)
+    plant.pull[:] = (command.position, *command.target, command.stiffness, *held)
+    set_pull_row(plant, scenario.payload, beam)
 
 
 def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:
-    """Make the modes' shapes at the pulled point match `plant.pull`."""
-    plant.modal[-1] = beam.modes.V.T @ payload_row(payload, plant.pull[0])
+    """Make the modes' shapes at the pulled point match `plant.pull`; none while no hand holds the beam."""
+    on_beam = plant.pull[HELD_ARM] == ON_BEAM
+    plant.modal[PULL] = beam.modes.V.T @ payload_row(payload, plant.pull[0]) if on_beam else 0.0
 
 
 def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None:

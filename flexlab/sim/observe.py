@@ -44,7 +44,7 @@ def observe(system, t, y, ws, row):
         row[ESTIMATES + a] = y[MEMORY + a]
     row[SATURATED] = 0.0
     force = row[ARMS : ARMS + PER_ARM * len(plant.arms)].reshape(len(plant.arms), 4, 3)
-    internal_forces(ws.arm, ws.u, x_ddot, ws.velocity, force[:, 3], row[MOVING : MOVING + 3])
+    internal_forces(ws.arm, ws.u, ws.hand, x_ddot, ws.velocity, force[:, 3], row[MOVING : MOVING + 3])
     for i in range(len(plant.arms)):
         joint_angles(y[2], plant.arms[i], ws.arm.direction[i], force[i, 0])
         joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], force[i, 1])

@@ -24,9 +24,11 @@ def command_text(command: Command) -> str:
         return "; ".join(_change_text(path, value) for path, value in command.changes.items())
     if isinstance(command, Pull):
         if command.stiffness == 0:
-            return "Let go of the beam"
+            return f"Let go of {_held(command)}"
         x, y = command.target
-        return f"Pull the beam at s = {command.beam_position:.3f} m to ({x:.3f}, {y:.3f}) m, {command.stiffness:g} N/m"
+        along = command.position
+        where = f" at s = {along:.3f} m" if command.link is None else f", {along:.3f} m along it,"
+        return f"Pull {_held(command)}{where} to ({x:.3f}, {y:.3f}) m, {command.stiffness:g} N/m"
     if isinstance(command, Tap):
         x, y = command.impulse
         return f"Tap the beam at s = {command.beam_position:.3f} m with ({x:.3g}, {y:.3g}) N·s"
@@ -38,6 +40,13 @@ def command_text(command: Command) -> str:
         return f"Step {command.ticks} ms"
     names: dict[type, str] = {Play: "Play", Pause: "Pause", Reset: "Reset"}
     return names[type(command)]
+
+
+def _held(command: Pull) -> str:
+    if command.link is None:
+        return "the beam"
+    arm, link = command.link
+    return f"link {link} of the {'left' if arm == 1 else 'right'} arm"
 
 
 def _change_text(path: str, value: Any) -> str:

@@ -44,7 +44,7 @@ class WorldState:
     torque_line: np.ndarray
     """(delay + 1, arms, 3), N·m."""
     pull: np.ndarray
-    """s, target x, target y, stiffness, (4,)."""
+    """As `Plant.pull`, (6,)."""
 
 
 class World:
@@ -207,7 +207,7 @@ class World:
         if isinstance(command, ChangeScenario):
             return self._change(command.changes)
         if isinstance(command, Pull):
-            apply_pull(machinery.system.plant, payload, machinery.beam, command)
+            apply_pull(machinery.system.plant, self.scenario, machinery.beam, command)
         else:
             apply_tap(payload, machinery.beam, self._y, command)
         return False

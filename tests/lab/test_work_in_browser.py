@@ -53,7 +53,7 @@ def test_dragging_the_beam_pulls_it_and_clicking_taps_it(page: LabPage) -> None:
     mouse.up()
     wait_until(lambda: page.session.desk.pulled is None, "the hand lets go")
     wait_until(lambda: pulls(page)[-1].stiffness == 0, "the simulation lets go as well")
-    assert abs(pulls(page)[0].beam_position) < 0.05
+    assert abs(pulls(page)[0].position) < 0.05
     hold(page)
     x, y = page.beam_pixel()
     mouse.click(x, y)

@@ -23,9 +23,10 @@ from flexlab.sim.commands import (
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 pair = st.tuples(finite, finite)
+link = st.none() | st.tuples(st.integers(1, 2), st.integers(1, 3))
 
 
-@given(st.builds(Pull, finite, pair, finite) | st.builds(Tap, finite, pair) | st.builds(SetSpeed, finite))
+@given(st.builds(Pull, finite, pair, finite, link) | st.builds(Tap, finite, pair) | st.builds(SetSpeed, finite))
 def test_every_bit_of_a_number_comes_back(command: Command) -> None:
     assert repr(command_from_json(command_to_json(command))) == repr(command)
 

@@ -29,6 +29,7 @@ def live_recording(preset: str, logs: Path) -> Recording:
         Tap(half, (0.02, 0.05)),
         Pull(0.1 * half, (0.1, 0.8), 30.0),
         ChangeScenario({"trajectory.frequency": (0.9, 0.8, 0.7)}),
+        Pull(0.3, (-0.8, 0.5), 40.0, (1, 2)),
         ChangeScenario({"gravity": 1.0, "payload.damping.coefficient": 0.05})
         if runner.snapshot.scenario.payload.damping.kind == "nodal"
         else ChangeScenario({"gravity": 1.0}),

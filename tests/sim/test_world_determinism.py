@@ -18,7 +18,8 @@ COMMANDS: list[tuple[int, WorldCommand]] = [
     (150, ChangeScenario({"trajectory.frequency": (1.5, 1.5, 0.8)})),
     (180, Tap(0.1, (0.05, -0.1))),
     (200, Pull(-0.05, (0.1, 0.9), 300.0)),
-    (260, Pull(-0.05, (0.1, 0.9), 0.0)),
+    (230, Pull(0.2, (-0.9, 0.6), 250.0, (1, 2))),
+    (260, Pull(0.2, (-0.9, 0.6), 0.0, (1, 2))),
     (261, ChangeScenario({"gravity": 4.0, "controller.adaptation": (1.0, 1.0, 1.0)})),
 ]
 TICKS = 320

@@ -43,8 +43,8 @@ class PullArrow:
         if pull is None:
             return
         target = np.array(pull.target)
-        force = pull.stiffness * float(np.linalg.norm(target - held_point(scenario, sample, pull.beam_position)))
-        drawn = held_point(scenario, sample, pull.beam_position, view.exaggeration)
+        force = pull.stiffness * float(np.linalg.norm(target - held_point(scenario, sample, pull.position)))
+        drawn = held_point(scenario, sample, pull.position, view.exaggeration)
         ends = np.column_stack([[drawn, target], [self._height, self._height]])
         self._arrow.points = ends[None].astype(np.float32)
         self._label.text = f"pull {force:.1f} N"

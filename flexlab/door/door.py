@@ -136,7 +136,7 @@ def open_door(
         choice = Choice(scenario, name)
         if settings.private:
             return Door(settings, plug.getsockname()[1], token, PrivateLabs(settings, choice), plug)
-        laboratory = Laboratory(scenario, name, settings.logs, hub=hub, on_problem=on_problem, shadows=settings.shadows)
+        laboratory = Laboratory(choice, settings.logs, hub=hub, on_problem=on_problem, shadows=settings.shadows)
         try:
             return Door(settings, plug.getsockname()[1], token, SharedLab(laboratory), plug)
         except BaseException:

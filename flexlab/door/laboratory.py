@@ -3,35 +3,16 @@
 import contextlib
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
 from flexlab.door.links import encode_scenario
+from flexlab.door.places import Choice, LabStatus
 from flexlab.lab.session import Session
 from flexlab.recording.live import LiveHub
 from flexlab.recording.writer import Recorder
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Play
-
-
-@dataclass(frozen=True)
-class LabStatus:
-    """What others may know of a running lab."""
-
-    name: str
-    """The preset, or file, that its scenario came from."""
-    title: str
-    time: float
-    """Simulated, s."""
-    state: str
-    """In a word or two: running, paused, stopped."""
-    link: str
-    """The scenario as a word for a link."""
-    recording: Path | None
-    """The file being written."""
-    problem: str
-    """Why nothing is being recorded, as a sentence; empty while all is well."""
 
 
 def recording_text(recorder: Recorder) -> str:
@@ -56,8 +37,7 @@ class Laboratory:
 
     def __init__(
         self,
-        scenario: Scenario,
-        name: str,
+        choice: Choice,
         logs: Path,
         *,
         hub: LiveHub | None = None,
@@ -70,12 +50,13 @@ class Laboratory:
         self._shown: tuple[Scenario | None, str] = (None, "")
         try:
             self._session = Session(
-                scenario,
-                name,
+                choice.scenario,
+                choice.name,
                 consumers=[recorder],
                 port=0,
                 shadows=shadows,
                 recording=lambda: recording_text(recorder),
+                origin=choice.origin,
             )
             with _quiet():
                 self._session.start()
@@ -88,12 +69,13 @@ class Laboratory:
         """Where the lab's own server listens, on loopback."""
         return self._session.port
 
-    def load(self, scenario: Scenario, name: str) -> None:
-        """Begin a run of a scenario; a lab that runs just this one goes on undisturbed."""
+    def load(self, choice: Choice) -> None:
+        """Begin a run of a scenario, or go on from an earlier run; a lab that runs just this scenario goes on undisturbed."""
         snapshot = self._session.runner.snapshot
-        if snapshot.scenario == scenario and snapshot.name == name and not snapshot.status.failed:
+        shown = snapshot.scenario == choice.scenario and snapshot.name == choice.name and not snapshot.status.failed
+        if shown and choice.origin is None:
             return
-        self._session.desk.load(scenario, name)
+        self._session.desk.load(choice.scenario, choice.name, choice.origin)
         self._session.desk.submit(Play())
 
     def status(self) -> LabStatus:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from flexlab.door.laboratory import LabStatus
 from flexlab.errors import LabError
 from flexlab.scenario import Scenario
+from flexlab.sim.state import Origin
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,27 @@ class Choice:
 
     scenario: Scenario
     name: str
+    origin: Origin | None = None
+    """Where in an earlier run it goes on; None: at the scenario's own start."""
+
+
+@dataclass(frozen=True)
+class LabStatus:
+    """What others may know of a running lab."""
+
+    name: str
+    """The preset, or file, that its scenario came from."""
+    title: str
+    time: float
+    """Simulated, s."""
+    state: str
+    """In a word or two: running, paused, stopped."""
+    link: str
+    """The scenario as a word for a link."""
+    recording: Path | None
+    """The file being written."""
+    problem: str
+    """Why nothing is being recorded, as a sentence; empty while all is well."""
 
 
 class FullError(LabError):

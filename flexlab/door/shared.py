@@ -37,7 +37,7 @@ class SharedLab:
     async def enter(self, visitor: str, choice: Choice | None) -> Place:
         """The one lab, with what this visitor chose."""
         if choice is not None:
-            self._laboratory.load(choice.scenario, choice.name)
+            self._laboratory.load(choice)
         return self._place
 
     def of_visitor(self, visitor: str) -> Place | None:

@@ -53,7 +53,7 @@ def work(order: Order, pipe: Connection) -> None:
     stopping = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stopping.set())
     try:
-        lab = Laboratory(order.choice.scenario, order.choice.name, order.logs, shadows=order.shadows)
+        lab = Laboratory(order.choice, order.logs, shadows=order.shadows)
     except FlexlabError as error:
         pipe.send(Refusal(str(error)))
         return
@@ -65,7 +65,7 @@ def work(order: Order, pipe: Connection) -> None:
                 choice = pipe.recv()
                 if choice is None:
                     return
-                lab.load(choice.scenario, choice.name)
+                lab.load(choice)
     except (EOFError, OSError):
         pass  # The door is gone: the run is still to be closed properly.
     finally:

@@ -1,5 +1,6 @@
 """What all controls of one lab share: the way to the runner, the scenario as asked for, the way back, the view, notices."""
 
+import contextlib
 import dataclasses
 import logging
 import threading
@@ -12,10 +13,12 @@ from flexlab.errors import FlexlabError, LabError, ScenarioError
 from flexlab.lab.kept import KeptRun, differences
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.lab.view import View, fitting_exaggeration
+from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pull, Reset
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
+from flexlab.sim.state import Origin
 from flexlab.sim.workspace_check import check_trajectory
 
 NOTICE_TIME = 12.0
@@ -38,11 +41,12 @@ class Notice:
 class Desk:
     """Callbacks of the page (on the server's event loop) ask here; the drawing thread reads here. Any thread."""
 
-    def __init__(self, runner: Runner):
+    def __init__(self, runner: Runner, origin: Origin | None = None):
+        """`origin`: where the runner's first run went on from."""
         snapshot = runner.snapshot
         self._runner = runner
         self._lock = threading.RLock()
-        self._settings = Settings(snapshot.scenario, snapshot.name, snapshot.scenario)
+        self._settings = _settings(snapshot.scenario, snapshot.name, origin)
         self._run_name = snapshot.name
         self._undo = Undo()
         self._asked_at = 0.0
@@ -97,11 +101,11 @@ class Desk:
             self._undo.note(self._settings, gesture=tuple(changes))
             self._send(dataclasses.replace(self._settings, scenario=wanted), changes)
 
-    def load(self, scenario: Scenario, name: str) -> None:
-        """Ask for a new run from another scenario."""
+    def load(self, scenario: Scenario, name: str, origin: Origin | None = None) -> None:
+        """Ask for a new run from another scenario, or one that goes on from an earlier run."""
         with self._lock:
             self._undo.note(self._settings)
-            self._start(Settings(scenario, name, scenario))
+            self._start(_settings(scenario, name, origin))
 
     def saved(self, scenario: Scenario, name: str) -> None:
         """`scenario`, the present one but for its title, now has a file of its own: changes count from there."""
@@ -166,7 +170,7 @@ class Desk:
             wanted = move(present)
             if wanted is None:
                 raise LabError(otherwise)
-            if wanted.name == present.name and wanted.baseline == present.baseline:
+            if dataclasses.replace(wanted, scenario=present.scenario) == present:
                 self._send(wanted, changes_towards(present.scenario, wanted.scenario))
             else:
                 self._start(wanted)
@@ -178,7 +182,16 @@ class Desk:
     def _start(self, settings: Settings) -> None:
         self._settings, self._asked_at, self._run_name = settings, time.monotonic(), settings.name
         self.set_view(exaggeration=fitting_exaggeration(settings.scenario), shown_mode=None)
-        self._runner.submit(LoadScenario(settings.scenario, settings.name))
+        self._runner.submit(LoadScenario(settings.scenario, settings.name, settings.origin))
+
+
+def _settings(scenario: Scenario, name: str, origin: Origin | None) -> Settings:
+    """Those of a new run. One that goes on from an earlier run is compared with, and goes back to, that run's preset."""
+    baseline = scenario
+    if origin is not None:
+        with contextlib.suppress(FlexlabError):
+            baseline = load_preset(name)
+    return Settings(scenario, name, baseline, origin)
 
 
 def handler(desk: Desk, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:

@@ -19,6 +19,7 @@ from flexlab.lab.server import open_server
 from flexlab.lab.touch import Touch
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Consumer, Runner
+from flexlab.sim.state import Origin
 
 PANEL_WIDTH, PLOTS_WIDTH = 330, 350
 """px: enough for the longest label with its unit, and for a plot's legend on one line."""
@@ -31,7 +32,7 @@ class Session:
 
     `consumers` get every sample and event (a recorder, say). `recording` gives the sentence that the panel shows about
     the recording, `link` the address that opens a scenario in another browser. `port` 0 takes any free port. `shadows`
-    costs a slow graphics card most of its time.
+    costs a slow graphics card most of its time. With an `origin` the first run goes on from there.
     """
 
     def __init__(
@@ -46,10 +47,12 @@ class Session:
         shadows: bool = True,
         recording: Callable[[], str] = lambda: "",
         link: Callable[[Scenario], str] | None = None,
+        origin: Origin | None = None,
     ):
         self._scenario, self._host, self._port = scenario, host, port
         self._shadows, self._recording, self._link = shadows, recording, link
-        self.runner = Runner(scenario, name, consumers=consumers, playing=playing)
+        self._origin = origin
+        self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin)
         self._server: viser.ViserServer | None = None
         self._desk: Desk | None = None
         self._study = ModeStudy()
@@ -110,7 +113,7 @@ class Session:
 
     def _furnish(self, server: viser.ViserServer) -> Drawing:
         """Fill the server's page."""
-        desk = self._desk = Desk(self.runner)
+        desk = self._desk = Desk(self.runner, self._origin)
         touch = Touch(desk)
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)
         cameras = Cameras(server, self.runner)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.scenario import Scenario
+from flexlab.sim.state import Origin
 
 LONGEST_HISTORY = 200
 """Steps that can be undone."""
@@ -15,11 +16,15 @@ ONE_GESTURE = 1.0
 
 @dataclass(frozen=True)
 class Settings:
-    """What can be gone back to. `baseline`: the preset or file, unchanged, that `scenario` came from as `name`."""
+    """What can be gone back to. `baseline`: the preset or file, unchanged, that `scenario` came from as `name`.
+
+    `origin`: the instant of an earlier run from which the run went on that had these settings.
+    """
 
     scenario: Scenario
     name: str
     baseline: Scenario
+    origin: Origin | None = None
 
 
 class Undo:

@@ -9,9 +9,11 @@ import numpy as np
 from pydantic import BaseModel
 
 from flexlab.errors import FlexlabError, RecordingError
+from flexlab.recording.state_json import origin_from_values, origin_values
 from flexlab.scenario import parse_scenario
 from flexlab.sim import commands
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario
+from flexlab.sim.state import Origin
 
 KINDS: dict[str, type] = {
     kind.__name__: kind
@@ -45,6 +47,8 @@ def command_from_json(text: str) -> Command:
         kind = KINDS[values.pop("kind")]
         if kind is LoadScenario:
             values["scenario"] = parse_scenario(values["scenario"])
+            if values.get("origin") is not None:
+                values["origin"] = origin_from_values(values["origin"])
         return kind(**{name: _frozen(value) for name, value in values.items()})
     except (ValueError, KeyError, TypeError, AttributeError, FlexlabError) as error:
         raise RecordingError(
@@ -54,6 +58,8 @@ def command_from_json(text: str) -> Command:
 
 def _plain(value: Any) -> Any:
     """The value with JSON's types only."""
+    if isinstance(value, Origin):
+        return origin_values(value)
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json")
     if isinstance(value, Mapping):

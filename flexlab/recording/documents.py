@@ -2,7 +2,6 @@
 
 import json
 import platform
-from dataclasses import fields
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -11,7 +10,6 @@ import rerun as rr
 
 from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
 from flexlab.scenario import Scenario
-from flexlab.sim.world import WorldState
 
 FORMAT = 1
 """Number of the layout of a recording: entities, properties, blocks."""
@@ -61,22 +59,6 @@ def run_properties(scenario: Scenario, name: str, started: str, sample_period: f
         "machine": f"{platform.system()} {platform.machine()}",
     }
     return rr.AnyValues(**values)
-
-
-def state_json(state: WorldState) -> str:
-    """A world's state as JSON; numbers keep every bit."""
-    return json.dumps({field.name: _plain(getattr(state, field.name)) for field in fields(WorldState)})
-
-
-def state_from_json(text: str) -> WorldState:
-    """The state that `state_json` was given. Raises ValueError, KeyError or TypeError for anything else."""
-    values = json.loads(text)
-    arrays = {name: np.array(value, float) for name, value in values.items() if name != "tick"}
-    return WorldState(tick=int(values["tick"]), **arrays)
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def package_version() -> str:

@@ -12,14 +12,15 @@ import numpy as np
 from flexlab.errors import RecordingError, ScenarioError
 from flexlab.recording.blocks import decode_block, join_blocks
 from flexlab.recording.commands_json import command_from_json
-from flexlab.recording.documents import FORMAT, state_from_json
+from flexlab.recording.documents import FORMAT
 from flexlab.recording.rrd_rows import Rows, Unreadable, check_recording, read_rows, stream_rows
 from flexlab.recording.run_files import State, has_footer, run_state
+from flexlab.recording.state_json import state_from_json
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.columns import row_length, rows_to_samples
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import Event
-from flexlab.sim.world import WorldState
+from flexlab.sim.state import WorldState
 
 PROPERTIES = "/__properties/"
 """Where rerun keeps a recording's properties."""

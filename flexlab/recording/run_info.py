@@ -7,7 +7,7 @@ from uuid import uuid4
 from flexlab.recording.drawing import exaggeration
 from flexlab.scenario import Scenario
 from flexlab.sim.snapshot import TICK
-from flexlab.sim.world import WorldState
+from flexlab.sim.state import WorldState
 
 
 @dataclass(frozen=True)

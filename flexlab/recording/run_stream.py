@@ -9,12 +9,13 @@ import rerun.blueprint as rrb
 from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import run_blueprint
 from flexlab.recording.chunks import Column, send_columns
-from flexlab.recording.documents import parameters_text, run_properties, signals_text, state_json
+from flexlab.recording.documents import parameters_text, run_properties, signals_text
 from flexlab.recording.drawing import fixed_shapes
 from flexlab.recording.rrd_file import RrdFile
 from flexlab.recording.run_files import RunFile
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
+from flexlab.recording.state_json import state_json
 
 APPLICATION = "flexlab"
 """Rerun keeps one layout per application: a person's own changes to it hold for the next run too."""

@@ -36,6 +36,7 @@ class RunWriter:
         self._last_drawn = -np.inf
         self.rows = 0
         self.last_time = 0.0
+        self._first_time: float | None = None
 
     def add_stream(self, stream: RunStream) -> None:
         """Let a stream take part; it is told all events so far (a recording that resumes can then be replayed too)."""
@@ -56,6 +57,8 @@ class RunWriter:
             if stream.exact:
                 stream.send("exact/samples", samples.time[-1:], [column])
         self.rows += len(samples)
+        if self._first_time is None:
+            self._first_time = float(samples.time[0])
         self.last_time = float(samples.time[-1])
 
     def write_shown(self, samples: Samples, speed_time: Sequence[float], speed: Sequence[float]) -> None:
@@ -145,7 +148,7 @@ class RunWriter:
             "preset": self.info.name,
             "started": self.info.started.isoformat(timespec="seconds"),
             "status": str(status),
-            "duration": self.last_time,
+            "duration": self.last_time - (self._first_time or 0.0),
             "rows": self.rows,
             "dropped": dropped,
         }

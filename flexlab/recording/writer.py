@@ -22,7 +22,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import TICK, Event
-from flexlab.sim.world import WorldState
+from flexlab.sim.state import WorldState
 
 WRITE_PERIOD = 0.1
 """Wall seconds between writes of exact samples: what a killed process loses, and some time for the write itself."""

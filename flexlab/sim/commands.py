@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.scenario import Scenario
+from flexlab.sim.state import Origin
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,14 @@ class Tap:
 
 @dataclass(frozen=True)
 class LoadScenario:
-    """Start a new run from a scenario; `name` is the preset it came from (for the recording's file name)."""
+    """Start a new run from a scenario; `name` is the preset it came from (for the recording's file name).
+
+    With an `origin` it goes on from there, in state and in time; without one it begins at the scenario's own start.
+    """
 
     scenario: Scenario
     name: str
+    origin: Origin | None = None
 
 
 @dataclass(frozen=True)

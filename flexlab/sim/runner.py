@@ -5,6 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -29,8 +30,9 @@ from flexlab.sim.interpolation import interpolate
 from flexlab.sim.pacing import FASTEST, SLOWEST, Pacing
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import TICK, Event, Snapshot
+from flexlab.sim.state import Origin, WorldState
 from flexlab.sim.wording import command_text
-from flexlab.sim.world import World, WorldState
+from flexlab.sim.world import World
 
 FRAME = 1 / 60
 """Wall seconds per round of the runner, s: the rate of common screens."""
@@ -73,8 +75,12 @@ class Runner:
         playing: bool = True,
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], None] = time.sleep,
+        origin: Origin | None = None,
     ):
-        """Build the world; raises `ScenarioError`. An unreachable trajectory gives a runner with a failed status."""
+        """Build the world; raises `ScenarioError`. An unreachable trajectory gives a runner with a failed status.
+
+        With an `origin` the run goes on from there. Raises `FlexlabError` if its state is not one of this scenario.
+        """
         self._consumers = list(consumers)
         self._clock, self._sleep = clock, sleep
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
@@ -85,7 +91,7 @@ class Runner:
         self._dropped = 0
         self._pacing = Pacing()
         self._pacing.playing = playing
-        self._begin(World(scenario), name)
+        self._load(LoadScenario(scenario, name, origin))
         self._publish(self._clock())
 
     def start(self) -> None:
@@ -154,11 +160,13 @@ class Runner:
         wall, world = self._clock(), self._world
         if isinstance(command, (ChangeScenario, Pull, Tap)):
             self._change(command)
-        elif isinstance(command, (Reset, LoadScenario)):
-            new = World(command.scenario if isinstance(command, LoadScenario) else world.scenario)
+        elif isinstance(command, Reset):
+            new = World(world.scenario)
             self._report(Event(world.time, command_text(command), command))
             self._end()
-            self._begin(new, command.name if isinstance(command, LoadScenario) else self._name)
+            self._begin(new, self._name)
+        elif isinstance(command, LoadScenario):
+            self._load(command)
         elif isinstance(command, (Play, Pause)):
             self._play(isinstance(command, Play), wall)
             self._report(Event(world.time, command_text(command), command))
@@ -166,6 +174,19 @@ class Runner:
             self._set_speed(command, wall)
         else:
             self._step(command)
+
+    def _load(self, command: LoadScenario) -> None:
+        """Begin a run of another scenario, or one that goes on from an earlier one's state; it says so first."""
+        world = World(command.scenario)
+        event = Event(0.0, command_text(command), command)
+        if command.origin is not None:
+            world.restore(command.origin.state)
+        if self._run_number:
+            self._report(replace(event, time=self._world.time))
+            self._end()
+        self._begin(world, command.name)
+        if command.origin is not None:
+            self._report(replace(event, time=world.time))
 
     def _change(self, command: ChangeScenario | Pull | Tap) -> None:
         """Let the world take on a change; a restart or another beam structure begins a new run."""

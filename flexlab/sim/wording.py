@@ -16,6 +16,7 @@ from flexlab.sim.commands import (
     StepOnce,
     Tap,
 )
+from flexlab.sim.state import Origin
 
 
 def command_text(command: Command) -> str:
@@ -33,7 +34,7 @@ def command_text(command: Command) -> str:
         x, y = command.impulse
         return f"Tap the beam at s = {command.beam_position:.3f} m with ({x:.3g}, {y:.3g}) N·s"
     if isinstance(command, LoadScenario):
-        return f"Load {command.name}"
+        return f"Load {command.name}" if command.origin is None else _going_on_text(command.origin)
     if isinstance(command, SetSpeed):
         return f"Speed {command.speed:g} × real time"
     if isinstance(command, StepOnce):
@@ -47,6 +48,10 @@ def _held(command: Pull) -> str:
         return "the beam"
     arm, link = command.link
     return f"link {link} of the {'left' if arm == 1 else 'right'} arm"
+
+
+def _going_on_text(origin: Origin) -> str:
+    return f"Go on from {origin.run} at t = {origin.time:.3f} s"
 
 
 def _change_text(path: str, value: Any) -> str:

@@ -4,12 +4,12 @@ Same scenario and same commands at the same ticks give the same bits, whatever t
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from flexlab.errors import ScenarioError
+from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import find_velocities, set_momenta
 from flexlab.physics.plant import ETA, Workspace, make_workspace, state_size
 from flexlab.scenario import Scenario, parse_scenario
@@ -26,25 +26,11 @@ from flexlab.sim.projection import project_beam
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import TICK
+from flexlab.sim.state import WorldState
 from flexlab.sim.workspace_check import check_trajectory
 
 RESTARTING = ("payload.length", "left_arm", "right_arm", "initial")
 """Fields whose change a running world cannot take on: the run starts anew."""
-
-
-@dataclass(frozen=True)
-class WorldState:
-    """Everything that changes with time, copied: enough to continue a run bit for bit in the same scenario."""
-
-    tick: int
-    y: np.ndarray
-    """State of `physics.plant`."""
-    held_torque: np.ndarray
-    """(arms, 3), N·m."""
-    torque_line: np.ndarray
-    """(delay + 1, arms, 3), N·m."""
-    pull: np.ndarray
-    """As `Plant.pull`, (6,)."""
 
 
 class World:
@@ -264,7 +250,15 @@ class World:
         )
 
     def restore(self, state: WorldState) -> None:
-        """Go on from a `WorldState` of the same scenario."""
+        """Go on from a `WorldState` of the same scenario. Raises `StudyError`, and changes nothing, for any other state."""
+        own = self.state()
+        for part in fields(WorldState):
+            given, fitting = np.shape(getattr(state, part.name)), np.shape(getattr(own, part.name))
+            if given != fitting:
+                raise StudyError(
+                    f"This state does not fit its scenario: {part.name} has the shape {given}, not {fitting}. "
+                    "Take scenario and state from the same instant of one run."
+                )
         self.tick = state.tick
         self._y = state.y.copy()
         self._machinery.system.held_torque[:] = state.held_torque

@@ -10,7 +10,7 @@ from flexlab.presets import load_preset
 from flexlab.recording.reader import Recording, read_blocks, read_recording
 from flexlab.recording.run_files import list_runs, read_notes, run_state, write_notes
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.commands import ChangeScenario, LoadScenario
 from flexlab.studies.metrics import MetricSums, metric_rows
 
 DIGITS = 4
@@ -65,6 +65,10 @@ def changes_text(recording: Recording) -> list[str]:
         preset = None
     if preset is not None:
         lines = [f"{path}: {old} → {new}" for path, old, new in scenario_differences(preset, recording.scenario)]
+    first = recording.events[0] if recording.events else None
+    if first is not None and isinstance(first.command, LoadScenario) and first.command.origin is not None:
+        # A run that was left for another one says so too, but at its end.
+        lines.insert(0, first.text)
     for event in recording.events:
         if isinstance(event.command, ChangeScenario) and event.level != "error":
             lines.append(f"t = {event.time:.3f} s: {event.text}")

@@ -12,7 +12,8 @@ from flexlab.recording.reader import Recording
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
 from flexlab.sim.samples import Samples
-from flexlab.sim.world import World, WorldState
+from flexlab.sim.state import WorldState
+from flexlab.sim.world import World
 
 BLOCK_TICKS = 1000
 """Ticks simulated between two comparisons: a difference at the start of an hour is told at once."""
@@ -94,19 +95,26 @@ def state_at(recording: Recording, time: float) -> tuple[Scenario, WorldState]:
     if len(recording.samples) == 0:
         raise StudyError(f"{recording.path.name} has no samples: there is nothing to go on from.")
     first, last = float(recording.samples.time[0]), float(recording.samples.time[-1])
-    if not first <= time <= last:
-        raise StudyError(f"t = {time:g} s was not recorded: choose {first:g} to {last:g} s.")
+    # Half a sample's grace: a time that was typed is not the last bit of a time that was computed.
+    if not first - recording.sample_period / 2 <= time <= last + recording.sample_period / 2:
+        raise StudyError(f"t = {time:g} s was not recorded: choose {first:.10g} to {last:.10g} s.")
     world = start_world(recording)
     goal = round(time / recording.sample_period)
     for tick, command in world_commands(recording):
         if tick > goal:
             break
-        world.advance(tick - world.tick)
+        _advance_to(world, tick)
         carry_out(world, command)
-    world.advance(goal - world.tick)
+    _advance_to(world, goal)
     if world.status.failed:
         raise StudyError(f"The run cannot go on from t = {time:g} s: {world.status.text}")
     return world.scenario, world.state()
+
+
+def _advance_to(world: World, tick: int) -> None:
+    """In blocks, so that hours need no more memory than seconds."""
+    while world.tick < tick and not world.status.failed:
+        world.advance(min(tick - world.tick, BLOCK_TICKS))
 
 
 def start_world(recording: Recording) -> World:

@@ -1,5 +1,7 @@
 """The way back is complete: from any scenario to any other and back again."""
 
+from dataclasses import replace
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -7,6 +9,8 @@ from flexlab.lab import undo
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
+from flexlab.sim.state import Origin
+from flexlab.sim.world import World
 
 PAPER = Scenario()
 NAMES = preset_names()
@@ -68,6 +72,15 @@ def test_a_step_without_effect_is_passed_over() -> None:
     history.note(with_stiffness(100.0), "a")
     history.note(with_stiffness(50.0), "b")
     assert history.back(with_stiffness(50.0)) == with_stiffness(100.0)
+
+
+def test_a_run_that_goes_on_is_a_step_even_with_equal_settings() -> None:
+    history, before = Undo(), with_stiffness(100.0)
+    origin = Origin("earlier", 1.5, World(PAPER).state())
+    after = replace(before, origin=origin)
+    history.note(before)
+    assert history.back(after) == before
+    assert history.forward(before) == after
 
 
 def test_the_history_is_bounded() -> None:

@@ -1,5 +1,7 @@
 """Every command comes back from JSON as it was."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,6 +22,8 @@ from flexlab.sim.commands import (
     StepOnce,
     Tap,
 )
+from flexlab.sim.state import Origin, WorldState
+from flexlab.sim.world import World
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 pair = st.tuples(finite, finite)
@@ -36,6 +40,19 @@ def test_every_bit_of_a_number_comes_back(command: Command) -> None:
 )
 def test_the_others_come_back(command: Command) -> None:
     assert command_from_json(command_to_json(command)) == command
+
+
+def test_an_origin_comes_back_with_every_bit() -> None:
+    world = World(load_preset("fast-adaptation"))
+    world.advance(7)
+    origin = Origin("2026-01-01T00-00-00-paper", 0.007, world.state())
+    found = command_from_json(command_to_json(LoadScenario(world.scenario, "fast-adaptation", origin)))
+    assert found == LoadScenario(world.scenario, "fast-adaptation", origin)
+    assert isinstance(found, LoadScenario)
+    assert found.origin is not None
+    for field in fields(WorldState):
+        one, other = getattr(found.origin.state, field.name), getattr(origin.state, field.name)
+        assert np.asarray(one).tobytes() == np.asarray(other).tobytes()
 
 
 def test_changes_keep_their_values() -> None:

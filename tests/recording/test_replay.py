@@ -9,20 +9,27 @@ from recording_helpers import assert_same_bits
 
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset, preset_names
+from flexlab.recording.headless import write_run
 from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.run_files import list_runs
 from flexlab.recording.writer import Recorder
+from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.runner import Runner
+from flexlab.sim.simulate import simulate
+from flexlab.sim.state import Origin
 from flexlab.sim.world import World
+from flexlab.studies.going_on import go_on
 from flexlab.studies.replay import replay, state_at
 
 
-def live_recording(preset: str, logs: Path) -> Recording:
+def live_recording(
+    preset: str, logs: Path, scenario: Scenario | None = None, origin: Origin | None = None
+) -> Recording:
     """A live run of half a second with changed sliders and pokes, as a person makes it."""
     now = [0.0]
     recorder = Recorder(logs)
-    runner = Runner(load_preset(preset), preset, [recorder], clock=lambda: now[0])
+    runner = Runner(scenario or load_preset(preset), preset, [recorder], clock=lambda: now[0], origin=origin)
     half = 0.4 * runner.snapshot.scenario.payload.length
     commands = [
         ChangeScenario({"payload.bending_stiffness": 61.0}),
@@ -102,6 +109,34 @@ def test_going_on_from_any_time_gives_the_same_samples(recording: Recording, tim
     until = min([*later, float(recording.samples.time[-1])])
     ticks = round(until / 0.001) - world.tick
     assert_same_bits(world.advance(ticks), recording.samples.slice(row + 1, row + 1 + ticks))
+
+
+@pytest.mark.parametrize("preset", ["paper", "fast-adaptation"])
+def test_a_run_that_went_on_live_is_recorded_and_replays_bit_for_bit(preset: str, tmp_path: Path) -> None:
+    earlier = live_recording(preset, tmp_path / "earlier")
+    scenario, origin = go_on(earlier, 0.2)
+    later = live_recording(preset, tmp_path / "later", scenario=scenario, origin=origin)
+    assert (origin.run, origin.time) == (earlier.path.stem, 0.2)
+    assert later.samples.time[0] == 0.2
+    assert later.samples.pose[0].tobytes() == earlier.samples.pose[200].tobytes()
+    assert replay(later).identical
+    # And once more, from the end of the one that went on.
+    scenario, origin = go_on(later)
+    assert origin.time == later.samples.time[-1]
+    assert World(scenario).observe().pose.tobytes() != later.samples.pose[-1].tobytes()
+    world = World(scenario)
+    world.restore(origin.state)
+    assert world.observe().pose.tobytes() == later.samples.pose[-1].tobytes()
+
+
+def test_going_on_keeps_to_the_instants_of_a_lab(tmp_path: Path) -> None:
+    scenario = load_preset("paper")
+    run = simulate(scenario, duration=0.05, sample_period=0.0004)
+    recording = read_recording(write_run(run, tmp_path, "paper"))
+    _, origin = go_on(recording, 0.02)
+    assert origin.state.tick == 20
+    with pytest.raises(StudyError, match=r"t = 0.0204 s is no instant of a lab, .* every 1 ms"):
+        go_on(recording, 0.0204)
 
 
 def test_a_time_that_was_not_recorded_is_said(recording: Recording) -> None:

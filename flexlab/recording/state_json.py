@@ -1,0 +1,40 @@
+"""A world's state as JSON and back; numbers keep every bit."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from flexlab.sim.state import Origin, WorldState
+
+
+def state_json(state: WorldState) -> str:
+    """A world's state as JSON."""
+    return json.dumps(_state_values(state))
+
+
+def state_from_json(text: str) -> WorldState:
+    """The state that `state_json` was given. Raises ValueError, KeyError or TypeError for anything else."""
+    return _state(json.loads(text))
+
+
+def origin_values(origin: Origin) -> dict[str, Any]:
+    """An origin in JSON's types."""
+    return {"run": origin.run, "time": origin.time, "state": _state_values(origin.state)}
+
+
+def origin_from_values(values: Mapping[str, Any]) -> Origin:
+    """The origin that `origin_values` was given. Raises ValueError, KeyError or TypeError for anything else."""
+    return Origin(str(values["run"]), float(values["time"]), _state(values["state"]))
+
+
+def _state_values(state: WorldState) -> dict[str, Any]:
+    values = {field.name: getattr(state, field.name) for field in fields(WorldState)}
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+
+
+def _state(values: Mapping[str, Any]) -> WorldState:
+    arrays = {name: np.array(value, float) for name, value in values.items() if name != "tick"}
+    return WorldState(tick=int(values["tick"]), **arrays)

@@ -1,0 +1,30 @@
+"""Goes on from an instant of a recorded run, in a lab: with its exact state, and with its time."""
+
+from dataclasses import replace
+
+from flexlab.errors import StudyError
+from flexlab.recording.reader import Recording
+from flexlab.scenario import Scenario
+from flexlab.sim.snapshot import TICK
+from flexlab.sim.state import Origin
+from flexlab.studies.replay import state_at
+
+MILLI = 1e3
+
+
+def go_on(recording: Recording, time: float | None = None) -> tuple[Scenario, Origin]:
+    """Scenario and origin for a lab that goes on from simulation time `time` s of a run; its end if that is None.
+
+    Raises `StudyError` for a time that was not recorded, or at which no sample of a lab falls.
+    """
+    if time is None and len(recording.samples):
+        time = float(recording.samples.time[-1])
+    scenario, state = state_at(recording, time or 0.0)
+    # A run without a screen may have been sampled at another rate than a lab's.
+    exact = state.tick * recording.sample_period
+    tick = round(exact / TICK)
+    if abs(tick * TICK - exact) > 1e-9 * max(exact, 1.0):
+        raise StudyError(
+            f"t = {exact:.10g} s is no instant of a lab, which takes a sample every {MILLI * TICK:g} ms: choose a multiple."
+        )
+    return scenario, Origin(recording.path.stem, tick * TICK, replace(state, tick=tick))

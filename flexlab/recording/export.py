@@ -1,11 +1,12 @@
 """Runs as CSV, Parquet or NPZ for other programs, and back: what is read again equals what was written, bit for bit.
 
-Every column's name says its unit; SI throughout. Scenario, versions, seed and commands go along as one JSON text: in CSV
-the first line (after "# "), in Parquet and NPZ the metadata named "flexlab".
+Every column's name says its unit; SI throughout. Scenario, versions, seed, start and events (commands among them) go along
+as one JSON text: in CSV the first line (after "# "), in Parquet and NPZ the metadata named "flexlab".
 """
 
 import csv
 import json
+import warnings
 import zipfile
 from collections.abc import Callable, Mapping
 from importlib.metadata import PackageNotFoundError, version
@@ -21,8 +22,10 @@ from flexlab.recording.columns import from_columns, to_columns
 from flexlab.recording.commands_json import command_to_json
 from flexlab.recording.reader import Recording
 from flexlab.recording.run_files import replacing
+from flexlab.recording.state_json import state_json
 from flexlab.scenario import parse_scenario
 from flexlab.sim.samples import Run, Samples, Status
+from flexlab.sim.snapshot import Event
 
 NAME = "flexlab"
 """Name of the metadata."""
@@ -41,13 +44,18 @@ def export_recording(recording: Recording, path: Path, start: float | None = Non
 
     Raises `RecordingError` for another suffix, an empty range or a file that cannot be written.
     """
-    commands = [
-        {"time": event.time, "command": json.loads(command_to_json(event.command))}
-        for event in recording.events
-        if event.command is not None
-    ]
-    about = {"preset": recording.name, "started": recording.started.isoformat(), "commands": commands}
+    about = {
+        "preset": recording.name,
+        "started": recording.started.isoformat(),
+        "start": None if recording.start is None else json.loads(state_json(recording.start)),
+        "events": [_event_values(event) for event in recording.events],
+    }
     return export_run(recording.run, path, start, end, recording.properties | about)
+
+
+def _event_values(event: Event) -> dict[str, Any]:
+    command = None if event.command is None else json.loads(command_to_json(event.command))
+    return {"time": event.time, "text": event.text, "level": event.level, "command": command}
 
 
 def export_run(
@@ -117,7 +125,9 @@ def _read_csv(path: Path) -> tuple[Columns, str]:
     with path.open(encoding="utf-8", newline="") as file:
         metadata = file.readline().removeprefix("# ")
         names = next(csv.reader([file.readline()]))
-        table = np.array(list(csv.reader(file)), dtype=float).reshape(-1, len(names))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # That a table has no rows is no news to its reader.
+            table = np.loadtxt(file, delimiter=",", ndmin=2).reshape(-1, len(names))
     return dict(zip(names, table.T, strict=True)), metadata
 
 

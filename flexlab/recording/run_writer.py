@@ -23,6 +23,9 @@ from flexlab.sim.snapshot import Event
 LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 """Levels of events as rerun names them."""
 
+END = "End of the run"
+"""How a run's last event begins."""
+
 
 class RunWriter:
     """One run on its way into any number of streams."""
@@ -132,9 +135,7 @@ class RunWriter:
 
     def end(self, status: Status, dropped: int = 0) -> None:
         """Say how the run ended, then close all streams. Raises `RecordingError` if a file does not take it all."""
-        text = Event(
-            status.time or self.last_time, f"End of the run: {status.text}", level="error" if status.failed else "info"
-        )
+        text = Event(status.time or self.last_time, f"{END}: {status.text}", level="error" if status.failed else "info")
         self._send_events(self.streams, [text], first=len(self._events))
         values = {"status": str(status), "text": status.text, "time_s": self.last_time, "rows": self.rows}
         for stream in self.streams:

@@ -47,9 +47,8 @@ def test_a_recording_is_exported_with_its_commands(suffix: str, run: Run, tmp_pa
     found, metadata = import_run(export_recording(original, tmp_path / f"x{suffix}", 0.25, 0.75))
     assert_same_bits(found, run.slice(250, 751))
     assert metadata["preset"] == "paper"
-    assert metadata["commands"] == [
-        {"time": 0.3, "command": {"kind": "Tap", "beam_position": 0.1, "impulse": [0.2, 0.3]}}
-    ]
+    tap = {"kind": "Tap", "beam_position": 0.1, "impulse": [0.2, 0.3]}
+    assert metadata["events"][0] == {"time": 0.3, "text": "tap", "level": "info", "command": tap}
 
 
 def test_names_say_what_and_in_which_unit(run: Run, tmp_path: Path) -> None:

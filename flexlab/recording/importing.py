@@ -1,0 +1,126 @@
+"""Takes a run from elsewhere into a logs folder: a recording as it is, an exported table as a recording of the same bits."""
+
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexlab.errors import RecordingError
+from flexlab.recording.commands_json import command_from_json
+from flexlab.recording.export import FORMATS, import_run
+from flexlab.recording.finishing import finish
+from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
+from flexlab.recording.reader import read_blocks, read_recording
+from flexlab.recording.run_files import SUFFIX, claim_run_file, remove_run, write_notes
+from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_writer import END
+from flexlab.recording.state_json import state_from_json
+from flexlab.sim.samples import Run
+from flexlab.sim.snapshot import TICK, Event
+from flexlab.sim.state import WorldState
+
+IMPORTED = (SUFFIX, *FORMATS)
+"""Endings of the files that can be taken in."""
+
+
+def import_into(path: Path, logs: Path) -> Path:
+    """Take a recording or an exported run into `logs`; returns the new recording. The file itself stays as it is.
+
+    Raises `RecordingError`, and leaves nothing in `logs`, for a file that holds no run or if `logs` takes no more.
+    """
+    if path.suffix.lower() not in IMPORTED:
+        raise RecordingError(f"{path.name} has no known format: let its name end in {', '.join(IMPORTED)}.")
+    return _take_recording(path, logs) if path.suffix.lower() == SUFFIX else _take_table(path, logs)
+
+
+def _take_recording(path: Path, logs: Path) -> Path:
+    recording = read_recording(path, with_samples=False)
+    span: list[float] = []
+    rows = 0
+    for block in read_blocks(path):
+        rows += len(block)
+        span += [float(block.time[0]), float(block.time[-1])] if len(block) else []
+    file = claim_run_file(logs, recording.name, recording.started)
+    try:
+        with path.open("rb") as source:
+            shutil.copyfileobj(source, file.handle)
+        os.fsync(file.handle.fileno())
+        write_notes(
+            file.path,
+            ended=recording.state == "complete",
+            preset=recording.name,
+            started=recording.started.isoformat(timespec="seconds"),
+            status=str(recording.status),
+            duration=max(span) - min(span) if span else 0.0,
+            rows=rows,
+            imported=path.name,
+        )
+    except OSError as error:
+        file.release()
+        remove_run(file.path)
+        raise RecordingError(f"{path.name} cannot be copied into {logs} ({error.strerror}): make room.") from None
+    file.release()
+    finish(file.path)
+    return file.path
+
+
+def _take_table(path: Path, logs: Path) -> Path:
+    run, metadata = import_run(path)
+    if len(run) == 0:
+        raise RecordingError(f"{path.name} has no samples: there is nothing to take in.")
+    try:
+        info, events = _info(run, metadata), [_event(values) for values in metadata.get("events", [])]
+    except (ValueError, KeyError, TypeError) as error:
+        raise RecordingError(f"{path.name} was not exported by this version of flexlab ({error}).") from None
+    recording = HeadlessRecording(logs, info)
+    try:
+        with recording:
+            _write(recording, run, [event for event in events if not event.text.startswith(END)])
+            recording.end(run.status)
+    except BaseException:
+        with contextlib.suppress(RecordingError):
+            remove_run(recording.path)
+        raise
+    write_notes(recording.path, imported=path.name)
+    return recording.path
+
+
+def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
+    period = float(metadata.get("sample_period_s") or (run.time[1] - run.time[0] if len(run) > 1 else TICK))
+    start = metadata.get("start")
+    info = RunInfo(str(metadata.get("preset", "imported")), run.scenario, period, _state(start))
+    if "started" not in metadata:
+        return info
+    return RunInfo(info.name, info.scenario, period, info.start, datetime.fromisoformat(metadata["started"]))
+
+
+def _state(values: Mapping[str, Any] | None) -> WorldState | None:
+    return None if values is None else state_from_json(json.dumps(values))
+
+
+def _event(values: Mapping[str, Any]) -> Event:
+    command = values["command"]
+    known = None if command is None else command_from_json(json.dumps(command))
+    return Event(float(values["time"]), str(values["text"]), known, str(values["level"]))
+
+
+def _write(recording: HeadlessRecording, run: Run, events: list[Event]) -> None:
+    """Samples and events in the order in which they happened, as a change also moves what is drawn after it."""
+    written = 0
+    for event in events:
+        row = int(np.searchsorted(run.time, event.time, "right"))
+        _write_rows(recording, run, written, row)
+        written = max(written, row)
+        recording.note(event)
+    _write_rows(recording, run, written, len(run))
+
+
+def _write_rows(recording: HeadlessRecording, run: Run, first: int, end: int) -> None:
+    for start in range(first, end, BLOCK_ROWS):
+        recording.write(run.slice(start, min(start + BLOCK_ROWS, end)))

@@ -13,10 +13,10 @@ import pytest
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def review(folder: Path, *words: str) -> list[str]:
-    """Start a review, read the page it names, end it as Ctrl-C would; returns what it said."""
+def showing(folder: Path, *words: str) -> list[str]:
+    """Start a command that opens the viewer, read the page it names, end it as Ctrl-C would; returns what it said."""
     with subprocess.Popen(
-        [sys.executable, "-u", "-m", "flexlab", "review", "--no-browser", *words],
+        [sys.executable, "-u", "-m", "flexlab", *words, "--no-browser"],
         cwd=folder,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -25,7 +25,11 @@ def review(folder: Path, *words: str) -> list[str]:
     ) as process:
         assert process.stdout
         assert process.stderr
-        lines = [process.stdout.readline() for _ in range(3)]
+        lines = []
+        for line in process.stdout:
+            lines.append(line)
+            if line.startswith("Ctrl-C"):
+                break
         page = re.search(r"http://127\.0\.0\.1:\d+/", "".join(lines))
         if page is None:
             process.kill()
@@ -42,11 +46,12 @@ def test_the_newest_or_a_named_or_a_torn_recording_opens(flexlab_command: Comman
     for name in ("paper", "smooth-start"):
         assert flexlab_command("run", name, "--duration", "0.5").returncode == 0
     older, newer = sorted((tmp_path / "logs").glob("*.rrd"), key=lambda path: path.stat().st_mtime_ns)
-    assert newer.name in review(tmp_path)[0]
-    assert older.name in review(tmp_path, str(older))[0]
+    assert newer.name in showing(tmp_path, "review")[0]
+    assert older.name in showing(tmp_path, "review", str(older))[0]
+    assert older.name in showing(tmp_path, "review", older.stem[:-3])[0]
     torn = tmp_path / "torn.rrd"
     torn.write_bytes(newer.read_bytes()[:-20_000])
-    assert "torn.rrd" in review(tmp_path, "torn.rrd")[0]
+    assert "torn.rrd" in showing(tmp_path, "review", "torn.rrd")[0]
 
 
 @pytest.mark.parametrize(

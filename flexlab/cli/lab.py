@@ -52,7 +52,9 @@ def command(
     Other commands, each with a --help of its own:
 
       flexlab run PRESET       simulate without a screen, record, print a summary
-      flexlab review [FILE]    open a recording, the newest by default
+      flexlab review [RUN]     open a recording, the newest by default
+      flexlab logs             list the recorded runs; note, keep or delete them
+      flexlab compare RUN RUN  say what differs, lay the curves over each other
       flexlab presets          list the presets and what to watch in each
       flexlab bench            measure speed and accuracy on this machine
     """

@@ -7,6 +7,9 @@ import threading
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+
+from flexlab.cli.console import output
 
 LOOK = 0.5
 """s between two looks at whether to end: on Windows, Ctrl-C cannot interrupt a wait without end."""
@@ -34,6 +37,20 @@ def ending() -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def show_review(path: Path, what: str, browser: bool, port: int) -> None:
+    """Serve a recording to rerun's viewer, say where, open a browser on it if wished, until the person ends it."""
+    from flexlab.recording.review import open_review
+
+    with ending() as ended, open_review(path, port) as review:
+        console = output()
+        console.print(f"{what} is open at", markup=False, soft_wrap=True)
+        console.print(review.url, style="bold", markup=False, soft_wrap=True)
+        console.print("Ctrl-C ends the viewer's server.")
+        if browser:
+            open_browser(review.url)
+        wait_for(ended)
 
 
 def wait_for(ended: threading.Event) -> None:

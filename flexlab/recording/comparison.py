@@ -1,5 +1,6 @@
 """Two or more runs in one recording: curves laid over each other, time counted from each run's first sample."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import plot_view, scene_view
 from flexlab.recording.chunks import TIMELINE, scalars, send_columns
 from flexlab.recording.drawing import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
-from flexlab.recording.reader import Recording
+from flexlab.recording.reader import COMPARISON, NamedScenario, Recording
 from flexlab.recording.run_files import replacing
 from flexlab.recording.signals import PlotSignal, plot_signals
 from flexlab.sim.samples import Samples
@@ -39,11 +40,14 @@ def write_comparison(recordings: Sequence[Recording], target: Path, text: str = 
     try:
         # Rerun's own file sink may wait forever if the disk is full (see `rrd_file`).
         encoded = stream.binary_stream()
-        stream.set_sinks(encoded, default_blueprint=_blueprint(recordings))
+        runs = [(recording.name, recording.scenario) for recording in recordings]
+        stream.set_sinks(encoded, default_blueprint=comparison_blueprint(runs))
         stream.send_recording_name(" and ".join(f"{run.name} {run.started:%H:%M:%S}" for run in recordings))
+        texts = json.dumps([(name, scenario.model_dump_json()) for name, scenario in runs], ensure_ascii=False)
+        stream.send_property(COMPARISON, rr.AnyValues(runs=texts))
         stream.log("differences", rr.TextDocument(text, media_type="text/markdown"), static=True)
         for number, recording in enumerate(recordings):
-            _send_run(stream, number, recording, _factor(recordings))
+            _send_run(stream, number, recording, _factor(runs))
         with replacing(target) as draft:
             draft.write_bytes(encoded.read() or b"")
     except (RuntimeError, OSError) as error:
@@ -58,9 +62,9 @@ def run_label(number: int) -> str:
     return chr(ord("A") + number)
 
 
-def _factor(recordings: Sequence[Recording]) -> float:
+def _factor(runs: Sequence[NamedScenario]) -> float:
     """One exaggeration of the drawn deflection for all, or they could not be compared by eye."""
-    return min(exaggeration(recording.scenario) for recording in recordings)
+    return min(exaggeration(scenario) for _, scenario in runs)
 
 
 def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> None:
@@ -101,18 +105,19 @@ def _shade(color: tuple[int, int, int], number: int) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _blueprint(recordings: Sequence[Recording]) -> rrb.Blueprint:
-    labels = [run_label(number) for number in range(len(recordings))]
-    arms = max(len(recording.scenario.arms) for recording in recordings)
+def comparison_blueprint(runs: Sequence[NamedScenario]) -> rrb.Blueprint:
+    """The layout of a comparison of these runs."""
+    labels = [run_label(number) for number in range(len(runs))]
+    arms = max(len(scenario.arms) for _, scenario in runs)
     signals = {signal.entity: signal for signal in plot_signals(arms)}
     scenes = [
         scene_view(
-            f"{label}: {recording.name}, deflection drawn × {_factor(recordings):g}",
-            recording.scenario,
+            f"{label}: {name}, deflection drawn × {_factor(runs):g}",
+            scenario,
             f"/runs/{label}/scene/**",
-            1.8 / len(recordings),
+            1.8 / len(runs),
         )
-        for label, recording in zip(labels, recordings, strict=True)
+        for label, (name, scenario) in zip(labels, runs, strict=True)
     ]
     main = ("error", "vibration", "internal_force", "joint_torque")
     rest = [_overlay(signal, labels) for name, signal in signals.items() if name not in main]

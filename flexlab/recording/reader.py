@@ -24,6 +24,10 @@ from flexlab.sim.state import WorldState
 
 PROPERTIES = "/__properties/"
 """Where rerun keeps a recording's properties."""
+COMPARISON = "comparison"
+"""The property by which a file of several runs is known."""
+
+NamedScenario = tuple[str, Scenario]
 
 
 @dataclass(frozen=True)
@@ -85,10 +89,18 @@ def read_blocks(path: Path | str) -> Iterator[Samples]:
         raise RecordingError(f"{path} is damaged: its samples cannot be read to the end.") from None
 
 
-def read_scenario(path: Path | str) -> tuple[str, Scenario]:
-    """(name, scenario) of a recording; of a finished one in milliseconds, however long. Raises `RecordingError`."""
-    properties = _properties(Path(path), read_rows(Path(path), [PROPERTIES + "**"]))
-    return properties["preset"], _scenario(Path(path), properties)
+def read_scenarios(path: Path | str) -> tuple[NamedScenario, ...]:
+    """(name, scenario) of each run in a file: one, or those laid over each other in a comparison.
+
+    Of a finished file in milliseconds, however long. Raises `RecordingError`.
+    """
+    path = Path(path)
+    rows = read_rows(path, [PROPERTIES + "**"])
+    compared = _values(rows, PROPERTIES + COMPARISON)
+    if "runs" in compared:
+        return tuple((name, _scenario(path, {"scenario": text})) for name, text in json.loads(compared["runs"]))
+    properties = _properties(path, rows)
+    return ((properties["preset"], _scenario(path, properties)),)
 
 
 def _values(rows: Rows, entity: str) -> dict[str, Any]:

@@ -1,6 +1,5 @@
-"""Opens a recording in rerun's viewer, in the browser: served piece by piece, so that an hour opens as fast as a minute."""
+"""Opens recordings in rerun's viewer, in the browser: served piece by piece, so that an hour opens as fast as a minute."""
 
-import webbrowser
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
@@ -12,12 +11,12 @@ from rerun.chunk import RrdReader
 from rerun_bindings import CatalogClientInternal
 
 from flexlab.errors import RecordingError
+from flexlab.recording import comparison
 from flexlab.recording.blueprint import run_blueprint
 from flexlab.recording.drawing import exaggeration
 from flexlab.recording.finishing import finish
-from flexlab.recording.reader import read_scenario
+from flexlab.recording.reader import read_scenarios
 from flexlab.recording.rrd_rows import check_recording
-from flexlab.recording.run_files import newest_run
 from flexlab.recording.run_stream import APPLICATION
 from flexlab.recording.web_viewer import LOOPBACK, ViewerServer, viewer_link
 
@@ -30,13 +29,13 @@ class Review:
     def __init__(self, path: Path, port: int = 0):
         """Serve; `port` of the viewer, 0 for a free one. Raises `RecordingError`."""
         self.path = path
-        name, scenario = read_scenario(path)
+        application, layout = _layout_of(path)
         self._viewer = ViewerServer(LOOPBACK, port)
         try:
             self._server = rr.server.Server(host=LOOPBACK, port=0, datasets={DATASET: [path]})
             # Rerun's public client answers what follows only with a 43 MB library of queries, so its core is asked.
             (core,) = CatalogClientInternal(self._server.url()).datasets(False)
-            _lay_out(DatasetEntry(core), run_blueprint(scenario, exaggeration(scenario), name))
+            _lay_out(DatasetEntry(core), application, layout)
             source = core.segment_url(RrdReader(path).recordings()[0].recording_id)
         except (RuntimeError, ValueError, OSError, LookupError) as error:
             self._viewer.close()
@@ -58,24 +57,29 @@ class Review:
         self.close()
 
 
-def open_review(path: Path | None, logs: Path, browser: bool = True, port: int = 0) -> Review:
-    """Serve a recording (the newest in `logs` without `path`) and open the browser on it, unless `browser` is False.
+def open_review(path: Path, port: int = 0) -> Review:
+    """Serve a recording, or a comparison of some, for a browser to open at the `Review`'s `url`.
 
     A recording that its writer left without an end is mended first. The caller keeps the `Review` for as long as it is to
-    be seen. Raises `RecordingError` if there is nothing to see, or nothing that can be read.
+    be seen. Raises `RecordingError` if there is nothing that can be read.
     """
-    path = newest_run(logs) if path is None else path
     check_recording(path)
     finish(path)
-    review = Review(path, port)
-    if browser:
-        webbrowser.open(review.url)
-    return review
+    return Review(path, port)
 
 
-def _lay_out(dataset: DatasetEntry, layout: rrb.Blueprint) -> None:
+def _layout_of(path: Path) -> tuple[str, rrb.Blueprint]:
+    """(application, layout) of a file. Raises `RecordingError`."""
+    runs = read_scenarios(path)
+    if len(runs) == 1:
+        name, scenario = runs[0]
+        return APPLICATION, run_blueprint(scenario, exaggeration(scenario), name)
+    return comparison.APPLICATION, comparison.comparison_blueprint(runs)
+
+
+def _lay_out(dataset: DatasetEntry, application: str, layout: rrb.Blueprint) -> None:
     """Give the served recording its layout: the server does not look for the one inside the file."""
     with TemporaryDirectory(prefix="flexlab-") as folder:
         file = Path(folder) / "layout.rbl"
-        layout.save(APPLICATION, file)
+        layout.save(application, file)
         dataset.register_blueprint(file.as_uri())

@@ -40,6 +40,11 @@ MAX_SAME_NAME = 1000
 CLAIM_ATTEMPTS, CLAIM_PAUSE = 50, 0.01
 """How often, and with how many s between, a new file is claimed."""
 
+NEWEST = "newest"
+"""What people say instead of the newest run's name."""
+NAMES_SAID = 3
+"""Of many names that begin alike."""
+
 State = Literal["in use", "complete", "recovered", "unfinished", "damaged"]
 """complete: ended as it should. recovered: its writer died, the file was made whole. unfinished: not yet looked after."""
 
@@ -136,8 +141,13 @@ def run_state(path: Path) -> State:
         if is_in_use(path):
             return "in use"
         # An empty file is one that is just being made, or whose lab died at that moment: nothing to mend.
-        return "unfinished" if path.stat().st_size else "damaged"
+        return "unfinished" if _begins_well(path) else "damaged"
     return "recovered" if notes.get("recovered") else "complete"
+
+
+def _begins_well(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
 
 
 def list_runs(logs: Path) -> list[Path]:
@@ -153,6 +163,28 @@ def newest_run(logs: Path) -> Path:
     if not runs:
         raise RecordingError(f"There is no recording in {logs}: start flexlab, or say where with --logs.")
     return runs[0]
+
+
+def find_run(run: str, logs: Path) -> Path:
+    """The recording that a person means: a file, a name in `logs` or the beginning of one, or "newest".
+
+    Raises `RecordingError` if there is none, or more than one. Whether the file is a recording is for its reader to say.
+    """
+    if run == NEWEST:
+        return newest_run(logs)
+    runs = list_runs(logs)
+    found = [path for path in runs if run in (path.name, path.stem)]
+    with contextlib.suppress(OSError):
+        found = [Path(run)] if Path(run).exists() else found
+    found = found or [path for path in runs if run and path.name.startswith(run)]
+    if not found:
+        raise RecordingError(
+            f"There is no recording {run}, nor one in {logs} with such a name: flexlab logs lists them."
+        )
+    if len(found) > 1:
+        names = ", ".join(path.stem for path in found[:NAMES_SAID]) + (", …" if len(found) > NAMES_SAID else "")
+        raise RecordingError(f"{len(found)} runs in {logs} begin with {run} ({names}): write more of the name.")
+    return found[0]
 
 
 def notes_path(path: Path) -> Path:

@@ -51,7 +51,7 @@ def list_rows(logs: Path) -> list[RunRow]:
     rows = []
     for path in list_runs(logs):
         try:
-            rows.append(_row(path))
+            rows.append(read_row(path))
         except OSError:
             continue
     return rows
@@ -62,7 +62,7 @@ def newest_rows(logs: Path, count: int) -> list[RunRow]:
     rows = []
     for path in list_runs(logs)[:count]:
         try:
-            rows.append(_row(path))
+            rows.append(read_row(path))
         except OSError:
             continue
     return rows
@@ -74,18 +74,23 @@ def find_row(logs: Path, run: str) -> RunRow:
     for path in list_runs(logs):
         if path.stem == run:
             try:
-                return _row(path)
+                return read_row(path)
             except OSError:
                 break
     raise RecordingError(f"There is no run {run}: it may have been deleted. The library shows what there is.")
 
 
-def delete_run(row: RunRow) -> None:
-    """Delete a run's file and notes. Raises `RecordingError` if it is kept, being written, or cannot be deleted."""
+def check_removable(row: RunRow) -> None:
+    """Raise `RecordingError` if a run may not be deleted: it is kept, or being written."""
     if row.kept:
         raise RecordingError(f"{row.id} is marked to be kept: take that mark away first.")
     if row.state == "in use":
         raise RecordingError(f"{row.id} is still being recorded: it can be deleted when its run has ended.")
+
+
+def delete_run(row: RunRow) -> None:
+    """Delete a run's file and notes. Raises `RecordingError` if it may not or cannot be deleted."""
+    check_removable(row)
     remove_run(row.path)
     log.info("Deleted the run %s.", row.id)
 
@@ -103,7 +108,8 @@ def annotate_run(row: RunRow, note: str, tags: str, kept: bool) -> None:
         raise RecordingError(f"The note on {row.id} cannot be written ({error.strerror}).") from None
 
 
-def _row(path: Path) -> RunRow:
+def read_row(path: Path) -> RunRow:
+    """The row of a recording. Raises OSError if it is gone."""
     notes, stat = read_notes(path), path.stat()
     named = _NAME.fullmatch(path.stem)
     started = _time(notes.get("started")) or (named and _time(named[1])) or datetime.fromtimestamp(stat.st_mtime)

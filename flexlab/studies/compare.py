@@ -9,6 +9,11 @@ from flexlab.recording.reader import Recording, read_recording
 from flexlab.studies.library import scenario_differences
 from flexlab.studies.metrics import MetricRow, metric_rows, run_metrics
 
+Table = list[list[str]]
+"""A line of headings, then rows."""
+
+SAME = "All runs started from the same scenario."
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -20,22 +25,39 @@ class Comparison:
     settings: tuple[tuple[str, tuple[str, ...]], ...]
     """(dotted path, value of each run) of every scenario field in which any run differs from A."""
 
-    def text(self) -> str:
-        """Both tables and the list of runs as markdown."""
-        labels = [run_label(number) for number in range(len(self.recordings))]
-        runs = [
-            f"- **{label}**: {run.path.stem} ({run.scenario.title or run.name})"
-            for label, run in zip(labels, self.recordings, strict=True)
+    @property
+    def labels(self) -> list[str]:
+        """A, B, C…"""
+        return [run_label(number) for number in range(len(self.recordings))]
+
+    def run_table(self) -> Table:
+        """Which run is which."""
+        rows = [
+            [label, run.path.stem, run.scenario.title or run.name]
+            for label, run in zip(self.labels, self.recordings, strict=True)
         ]
-        heads = [*labels, *(f"{label} - A" for label in labels[1:])]
-        metrics = [
+        return [["", "run", "scenario"], *rows]
+
+    def metric_table(self) -> Table:
+        """Each metric of each run, and how far it is from A's."""
+        labels = self.labels
+        rows = [
             [f"{rows[0].title} [{rows[0].unit}]", *(f"{row.value:.4g}" for row in rows)]
             + [f"{row.value - rows[0].value:+.3g}" for row in rows[1:]]
             for rows in self.metrics
         ]
-        settings = [[f"`{path}`", *values] for path, values in self.settings]
-        parts = ["# Comparison", "\n".join(runs), "## Metrics", _table(["metric", *heads], metrics), "## Settings"]
-        parts.append(_table(["field", *labels], settings) if settings else "All runs started from the same scenario.")
+        return [["metric", *labels, *(f"{label} - A" for label in labels[1:])], *rows]
+
+    def setting_table(self) -> Table:
+        """The settings that differ; only the heading if none does."""
+        return [["setting", *self.labels], *([path, *values] for path, values in self.settings)]
+
+    def text(self) -> str:
+        """All of it as markdown."""
+        heads, *settings = self.setting_table()
+        settings = [[f"`{path}`", *values] for path, *values in settings]
+        parts = ["# Comparison", _markdown(self.run_table()), "## Metrics", _markdown(self.metric_table())]
+        parts += ["## Settings", _markdown([heads, *settings]) if settings else SAME]
         return "\n\n".join(parts) + "\n"
 
 
@@ -74,6 +96,7 @@ def _value(recording: Recording, path: str) -> str:
     return str(getattr(value, "kind", value))
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def _markdown(table: Table) -> str:
+    heads, *rows = table
     lines = [heads, ["---"] * len(heads), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)

@@ -14,7 +14,7 @@ from recording_helpers import wait_until
 
 from flexlab.errors import RecordingError
 from flexlab.recording.review import open_review
-from flexlab.recording.run_files import has_footer
+from flexlab.recording.run_files import find_run, has_footer
 from flexlab.recording.signals import BLUE, GREEN, VERMILION
 from flexlab.recording.web_viewer import VIEWER_FILES, ViewerServer, viewer_folder
 
@@ -30,7 +30,7 @@ def test_opening_a_recording_shows_arms_and_plots_and_calls_nobody(recording_fil
     page = chromium.new_page(viewport={"width": 1400, "height": 900})
     asked: list[str] = []
     page.on("request", lambda request: asked.append(urlsplit(request.url).hostname or ""))
-    with open_review(recording_file, recording_file.parent, browser=False) as review:
+    with open_review(recording_file) as review:
         page.goto(review.url)
 
         def drawn() -> bool:
@@ -47,7 +47,7 @@ def test_opening_a_recording_shows_arms_and_plots_and_calls_nobody(recording_fil
 def test_the_newest_recording_is_opened_and_mended_first(recording_file: Path, tmp_path: Path) -> None:
     recording_file.write_bytes(recording_file.read_bytes()[:-200])
     assert not has_footer(recording_file)
-    with open_review(None, tmp_path, browser=False) as review:
+    with open_review(find_run("newest", tmp_path)) as review:
         assert review.path == recording_file
         assert has_footer(recording_file)
         answer = urllib.request.urlopen(review.url)
@@ -56,12 +56,12 @@ def test_the_newest_recording_is_opened_and_mended_first(recording_file: Path, t
 
 def test_what_cannot_be_reviewed_is_said(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="There is no recording in"):
-        open_review(None, tmp_path, browser=False)
+        open_review(find_run("newest", tmp_path))
     with pytest.raises(RecordingError, match="There is no recording"):
-        open_review(tmp_path / "x.rrd", tmp_path, browser=False)
+        open_review(tmp_path / "x.rrd")
     (tmp_path / "x.rrd").write_text("no recording")
     with pytest.raises(RecordingError, match="is not a rerun recording"):
-        open_review(tmp_path / "x.rrd", tmp_path, browser=False)
+        open_review(tmp_path / "x.rrd")
 
 
 def test_the_viewer_serves_its_own_files_only() -> None:

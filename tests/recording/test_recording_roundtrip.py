@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.finishing import rerun_tool
 from flexlab.recording.headless import HeadlessRecording, write_run
-from flexlab.recording.reader import read_recording, read_scenario
+from flexlab.recording.reader import read_recording, read_scenarios
 from flexlab.recording.run_files import run_state
 from flexlab.recording.run_info import RunInfo
 from flexlab.sim.commands import ChangeScenario, Tap
@@ -117,5 +117,5 @@ def test_rerun_itself_finds_nothing_wrong(recording_file: Path) -> None:
 
 
 def test_the_scenario_alone_is_read_too(run: Run, recording_file: Path) -> None:
-    assert read_scenario(recording_file) == ("paper", run.scenario)
+    assert read_scenarios(recording_file) == (("paper", run.scenario),)
     assert run_state(recording_file) == "complete"

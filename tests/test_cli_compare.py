@@ -1,0 +1,63 @@
+"""`flexlab compare` says what differs and lays the runs over each other, in a file or in the viewer."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from test_cli_review import showing
+
+from flexlab.presets import load_preset
+from flexlab.recording.headless import write_run
+from flexlab.sim.simulate import simulate
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    """Two runs, the newer one with a softer beam and shorter."""
+    paper = load_preset("paper")
+    write_run(simulate(paper, duration=0.3), tmp_path / "logs", "stiff")
+    softer = paper.replace({"payload.bending_stiffness": 60.0})
+    write_run(simulate(softer, duration=0.2), tmp_path / "logs", "soft")
+    return tmp_path / "logs"
+
+
+def test_tables_are_printed_and_the_overlay_is_saved_and_opens_again(
+    flexlab_command: Command, logs: Path, tmp_path: Path
+):
+    (stiff,) = logs.glob("*stiff.rrd")
+    done = flexlab_command("compare", stiff.stem, "newest", "--save", "both.rrd")
+    assert done.returncode == 0, done.stderr
+    rows = [line.split() for line in done.stdout.splitlines()]
+    assert ["A", stiff.stem, "The", "paper's", "experiment"] in rows
+    assert ["Duration", "[s]", "0.3", "0.2", "-0.1"] in rows
+    assert ["payload.bending_stiffness", "100", "60"] in rows
+    assert "both.rrd is open at" in showing(tmp_path, "review", "both.rrd")[0]
+
+
+def test_without_a_file_the_viewer_shows_it(logs: Path, tmp_path: Path):
+    lines = showing(tmp_path, "compare", "newest", "newest")
+    assert "No setting differs.\n" in lines
+    assert "The overlay is open at\n" in lines
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["newest"], "needs two runs at least"),
+        (["newest", "zzz"], "no recording zzz"),
+        (["newest"] * 7, "7 runs cannot be compared: choose 2 to 6"),
+        (["newest", "newest", "--save", "both.png"], "let it end in .rrd"),
+        (["newest", "newest", "--save", "no/such/both.rrd"], "cannot be written to no/such/both.rrd"),
+        (["newest", "junk.rrd"], "not a rerun recording"),
+    ],
+)
+def test_bad_input_is_one_sentence(flexlab_command: Command, logs: Path, tmp_path: Path, words: list[str], says: str):
+    (tmp_path / "junk.rrd").write_bytes(b"junk" * 1000)
+    done = flexlab_command("compare", "--no-browser", *words)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert says in done.stderr
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1, done.stderr

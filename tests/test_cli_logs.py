@@ -1,0 +1,215 @@
+"""`flexlab logs`: the table of runs, what is noted on them, and which of them go."""
+
+import json
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from flexlab.cli.runs_table import METRICS
+from flexlab.presets import load_preset
+from flexlab.recording.headless import write_run
+from flexlab.recording.run_files import list_runs, write_notes
+from flexlab.sim.simulate import simulate
+from flexlab.studies.library import note_metrics
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+MANY_RUNS, LISTED_WITHIN = 200, 2.0
+"""Runs, and s from the command to the end of its table."""
+
+DAY = 86400
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two measured runs."""
+    logs = tmp_path_factory.mktemp("made") / "logs"
+    for preset in ("paper", "soft-beam"):
+        scenario = load_preset(preset).replace({"gravity": 1.0})
+        note_metrics(write_run(simulate(scenario, duration=0.3), logs, preset))
+    return logs
+
+
+@pytest.fixture
+def logs(made: Path, tmp_path: Path) -> Path:
+    """A copy of that folder, three more bad files in it; the paper's run is two days old, the soft beam's is new."""
+    logs = tmp_path / "logs"
+    shutil.copytree(made, logs)
+    (logs / "garbage.rrd").write_bytes(b"junk" * 100)
+    (logs / "empty.rrd").touch()
+    (logs / "torn.rrd").write_bytes(run_of(logs, "paper").read_bytes()[:-20_000])
+    for days, name in ((1, "garbage"), (2, "paper"), (3, "empty"), (4, "torn")):
+        when = time.time() - days * DAY
+        os.utime(run_of(logs, name), (when, when))
+    return logs
+
+
+def run_of(logs: Path, preset: str) -> Path:
+    (path,) = logs.glob(f"*{preset}.rrd")
+    return path
+
+
+def good(done: subprocess.CompletedProcess[str]) -> str:
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_table_has_a_line_of_numbers_for_each_run(flexlab_command: Command, logs: Path):
+    write_notes(run_of(logs, "paper"), note="my [b]best[/b]", tags=["thesis"], keep=True)
+    done = flexlab_command("logs")
+    heading, units, soft, below, *others = good(done).splitlines()
+    assert heading.split()[:4] == ["run", "duration", "size", "state"]
+    assert [units.split()[i] for i in (0, -1)] == ["mm", "N"]
+    assert soft.split()[1:4:2] == ["0.3", f"{run_of(logs, 'soft-beam').stat().st_size / 1000:.3g}"]
+    assert "complete" in soft
+    assert len(soft) == len(heading)
+    assert "–" not in soft
+    assert below == "  gravity: 0 → 1"
+    assert "  kept #thesis · my [b]best[/b] · gravity: 0 → 1" in others
+    states = {line.split()[0]: line.split()[5 if line.split()[1] != "–" else 4] for line in others if line[0] != " "}
+    assert {name: states[name] for name in ("garbage", "empty", "torn")} == {
+        "garbage": "damaged",
+        "empty": "damaged",
+        "torn": "unfinished",
+    }
+    assert "5 runs, " in done.stderr
+    assert "3 of them have no metrics: flexlab logs --measure" in done.stderr
+
+
+def test_words_and_fields_choose_and_order(flexlab_command: Command, logs: Path):
+    def names(*words: str) -> list[str]:
+        return [row["preset"] for row in json.loads(good(flexlab_command("logs", "--json", *words)))]
+
+    assert names()[0] == "soft-beam"
+    assert names("--reverse")[-1] == "soft-beam"
+    assert names("--search", "SOFT complete") == ["soft-beam"]
+    assert names("--search", "gravity: 0", "--sort", "torque") == ["soft-beam", "paper"]
+    assert names("--search", "gravity: 0", "--sort", "torque", "--reverse") == ["paper", "soft-beam"]
+    assert names("--search", "nothing like it") == []
+    assert "has the words 'zzz'" in flexlab_command("logs", "--search", "zzz").stderr
+
+
+def test_all_is_told_of_one_run(flexlab_command: Command, logs: Path):
+    path = run_of(logs, "paper")
+    (row,) = json.loads(good(flexlab_command("logs", path.stem, "--json")))
+    assert row["duration [s]"] == 0.3
+    assert row["size [B]"] == path.stat().st_size
+    assert row["changes"] == ["gravity: 0 → 1"]
+    assert {title for title, _, _ in METRICS.values()} <= set(row["metrics"])
+    text = good(flexlab_command("logs", path.stem))
+    for title in row["metrics"]:
+        assert title in text
+    assert "gravity: 0 → 1" in text
+
+
+def test_a_run_is_a_name_its_beginning_a_file_or_newest(flexlab_command: Command, logs: Path):
+    soft = run_of(logs, "soft-beam")
+    for name in (soft.stem, soft.name, soft.stem[:-3], f"logs/{soft.name}", str(soft), "newest"):
+        assert good(flexlab_command("logs", name)).splitlines()[0] == soft.stem, name
+    assert good(flexlab_command("logs", "gar")).splitlines()[0] == "garbage"
+
+
+def test_notes_tags_and_marks_are_written(flexlab_command: Command, logs: Path):
+    words = ["--note", "look at [this]", "--tags", "a, b,a", "--keep"]
+    text = good(flexlab_command("logs", "newest", *words))
+    assert "look at [this]" in text
+    (row,) = json.loads(good(flexlab_command("logs", "newest", "--json")))
+    assert (row["note"], row["tags"], row["kept"]) == ("look at [this]", ["a", "b"], True)
+    (row,) = json.loads(good(flexlab_command("logs", "newest", "--unkeep", "--tags", "", "--json")))
+    assert (row["note"], row["tags"], row["kept"]) == ("look at [this]", [], False)
+    assert row["metrics"]
+
+
+def test_deleting_asks_and_spares_what_is_kept(flexlab_command: Command, logs: Path):
+    soft = run_of(logs, "soft-beam")
+    nobody = flexlab_command("logs", "newest", "--delete")
+    assert nobody.returncode == 2
+    assert "--yes deletes without asking" in nobody.stderr
+    good(flexlab_command("logs", "newest", "--keep"))
+    kept = flexlab_command("logs", "newest", "garbage", "--delete", "--yes")
+    assert kept.returncode == 2
+    assert "is marked to be kept" in kept.stderr
+    assert soft.exists()
+    assert (logs / "garbage.rrd").exists()
+    good(flexlab_command("logs", "newest", "--unkeep"))
+    assert "Deleted 1 run" in good(flexlab_command("logs", "newest", "--delete", "--yes"))
+    assert not soft.exists()
+    assert not soft.with_suffix(".json").exists()
+
+
+def test_limits_take_the_oldest_first_and_never_kept_ones(flexlab_command: Command, logs: Path):
+    paper, soft = run_of(logs, "paper"), run_of(logs, "soft-beam")
+    good(flexlab_command("logs", "torn", "--keep"))
+    asked = flexlab_command("logs", "--max-age", "1.5")
+    assert asked.returncode == 2
+    assert [line.split()[0] for line in asked.stdout.splitlines()] == ["empty", paper.stem]
+    assert "Delete 2 runs" in asked.stderr
+    assert len(list_runs(logs)) == 5
+    good(flexlab_command("logs", "--max-age", "1.5", "--yes"))
+    assert {path.name for path in list_runs(logs)} == {"torn.rrd", "garbage.rrd", soft.name}
+    good(flexlab_command("logs", "--max-size", "1e-6", "--yes"))
+    assert [path.name for path in list_runs(logs)] == ["torn.rrd"]
+    assert "No run is over the limits" in good(flexlab_command("logs", "--max-size", "1e-6", "--yes"))
+
+
+def test_measuring_mends_and_measures_what_can_be_read(flexlab_command: Command, logs: Path):
+    good(flexlab_command("logs", "--measure"))
+    rows = {row["run"]: row for row in json.loads(good(flexlab_command("logs", "--json")))}
+    assert rows["torn"]["state"] == "recovered"
+    assert rows["torn"]["metrics"]["Peak joint torque [N·m]"] > 600
+    assert rows["garbage"]["metrics"] == {}
+
+
+def test_two_hundred_runs_are_listed_at_once(flexlab_command: Command, made: Path, tmp_path: Path):
+    (tmp_path / "logs").mkdir()
+    for number in range(MANY_RUNS):
+        for suffix in (".rrd", ".json"):
+            name = f"2026-01-02T03-{number // 60:02d}-{number % 60:02d}-paper{suffix}"
+            (tmp_path / "logs" / name).hardlink_to(run_of(made, "paper").with_suffix(suffix))
+    took = []
+    for _ in range(3):
+        began = time.perf_counter()
+        done = flexlab_command("logs")
+        took.append(time.perf_counter() - began)
+        assert good(done).count("complete") == MANY_RUNS
+    assert min(took) < LISTED_WITHIN
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--sort", "colour"], "--sort colour is not a field: choose one of started, preset,"),
+        (["--keep"], "needs a RUN"),
+        (["--delete"], "needs a RUN"),
+        (["newest", "--keep", "--unkeep"], "contradict"),
+        (["newest", "--delete", "--note", "x"], "contradict"),
+        (["newest", "--max-age", "3"], "give no RUN"),
+        (["--max-size", "0"], "--max-size 0 is not usable: give a number of GB above 0"),
+        (["--max-age", "nan"], "--max-age nan is not usable"),
+        (["nonsense"], "no recording nonsense, nor one in logs with such a name"),
+        (["20"], "2 runs in logs begin with 20"),
+        (["newest", "--note", "x" * 2001], "2001 characters: at most 2000"),
+        (["--logs", "nowhere"], "no folder nowhere"),
+        (["newest", "--logs", "nowhere"], "no recording in nowhere"),
+    ],
+)
+def test_bad_input_is_one_sentence(flexlab_command: Command, made: Path, tmp_path: Path, words: list[str], says: str):
+    (tmp_path / "logs").symlink_to(made)
+    done = flexlab_command("logs", *words)
+    assert done.returncode == 2, done.stdout
+    assert done.stdout == ""
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+
+
+def test_an_empty_folder_is_no_error(flexlab_command: Command, tmp_path: Path):
+    (tmp_path / "logs").mkdir()
+    done = flexlab_command("logs")
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "There is no run in logs yet." in done.stderr
+    assert json.loads(good(flexlab_command("logs", "--json"))) == []

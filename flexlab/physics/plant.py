@@ -23,8 +23,9 @@ WORK, DISSIPATED = 9, 10
 ETA = 11
 """First indices of the parts of the state y; π follows η."""
 
-H, G, DH, DG, OMEGA2, MID, PULL = 0, 1, 2, 3, 4, 5, 6
-"""Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape at the pulled point N(s)V."""
+H, G, DH, DG, OMEGA2, MID, BEND, PULL = range(8)
+"""Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape where the beam bends
+most (mid-span or the free end), shape at the pulled point N(s)V."""
 
 HELD_ARM, HELD_LINK = 4, 5
 """Indices in `Plant.pull`."""
@@ -44,7 +45,7 @@ class Plant(NamedTuple):
     gravity: float
     """Along -y, m/s²."""
     modal: np.ndarray
-    """(7, n_m), rows as named above."""
+    """(8, n_m), rows as named above."""
     damping: np.ndarray
     """Modal damping D, dense within its blocks, (n_m, n_m)."""
     block_start: np.ndarray
@@ -92,6 +93,8 @@ class Workspace(NamedTuple):
     """x_d, ẋ_d, ẍ_d, (3, 3)."""
     desired_time: np.ndarray
     """The instant `desired` belongs to, s, (1,): stages share instants, and a sine costs as much as an arm."""
+    w_bar: np.ndarray
+    """w̄ = hᵀq, (1,)."""
     beam_rate: np.ndarray
     """hᵀq̇, gᵀq̇, (2,)."""
     memory_rate: np.ndarray
@@ -134,6 +137,7 @@ def make_workspace(arm_count: int, mode_count: int) -> Workspace:
         np.zeros(mode_count),
         np.zeros((3, 3)),
         np.full(1, np.nan),
+        np.zeros(1),
         np.zeros(2),
         np.zeros(3),
         np.zeros(1, np.int64),

@@ -2,9 +2,11 @@
 
 from flexlab.compiled import compiled, inlined
 from flexlab.physics.arm import NOT_A_NUMBER
-from flexlab.physics.plant import DISSIPATED
+from flexlab.physics.plant import BEND, DISSIPATED, ETA
+from flexlab.sim.closed_loop import rates
+from flexlab.sim.integrators.scheme import ETDRK4
 from flexlab.sim.integrators.step import integrate
-from flexlab.sim.observe import MIDSPAN, observe
+from flexlab.sim.observe import write_sample
 from flexlab.sim.sampled_control import control_instant
 
 DIVERGED, BENT = NOT_A_NUMBER, 4
@@ -23,37 +25,60 @@ def diverged(y):
     return False
 
 
-@compiled
-def advance(system, sampling, scheme, deflection_limit, tick, tick_period, step_count, y, good, ws, rows):
-    """Advance y by len(rows) ticks of `step_count` steps from tick number `tick`, filling rows (ticks, row_length).
+@inlined
+def largest_deflection(plant, y):
+    """|w| at mid-span, or at the free end, m."""
+    w = 0.0
+    for k in range(plant.modal.shape[1]):
+        w += plant.modal[BEND, k] * y[ETA + k]
+    return abs(w)
 
-    Control instants lie on steps. Returns the ticks done and a fault code; on a fault y is set back to the last good tick
-    (`good`, like y, is scratch).
+
+@compiled
+def advance(
+    system, sampling, scheme, deflection_limit, tick, tick_period, step_count, y, good, ws, rows, first_is_present
+):
+    """Advance y from tick number `tick` by one tick of `step_count` steps per row, filling rows (ticks, row_length).
+
+    With `first_is_present` the first row takes the present instant. Control instants lie on steps. Returns the ticks done
+    and a fault code; on a fault y is set back to the last good tick (`good`, like y, is scratch).
     """
+    # The rates at a tick serve its sample and the step that follows. They stand here once: whatever the block sizes, the
+    # same machine code gives the same bits; and handing a whole system to a function costs more than most of them.
     dt = tick_period / step_count
-    for done in range(len(rows)):
-        for i in range(len(y)):
-            good[i] = y[i]
+    row = 0 if first_is_present else -1
+    done = j = 0
+    while True:
         start = (tick + done) * tick_period
-        code = 0
-        for j in range(step_count):
-            code = integrate(system, scheme, start + j * dt, dt, y, ws)
-            if code == 0 and diverged(y):
-                code = DIVERGED
-            if code != 0:
-                break
-            number = (tick + done) * step_count + j + 1
-            if system.control.sampled and number % sampling.steps == 0:
-                t = (tick + done + 1) * tick_period if j == step_count - 1 else start + (j + 1) * dt
-                code = control_instant(system, sampling, number // sampling.steps, t, y, ws)
-                if code != 0:
-                    break
+        t = start + j * dt
+        code = rates(system, t, y, ws, ws.stage[0], scheme.kind != ETDRK4)
+        if j == 0:
+            if code == 0 and row >= 0:
+                write_sample(system, t, y, ws, rows[row])
+                if done > 0 and not largest_deflection(system.plant, y) < deflection_limit:
+                    code = BENT
+            if code != 0 and done > 0:
+                for i in range(len(y)):
+                    y[i] = good[i]
+                return done - 1, code
+            row += 1
+            if row == len(rows):
+                return done, code
+            for i in range(len(y)):
+                good[i] = y[i]
         if code == 0:
-            code = observe(system, (tick + done + 1) * tick_period, y, ws, rows[done])
-        if code == 0 and not abs(rows[done, MIDSPAN]) < deflection_limit:
-            code = BENT
+            code = integrate(system, scheme, t, dt, y, ws)
+        if code == 0 and diverged(y):
+            code = DIVERGED
+        j += 1
+        number = (tick + done) * step_count + j
+        if j == step_count:
+            done, j = done + 1, 0
+        if code == 0 and system.control.sampled and number % sampling.steps == 0:
+            code = control_instant(
+                system, sampling, number // sampling.steps, (tick + done) * tick_period + j * dt, y, ws
+            )
         if code != 0:
             for i in range(len(y)):
                 y[i] = good[i]
-            return done, code
-    return len(rows), 0
+            return done - (j == 0), code

@@ -82,7 +82,10 @@ def build_plant(scenario: Scenario, beam: Beam) -> Plant:
     h, g = modes.V.T @ matrices.h, modes.V.T @ matrices.g
     middle = payload_row(payload, 0.0)
     bend = np.linalg.solve(matrices.K_F, np.stack([matrices.h, matrices.g], axis=1))
-    modal = np.stack([h, g, modes.D @ h, modes.D @ g, modes.omega**2, modes.V.T @ middle, np.zeros_like(h)])
+    loosest = middle if len(scenario.arms) == 2 else payload_row(payload, payload.length / 2)
+    modal = np.stack(
+        [h, g, modes.D @ h, modes.D @ g, modes.omega**2, modes.V.T @ middle, modes.V.T @ loosest, np.zeros_like(h)]
+    )
     arms = np.zeros(len(scenario.arms), ARM)
     for i, arm in enumerate(scenario.arms):
         side = -1 if i == 0 else 1

@@ -67,26 +67,26 @@ def find_inputs(system, t, y, ws):
 
 @inlined
 def find_state(system, t, y, ws):
-    """Velocities, arm terms and inputs of state y at time t; returns a fault code and h·η."""
+    """Velocities, arm terms, inputs and w̄ of state y at time t, in ws; returns a fault code."""
     plant = system.plant
-    code, w_bar, w_bar_rate = find_velocities(plant, y, ws)
+    code, ws.w_bar[0], w_bar_rate = find_velocities(plant, y, ws)
     if code != 0:
-        return code, 0.0
+        return code
     g_rate = 0.0
     for k in range(plant.modal.shape[1]):
         g_rate += plant.modal[G, k] * ws.eta_dot[k]
     ws.beam_rate[0], ws.beam_rate[1] = w_bar_rate, g_rate
     find_inputs(system, t, y, ws)
-    return code, w_bar
+    return code
 
 
 @inlined
 def rates(system, t, y, ws, dy, whole):
     """dy/dt of the closed loop; `whole` as in `momentum_rates`. Returns a fault code of `arm_configuration`."""
-    code, w_bar = find_state(system, t, y, ws)
+    code = find_state(system, t, y, ws)
     if code != 0:
         return code
-    momentum_rates(system.plant, y, w_bar, ws.beam_rate[0], ws.u, ws, dy, whole)
+    momentum_rates(system.plant, y, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, dy, whole)
     for a in range(3):
         dy[MEMORY + a] = ws.memory_rate[a]
     return code

@@ -10,7 +10,8 @@ from flexlab.sim.advance import BENT
 from flexlab.sim.samples import Status
 
 DEFLECTION_LIMIT = 1.0
-"""Mid-span deflection over length at which a run stops: the linear beam model has lost all meaning long before."""
+"""Deflection at mid-span, or of a free end, over length at which a run stops: the linear beam model has lost all meaning
+long before."""
 
 
 FASTEST_WRIST = 100.0
@@ -93,9 +94,10 @@ def runtime_fault(
             time,
         )
     if code == BENT:
+        where = "at mid-span" if len(scenario.arms) == 2 else "of its free end"
         return Status(
             "diverged",
-            f"The beam's mid-span deflection passed {DEFLECTION_LIMIT:g} times its length just after t = {time:.3f} s, "
+            f"The beam's deflection {where} passed {DEFLECTION_LIMIT:g} times its length just after t = {time:.3f} s, "
             f"where the linear beam model means nothing. {kept} Reset with a stiffer beam, more damping or lower gains.",
             time,
         )

@@ -1,6 +1,6 @@
 """Writing one sample: every signal that follows from a state."""
 
-from flexlab.compiled import compiled, inlined
+from flexlab.compiled import inlined
 from flexlab.control.adaptive_sliding_mode import sliding_variable
 from flexlab.physics.arm import joint_angles, joint_torques
 from flexlab.physics.dynamics import acceleration
@@ -8,7 +8,6 @@ from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energ
 from flexlab.physics.internal_force import internal_forces
 from flexlab.physics.plant import DISSIPATED, ETA, MEMORY, MID, WORK
 from flexlab.sim import columns
-from flexlab.sim.closed_loop import find_state
 
 ACCELERATION, DESIRED, ERROR, SLIDING = columns.ACCELERATION, columns.DESIRED, columns.ERROR, columns.SLIDING
 POSE, RATE, ESTIMATES, MOVING = columns.POSE, columns.RATE, columns.ESTIMATES, columns.MOVING
@@ -26,16 +25,13 @@ AT_LIMIT = 1e-9
 """Relative distance from its limit at which a torque counts as standing there: the rounding of turning τ into u and back."""
 
 
-@compiled
-def observe(system, t, y, ws, row):
-    """Write the sample of state y at time t into `row`; returns a fault code."""
+@inlined
+def write_sample(system, t, y, ws, row):
+    """Write the sample of state y at time t into `row`, after `rates` at the same instant."""
     plant = system.plant
-    code, w_bar = find_state(system, t, y, ws)
-    if code != 0:
-        return code
     c, s = ws.arm.trig[0], ws.arm.trig[1]
     x_ddot = row[ACCELERATION : ACCELERATION + 3]
-    acceleration(plant, y, w_bar, ws.beam_rate[0], ws.u, ws, x_ddot)
+    acceleration(plant, y, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
     row[TIME] = t
     sliding_variable(system.control.adaptive.Lambda, y[0:3], ws.velocity, ws.desired, row[SLIDING : SLIDING + 3])
     for a in range(3):
@@ -57,9 +53,8 @@ def observe(system, t, y, ws, row):
     row[QUASI_STATIC] = plant.compliance[0] * lateral + plant.compliance[1] * x_ddot[2]
     row[KINETIC] = kinetic_energy(y, ws.velocity, ws.eta_dot)
     row[ELASTIC] = elastic_energy(plant, y)
-    row[GRAVITY] = gravity_energy(plant, ws.arm, y, w_bar)
+    row[GRAVITY] = gravity_energy(plant, ws.arm, y, ws.w_bar[0])
     row[POWER_IN], row[LOSS] = y[WORK], y[DISSIPATED]
-    return code
 
 
 @inlined

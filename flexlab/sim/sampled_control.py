@@ -1,6 +1,7 @@
 """A controller that acts at fixed instants: it measures with noise, computes, and its joint torques are held.
 
-The torques computed at one instant take effect `delay` instants later; until the first ones arrive the motors are off.
+The torques computed at one instant take effect `delay` instants later; until the first ones arrive the motors are off,
+or hold what a continuous controller asked for last.
 The law's memory (b̂) advances by explicit Euler, as a digital controller does it.
 """
 
@@ -56,7 +57,7 @@ def gaussian(seed, instant, channel):
 def control_instant(system, sampling, instant, t, y, ws):
     """Measure, run the law, queue its torques and hold those that are due; returns a fault code."""
     plant, control = system.plant, system.control
-    code, _ = find_state(system, t, y, ws)
+    code = find_state(system, t, y, ws)
     if code != 0:
         return code
     x, v, beam = ws.stage[8, 0:3], ws.stage[8, 3:6], ws.stage[8, 6:8]

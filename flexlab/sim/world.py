@@ -21,7 +21,6 @@ from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row
 from flexlab.sim.faults import DEFLECTION_LIMIT, pose_fault, runtime_fault
 from flexlab.sim.machinery import Machinery, build_machinery
-from flexlab.sim.observe import observe
 from flexlab.sim.projection import project_beam
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
@@ -130,7 +129,7 @@ class World:
         return columns.row_length(len(self.scenario.arms), self._machinery.beam.modes.V.shape[0])
 
     def _observe(self, row: np.ndarray) -> None:
-        observe(self._machinery.system, self.time, self._y, self._workspace, row)
+        self._advance(row[None], first_is_present=True)
         row[columns.TIME] = self.time
         row[columns.POSE : columns.POSE + 3] = self._y[:3]
 
@@ -161,8 +160,17 @@ class World:
         """Move by one tick per row of rows (ticks, row length), writing the samples there; returns the ticks done."""
         if self.status.failed:
             return 0
+        done, code = self._advance(rows, first_is_present=False)
+        self.tick += done
+        if code != 0:
+            find_velocities(self._machinery.system.plant, self._y, self._workspace)
+            rate = self._workspace.velocity
+            self.status = runtime_fault(self.scenario, code, self._y[:3], rate, self.time, self.tick_period)
+        return done
+
+    def _advance(self, rows: np.ndarray, first_is_present: bool) -> tuple[int, int]:
         machinery = self._machinery
-        done, code = advance(
+        return advance(
             machinery.system,
             machinery.sampling,
             machinery.scheme,
@@ -174,13 +182,8 @@ class World:
             np.empty_like(self._y),
             self._workspace,
             rows,
+            first_is_present,
         )
-        self.tick += done
-        if code != 0:
-            find_velocities(machinery.system.plant, self._y, self._workspace)
-            rate = self._workspace.velocity
-            self.status = runtime_fault(self.scenario, code, self._y[:3], rate, self.time, self.tick_period)
-        return done
 
     def apply(self, command: WorldCommand) -> bool:
         """Carry out a command at the present instant; returns whether a new run begins.
@@ -227,15 +230,17 @@ class World:
         y[:ETA] = self._y[:ETA]
         machinery.system.plant.pull[:] = plant.pull
         set_pull_row(machinery.system.plant, scenario.payload, machinery.beam)
-        machinery.system.held_torque[:] = old.system.held_torque
-        machinery.sampling.line[:] = old.system.held_torque
-        kept = min(len(machinery.sampling.line), len(old.sampling.line))
-        machinery.sampling.line[-kept:] = old.sampling.line[-kept:]
+        starts_sampling = machinery.system.control.sampled and not old.system.control.sampled
+        held = self.observe().joint_torque[0] if starts_sampling else old.system.held_torque
+        machinery.system.held_torque[:] = machinery.sampling.line[:] = held
+        if not starts_sampling:
+            kept = min(len(machinery.sampling.line), len(old.sampling.line))
+            machinery.sampling.line[-kept:] = old.sampling.line[-kept:]
         self.scenario, self._machinery, self._y = scenario, machinery, y
         self._workspace = self._new_workspace()
         eta, eta_dot = _to_modes(machinery.beam, q), _to_modes(machinery.beam, q_dot)
         self._set_motion(y[:3].copy(), rate, eta, eta_dot)
-        if machinery.system.control.sampled and not old.system.control.sampled:
+        if starts_sampling:
             self._act_at_start()
 
     def state(self) -> WorldState:

@@ -178,3 +178,16 @@ def test_no_payload_makes_an_automatic_step_unstable(integrator: str, n: int, de
     world = World(paper(**changes, **{"payload.element_count": n, "simulation.integrator": integrator}))
     world.run(30)
     assert world.status == "running", world.status.text
+
+
+def test_a_free_end_that_bends_beyond_all_sense_stops_the_run():
+    """A limp beam in one arm, bent like a parabola: its end is 0.6 m off its axis, its middle only 0.15 m."""
+    arm = load_preset("single-arm").replace({"payload.bending_stiffness": 0.01, "payload.element_count": 2})
+    length = arm.payload.length
+    shape = [(0.6 * (s / length) ** 2, 1.2 * s / length**2) for s in (length / 2, length)]
+    world = World(arm.replace({"initial.beam_coordinates": [value for node in shape for value in node]}))
+    assert abs(float(world.observe().midspan_deflection[0])) == pytest.approx(0.15)
+    world.advance(5)
+    assert world.status == "diverged"
+    assert "deflection of its free end passed 1 times its length" in world.status.text
+    assert all_finite(world.observe())

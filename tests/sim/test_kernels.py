@@ -57,7 +57,6 @@ def test_a_warm_start_compiles_nothing():
     stats = use_everything()
     assert {name: misses for name, (_, misses) in stats.items() if misses} == {}
     assert stats["advance"][0] > 0
-    assert stats["observe"][0] > 0
 
 
 def test_kernels_run_without_the_global_lock():

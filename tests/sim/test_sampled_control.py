@@ -130,3 +130,17 @@ def test_a_new_delay_neither_drops_nor_reorders_torques(delays: tuple[int, int])
     world.apply(ChangeScenario({"controller.input_delay": delays[1]}))
     after = world.advance(15).joint_torque[:, 0, 0]
     assert np.all(np.diff(np.concatenate([[before], after])) > -1e-9), after
+
+
+@pytest.mark.parametrize("delay", [0, 1, 5])
+def test_motors_go_on_when_a_delayed_controller_takes_over(delay: int):
+    """Until its first torques arrive, the motors hold the last ones of the continuous controller."""
+    world = World(load_preset("smooth-start"))
+    world.advance(102)
+    before = world.observe().joint_torque[0]
+    world.apply(ChangeScenario({"controller.control_period": 0.001, "controller.input_delay": delay}))
+    after = world.advance(10).joint_torque
+    assert np.abs(after - before).max() < 0.2 * np.abs(before).max()
+    if delay:
+        np.testing.assert_allclose(after[: delay - 1], np.broadcast_to(before, (delay - 1, 2, 3)), rtol=0, atol=1e-9)
+        assert np.abs(after[delay] - before).max() > 1e-3

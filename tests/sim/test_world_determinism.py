@@ -97,6 +97,15 @@ def test_looking_at_a_world_does_not_change_it(same_bits):
 
 
 @pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
+def test_a_look_sees_what_the_run_wrote(changes: dict, same_bits):
+    world = World(load_preset("paper").replace(changes))
+    for ticks in (1, 2, 30):
+        block, look = world.advance(ticks), world.observe()
+        last = Samples(**{f.name: getattr(block, f.name)[-1:] for f in fields(Samples)})
+        same_bits(last, look)
+
+
+@pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
 def test_a_restored_state_goes_on_bit_for_bit(changes: dict, same_bits):
     """`state()` after commands, restored in a fresh world of the scenario of that moment."""
     world = World(load_preset("paper").replace(changes))

@@ -6,9 +6,8 @@ import pytest
 from flexlab.guide import chapters
 from flexlab.physics.plant import make_workspace
 from flexlab.presets import load_preset
-from flexlab.sim import columns
 from flexlab.sim.build import build_beam, build_system
-from flexlab.sim.observe import observe
+from flexlab.sim.closed_loop import rates
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 from flexlab.studies.modes import modes
@@ -42,9 +41,9 @@ def test_the_formula_of_the_internal_force_is_exact(preset: str):
     world.advance_rows(137)
     beam = build_beam(scenario.payload)
     system, workspace = build_system(scenario, beam), make_workspace(2, len(beam.modes.omega))
-    row = np.zeros(world.row_length)
-    assert observe(system, world.time, world.state().y.copy(), workspace, row) == 0
-    sample = columns.rows_to_samples(row[None], 2)
+    y = world.state().y
+    assert rates(system, world.time, y, workspace, np.zeros_like(y), True) == 0
+    sample = world.observe()
     s, slope = sample.sliding_variable[0], scenario.controller.sliding_slope
     error_rate = sample.pose_rate[0] - workspace.desired[1]
     s_dot = sample.pose_acceleration[0] - workspace.desired[2] + slope * error_rate

@@ -8,7 +8,7 @@ which belong to a slightly shifted instant, are carried at the end of the state.
 
 import numpy as np
 
-from flexlab.compiled import compiled, inlined, inlined_sums
+from flexlab.compiled import inlined, inlined_sums
 from flexlab.physics.dynamics import acceleration, momentum_rates, set_momenta, solve_symmetric
 from flexlab.physics.plant import ETA, MEMORY, G, H, X
 from flexlab.sim.closed_loop import find_state
@@ -116,9 +116,9 @@ def correct(system, scheme, x_ddot, middle, new, ws):
         new[3 + k] += solved[k] - scheme.coupling[0, k] * lateral - scheme.coupling[1, k] * turn
 
 
-@compiled
+@inlined
 def generalized_alpha_step(system, scheme, t, dt, y, ws):
-    """Advance y by dt in place; returns a fault code."""
+    """Advance y by dt in place, after its rates are in ws.stage[0]; returns a fault code."""
     plant, n = system.plant, system.plant.modal.shape[1]
     first_rate, z, velocity, middle, new = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3], ws.stage[4]
     x_ddot, late_rate = ws.stage[5, 0:3], ws.stage[6]
@@ -129,15 +129,14 @@ def generalized_alpha_step(system, scheme, t, dt, y, ws):
             code = _alpha_point(plant, dt, y, velocity, old, new, first_rate, middle, z, ws)
             if code != 0:
                 return code
-        code, w_bar = find_state(system, instant, state, ws)
-        if code != 0:
-            return code
-        acceleration(plant, state, w_bar, ws.beam_rate[0], ws.u, ws, x_ddot)
-        if stage == 0 or stage == CORRECTIONS:
-            target = first_rate if stage == 0 else late_rate
-            momentum_rates(plant, state, w_bar, ws.beam_rate[0], ws.u, ws, target, True)
+            code = find_state(system, instant, z, ws)
+            if code != 0:
+                return code
+        acceleration(plant, state, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
+        if stage == CORRECTIONS:
+            momentum_rates(plant, z, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, late_rate, True)
             for a in range(3):
-                target[MEMORY + a] = ws.memory_rate[a]
+                late_rate[MEMORY + a] = ws.memory_rate[a]
         if stage == 0:
             _begin_step(plant, x_ddot, velocity, old, new, ws)
         else:

@@ -48,6 +48,7 @@ class Desk:
         self._lock = threading.RLock()
         self._settings = _settings(snapshot.scenario, snapshot.name, origin)
         self._run_name = snapshot.name
+        self._run_number = snapshot.run_number
         self._undo = Undo()
         self._asked_at = 0.0
         self._notice = Notice("")
@@ -127,11 +128,11 @@ class Desk:
     def submit(self, command: Command) -> None:
         """Pass on any other command."""
         if isinstance(command, Reset):
-            self._asked_at = time.monotonic()
+            self._asked_at, self._pull = time.monotonic(), None
         self._runner.submit(command)
 
     def pull(self, pull: Pull | None) -> None:
-        """Pull the beam, or let go (None)."""
+        """Pull beam or link, or let go (None)."""
         if pull is None and self._pull is not None:
             self._runner.submit(dataclasses.replace(self._pull, stiffness=0.0))
         elif pull is not None:
@@ -146,6 +147,9 @@ class Desk:
     def settle(self, snapshot: Snapshot) -> None:
         """Fall in with the engine where it did not follow: a change that it refused, or one, or a run, from elsewhere."""
         with self._lock:
+            if snapshot.run_number != self._run_number:
+                # A new run knows of no hand.
+                self._run_number, self._pull = snapshot.run_number, None
             if time.monotonic() - self._asked_at < CATCH_UP_TIME:
                 return
             if snapshot.name != self._run_name:
@@ -181,6 +185,7 @@ class Desk:
 
     def _start(self, settings: Settings) -> None:
         self._settings, self._asked_at, self._run_name = settings, time.monotonic(), settings.name
+        self._pull = None
         self.set_view(exaggeration=fitting_exaggeration(settings.scenario), shown_mode=None)
         self._runner.submit(LoadScenario(settings.scenario, settings.name, settings.origin))
 

@@ -1,7 +1,8 @@
-"""Hands on the beam: dragging it pulls with a spring, clicking it taps with a calibrated impulse. Both are commands, so they
-are in the log and a replay contains them."""
+"""Hands on the machine: dragging beam or link pulls it with a spring, clicking the beam taps it with a calibrated impulse.
+Both are commands, so they are in the log and a replay contains them."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import viser
@@ -9,9 +10,10 @@ import viser
 from flexlab.errors import LabError
 from flexlab.lab.desk import Desk, handler
 from flexlab.lab.scene.arms import scene_size
-from flexlab.lab.scene.models import BEAM_HEIGHT
+from flexlab.lab.scene.models import BEAM_HEIGHT, LINK_HEIGHTS
 from flexlab.quantities import Quantity
 from flexlab.sim.commands import Pull, Tap
+from flexlab.sim.shape import arm_points
 
 STIFFNESS = Quantity("Pull stiffness", unit="N/m", low=1, high=1e5, slider=(10, 10000), logarithmic=True)
 IMPULSE = Quantity("Tap impulse", unit="N·s", low=1e-4, high=100, slider=(1e-3, 1), logarithmic=True)
@@ -20,18 +22,27 @@ STEEPEST = 0.05
 """Least downward part of a line of sight that can be followed to the plane of motion."""
 
 
+class Held(NamedTuple):
+    """What a hand has taken hold of: `position` and `link` as in `Pull`, `height` above the floor, m."""
+
+    position: float
+    link: tuple[int, int] | None
+    height: float
+
+
 class Touch:
-    """Turns drags and clicks on the drawn beam into commands. `stiffness` N/m, `impulse` N·s, `place` s/L."""
+    """Turns drags and clicks on the drawn machine into commands. `stiffness` N/m, `impulse` N·s, `place` s/L."""
 
     def __init__(self, desk: Desk):
         self._desk = desk
-        self._held_at: float | None = None
+        self._held: Held | None = None
         self.stiffness, self.impulse, self.place = 500.0, 0.05, 0.0
 
-    def attach(self, mesh: viser.MeshHandle) -> None:
-        """Make a drawn beam touchable."""
-        mesh.on_drag("left")(handler(self._desk, self._drag))
-        mesh.on_click(handler(self._desk, lambda event: self._tap_at(self._on_beam(self._seen(event)))))
+    def attach(self, beam: viser.MeshHandle, links: viser.BatchedMeshHandle) -> None:
+        """Make a drawn beam and drawn arms touchable; links are instances arm by arm, from the base."""
+        beam.on_drag("left")(handler(self._desk, lambda event: self._drag(event, self._take_beam)))
+        beam.on_click(handler(self._desk, lambda event: self._tap_at(self._on_beam(self._seen(event)))))
+        links.on_drag("left")(handler(self._desk, lambda event: self._drag(event, self._take_link)))
 
     def set(self, about: Quantity, name: str, value: float) -> None:
         """Set `stiffness`, `impulse` or `place`; raises `LabError` outside the range of `about`."""
@@ -51,15 +62,27 @@ class Touch:
         angle = float(self._desk.snapshot.display.pose[0, 2])
         self._desk.submit(Tap(s, (-self.impulse * float(np.sin(angle)), self.impulse * float(np.cos(angle)))))
 
-    def _drag(self, event: Any) -> None:
+    def _drag(self, event: Any, take: Callable[[Any], Held]) -> None:
         if event.phase == "end":
-            self._held_at = None
+            self._held = None
             self._desk.pull(None)
             return
-        if event.phase == "start" or self._held_at is None:
-            self._held_at = self._on_beam(np.array(event.start_position[:2]))
-        target = self._in_plane(event.client, np.array(event.end_position))
-        self._desk.pull(Pull(self._held_at, (float(target[0]), float(target[1])), self.stiffness))
+        if event.phase == "start" or self._held is None:
+            self._held = take(event)
+        held = self._held
+        target = self._in_plane(event.client, np.array(event.end_position), held.height)
+        self._desk.pull(Pull(held.position, (float(target[0]), float(target[1])), self.stiffness, held.link))
+
+    def _take_beam(self, event: Any) -> Held:
+        return Held(self._on_beam(np.array(event.start_position[:2])), None, self._height(BEAM_HEIGHT))
+
+    def _take_link(self, event: Any) -> Held:
+        snapshot = self._desk.snapshot
+        arm, link = divmod(event.instance_index, len(LINK_HEIGHTS))
+        inner, outer = arm_points(snapshot.scenario, snapshot.display)[0, arm, link : link + 2]
+        length = snapshot.scenario.arms[arm].link_length[link]
+        along = float((np.array(event.start_position[:2]) - inner) @ (outer - inner)) / length
+        return Held(min(max(along, 0.0), length), (arm + 1, link + 1), self._height(LINK_HEIGHTS[link]))
 
     def _on_beam(self, place: np.ndarray) -> float:
         """The material coordinate s, m, of the beam's point nearest to a place (x, y) m in the plane."""
@@ -69,20 +92,23 @@ class Touch:
         along = (place[0] - x) * np.cos(angle) + (place[1] - y) * np.sin(angle)
         return float(np.clip(along, -half, half))
 
-    def _in_plane(self, client: viser.ClientHandle, seen: np.ndarray) -> np.ndarray:
-        """Where the line of sight through a seen point (3,) meets the plane of motion, (x, y) m.
+    def _in_plane(self, client: viser.ClientHandle, seen: np.ndarray, height: float) -> np.ndarray:
+        """Where the line of sight through a seen point (3,) meets the plane at `height` m above the floor, (x, y) m.
 
         viser moves the pointer in a plane that faces the camera, which is another one.
         """
         eye = np.array(client.camera.position)
-        return self._meet(eye, seen - eye)
+        return _meet(eye, seen - eye, height)
 
     def _seen(self, event: Any) -> np.ndarray:
-        return self._meet(np.array(event.ray_origin), np.array(event.ray_direction))
+        return _meet(np.array(event.ray_origin), np.array(event.ray_direction), self._height(BEAM_HEIGHT))
 
-    def _meet(self, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        direction = direction / max(float(np.linalg.norm(direction)), 1e-12)
-        if abs(direction[2]) < STEEPEST:
-            raise LabError("The camera looks along the plane of motion: choose the overview to touch the beam.")
-        height = BEAM_HEIGHT * scene_size(self._desk.snapshot.scenario)
-        return (origin + direction * (height - origin[2]) / direction[2])[:2]
+    def _height(self, drawn: float) -> float:
+        return drawn * scene_size(self._desk.snapshot.scenario)
+
+
+def _meet(origin: np.ndarray, direction: np.ndarray, height: float) -> np.ndarray:
+    direction = direction / max(float(np.linalg.norm(direction)), 1e-12)
+    if abs(direction[2]) < STEEPEST:
+        raise LabError("The camera looks along the plane of motion: choose the overview to touch the machine.")
+    return (origin + direction * (height - origin[2]) / direction[2])[:2]

@@ -41,6 +41,14 @@ BEAM_PIXEL = """() => {
   return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height]; }"""
 
 
+POINT_PIXEL = """([x, y, z]) => {
+  const mutable = window.__viserMutable;
+  const point = mutable.camera.position.clone().set(x, y, z);
+  point.applyMatrix4(mutable.nodeRefFromName['/arms'].matrixWorld).project(mutable.camera);
+  const box = mutable.canvas.getBoundingClientRect();
+  return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height]; }"""
+
+
 def wait_until(ask: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
     """Ask until the answer is true and return it; fails naming `what` and the last answer."""
     deadline = time.monotonic() + patience
@@ -141,6 +149,15 @@ class LabPage:
     def beam_pixel(self) -> list[float]:
         """Where the middle of the drawn beam is on the page, px."""
         return self.page.evaluate(BEAM_PIXEL)
+
+    def label(self, name: str) -> str:
+        """What the lab has a label in the scene say, empty while it is hidden; to the page its letters are a picture."""
+        handle: Any = self.session.server.scene._handle_from_node_name[name]
+        return handle.text if handle.visible else ""
+
+    def pixel(self, x: float, y: float, z: float) -> list[float]:
+        """Where a point of the scene, m, is on the page, px."""
+        return self.page.evaluate(POINT_PIXEL, [x, y, z])
 
     def picture(self, name: str) -> None:
         """Keep a screenshot for people to look at."""

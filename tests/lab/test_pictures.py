@@ -11,8 +11,9 @@ from flexlab.lab.scene.reach import elbow_sines, shade
 from flexlab.lab.scene.strain import PIECES, curvature_functions, strain_colors
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
+from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
-from flexlab.sim.shape import beam_points, deflection_at
+from flexlab.sim.shape import arm_points, beam_points, deflection_at
 from flexlab.sim.simulate import simulate
 
 
@@ -58,7 +59,20 @@ def test_the_held_point_is_on_the_beam(paper: Samples) -> None:
     along = beam_points(scenario, sample, 101, exaggeration=3.0)[0]
     for index in (0, 25, 50, 100):
         s = (index / 100 - 0.5) * scenario.payload.length
-        np.testing.assert_allclose(held_point(scenario, sample, s, 3.0), along[index], atol=1e-12)
+        held = held_point(scenario, sample, Pull(s, (0.0, 0.0), 1.0), 3.0)
+        np.testing.assert_allclose(held, along[index], atol=1e-12)
+
+
+def test_the_held_point_is_on_the_link(paper: Samples) -> None:
+    scenario, sample = load_preset("paper"), paper.slice(30, 31)
+    points = arm_points(scenario, sample)[0]
+    for arm in (1, 2):
+        for link in (1, 2, 3):
+            ends = points[arm - 1, link - 1 : link + 1]
+            length = scenario.arms[arm - 1].link_length[link - 1]
+            for share in (0.0, 0.3, 1.0):
+                held = held_point(scenario, sample, Pull(share * length, (0.0, 0.0), 1.0, (arm, link)))
+                np.testing.assert_allclose(held, ends[0] + share * (ends[1] - ends[0]), atol=1e-12)
 
 
 def test_a_sine_shows_its_own_amplitude_at_its_own_frequency() -> None:

@@ -9,8 +9,11 @@ import pytest
 from lab_page import LabPage, wait_until
 
 from flexlab.guide import lessons
+from flexlab.lab.scene.models import LINK_HEIGHTS
+from flexlab.lab.scene.pull import held_point
 from flexlab.presets import load_preset, load_scenario_file
 from flexlab.sim.commands import Pull, Tap
+from flexlab.sim.shape import arm_points
 
 EI = "Bending stiffness EI (N·m²)"
 
@@ -61,6 +64,38 @@ def test_dragging_the_beam_pulls_it_and_clicking_taps_it(page: LabPage) -> None:
     page.open_tab("Events")
     page.wait_for_text("Let go of the beam")
     page.wait_for_text("Tap the beam")
+
+
+def test_dragging_a_link_pulls_the_arm(page: LabPage) -> None:
+    hold(page)
+    points = arm_points(page.snapshot.scenario, page.snapshot.display)[0, 0]
+    middle = 0.5 * (points[1] + points[2])
+    x, y = page.pixel(*middle, LINK_HEIGHTS[1])
+    mouse = page.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x - 10, y, steps=3)
+    mouse.move(x - 60, y - 30, steps=8)
+    pull = wait_until(lambda: page.session.desk.pulled, "somebody pulls")
+    assert pull.link == (1, 2)
+    assert pull.position == pytest.approx(0.3, abs=0.05)
+    wait_until(lambda: page.session.desk.pulled.target[0] < middle[0] - 0.1, "the hand is where the mouse is")
+
+    def spring_force() -> float:
+        now = page.session.desk.pulled
+        return now.stiffness * math.dist(now.target, held_point(page.snapshot.scenario, page.snapshot.display, now))
+
+    wait_until(lambda: page.label("/pull_force") == f"pull {spring_force():.1f} N", "the arrow says how hard")
+    page.picture("pull-link")
+    error = float(np.abs(page.snapshot.latest.tracking_error[0]).max())
+    page.key("Space")
+    wait_until(lambda: np.abs(page.snapshot.latest.tracking_error[0]).max() > error + 1e-4, "the arm gives way", 20)
+    mouse.up()
+    wait_until(lambda: page.session.desk.pulled is None, "the hand lets go")
+    wait_until(lambda: pulls(page)[-1].stiffness == 0, "the simulation lets go as well")
+    assert {pull.link for pull in pulls(page)} == {(1, 2)}
+    page.open_tab("Events")
+    page.wait_for_text("Let go of link 2 of the left arm")
 
 
 def test_a_tap_is_calibrated_and_its_place_can_be_chosen(page: LabPage) -> None:

@@ -15,7 +15,9 @@ class Touching:
 
     def __init__(self, gui: viser.GuiApi, desk: Desk, touch: Touch):
         self._touch = touch
-        words = "Drag the beam to pull it with a spring; click it to tap it. Empty space turns the camera."
+        words = (
+            "Drag the beam or a link to pull it with a spring; click the beam to tap it. Empty space turns the camera."
+        )
         gui.add_html(f'<div class="fl fl-dim">{words}</div>')
         self._controls = {}
         for about, name in ((STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place")):

@@ -5,6 +5,7 @@ import viser
 
 from flexlab.lab import colors
 from flexlab.lab.scene import models
+from flexlab.lab.scene.solids import bar
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.shape import arm_points
@@ -12,6 +13,8 @@ from flexlab.sim.shape import arm_points
 PAPER_REACH = 1.5
 """Sum of the paper's link lengths, m: the arm that the parts are drawn for."""
 JOINTS = 3
+GRAB_WIDTH, GRAB_HEIGHT = 0.11, 0.06
+"""Cross-section of the unseen bar that a hand takes hold of, for the first link, m: as wide as its joint."""
 
 
 def scene_size(scenario: Scenario) -> float:
@@ -27,7 +30,7 @@ def turn_about_z(angle: np.ndarray) -> np.ndarray:
 
 
 class Arms:
-    """Draws every arm of a scenario; `update` moves them. Removed with `remove`."""
+    """Draws every arm of a scenario; `update` moves them. `grab`: unseen bars around the links, to be touched, arm by arm."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._size = scene_size(scenario)
@@ -70,6 +73,22 @@ class Arms:
             receive_shadow=False,
         )
 
+        # viser's page breaks when instances of GLB files are to be touched; those of plain meshes may be.
+        length = np.array([arm.link_length for arm in scenario.arms]).ravel()
+        handle = bar(0.0, 1.0, GRAB_WIDTH, GRAB_HEIGHT, GRAB_HEIGHT / 4)
+        self.grab = scene.add_batched_meshes_simple(
+            "/arms/grab",
+            handle.vertices,
+            handle.faces,
+            batched_wxyzs=upright,
+            batched_positions=still,
+            batched_scales=np.column_stack([length, widths, widths]),
+            opacity=0.0,
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
     def update(self, scenario: Scenario, sample: Samples) -> None:
         """Move all parts to where `sample` (N = 1) has them."""
         points = arm_points(scenario, sample)[0]
@@ -81,6 +100,8 @@ class Arms:
         self._links.batched_positions = joints
         self._links.batched_wxyzs = turn_about_z(angle.ravel())
         self._joints.batched_positions = joints
+        self.grab.batched_positions = joints
+        self.grab.batched_wxyzs = self._links.batched_wxyzs
         self._rings.batched_positions = joints
         self._grippers.batched_positions = grips
         self._grippers.batched_wxyzs = turn_about_z(angle[:, -1])

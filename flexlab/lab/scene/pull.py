@@ -1,4 +1,4 @@
-"""The spring with which a person pulls the beam: an arrow from the held point to the hand, with its force in N."""
+"""The spring with which a person pulls beam or link: an arrow from the held point to the hand, with its force in N."""
 
 import numpy as np
 import viser
@@ -10,14 +10,22 @@ from flexlab.lab.view import View
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
-from flexlab.sim.shape import deflection_at
+from flexlab.sim.shape import arm_points, deflection_at
 
 
-def held_point(scenario: Scenario, sample: Samples, s: float, exaggeration: float = 1.0) -> np.ndarray:
-    """Where the material point s, m, of the beam is, (x, y) m, deflection times `exaggeration`."""
-    x, y, angle = sample.pose[0]
+def held_point(scenario: Scenario, sample: Samples, pull: Pull, exaggeration: float = 1.0) -> np.ndarray:
+    """Where the held point of beam or link is in `sample` (N = 1), (x, y) m, deflection times `exaggeration`."""
+    if pull.link is not None:
+        arm, link = pull.link
+        inner, outer = arm_points(scenario, sample)[0, arm - 1, link - 1 : link + 1]
+        return inner + pull.position / scenario.arms[arm - 1].link_length[link - 1] * (outer - inner)
+    s, (x, y, angle) = pull.position, sample.pose[0]
     w = exaggeration * float(deflection_at(scenario.payload, sample.beam_coordinates, np.array([s]))[0, 0])
     return np.array([x + s * np.cos(angle) - w * np.sin(angle), y + s * np.sin(angle) + w * np.cos(angle)])
+
+
+ABOVE = 0.06
+"""Height of the arrow above the beam, m, for the paper's arms: in sight over the joints as well."""
 
 
 class PullArrow:
@@ -25,7 +33,7 @@ class PullArrow:
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         size = scene_size(scenario)
-        self._height = (models.BEAM_HEIGHT + 0.06) * size
+        self._height = (models.BEAM_HEIGHT + ABOVE) * size
         self._arrow = scene.add_arrows(
             "/pull",
             np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]]),
@@ -39,12 +47,13 @@ class PullArrow:
 
     def update(self, scenario: Scenario, sample: Samples, view: View, pull: Pull | None) -> None:
         """Draw `pull`, if there is one, at the point it holds in `sample` (N = 1)."""
-        self._arrow.visible = self._label.visible = pull is not None
-        if pull is None:
+        held = pull is not None and (pull.link is None or pull.link[0] <= len(scenario.arms))
+        self._arrow.visible = self._label.visible = held
+        if pull is None or not held:
             return
         target = np.array(pull.target)
-        force = pull.stiffness * float(np.linalg.norm(target - held_point(scenario, sample, pull.position)))
-        drawn = held_point(scenario, sample, pull.position, view.exaggeration)
+        force = pull.stiffness * float(np.linalg.norm(target - held_point(scenario, sample, pull)))
+        drawn = held_point(scenario, sample, pull, view.exaggeration)
         ends = np.column_stack([[drawn, target], [self._height, self._height]])
         self._arrow.points = ends[None].astype(np.float32)
         self._label.text = f"pull {force:.1f} N"

@@ -44,7 +44,7 @@ class Scene:
         self._build(scenario)
 
     def update(self, snapshot: Snapshot, view: View, pull: Pull | None, kept: KeptRun | None) -> None:
-        """Draw a snapshot, the pull on the beam and the kept run if there are any, all parts at once."""
+        """Draw a snapshot, the pull of a hand and the kept run if there are any, all parts at once."""
         scenario, sample = snapshot.scenario, snapshot.display
         if _structure(scenario) != self._built_for:
             self._build(scenario)
@@ -90,7 +90,7 @@ class Scene:
         self._beam, self._strain = Beam(scene, scenario), StrainBeam(scene, scenario)
         self._forces, self._pull = Forces(scene, scenario), PullArrow(scene, scenario)
         self._kept = KeptBeam(scene, scenario)
-        self._touch.attach(self._beam.grab)
+        self._touch.attach(self._beam.grab, self._arms.grab)
         self._parts = [
             self._stage,
             self._reach,

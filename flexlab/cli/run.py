@@ -58,10 +58,11 @@ def _simulate(world: "World", name: str, duration: float, logs: Path) -> int:
     from flexlab.recording.headless import HeadlessRecording
     from flexlab.recording.run_info import RunInfo
     from flexlab.sim.samples import Status
+    from flexlab.studies.library import run_notes
 
     summary = Summary()
     began = time.perf_counter()
-    with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period)) as recording:
+    with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), run_notes) as recording:
         for samples in _blocks(world, math.floor(duration / world.tick_period * (1 + 1e-12) + 1e-9)):
             summary.add(samples)
             recording.write(samples)

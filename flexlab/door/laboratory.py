@@ -13,6 +13,7 @@ from flexlab.recording.live import LiveHub
 from flexlab.recording.writer import Recorder
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Play
+from flexlab.studies.library import run_notes
 
 
 def recording_text(recorder: Recorder) -> str:
@@ -46,7 +47,7 @@ class Laboratory:
     ):
         """Start it. Raises `FlexlabError`, and leaves nothing running, if it cannot."""
         logging.getLogger("websockets.server").addFilter(_in_one_line)
-        self._recorder = recorder = Recorder(logs, hub, on_problem=on_problem)
+        self._recorder = recorder = Recorder(logs, hub, on_problem=on_problem, start_notes=run_notes)
         self._shown: tuple[Scenario | None, str] = (None, "")
         try:
             self._session = Session(

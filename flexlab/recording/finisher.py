@@ -3,7 +3,6 @@
 import contextlib
 import queue
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 from flexlab.errors import RecordingError
@@ -13,9 +12,7 @@ from flexlab.recording.finishing import Mending, finish, unfinished_runs
 class Finisher:
     """Finishes files as they are added, after those that an earlier lab left behind in `logs`."""
 
-    def __init__(self, logs: Path, on_finished: Callable[[Path], object] | None = None):
-        """`on_finished` is called, on this thread, with every file that became whole (to note its metrics, say)."""
-        self._on_finished = on_finished
+    def __init__(self, logs: Path):
         self._queue: queue.SimpleQueue[Path | None] = queue.SimpleQueue()
         self._mending = Mending()
         self._thread = threading.Thread(target=self._work, args=(logs,), name="finisher", daemon=True)
@@ -44,5 +41,3 @@ class Finisher:
         with contextlib.suppress(RecordingError, OSError):
             if not self._mending.stopped:
                 finish(path, self._mending)
-                if self._on_finished is not None and not self._mending.stopped:
-                    self._on_finished(path)

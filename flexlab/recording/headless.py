@@ -5,6 +5,7 @@ from pathlib import Path
 from types import TracebackType
 
 from flexlab.recording.finishing import finish
+from flexlab.recording.noting import StartNotes
 from flexlab.recording.run_files import claim_run_file, write_notes
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import open_file_stream
@@ -22,9 +23,9 @@ class HeadlessRecording:
     All methods raise `RecordingError` if the folder cannot be written or its disk is full.
     """
 
-    def __init__(self, logs: Path, info: RunInfo):
-        """Create `logs/<time>-<name>.rrd`."""
-        self._run = RunWriter(info)
+    def __init__(self, logs: Path, info: RunInfo, start_notes: StartNotes | None = None):
+        """Create `logs/<time>-<name>.rrd`; `start_notes` as for `RunWriter`."""
+        self._run = RunWriter(info, start_notes)
         self._file = claim_run_file(logs, info.name, info.started)
         self._status: Status | None = None
         try:

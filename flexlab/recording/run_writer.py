@@ -13,6 +13,7 @@ from flexlab.recording.blocks import encode_block
 from flexlab.recording.chunks import blobs, line_strips, scalars, texts
 from flexlab.recording.commands_json import command_to_json
 from flexlab.recording.drawing import FRAMES_PER_SECOND, desired_path, moving_shapes
+from flexlab.recording.noting import StartNotes
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import RunStream
 from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
@@ -30,8 +31,10 @@ END = "End of the run"
 class RunWriter:
     """One run on its way into any number of streams."""
 
-    def __init__(self, info: RunInfo):
+    def __init__(self, info: RunInfo, start_notes: StartNotes | None = None):
+        """`start_notes`: what is to be noted beside what this writer says of a run that has ended."""
         self.info = info
+        self._notes = None if start_notes is None else start_notes(info)
         self.streams: list[RunStream] = []
         self._scenario = info.scenario
         self._events: list[Event] = []
@@ -63,6 +66,8 @@ class RunWriter:
         if self._first_time is None:
             self._first_time = float(samples.time[0])
         self.last_time = float(samples.time[-1])
+        if self._notes is not None:
+            self._notes.add(samples)
 
     def write_shown(self, samples: Samples, speed_time: Sequence[float], speed: Sequence[float]) -> None:
         """Write what a viewer shows of a block (N >= 1): curves and drawing."""
@@ -96,6 +101,8 @@ class RunWriter:
     def write_event(self, event: Event) -> None:
         """Write an event; a change of the scenario also moves what is drawn from then on."""
         self._events.append(event)
+        if self._notes is not None:
+            self._notes.add_event(event)
         self._send_events(self.streams, [event], first=len(self._events) - 1)
         if isinstance(event.command, ChangeScenario) and event.level != "error":
             self._follow(event.command, event.time)
@@ -144,6 +151,7 @@ class RunWriter:
 
     def summary(self, status: Status, dropped: int) -> dict[str, Any]:
         """What the notes beside the file say of a run that has ended."""
+        notes = {} if self._notes is None else self._notes.result()
         return {
             "ended": True,
             "preset": self.info.name,
@@ -152,6 +160,7 @@ class RunWriter:
             "duration": self.last_time - (self._first_time or 0.0),
             "rows": self.rows,
             "dropped": dropped,
+            **notes,
         }
 
     def close(self) -> None:

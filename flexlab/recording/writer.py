@@ -16,6 +16,7 @@ from flexlab.recording.blocks import join_blocks
 from flexlab.recording.file_keeper import FileKeeper
 from flexlab.recording.finisher import Finisher
 from flexlab.recording.live import LiveHub
+from flexlab.recording.noting import StartNotes
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_writer import RunWriter
 from flexlab.scenario import Scenario
@@ -47,12 +48,12 @@ class Recorder:
         on_problem: Callable[[str], None] | None = None,
         sample_period: float = TICK,
         queue_rows: int = QUEUE_ROWS,
-        on_finished: Callable[[Path], object] | None = None,
+        start_notes: StartNotes | None = None,
     ):
         """Start the recorder's thread; nothing is written before a run begins.
 
-        `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes; `on_finished`
-        every file whose run has ended and that is whole, on a thread of low importance.
+        `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes; `start_notes` as
+        for `RunWriter`.
         """
         self._logs, self._hub, self._on_problem = logs, hub, on_problem
         self._sample_period, self._queue_rows = sample_period, queue_rows
@@ -67,7 +68,8 @@ class Recorder:
         self._unshown: list[Samples] = []
         self._speeds: list[tuple[float, float]] = []
         self._next_write = self._next_show = 0.0
-        self._finisher = Finisher(logs, on_finished)
+        self._start_notes = start_notes
+        self._finisher = Finisher(logs)
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
 
@@ -154,7 +156,7 @@ class Recorder:
 
     def _begin(self, info: RunInfo) -> None:
         self._end(Status("finished", "A new run began."), self._dropped)
-        self._run, self._stumble = RunWriter(info), None
+        self._run, self._stumble = RunWriter(info, self._start_notes), None
         if self._hub is not None:
             try:
                 self._run.add_stream(self._hub.open_stream(info))

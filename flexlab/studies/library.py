@@ -1,5 +1,6 @@
 """What the library says of a run beyond its file: metrics and what was changed against the preset, kept in its notes."""
 
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -7,36 +8,72 @@ from pydantic import BaseModel
 
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.reader import Recording, read_blocks, read_recording
+from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.run_files import list_runs, read_notes, run_state, write_notes
+from flexlab.recording.run_info import RunInfo
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, LoadScenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.snapshot import Event
 from flexlab.studies.metrics import MetricSums, metric_rows
 
 DIGITS = 4
 """Significant digits of a metric in the notes: for reading, not for computing."""
 
 
+class MetricNotes:
+    """The notes of one run, gathered while it is written or read (see `flexlab.recording.noting`)."""
+
+    def __init__(self, name: str, scenario: Scenario):
+        """`name`: the preset or file that `scenario`, the run's first, came from."""
+        self._sums = MetricSums()
+        self._changes = preset_changes(name, scenario)
+        self._events = 0
+
+    def add(self, samples: Samples) -> None:
+        """Take in a block."""
+        self._sums.add(samples)
+
+    def add_event(self, event: Event) -> None:
+        """Take in an event; they come in order."""
+        self._events += 1
+        command = event.command
+        if self._events == 1 and isinstance(command, LoadScenario) and command.origin is not None:
+            # A run that was left for another one says so too, but at its end.
+            self._changes.insert(0, event.text)
+        elif isinstance(command, ChangeScenario) and event.level != "error":
+            self._changes.append(f"t = {event.time:.3f} s: {event.text}")
+
+    def result(self) -> dict[str, Any]:
+        """Metrics, what was changed against the preset, and the duration in s."""
+        metrics = self._sums.result()
+        values = {f"{row.title} [{row.unit}]": row.value for row in metric_rows(metrics)}
+        return {
+            "metrics": {name: float(f"{value:.{DIGITS}g}") for name, value in values.items() if isfinite(value)},
+            "changes": self._changes,
+            "duration": metrics.duration,
+        }
+
+
+def run_notes(info: RunInfo) -> MetricNotes:
+    """The notes of a run that begins, for a recorder."""
+    return MetricNotes(info.name, info.scenario)
+
+
 def note_metrics(path: Path) -> dict[str, Any]:
-    """Read a finished recording, write its metrics and changes into the notes beside it, and return those.
+    """Read a recording that was left without its notes, write them beside it, and return them.
 
     Does nothing for a run that is being written. Raises `RecordingError` if the run cannot be read.
     """
     if run_state(path) == "in use":
         return {}
-    recording, sums = read_recording(path, with_samples=False), MetricSums()
+    recording = read_recording(path, with_samples=False)
+    gathering = MetricNotes(recording.name, recording.scenario)
+    for event in recording.events:
+        gathering.add_event(event)
     for block in read_blocks(path):
-        sums.add(block)
-    metrics = sums.result()
-    notes = {
-        "metrics": {
-            f"{row.title} [{row.unit}]": float(f"{row.value:.{DIGITS}g}")
-            for row in metric_rows(metrics)
-            if row.value == row.value
-        },
-        "changes": changes_text(recording),
-        "duration": metrics.duration,
-    }
+        gathering.add(block)
+    notes = gathering.result()
     try:
         write_notes(path, **notes)
     except OSError as error:
@@ -56,23 +93,13 @@ def note_missing_metrics(logs: Path) -> int:
     return count
 
 
-def changes_text(recording: Recording) -> list[str]:
-    """One line per field that differs from the preset at the start, and per change during the run."""
-    lines = []
+def preset_changes(name: str, scenario: Scenario) -> list[str]:
+    """One line per field that differs from the preset `name`; none if there is no such preset."""
     try:
-        preset = load_preset(recording.name)
+        preset = load_preset(name)
     except FlexlabError:
-        preset = None
-    if preset is not None:
-        lines = [f"{path}: {old} → {new}" for path, old, new in scenario_differences(preset, recording.scenario)]
-    first = recording.events[0] if recording.events else None
-    if first is not None and isinstance(first.command, LoadScenario) and first.command.origin is not None:
-        # A run that was left for another one says so too, but at its end.
-        lines.insert(0, first.text)
-    for event in recording.events:
-        if isinstance(event.command, ChangeScenario) and event.level != "error":
-            lines.append(f"t = {event.time:.3f} s: {event.text}")
-    return lines
+        return []
+    return [f"{path}: {old} → {new}" for path, old, new in scenario_differences(preset, scenario)]
 
 
 def scenario_differences(one: Scenario, other: Scenario) -> list[tuple[str, str, str]]:

@@ -5,9 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlab.sim.samples import Samples
-
-SETTLED = 0.05
-"""Share of its peak under which a free vibration counts as gone."""
+from flexlab.studies.settling import Settling
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class RunMetrics:
 
 
 class MetricSums:
-    """Gathers the metrics block by block, in any order of blocks, so that hours of a run need little memory."""
+    """Gathers the metrics block by block, in any order of blocks, so that hours of a run need no more memory than seconds."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -41,7 +39,9 @@ class MetricSums:
         self._force_squares = np.zeros(3)
         self._error_peak = np.zeros(3)
         self._torque_peak = 0.0
-        self._vibration: list[tuple[np.ndarray, np.ndarray]] = []
+        self._vibration_peak = 0.0
+        self._settling = Settling()
+        self._first, self._last = np.inf, -np.inf
 
     def add(self, samples: Samples) -> None:
         """Take in a block."""
@@ -52,23 +52,24 @@ class MetricSums:
         self._force_squares += np.sum(samples.internal_force[:, 0] ** 2, axis=0)
         self._error_peak = np.maximum(self._error_peak, np.max(np.abs(samples.tracking_error), axis=0))
         self._torque_peak = max(self._torque_peak, float(np.max(np.abs(samples.joint_torque))))
-        self._vibration.append((samples.time.copy(), samples.vibration))
+        vibration = samples.vibration
+        self._vibration_peak = max(self._vibration_peak, float(np.max(np.abs(vibration))))
+        self._settling.add(samples.time, vibration)
+        self._first = min(self._first, float(samples.time[0]))
+        self._last = max(self._last, float(samples.time[-1]))
 
     def result(self) -> RunMetrics:
         """The metrics of all blocks so far."""
         if self._count == 0:
             nothing = (np.nan, np.nan, np.nan)
             return RunMetrics(0.0, nothing, nothing, *[np.nan] * 5)
-        time = np.concatenate([time for time, _ in self._vibration])
-        vibration = np.concatenate([vibration for _, vibration in self._vibration])
-        order = np.argsort(time, kind="stable")
         force = self._force_squares / self._count
         return RunMetrics(
-            duration=float(time[order[-1]] - time[order[0]]),
+            duration=self._last - self._first,
             rms_error=_three(np.sqrt(self._error_squares / self._count)),
             peak_error=_three(self._error_peak),
-            peak_vibration=float(np.max(np.abs(vibration))),
-            settling_time=settling_time(time[order], vibration[order]),
+            peak_vibration=self._vibration_peak,
+            settling_time=self._settling.result(),
             peak_torque=self._torque_peak,
             rms_internal_force=float(np.sqrt(force[0] + force[1])),
             rms_internal_moment=float(np.sqrt(force[2])),
@@ -80,13 +81,6 @@ def run_metrics(samples: Samples) -> RunMetrics:
     sums = MetricSums()
     sums.add(samples)
     return sums.result()
-
-
-def settling_time(time: np.ndarray, signal: np.ndarray) -> float:
-    """Seconds from time[0] to the last instant at which |signal| (N,) exceeds `SETTLED` of its peak; 0 for no signal."""
-    size = np.abs(signal)
-    loud = np.flatnonzero(size > SETTLED * np.max(size))
-    return float(time[loud[-1]] - time[0]) if len(loud) else 0.0
 
 
 def _three(values: np.ndarray) -> tuple[float, float, float]:

@@ -20,8 +20,9 @@ from flexlab.sim.samples import Run, Status
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world import World
-from flexlab.studies.library import note_metrics, note_missing_metrics, scenario_differences
-from flexlab.studies.metrics import MetricSums, metric_rows, run_metrics, settling_time
+from flexlab.studies.library import note_metrics, note_missing_metrics, run_notes, scenario_differences
+from flexlab.studies.metrics import MetricSums, metric_rows, run_metrics
+from flexlab.studies.settling import Settling, settling_time
 
 
 def test_metrics_of_a_known_signal() -> None:
@@ -79,14 +80,29 @@ def test_missing_metrics_are_made_up_for_and_bad_files_passed_over(run: Run, tmp
     assert note_missing_metrics(tmp_path) == 0
 
 
-def test_a_recorder_can_have_metrics_noted_as_runs_end(tmp_path: Path) -> None:
-    world = World(load_preset("paper"))
-    recorder = Recorder(tmp_path, on_finished=note_metrics)
+def test_a_recorder_notes_metrics_and_changes_as_a_run_ends(tmp_path: Path) -> None:
+    world = World(load_preset("paper").replace({"gravity": 1.0}))
+    recorder = Recorder(tmp_path, start_notes=run_notes)
     recorder.begin_run(1, "paper", world.scenario, world.state())
-    recorder.take_samples(1, world.advance(300), 1.0)
-    recorder.end_run(1, Status("finished"))
-    wait_until(lambda: any("metrics" in read_notes(path) for path in list_runs(tmp_path)), "metrics are noted")
+    for _ in range(3):
+        recorder.take_samples(1, world.advance(100), 1.0)
+    recorder.take_event(1, Event(0.3, "Gravity 1 → 2 m/s²", ChangeScenario({"gravity": 2.0})))
     recorder.close()
+    (path,) = list_runs(tmp_path)
+    noted = {name: read_notes(path)[name] for name in ("metrics", "changes", "duration")}
+    assert noted["changes"] == ["gravity: 0 → 1", "t = 0.300 s: Gravity 1 → 2 m/s²"]
+    assert noted == note_metrics(path)
+
+
+def test_settling_told_from_pieces_is_that_of_the_whole() -> None:
+    random = np.random.default_rng(5)
+    time = np.arange(5000) * 0.001
+    signal = np.exp(-3 * time) * np.cos(300 * time) + 0.01 * random.normal(size=len(time))
+    pieces = Settling()
+    for rows in random.permutation(np.split(np.arange(len(time)), 50)):
+        pieces.add(time[rows], signal[rows])
+    loud = np.flatnonzero(np.abs(signal) > 0.05 * np.max(np.abs(signal)))
+    assert pieces.result() == settling_time(time, signal) == time[loud[-1]]
 
 
 def test_differences_name_fields_by_path() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexlab.lab.scene.beam import STATIONS, tube_faces, tube_vertices
+from flexlab.lab.scene.beam import SIDES, STATIONS, tube_faces, tube_vertices
 from flexlab.lab.scene.models import GRIPPER_LENGTH, MODELS, accent_ring, load_model, write_models
 from flexlab.lab.scene.solids import Solid, bar, drum
 
@@ -48,7 +48,9 @@ def test_the_beams_tube_is_closed_and_follows_its_line() -> None:
     rings = vertices.reshape(STATIONS + 2, -1, 3)
     np.testing.assert_allclose(rings[1:-1].mean(axis=1)[:, :2], line, atol=1e-6)
     np.testing.assert_allclose(rings[1:-1].mean(axis=1)[:, 2], 0.2, atol=1e-6)
-    assert volume(vertices, tube_faces(STATIONS)) == pytest.approx(np.pi * 1e-4 * 0.5, rel=0.06)
+    section = SIDES / 2 * np.sin(2 * np.pi / SIDES) * 0.01**2
+    length = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
+    assert volume(vertices, tube_faces(STATIONS)) == pytest.approx(section * length, rel=1e-3)
 
 
 def test_the_gripper_holds_the_beam_at_the_grip() -> None:

@@ -1,5 +1,6 @@
 """One uPlot chart that follows one plot's signals."""
 
+from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
@@ -51,6 +52,18 @@ def limit_series(limit: Limit) -> list[uplot.Series]:
     style = {"stroke": colors.css(limit.tone), "width": 1, "dash": (6, 5), "points": {"show": False}}
     second = {**style, "label": limit.label, "class": UNNAMED}
     return [cast(uplot.Series, {**style, "label": limit.label}), cast(uplot.Series, second)]
+
+
+def compact(time: np.ndarray, lines: Sequence[np.ndarray], spacing: float) -> tuple[np.ndarray, ...]:
+    """The columns of a chart in half the bytes; `time`, `spacing` s apart, only while that leaves it exact to a tenth."""
+    narrow = np.spacing(np.float32(np.abs(time).max())) < 0.1 * spacing
+    return (time.astype(np.float32) if narrow else time, *(line.astype(np.float32) for line in lines))
+
+
+def send(handle: viser.GuiUplotHandle, columns: tuple[np.ndarray, ...]) -> None:
+    """Show new data in a chart, as they are: by assignment viser would blow every number up to eight bytes."""
+    handle._impl.props.data = columns
+    handle._queue_update("data", columns)
 
 
 class Chart:
@@ -107,7 +120,7 @@ class Chart:
         if np.isfinite(kept).any():
             extent = max(extent, float(np.nanmax(np.abs(kept))))
         self._range.fit(extent)
-        self._handle.data = self._data()
+        send(self._handle, self._data())
 
     def _kept_lines(self) -> np.ndarray:
         """The kept run's lines over the present window, (signals, P); without a kept run (0, 0)."""
@@ -120,7 +133,7 @@ class Chart:
         levels = [self._level(len(time), sign * limit.value) for limit in self._limits for sign in (1, -1)]
         ends = np.full(len(time), np.nan)
         ends[0], ends[-1] = 0.0 if self._plot.positive else -self._range.limit, self._range.limit
-        return (time, *lines, *self._kept_lines(), *levels, ends)
+        return compact(time, [*lines, *self._kept_lines(), *levels, ends], self._envelope.bin_width)
 
     def _level(self, count: int, value: float) -> np.ndarray:
         """A horizontal line; outside the range only one point at its edge, which is not drawn but keeps the axis sound."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from flexlab.sim.snapshot import TICK
 
-BINS = 240
-"""Stretches per window: about one per two screen pixels of a plot."""
+BINS = 140
+"""Stretches per window: one per two screen pixels of a plot."""
 
 
 class Envelope:

@@ -5,7 +5,7 @@ import viser
 from viser import uplot
 
 from flexlab.lab import colors
-from flexlab.lab.plots.chart import HEIGHT, X_AXIS_SIZE, axis, signal_series
+from flexlab.lab.plots.chart import HEIGHT, X_AXIS_SIZE, axis, compact, send, signal_series
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
@@ -71,7 +71,7 @@ class Spectrum:
     def update(self, scenario: Scenario, samples: Samples) -> None:
         """Show the spectrum of `samples`."""
         self._mark_modes(scenario)
-        self._handle.data = self._data(samples)
+        send(self._handle, self._data(samples))
 
     def _mark_modes(self, scenario: Scenario) -> None:
         if self._scenario is not None and self._scenario.payload == scenario.payload:
@@ -97,4 +97,5 @@ class Spectrum:
             np.concatenate([line, np.interp(marks, grid, line) if len(marks) else blank]),
             np.concatenate([np.full(count, np.nan), strokes]),
         )
-        return tuple(column[order] for column in columns)
+        frequency, *lines = (column[order] for column in columns)
+        return compact(frequency, lines, self._highest / POINTS)

@@ -11,35 +11,35 @@ from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.shape import beam_points
 
-STATIONS = 41
-"""Points along the beam: smooth up to its tenth mode, and 6 kB a frame."""
-SIDES = 12
+STATIONS = 33
+"""Points along the beam: smooth up to its eighth mode, and 4 kB a picture."""
+SIDES = 10
 GRAB_RADIUS = 0.035
 """Of the unseen tube that a hand takes hold of, for the paper's arms, m: wide enough for a finger on a telephone."""
-GRAB_EVERY = 5
-"""Stations of the drawn tube per station of the unseen one."""
+GRAB_EVERY, GRAB_SIDES = 8, 6
+"""Stations of the drawn tube per station of the unseen one; nobody sees that it is coarse."""
 TUBE_RADIUS = 0.011
 """Drawn radius for the paper's arms, m; the model's beam has no thickness."""
 
 
-def tube_vertices(line: np.ndarray, radius: float, height: float) -> np.ndarray:
-    """Vertices ((count + 2) · SIDES, 3) of a closed tube around `line` (count, 2) m at `height` m above the floor."""
+def tube_vertices(line: np.ndarray, radius: float, height: float, sides: int = SIDES) -> np.ndarray:
+    """Vertices ((count + 2) · sides, 3) of a closed tube around `line` (count, 2) m at `height` m above the floor."""
     tangent = np.gradient(line, axis=0)
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
     across = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    angle = np.linspace(0, 2 * np.pi, SIDES, endpoint=False)
+    angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     plane = line[:, None, :] + radius * np.cos(angle)[None, :, None] * across[:, None, :]
     up = np.broadcast_to(height + radius * np.sin(angle), plane.shape[:2])
     rings = np.concatenate([plane, up[:, :, None]], axis=2)
-    caps = [np.broadcast_to([*line[end], height], (1, SIDES, 3)) for end in (0, -1)]
+    caps = [np.broadcast_to([*line[end], height], (1, sides, 3)) for end in (0, -1)]
     return np.concatenate([caps[0], rings, caps[1]]).reshape(-1, 3).astype(np.float32)
 
 
-def tube_faces(count: int) -> np.ndarray:
+def tube_faces(count: int, sides: int = SIDES) -> np.ndarray:
     """Triangles of `tube_vertices` for `count` points, outside counter-clockwise."""
-    rows = np.arange(count + 1)[:, None] * SIDES
-    here, next_ = np.arange(SIDES), (np.arange(SIDES) + 1) % SIDES
-    near, near_next, far, far_next = rows + here, rows + next_, rows + SIDES + here, rows + SIDES + next_
+    rows = np.arange(count + 1)[:, None] * sides
+    here, next_ = np.arange(sides), (np.arange(sides) + 1) % sides
+    near, near_next, far, far_next = rows + here, rows + next_, rows + sides + here, rows + sides + next_
     first = np.stack([near, far_next, far], axis=-1)
     second = np.stack([near, near_next, far_next], axis=-1)
     return np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)])
@@ -61,15 +61,19 @@ class Beam:
 
         self.grab = scene.add_mesh_simple(
             "/grab",
-            self._around(straight[::GRAB_EVERY], GRAB_RADIUS),
-            tube_faces(len(straight[::GRAB_EVERY])),
+            self._grab_around(straight),
+            tube_faces(len(straight[::GRAB_EVERY]), GRAB_SIDES),
             opacity=0.0,
             cast_shadow=False,
             receive_shadow=False,
         )
 
-    def _around(self, line: np.ndarray, radius: float = TUBE_RADIUS) -> np.ndarray:
-        return tube_vertices(line, radius * self._size, models.BEAM_HEIGHT * self._size)
+    def _around(self, line: np.ndarray) -> np.ndarray:
+        return tube_vertices(line, TUBE_RADIUS * self._size, models.BEAM_HEIGHT * self._size)
+
+    def _grab_around(self, line: np.ndarray) -> np.ndarray:
+        height = models.BEAM_HEIGHT * self._size
+        return tube_vertices(line[::GRAB_EVERY], GRAB_RADIUS * self._size, height, GRAB_SIDES)
 
     def update(self, scenario: Scenario, sample: Samples, view: View) -> None:
         """Bend the tube as `sample` (N = 1) has it, exaggerated as `view` asks; hidden while strain is coloured."""
@@ -77,7 +81,7 @@ class Beam:
         self.mesh.visible = not view.strain
         if not view.strain:
             self.mesh.vertices = self._around(line)
-        self.grab.vertices = self._around(line[::GRAB_EVERY], GRAB_RADIUS)
+        self.grab.vertices = self._grab_around(line)
 
     def remove(self) -> None:
         """Take the beam out of the scene."""

@@ -24,16 +24,11 @@ def held_point(scenario: Scenario, sample: Samples, pull: Pull, exaggeration: fl
     return np.array([x + s * np.cos(angle) - w * np.sin(angle), y + s * np.sin(angle) + w * np.cos(angle)])
 
 
-ABOVE = 0.06
-"""Height of the arrow above the beam, m, for the paper's arms: in sight over the joints as well."""
-
-
 class PullArrow:
     """Drawn while somebody pulls."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
-        size = scene_size(scenario)
-        self._height = (models.BEAM_HEIGHT + ABOVE) * size
+        self._size = size = scene_size(scenario)
         self._arrow = scene.add_arrows(
             "/pull",
             np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]]),
@@ -54,10 +49,12 @@ class PullArrow:
         target = np.array(pull.target)
         force = pull.stiffness * float(np.linalg.norm(target - held_point(scenario, sample, pull)))
         drawn = held_point(scenario, sample, pull, view.exaggeration)
-        ends = np.column_stack([[drawn, target], [self._height, self._height]])
+        # In the plane in which the hand moves, so that the arrow's tip is under the pointer.
+        height = self._size * (models.BEAM_HEIGHT if pull.link is None else models.LINK_HEIGHTS[pull.link[1] - 1])
+        ends = np.column_stack([[drawn, target], [height, height]])
         self._arrow.points = ends[None].astype(np.float32)
         self._label.text = f"pull {force:.1f} N"
-        self._label.position = (*pull.target, self._height)
+        self._label.position = (*pull.target, height)
 
     def remove(self) -> None:
         """Take the arrow out of the scene."""

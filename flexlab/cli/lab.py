@@ -55,6 +55,9 @@ def command(
       flexlab review [RUN]     open a recording, the newest by default
       flexlab logs             list the recorded runs; note, keep or delete them
       flexlab compare RUN RUN  say what differs, lay the curves over each other
+      flexlab replay [RUN]     simulate again and compare, bit for bit
+      flexlab export [RUN]     write a run's signals as a table, or its figures
+      flexlab import FILE      take an exported run or a recording into logs
       flexlab presets          list the presets and what to watch in each
       flexlab bench            measure speed and accuracy on this machine
     """

@@ -13,6 +13,7 @@ RUN_HELP = "A recording: a file, a run's name in logs or the beginning of one, o
 Runs = tyro.conf.Positional[
     Annotated[tuple[str, ...], tyro.conf.arg(metavar="[RUN ...]", help=RUN_HELP, help_behavior_hint="")]
 ]
+Run = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="[RUN]", help=RUN_HELP)]]
 NoBrowser = Annotated[bool, tyro.conf.arg(help="Only serve the viewer; do not open a browser.", help_behavior_hint="")]
 ViewerPort = Annotated[int, tyro.conf.arg(metavar="PORT", help="The viewer's port; 0 takes any free one.")]
 LOGS = Path("logs")

@@ -1,15 +1,11 @@
 """`flexlab review`: look at a recording."""
 
-from typing import Annotated
-
-import tyro
-
-from flexlab.cli.options import LOGS, RUN_HELP, Logs, NoBrowser, ViewerPort
+from flexlab.cli.options import LOGS, Logs, NoBrowser, Run, ViewerPort
 from flexlab.cli.showing import show_review
 
 
 def command(
-    run: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="[RUN]", help=RUN_HELP)]] = "newest",
+    run: Run = "newest",
     no_browser: NoBrowser = False,
     port: ViewerPort = 0,
     logs: Logs = LOGS,

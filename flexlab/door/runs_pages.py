@@ -11,7 +11,7 @@ from flexlab.door.runs_table import runs_table
 from flexlab.door.security import WITH_A_PASS, recording_address
 from flexlab.errors import RecordingError
 from flexlab.recording.finishing import finish
-from flexlab.recording.reader import check_recording
+from flexlab.recording.rrd_rows import check_recording
 from flexlab.recording.run_files import SUFFIX
 from flexlab.recording.run_rows import (
     RunRow,

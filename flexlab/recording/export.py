@@ -8,27 +8,33 @@ import csv
 import json
 import warnings
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
 from flexlab.errors import FlexlabError, RecordingError
+from flexlab.recording.blocks import join_blocks
 from flexlab.recording.columns import from_columns, to_columns
 from flexlab.recording.commands_json import command_to_json
 from flexlab.recording.reader import Recording
 from flexlab.recording.run_files import replacing
 from flexlab.recording.state_json import state_json
-from flexlab.scenario import parse_scenario
+from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import Event
 
 NAME = "flexlab"
 """Name of the metadata."""
+
+BATCH_ROWS = 20_000
+"""Samples written at once: tables of hours need no more memory than of seconds, but small pieces pack badly."""
 
 Columns = dict[str, np.ndarray]
 
@@ -39,10 +45,17 @@ _UNREADABLE = (
 """What the readers of the three formats raise for files that are none."""
 
 
-def export_recording(recording: Recording, path: Path, start: float | None = None, end: float | None = None) -> Path:
+def export_recording(
+    recording: Recording,
+    path: Path,
+    start: float | None = None,
+    end: float | None = None,
+    blocks: Iterable[Samples] | None = None,
+) -> Path:
     """Write a recording to `path` (.csv, .parquet or .npz), from `start` to `end` s of simulation time.
 
-    Raises `RecordingError` for another suffix, an empty range or a file that cannot be written.
+    `blocks`: its samples in the order of time, where `recording` was read without them. Raises `RecordingError` for another
+    suffix, an empty range or a file that cannot be written.
     """
     about = {
         "preset": recording.name,
@@ -50,7 +63,8 @@ def export_recording(recording: Recording, path: Path, start: float | None = Non
         "start": None if recording.start is None else json.loads(state_json(recording.start)),
         "events": [_event_values(event) for event in recording.events],
     }
-    return export_run(recording.run, path, start, end, recording.properties | about)
+    samples = (recording.samples,) if blocks is None else blocks
+    return _export(recording.scenario, recording.status, samples, path, start, end, recording.properties | about)
 
 
 def _event_values(event: Event) -> dict[str, Any]:
@@ -58,23 +72,33 @@ def _event_values(event: Event) -> dict[str, Any]:
     return {"time": event.time, "text": event.text, "level": event.level, "command": command}
 
 
-def export_run(
-    run: Run, path: Path, start: float | None = None, end: float | None = None, about: Mapping[str, Any] | None = None
+def export_run(run: Run, path: Path, start: float | None = None, end: float | None = None) -> Path:
+    """Write a run to `path` (.csv, .parquet or .npz), as `export_recording` does."""
+    return _export(run.scenario, run.status, (run,), path, start, end, {})
+
+
+def _export(
+    scenario: Scenario,
+    status: Status,
+    blocks: Iterable[Samples],
+    path: Path,
+    start: float | None,
+    end: float | None,
+    about: Mapping[str, Any],
 ) -> Path:
-    """Write a run to `path` (.csv, .parquet or .npz), as `export_recording` does; `about` joins the metadata."""
     write, _ = _format(path)
-    chosen = _time_range(run, start, end)
     metadata = {
         "flexlab_version": _version(),
         "numpy_version": np.__version__,
-        "seed": run.scenario.controller.sensor_noise.seed,
-        **(about or {}),
-        "status": [str(run.status), run.status.text, run.status.time],
-        "scenario": run.scenario.model_dump(mode="json"),
+        "seed": scenario.controller.sensor_noise.seed,
+        **about,
+        "status": [str(status), status.text, status.time],
+        "scenario": scenario.model_dump(mode="json"),
     }
+    batches = (to_columns(batch, scenario) for batch in _batches(_within(blocks, start, end)))
     try:
         with replacing(path) as draft:
-            write(draft, to_columns(chosen, run.scenario), json.dumps(metadata, ensure_ascii=False))
+            write(draft, batches, json.dumps(metadata, ensure_ascii=False))
     except OSError as error:
         raise RecordingError(f"{path} cannot be written ({error.strerror or error}): choose another place.") from None
     return path
@@ -98,27 +122,53 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
     return Run(**signals, scenario=scenario, status=Status(name, sentence, time)), metadata
 
 
-def _time_range(run: Run, start: float | None, end: float | None) -> Samples:
-    """The samples with start <= time <= end."""
-    if len(run) == 0:
+def _within(blocks: Iterable[Samples], start: float | None, end: float | None) -> Iterator[Samples]:
+    """The samples with start <= time <= end. Raises `RecordingError` if there are none."""
+    first = last = None
+    found = False
+    low, high = -np.inf if start is None else start, np.inf if end is None else end
+    for block in blocks:
+        if len(block):
+            first, last = float(block.time[0]) if first is None else first, float(block.time[-1])
+            part = block.slice(*(int(row) for row in _rows_within(block.time, low, high)))
+            found = found or len(part) > 0
+            yield part
+    if first is None:
         raise RecordingError("The run has no samples: there is nothing to export.")
-    low = float(run.time[0]) if start is None else start
-    high = float(run.time[-1]) if end is None else end
-    first, last = np.searchsorted(run.time, low, "left"), np.searchsorted(run.time, high, "right")
-    if not low <= high or last <= first:
+    if not found:
+        low, high = first if start is None else start, last if end is None else end
         raise RecordingError(
-            f"From {low:g} to {high:g} s there is no sample: choose times within {run.time[0]:g} to {run.time[-1]:g} s."
+            f"From {low:g} to {high:g} s there is no sample: choose times within {first:g} to {last:g} s."
         )
-    return run.slice(int(first), int(last))
 
 
-def _write_csv(path: Path, columns: Columns, metadata: str) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# {metadata}\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        # repr is the shortest text that reads back to the same bits.
-        writer.writerows(zip(*(map(repr, values.tolist()) for values in columns.values()), strict=True))
+def _rows_within(time: np.ndarray, low: float, high: float) -> tuple[int, int]:
+    first, last = np.searchsorted(time, low, "left"), np.searchsorted(time, high, "right")
+    return int(first), int(max(first, last))
+
+
+def _batches(blocks: Iterable[Samples]) -> Iterator[Samples]:
+    """The same samples in fewer, larger blocks."""
+    waiting: list[Samples] = []
+    for block in blocks:
+        if len(block):
+            waiting.append(block)
+        if sum(map(len, waiting)) >= BATCH_ROWS:
+            yield join_blocks(waiting)
+            waiting = []
+    if waiting:
+        yield join_blocks(waiting)
+
+
+def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:
+    # Arrow writes the shortest number that reads back to the same bits.
+    options = arrow_csv.WriteOptions(include_header=False)
+    with path.open("wb") as file:
+        file.write(f"# {metadata}\n".encode())
+        for number, columns in enumerate(batches):
+            if number == 0:
+                file.write((",".join(columns) + "\n").encode())
+            arrow_csv.write_csv(pa.table(columns), file, options)
 
 
 def _read_csv(path: Path) -> tuple[Columns, str]:
@@ -131,10 +181,18 @@ def _read_csv(path: Path) -> tuple[Columns, str]:
     return dict(zip(names, table.T, strict=True)), metadata
 
 
-def _write_parquet(path: Path, columns: Columns, metadata: str) -> None:
-    table = pa.table(columns).replace_schema_metadata({NAME: metadata})
-    # Splitting doubles into their bytes packs smooth signals a third smaller.
-    parquet.write_table(table, path, compression="zstd", use_dictionary=False, use_byte_stream_split=True)
+def _write_parquet(path: Path, batches: Iterable[Columns], metadata: str) -> None:
+    with ExitStack() as closing:
+        # Opened first, so that a place that cannot be written is told before hours of data are read.
+        file = closing.enter_context(path.open("wb"))
+        writer = None
+        for columns in batches:
+            table = pa.table(columns).replace_schema_metadata({NAME: metadata})
+            if writer is None:
+                # Splitting doubles into their bytes packs smooth signals a third smaller.
+                packing: Any = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
+                writer = closing.enter_context(parquet.ParquetWriter(file, table.schema, **packing))
+            writer.write_table(table)
 
 
 def _read_parquet(path: Path) -> tuple[Columns, str]:
@@ -143,10 +201,11 @@ def _read_parquet(path: Path) -> tuple[Columns, str]:
     return columns, (table.schema.metadata or {})[NAME.encode()].decode()
 
 
-def _write_npz(path: Path, columns: Columns, metadata: str) -> None:
-    arrays: dict[str, Any] = {**columns, NAME: np.array(metadata)}
+def _write_npz(path: Path, batches: Iterable[Columns], metadata: str) -> None:
     with path.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+        parts = list(batches)
+        arrays: dict[str, Any] = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        np.savez_compressed(file, **arrays, **{NAME: np.array(metadata)})
 
 
 def _read_npz(path: Path) -> tuple[Columns, str]:
@@ -154,7 +213,7 @@ def _read_npz(path: Path) -> tuple[Columns, str]:
         return {name: file[name] for name in file.files if name != NAME}, str(file[NAME])
 
 
-Writer = Callable[[Path, Columns, str], None]
+Writer = Callable[[Path, Iterable[Columns], str], None]
 Reader = Callable[[Path], tuple[Columns, str]]
 FORMATS: dict[str, tuple[Writer, Reader]] = {
     ".csv": (_write_csv, _read_csv),

@@ -13,8 +13,8 @@ from flexlab.errors import RecordingError, ScenarioError
 from flexlab.recording.blocks import decode_block, join_blocks
 from flexlab.recording.commands_json import command_from_json
 from flexlab.recording.documents import FORMAT
-from flexlab.recording.rrd_rows import Rows, Unreadable, check_recording, read_rows, stream_rows
-from flexlab.recording.run_files import State, has_footer, run_state
+from flexlab.recording.rrd_rows import Rows, read_rows, rows_in_order
+from flexlab.recording.run_files import State, run_state
 from flexlab.recording.state_json import state_from_json
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.columns import row_length, rows_to_samples
@@ -73,20 +73,12 @@ def read_recording(path: Path | str, with_samples: bool = True) -> Recording:
 
 
 def read_blocks(path: Path | str) -> Iterator[Samples]:
-    """The samples of a recording in blocks, not always in the order of time: for hours of data in little memory.
+    """The samples of a recording in blocks, in the order of time: for hours of data in little memory.
 
     Raises `RecordingError` as `read_recording` does.
     """
-    path = Path(path)
-    check_recording(path)
-    if not has_footer(path):
-        yield read_recording(path).samples
-        return
-    try:
-        for _, (_, values) in stream_rows(path, ["/exact/samples"]):
-            yield decode_block(values["data"])
-    except Unreadable:
-        raise RecordingError(f"{path} is damaged: its samples cannot be read to the end.") from None
+    for _, values in rows_in_order(Path(path), "/exact/samples"):
+        yield decode_block(values["data"])
 
 
 def read_scenarios(path: Path | str) -> tuple[NamedScenario, ...]:

@@ -2,10 +2,12 @@
 
 import warnings
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 from rerun.chunk import LazyChunkStream, RrdReader
 
@@ -34,14 +36,51 @@ def read_rows(path: Path, content: list[str]) -> Rows:
     try:
         return _rows_by_entity(path, content)
     except Unreadable:
-        with TemporaryDirectory(prefix="flexlab-") as folder:
-            mended = Path(folder) / path.name
-            try:
-                if Mending().rewrite(path, mended):
-                    return _rows_by_entity(mended, content)
-            except Unreadable:
-                pass
+        with _mended(path) as copy:
+            return _rows_by_entity(copy, content)
+
+
+def rows_in_order(path: Path, entity: str) -> Iterator[Row]:
+    """The rows of one entity in the order of times, few of them in memory at once.
+
+    Of a torn file through a mended copy. Raises `RecordingError`.
+    """
+    check_recording(path)
+    with ExitStack() as closing:
+        try:
+            times = _times(path, entity)
+        except Unreadable:
+            path = closing.enter_context(_mended(path))
+            times = _times(path, entity)
+        # A file that was indexed may hold some rows before their turn: those wait.
+        turns = np.argsort(np.argsort(times, kind="stable"), kind="stable")
+        waiting: dict[int, Row] = {}
+        following = 0
+        for turn, (_, row) in zip(turns.tolist(), stream_rows(path, [entity]), strict=True):
+            waiting[turn] = row
+            while following in waiting:
+                yield waiting.pop(following)
+                following += 1
+
+
+@contextmanager
+def _mended(path: Path) -> Iterator[Path]:
+    """A copy up to the tear. Raises `RecordingError` if nothing of the run can be read."""
+    with TemporaryDirectory(prefix="flexlab-") as folder:
+        copy = Path(folder) / path.name
+        try:
+            if Mending().rewrite(path, copy):
+                yield copy
+                return
+        except Unreadable:
+            pass
     raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
+
+
+def _times(path: Path, entity: str) -> np.ndarray:
+    """Times in ns of an entity's rows as they stand in the file."""
+    times = [np.asarray(_instants(batch)) for _, batch in _batches(path, [entity])]
+    return np.concatenate([np.empty(0, np.int64), *times])
 
 
 def check_recording(path: Path) -> None:
@@ -72,6 +111,13 @@ def _rows_by_entity(path: Path, content: list[str]) -> Rows:
 
 def stream_rows(path: Path, content: list[str]) -> Iterator[tuple[str, Row]]:
     """(entity, row) as they stand in the file, one piece of it in memory at a time. Raises `Unreadable`."""
+    for entity, batch in _batches(path, content):
+        for row in _rows(batch):
+            yield entity, row
+
+
+def _batches(path: Path, content: list[str]) -> Iterator[tuple[str, pa.RecordBatch]]:
+    """(entity, some of its rows) as they stand in the file. Raises `Unreadable`."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # That a file has no index yet is no news here.
@@ -80,8 +126,7 @@ def stream_rows(path: Path, content: list[str]) -> Iterator[tuple[str, Row]]:
                 raise Unreadable
             chunks = _stream(reader).filter(content=content)
         for chunk in chunks:
-            for row in _rows(chunk.to_record_batch()):
-                yield chunk.entity_path, row
+            yield chunk.entity_path, chunk.to_record_batch()
     except (ValueError, RuntimeError, OSError) as error:
         raise Unreadable from error
 
@@ -96,9 +141,14 @@ def _stream(reader: RrdReader) -> LazyChunkStream:
 
 def _rows(batch: pa.RecordBatch) -> Iterator[Row]:
     """Each row with the first value of every component."""
-    names = batch.schema.names
-    time = batch.column(TIMELINE).cast(pa.int64()).to_pylist() if TIMELINE in names else [-1] * batch.num_rows
-    components = [name for name in names if name not in (TIMELINE, ROW_ID)]
+    components = [name for name in batch.schema.names if name not in (TIMELINE, ROW_ID)]
     columns = {name.rpartition(":")[2]: batch.column(name).to_pylist() for name in components}
-    for row, instant in enumerate(time):
+    for row, instant in enumerate(_instants(batch)):
         yield instant, {name: column[row][0] for name, column in columns.items() if column[row]}
+
+
+def _instants(batch: pa.RecordBatch) -> list[int]:
+    """Time of each row in ns; -1 for what has none."""
+    if TIMELINE not in batch.schema.names:
+        return [-1] * batch.num_rows
+    return batch.column(TIMELINE).cast(pa.int64()).to_pylist()

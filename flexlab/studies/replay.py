@@ -1,7 +1,8 @@
 """Simulates a recorded run again from its start and its commands, and looks whether every bit is the same."""
 
 import math
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 
@@ -48,43 +49,62 @@ class Replay:
         return self.difference is None
 
 
-def replay(recording: Recording) -> Replay:
+def replay(recording: Recording, blocks: Iterable[Samples] | None = None) -> Replay:
     """Simulate the run again and compare every signal of every recorded sample bit for bit.
 
-    Raises `StudyError` if the recording's commands cannot be carried out again.
+    `blocks`: the recorded samples in the order of time, where `recording` was read without them. Raises `StudyError` if the
+    recording's commands cannot be carried out again.
     """
-    samples = recording.samples
-    done = 0
-    for again in replayed_samples(recording):
-        # A gap (samples dropped, a disk that was full) is left out of the comparison.
-        rows = np.searchsorted(samples.time, again.time)
-        there = (rows < len(samples)) & (samples.time[np.minimum(rows, len(samples) - 1)] == again.time)
-        difference = _first_difference(_rows(samples, rows[there]), _rows(again, there))
-        done += int(np.count_nonzero(there))
-        if difference is not None:
-            return Replay(done, difference, _difference_text(recording, difference))
-    if done < len(samples):
-        late = float(samples.time[done])
-        difference = Difference(late, "time", late, np.nan)
-        return Replay(done, difference, f"The replay stopped at t = {late:g} s, before the recording's end.")
+    repetition, done = Repetition(recording), 0
+    for block in (recording.samples,) if blocks is None else blocks:
+        for first in range(0, len(block), BLOCK_TICKS):
+            recorded = block.slice(first, first + BLOCK_TICKS)
+            compared, difference = _compare(recorded, repetition.samples_until(float(recorded.time[-1])))
+            done += compared
+            if difference is not None:
+                return Replay(done, difference, _difference_text(recording, difference))
+            if compared < len(recorded):
+                late = float(recorded.time[compared])
+                difference = Difference(late, "time", late, np.nan)
+                return Replay(done, difference, f"The replay stopped at t = {late:g} s, before the recording's end.")
     return Replay(done, None, f"All {done} samples came out again, bit for bit.")
 
 
-def replayed_samples(recording: Recording) -> Iterator[Samples]:
-    """The run simulated anew, in blocks, from its first sample to its last recorded one. Raises `StudyError`."""
-    if len(recording.samples) == 0:
-        return
-    world = start_world(recording)
-    last = round(float(recording.samples.time[-1]) / recording.sample_period)
-    yield world.observe()
-    for tick, command in (*world_commands(recording), (last, None)):
-        while world.tick < min(tick, last):
-            block = world.advance(min(min(tick, last) - world.tick, BLOCK_TICKS))
-            yield block
-            if world.status.failed:
-                return
-        if command is not None and tick < last:
-            carry_out(world, command)
+class Repetition:
+    """A recorded run on its way through a second simulation."""
+
+    def __init__(self, recording: Recording):
+        """At the recording's start; nothing is simulated yet."""
+        self._world = start_world(recording)
+        self._period = recording.sample_period
+        self._commands = deque(world_commands(recording))
+        self._begun = False
+
+    def samples_until(self, time: float) -> Iterator[Samples]:
+        """The samples from where it stands up to `time` s, in blocks; fewer if the run fails. Raises `StudyError`."""
+        goal, world = round(time / self._period), self._world
+        if not self._begun:
+            self._begun = True
+            yield world.observe()
+        while world.tick < goal and not world.status.failed:
+            while self._commands and self._commands[0][0] <= world.tick:
+                carry_out(world, self._commands.popleft()[1])
+            stop = min(goal, self._commands[0][0] if self._commands else goal)
+            yield world.advance(min(stop - world.tick, BLOCK_TICKS))
+
+
+def _compare(recorded: Samples, repeated: Iterable[Samples]) -> tuple[int, Difference | None]:
+    """(how many samples were compared, the first difference); of what is repeated, what was not recorded is left out."""
+    done = 0
+    for again in repeated:
+        # A gap: samples dropped, a disk that was full.
+        rows = np.searchsorted(recorded.time, again.time)
+        there = (rows < len(recorded)) & (recorded.time[np.minimum(rows, len(recorded) - 1)] == again.time)
+        difference = _first_difference(_rows(recorded, rows[there]), _rows(again, there))
+        done += int(np.count_nonzero(there))
+        if difference is not None:
+            return done, difference
+    return done, None
 
 
 def state_at(recording: Recording, time: float) -> tuple[Scenario, WorldState]:

@@ -1,0 +1,103 @@
+"""`flexlab export`, `import` and `replay`: a run goes out and comes back, and is the same, bit for bit."""
+
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexlab.presets import load_preset
+from flexlab.recording.headless import HeadlessRecording, write_run
+from flexlab.recording.reader import read_recording
+from flexlab.recording.run_files import newest_run
+from flexlab.recording.run_info import RunInfo
+from flexlab.sim.commands import Tap
+from flexlab.sim.samples import Samples, Status
+from flexlab.sim.simulate import simulate
+from flexlab.sim.snapshot import Event
+from flexlab.sim.world import World
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def tapped(tmp_path: Path) -> Path:
+    """A run with a tap in the middle."""
+    world, tap = World(load_preset("paper")), Tap(0.1, (0.0, 0.05))
+    with HeadlessRecording(tmp_path / "logs", RunInfo("paper", world.scenario)) as recording:
+        recording.write(world.run(100))
+        world.apply(tap)
+        recording.note(Event(world.time, "Tap", tap))
+        recording.write(world.advance(200))
+        recording.end(Status("finished", "Finished.", world.time))
+    return recording.path
+
+
+def bits(samples: Samples) -> list[bytes]:
+    return [getattr(samples, name).tobytes() for name in Samples.__dataclass_fields__]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
+def test_a_run_comes_back_as_it_went(flexlab_command: Command, tapped: Path, tmp_path: Path, suffix: str):
+    out = flexlab_command("export", tapped.stem, "--to", f"out{suffix}")
+    assert out.returncode == 0, out.stderr
+    assert out.stdout.startswith(f"out{suffix}  ")
+    back = flexlab_command("import", f"out{suffix}")
+    assert back.returncode == 0, back.stderr
+    found = newest_run(tmp_path / "logs")
+    assert found != tapped
+    assert found.name in back.stdout
+    assert bits(read_recording(found).samples) == bits(read_recording(tapped).samples)
+    again = flexlab_command("replay", "newest")
+    assert (again.returncode, again.stdout) == (
+        0,
+        f"{found.stem}: All 301 samples came out again, bit for bit.\n",
+    )
+
+
+def test_a_part_and_the_figures(flexlab_command: Command, tapped: Path, tmp_path: Path):
+    done = flexlab_command("export", "--to", "part.csv", "--start", "0.1", "--end", "0.2", "--figures", "SVG")
+    assert done.returncode == 0, done.stderr
+    assert len((tmp_path / "part.csv").read_text().splitlines()) == 2 + 101
+    figures = {f"{tapped.stem}-figure-{number}.svg" for number in (2, 3, 4, 5)}
+    assert figures == {path.name for path in tmp_path.glob("*.svg")} == set(done.stdout.split()[-4:])
+
+
+def test_a_replay_that_differs_says_where_and_fails(flexlab_command: Command, tmp_path: Path):
+    run = simulate(load_preset("paper"), duration=0.3)
+    torque = run.joint_torque.copy()
+    torque.view(np.int64)[123, 1, 2] ^= 1
+    path = write_run(replace(run, joint_torque=torque), tmp_path / "logs", "paper")
+    done = flexlab_command("replay", path.stem)
+    assert done.returncode == 1, done.stderr
+    assert done.stdout.startswith(f"{path.stem}: The replay differs first at t = 0.123 s in joint_torque: recorded ")
+    assert "It was recorded by flexlab " in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["export"], "Say what to write"),
+        (["export", "--to", "x.xls"], "x.xls has no known format: let its name end in .csv"),
+        (["export", "--to", "no/such/x.csv"], "cannot be written"),
+        (["export", "--to", "x.npz", "--start", "7"], "there is no sample: choose times within 0 to 0.3 s"),
+        (["export", "--figures", "pdf"], "choose png or svg"),
+        (["export", "zzz", "--to", "x.csv"], "no recording zzz"),
+        (["import", "none.csv"], "There is no file none.csv"),
+        (["import", "junk.csv"], "junk.csv is not a run exported by flexlab"),
+        (["import", "junk.txt"], "junk.txt has no known format"),
+        (["replay", "zzz"], "no recording zzz"),
+        (["replay", "junk.rrd"], "not a rerun recording"),
+    ],
+)
+def test_bad_input_is_one_sentence(flexlab_command: Command, tapped: Path, tmp_path: Path, words: list[str], says: str):
+    for name in ("junk.csv", "junk.txt", "junk.rrd"):
+        (tmp_path / name).write_bytes(b"junk" * 1000)
+    done = flexlab_command(*words)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert says in done.stderr
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert not [path.name for path in tmp_path.iterdir() if path.name.startswith(("x.", "."))]

@@ -9,9 +9,10 @@ from recording_helpers import assert_same_bits, drawn_beam, plotted
 from rerun.chunk import RrdReader
 
 from flexlab.presets import load_preset, preset_names
+from flexlab.recording.blocks import join_blocks
 from flexlab.recording.finishing import rerun_tool
 from flexlab.recording.headless import HeadlessRecording, write_run
-from flexlab.recording.reader import read_recording, read_scenarios
+from flexlab.recording.reader import read_blocks, read_recording, read_scenarios
 from flexlab.recording.run_files import run_state
 from flexlab.recording.run_info import RunInfo
 from flexlab.sim.commands import ChangeScenario, Tap
@@ -114,6 +115,15 @@ def test_rerun_itself_finds_nothing_wrong(recording_file: Path) -> None:
         [rerun_tool(), "rrd", "verify", recording_file], capture_output=True, text=True, check=False
     )
     assert answer.returncode == 0, answer.stderr
+
+
+def test_blocks_are_read_in_the_order_of_time_however_they_stand_in_the_file(run: Run, tmp_path: Path) -> None:
+    with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario)) as recording:
+        for first in (300, 0, 100, 800, 200, 900, 400):
+            recording.write(run.slice(first, first + 100))
+    blocks = list(read_blocks(recording.path))
+    assert [round(block.time[0], 3) for block in blocks] == [0.0, 0.1, 0.2, 0.3, 0.4, 0.8, 0.9]
+    assert_same_bits(join_blocks(blocks), read_recording(recording.path).samples)
 
 
 def test_the_scenario_alone_is_read_too(run: Run, recording_file: Path) -> None:

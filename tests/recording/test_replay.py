@@ -66,6 +66,15 @@ def test_every_preset_with_sliders_and_pokes_replays_bit_for_bit(preset: str, tm
     assert found.identical
 
 
+def test_noise_sampled_control_and_delay_replay_bit_for_bit(tmp_path: Path) -> None:
+    noise = {"pose": (1e-4, 1e-4, 1e-4), "pose_rate": (1e-3, 1e-3, 1e-3), "strain": 1e-6, "seed": 7}
+    controller = {"control_period": 0.002, "input_delay": 1, "sensor_noise": noise}
+    scenario = load_preset("vibration-damping").replace({f"controller.{name}": controller[name] for name in controller})
+    found = replay(live_recording("noisy", tmp_path, scenario))
+    assert found.identical, found.text
+    assert found.compared > 400
+
+
 @pytest.fixture
 def recording(tmp_path: Path) -> Recording:
     return live_recording("paper", tmp_path)

@@ -17,17 +17,33 @@ from flexlab.scenario import Scenario, parse_scenario
 OWN_FOLDER = Path("presets")
 """A person's own presets, relative to the working directory."""
 
+LEARNING_ORDER = (
+    "paper",
+    "smooth-start",
+    "soft-beam",
+    "stiff-beam",
+    "large-swing",
+    "slow-adaptation",
+    "fast-adaptation",
+    "weak-feedback",
+    "vibration-damping",
+    "gravity",
+    "single-arm",
+)
+"""flexlab's own presets as a newcomer meets them: what rings, what does not, how soft, then the controller, then the rest."""
+
 _NUMBER_LIST = re.compile(r"\[\s+([^\[\]{}\"]*?)\s+\]")
 
 
 def preset_files(own: Path = OWN_FOLDER) -> dict[str, Path]:
-    """Name → file of every preset: "paper" first, the others by name. `own`: the folder of the person's own presets."""
+    """Name → file of every preset: flexlab's in learning order, then by name those of the person's folder `own`."""
     files = {path.stem: path for folder in (own, presets_folder()) for path in folder.glob("*.json")}
-    return {name: files[name] for name in sorted(files, key=lambda name: (name != "paper", name))}
+    place = {name: index for index, name in enumerate(LEARNING_ORDER)}
+    return {name: files[name] for name in sorted(files, key=lambda name: (place.get(name, len(place)), name))}
 
 
 def preset_names(own: Path = OWN_FOLDER) -> list[str]:
-    """The names of all presets, "paper" first."""
+    """The names of all presets, in the order of `preset_files`."""
     return list(preset_files(own))
 
 

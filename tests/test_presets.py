@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from flexlab.assets import presets_folder
 from flexlab.errors import PresetError, ScenarioError
 from flexlab.presets import (
+    LEARNING_ORDER,
     find_scenario,
     load_preset,
     load_scenario_file,
@@ -28,10 +29,12 @@ def one_sentence(text: str) -> bool:
     return "\n" not in text and text[-1] in ".?" and ". " not in text
 
 
-def test_all_are_there_and_paper_comes_first():
+def test_all_are_there_in_the_order_of_learning(tmp_path: Path):
     assert set(NAMES) >= ASKED_FOR
-    assert preset_names()[0] == "paper"
-    assert sorted(preset_names()) == NAMES
+    assert set(LEARNING_ORDER) == set(NAMES)
+    for name in ("zebra", "a-first-try"):
+        save_scenario(load_preset("paper"), tmp_path / f"{name}.json")
+    assert preset_names(tmp_path) == [*LEARNING_ORDER, "a-first-try", "zebra"]
 
 
 def test_paper_is_the_default_scenario():

@@ -27,15 +27,22 @@ SHORTEST_STEP = 1e-5
 LONGEST_STEP = 2e-3
 """s: beyond it the 1 kHz samples of the live lab would lie within steps."""
 
-CONTROL_LIMIT = 0.4
-"""Longest step times fastest closed-loop rate: well inside the methods' stability (2.8), so that transients are resolved."""
-
 DEFAULT_ACCURACY = 1e-10
 """Pose accuracy, m, for which the limits below are given."""
+
+CONTROL_LIMIT, COARSEST_CONTROL_LIMIT = 0.2, 0.4
+"""Longest step times fastest closed-loop rate for the default accuracy, so that start-up transients are exact to a few 1e-6,
+and for any: well inside the methods' stability (2.8)."""
+
+CONTROLLED_STEP = 2e-5
+"""s: below it, only stability counts. What a loop does in less than that, no arm follows."""
 
 COUPLING_LIMIT, COUPLED_STEP = 0.1, 1e-5
 """Longest step times the rate at which light arms give way to the beam's modes, the part of the beam that etdrk4 does not
 propagate exactly, for the default accuracy; never asked for below the second number, s: there, only the highest modes gain."""
+
+RINGING_LIMIT, RINGING_DECAY = 0.01, 1.0
+"""`COUPLING_LIMIT` where nothing fades, so that errors of the modes add up: where no mode decays faster than this, 1/s."""
 
 POSES_TRIED = 16
 """Instants of the first period at which the inertia that the controller works against is looked at."""
@@ -125,8 +132,9 @@ def choose_step(scenario: Scenario, system: System, beam: Beam) -> tuple[str, fl
     stable = STABILITY_LIMIT / beam_speed if integrator == "rk4" else math.inf
     if simulation.step is None:
         ease = (simulation.accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
-        coupling = coupling_rate(beam, system, S)
-        coupled = max(COUPLED_STEP, ease * COUPLING_LIMIT / coupling) if coupling > 0 else math.inf
+        coupling, fades = coupling_rate(beam, system, S), float(np.max(np.diag(beam.modes.D))) / 2 > RINGING_DECAY
+        limit = COUPLING_LIMIT if fades else RINGING_LIMIT
+        coupled = max(COUPLED_STEP, ease * limit / coupling) if coupling > 0 else math.inf
         if integrator == "rk4":
             stable = min(RESOLVED * stable, RESOLVED_ANGLE / float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]))
         return integrator, min(stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
@@ -146,7 +154,11 @@ def choose_step(scenario: Scenario, system: System, beam: Beam) -> tuple[str, fl
 def _accurate_step(integrator: str, accuracy: float, control_speed: float) -> float:
     """Longest step for a pose accuracy, m, that also resolves the closed loop's fastest rate, 1/s."""
     wish = REFERENCE_STEP * (accuracy / REFERENCE_ERROR[integrator]) ** (1 / ORDER[integrator])
-    return min(LONGEST_STEP, max(wish, SHORTEST_STEP), CONTROL_LIMIT / max(control_speed, CONTROL_LIMIT / LONGEST_STEP))
+    period = 1 / max(control_speed, 1e-3 / LONGEST_STEP)
+    ease = (accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
+    coarsest = COARSEST_CONTROL_LIMIT * period
+    controlled = min(coarsest, max(CONTROL_LIMIT * ease * period, CONTROLLED_STEP))
+    return min(LONGEST_STEP, max(wish, SHORTEST_STEP), controlled)
 
 
 def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple[int, int]:

@@ -78,7 +78,7 @@ def test_the_table_has_a_line_of_numbers_for_each_run(flexlab_command: Command, 
         "torn": "unfinished",
     }
     assert "5 runs, " in done.stderr
-    assert "3 of them have no metrics: flexlab logs --measure" in done.stderr
+    assert "Without metrics: 3. flexlab logs --measure" in done.stderr
 
 
 def test_words_and_fields_choose_and_order(flexlab_command: Command, logs: Path):

@@ -114,7 +114,7 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
     if left_out:
         note(f"A wider window has room for {', '.join(left_out)}.")
     if missing := sum(not row.metrics and row.state != "in use" for row in rows):
-        note(f"{missing} of them have no metrics: flexlab logs --measure reads those that can be read.")
+        note(f"Without metrics: {missing}. flexlab logs --measure reads those that can be read.")
 
 
 def count_text(count: int) -> str:

@@ -5,7 +5,10 @@ which every reader refuses, becomes readable up to the tear.
 """
 
 import contextlib
+import errno
 import os
+import re
+import shutil
 import subprocess
 import threading
 from pathlib import Path
@@ -32,6 +35,12 @@ LOW_PRIORITY = 19
 
 LONGEST = 600.0
 """s that mending one file may take."""
+
+OS_ERROR = re.compile(r"([^:\n]*) \(os error (\d+)\)")
+"""How the tool says what the operating system refused."""
+
+GROWTH = 1.3
+"""Room that the finished file may take, in sizes of the unfinished one."""
 
 
 def rerun_tool() -> str:
@@ -64,25 +73,39 @@ class Mending:
                 process.terminate()
 
     def rewrite(self, source: Path, target: Path) -> bool:
-        """Write what can be read of `source` to `target`, with a footer; whether anything could be."""
+        """Write what can be read of `source` to `target`, with a footer; whether anything could be.
+
+        Raises OSError if the disk refuses; `target` is then worth nothing, even if it can be read.
+        """
         ways = ("filter",) if source.stat().st_size > LARGE_FILE else ("optimize", "filter")
         return any(not self._stopped.is_set() and self._run(way, source, target) for way in ways)
 
     def _run(self, way: str, source: Path, target: Path) -> bool:
         command = [rerun_tool(), "rrd", way, "--continue-on-error", str(source), "-o", str(target)]
-        nothing = subprocess.DEVNULL
-        # A session of its own: Ctrl-C is for the lab, which then waits for this or stops it.
-        self._process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            env=os.environ | {"RUST_LOG": "warn"},
+            # A session of its own: Ctrl-C is for the lab, which then waits for this or stops it.
+            start_new_session=True,
+        )
         with contextlib.suppress(OSError, AttributeError):
             os.setpriority(os.PRIO_PROCESS, self._process.pid, LOW_PRIORITY)
         if self._stopped.is_set():
             self._process.terminate()
         try:
-            return self._process.wait(LONGEST) == 0 and target.stat().st_size > 0
-        except (subprocess.TimeoutExpired, OSError):
+            _, said = self._process.communicate(timeout=LONGEST)
+        except subprocess.TimeoutExpired:
             self._process.kill()
-            self._process.wait()
+            self._process.communicate()
             return False
+        # On a full disk the tool leaves a piece of the run and reports success; only its warnings tell.
+        refused = OS_ERROR.search(said.decode(errors="replace"))
+        if refused:
+            raise OSError(int(refused[2]), refused[1])
+        return self._process.returncode == 0 and target.exists() and has_footer(target)
 
 
 def finish(path: Path, mending: Mending | None = None) -> None:
@@ -109,6 +132,9 @@ def finish(path: Path, mending: Mending | None = None) -> None:
 
 def _finish_claimed(path: Path, mending: Mending) -> None:
     before = path.stat()
+    if shutil.disk_usage(path.parent).free < GROWTH * before.st_size:
+        # A lab that is recording there must not be driven into a full disk.
+        raise _not_now(path, os.strerror(errno.ENOSPC))
     ended = read_notes(path).get("ended", False)
     try:
         with replacing(path) as draft:
@@ -123,7 +149,11 @@ def _finish_claimed(path: Path, mending: Mending) -> None:
                 write_notes(path, damaged_size=before.st_size)
         raise
     except OSError as error:
-        raise RecordingError(f"{path} cannot be mended ({error.strerror}): make room or mend the rights.") from None
+        raise _not_now(path, error.strerror) from None
+
+
+def _not_now(path: Path, reason: str) -> RecordingError:
+    return RecordingError(f"{path} cannot be mended ({reason}): make room or mend the rights. Nothing of it is lost.")
 
 
 def _has_recording(path: Path) -> bool:

@@ -1,9 +1,12 @@
 """Recording without a screen: the simulation waits for its recorder, so nothing is ever dropped."""
 
+import contextlib
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
+from flexlab.errors import RecordingError
 from flexlab.recording.finishing import finish
 from flexlab.recording.noting import StartNotes
 from flexlab.recording.run_files import claim_run_file, write_notes
@@ -28,6 +31,7 @@ class HeadlessRecording:
         self._run = RunWriter(info, start_notes)
         self._file = claim_run_file(logs, info.name, info.started)
         self._status: Status | None = None
+        self._safe: float | None = None
         try:
             self._stream = open_file_stream(self._file, info)
         except BaseException:
@@ -43,8 +47,10 @@ class HeadlessRecording:
 
     def write(self, samples: Samples) -> None:
         """Write the next block (N >= 1)."""
-        self._run.write_samples(samples)
-        self._stream.push()
+        with self._telling():
+            self._run.write_samples(samples)
+            self._stream.push()
+            self._safe = self._run.last_time
 
     def note(self, event: Event) -> None:
         """Write an event; commands belong here too, so that the run can be replayed."""
@@ -63,11 +69,30 @@ class HeadlessRecording:
         """Close and finish the file; of an interrupted run, what there is of it."""
         status = self._status or Status("finished", f"Stopped at t = {self._run.last_time:g} s.", self._run.last_time)
         try:
-            self._run.end(status)
+            with self._telling():
+                self._run.end(status)
             write_notes(self.path, **self._run.summary(status, dropped=0))
+        except OSError:
+            pass  # The recording is there; its state is then told from the file alone.
         finally:
             self._file.release()
-        finish(self.path)
+        with contextlib.suppress(RecordingError):  # What is left to do needs room; all of the run is there.
+            finish(self.path)
+
+    @contextlib.contextmanager
+    def _telling(self) -> Iterator[None]:
+        """Say with an error what was saved before it."""
+        try:
+            yield
+        except RecordingError as error:
+            raise RecordingError(f"{error} Make room, or choose another folder: {self._saved()}.") from None
+
+    def _saved(self) -> str:
+        return (
+            "nothing of the run is recorded"
+            if self._safe is None
+            else f"the run is recorded up to t = {self._safe:g} s"
+        )
 
 
 def write_run(run: Run, logs: Path, name: str, started: datetime | None = None) -> Path:

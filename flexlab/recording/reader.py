@@ -78,7 +78,7 @@ def read_blocks(path: Path | str) -> Iterator[Samples]:
     Raises `RecordingError` as `read_recording` does.
     """
     for _, values in rows_in_order(Path(path), "/exact/samples"):
-        yield decode_block(values["data"])
+        yield _block(Path(path), values)
 
 
 def read_scenarios(path: Path | str) -> tuple[NamedScenario, ...]:
@@ -134,7 +134,7 @@ def _assemble(path: Path, rows: Rows) -> Recording:
         events = [_event(record) for record in sorted(records, key=lambda record: record["number"])]
     except (ValueError, KeyError, TypeError) as error:
         raise _strange(path, properties, error) from None
-    blocks = [decode_block(row["data"]) for _, row in rows.get("/exact/samples", [])]
+    blocks = [_block(path, values) for _, values in rows.get("/exact/samples", [])]
     samples = join_blocks(blocks) if blocks else _no_samples(scenario)
     status = Status(end.get("status", "running"), end.get("text", "The recording breaks off."), end.get("time_s", 0.0))
     return Recording(
@@ -151,6 +151,13 @@ def _assemble(path: Path, rows: Rows) -> Recording:
         state=run_state(path),
         properties={name: value for name, value in properties.items() if name != "scenario"} | end,
     )
+
+
+def _block(path: Path, values: dict[str, Any]) -> Samples:
+    try:
+        return decode_block(values["data"])
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from None
 
 
 def _event(record: dict[str, Any]) -> Event:

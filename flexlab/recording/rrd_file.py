@@ -62,7 +62,7 @@ class RrdFile:
                 self._write(self._waiting[0])
                 self._waiting_bytes -= len(self._waiting.popleft())
         except OSError as error:
-            raise RecordingError(f"The recording cannot be written ({error.strerror}).") from None
+            raise RecordingError(f"{self._handle.name} cannot be written ({error.strerror}).") from None
 
     def _write(self, data: bytes) -> None:
         """All or nothing: what was half written is cut off again."""

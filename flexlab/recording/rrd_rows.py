@@ -69,7 +69,13 @@ def _mended(path: Path) -> Iterator[Path]:
     with TemporaryDirectory(prefix="flexlab-") as folder:
         copy = Path(folder) / path.name
         try:
-            if Mending().rewrite(path, copy):
+            found = Mending().rewrite(path, copy)
+        except OSError as error:
+            raise RecordingError(
+                f"{path} has no end, and a mended copy of it cannot be put into {folder} ({error.strerror}): make room."
+            ) from None
+        try:
+            if found:
                 yield copy
                 return
         except Unreadable:

@@ -7,17 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recording_helpers import start_script, wait_until
+from recording_helpers import assert_same_bits, start_script, wait_until
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.finishing import finish
-from flexlab.recording.headless import write_run
+from flexlab.recording.finishing import Mending, finish
+from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_files import check_folder, list_runs, newest_run, run_state
+from flexlab.recording.run_info import RunInfo
 from flexlab.recording.writer import Recorder
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Run
+from flexlab.sim.world import World
 from flexlab.studies.replay import replay
 
 TOLD_WITHIN = 2.0
@@ -95,6 +97,7 @@ FULL_DISK = """
 import resource, sys, time
 from pathlib import Path
 from flexlab.presets import load_preset
+from flexlab.recording.run_info import RunInfo
 from flexlab.recording.writer import Recorder
 from flexlab.sim.commands import Tap
 from flexlab.sim.runner import Runner
@@ -172,6 +175,55 @@ def fill(disk: Path) -> Path:
         place = os.statvfs(disk)
         os.posix_fallocate(file.fileno(), 0, place.f_bavail * place.f_frsize)
     return filler
+
+
+def leave(disk: Path, room: int) -> Path:
+    """Leave about `room` bytes on a disk; the file that takes the others."""
+    filler = fill(disk)
+    os.truncate(filler, filler.stat().st_size - room)
+    return filler
+
+
+def test_mending_without_room_changes_nothing_and_works_once_there_is_some(small_disk: Path, run: Run) -> None:
+    path = write_run(run, small_disk, "paper")
+    path.write_bytes(path.read_bytes()[:-200])
+    torn = path.read_bytes()
+    filler = leave(small_disk, 300_000)
+    with pytest.raises(RecordingError, match=r"cannot be mended \(No space left on device\): make room") as caught:
+        finish(path)
+    assert "Nothing of it is lost" in str(caught.value)
+    assert path.read_bytes() == torn
+    assert run_state(path) == "unfinished"
+    filler.unlink()
+    finish(path)
+    assert run_state(path) == "complete"
+    assert_same_bits(read_recording(path).samples, run.slice(0, len(run)))
+
+
+def test_a_piece_of_a_mended_copy_is_never_taken_for_the_whole(small_disk: Path, run: Run, tmp_path: Path) -> None:
+    path = write_run(run, tmp_path, "paper")
+    leave(small_disk, 300_000)
+    with pytest.raises(OSError, match="No space left on device"):
+        Mending().rewrite(path, small_disk / "copy.rrd")
+
+
+def test_a_run_without_a_screen_says_what_a_full_disk_left_of_it(small_disk: Path) -> None:
+    world = World(load_preset("paper"))
+    leave(small_disk, 1_000_000)
+
+    def record() -> None:
+        with HeadlessRecording(small_disk, RunInfo("paper", world.scenario)) as recording:
+            recording.write(world.run(1000))
+            for _ in range(5):
+                recording.write(world.advance(1000))
+
+    with pytest.raises(
+        RecordingError, match=r"rrd cannot be written \(No space left on device\)\. Make room"
+    ) as caught:
+        record()
+    (path,) = list_runs(small_disk)
+    saved = read_recording(path).samples.time[-1]
+    assert str(caught.value).endswith(f"the run is recorded up to t = {saved:g} s.")
 
 
 def test_a_full_disk_is_called_full_and_costs_nothing_once_there_is_room(small_disk: Path) -> None:

@@ -61,6 +61,10 @@ def _problem(handle: Any, updates: Any) -> str:
         return "" if isinstance(new, bool) else f"{label}: needs on or off. {kept}"
     if isinstance(present, (int, float)):
         return _number_problem(label, new, kept)
+    if isinstance(present, tuple):
+        if not isinstance(new, (list, tuple)) or len(new) != len(present):
+            return f"{label}: needs {len(present)} numbers. {kept}"
+        return next((problem for item in new if (problem := _number_problem(label, item, kept))), "")
     if isinstance(present, str):
         if not isinstance(new, str):
             return f"{label}: needs a text. {kept}"

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Payload, Scenario
+from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.shape import deflection_at
 from flexlab.studies.modes import Modes, modes
 
@@ -53,7 +54,8 @@ class ModeStudy:
 
     def _compute(self, scenario: Scenario) -> None:
         try:
-            self.result, self.problem = modes(scenario), ""
+            with one_blas_thread():
+                self.result, self.problem = modes(scenario), ""
         except FlexlabError as error:
             self.problem = str(error)
         except Exception as error:

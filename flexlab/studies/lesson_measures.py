@@ -5,6 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexlab.scenario import Payload
+from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
 
@@ -20,7 +21,8 @@ def first_frequency(payload: Payload) -> float:
 @lru_cache(maxsize=32)
 def _first_frequency(payload: str) -> float:
     """Remembered, because the lab asks several times a second and 64 elements take a while."""
-    return float(np.min(build_beam(Payload.model_validate_json(payload)).modes.omega)) / (2 * np.pi)
+    with one_blas_thread():
+        return float(np.min(build_beam(Payload.model_validate_json(payload)).modes.omega)) / (2 * np.pi)
 
 
 def ring_frequency(samples: Samples) -> float:

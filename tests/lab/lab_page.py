@@ -95,8 +95,8 @@ class LabPage:
         return self.page.evaluate(MID_VERTEX)
 
     def box(self, label: str) -> Locator:
-        """The number box with a label."""
-        return self.page.get_by_label(label, exact=True)
+        """The first number box with a label: both arms have the same ones."""
+        return self.page.get_by_label(label, exact=True).first
 
     def enter(self, label: str, value: str) -> None:
         """Type a number into a box."""

@@ -52,6 +52,10 @@ def still_works(session: Session, browser: RawBrowser) -> None:
         ("Speed", {"value": "1e9"}, "not one of its options"),
         ("Desired pose", {"value": "yes"}, "on or off"),
         ("Reset", {"value": {"a": 1}}, "on or off"),
+        ("Link masses m (kg)", {"value": [1.0, math.nan, 1.0]}, "needs a finite number"),
+        ("Link masses m (kg)", {"value": [1.0, 2.0]}, "needs 3 numbers"),
+        ("Link masses m (kg)", {"value": 5.0}, "needs 3 numbers"),
+        ("Limited torques", {"value": 1}, "on or off"),
     ],
 )
 def test_what_is_no_value_is_refused(session: Session, label: str, updates: dict[str, Any], said: str) -> None:
@@ -77,11 +81,15 @@ def test_what_is_no_value_is_refused(session: Session, label: str, updates: dict
         ("Bending stiffness EI, slider", 1e9, "payload.bending_stiffness"),
         ("Elements n", 2.5, "payload.element_count"),
         ("Elements n", 1e9, "payload.element_count"),
+        ("Seed", 2.5, "controller.sensor_noise.seed"),
+        ("Input delay d (samples)", 3, "controller"),
+        ("Believed L / true L", 0.0, "controller.model.length_factor"),
+        ("Link lengths l (m)", [0.7, -0.6, 0.2], "left_arm.link_length"),
         ("Exaggeration of the deflection (×)", 1e9, None),
     ],
 )
 def test_a_number_out_of_range_is_refused_and_put_right(
-    session: Session, label: str, value: float, path: str | None
+    session: Session, label: str, value: Any, path: str | None
 ) -> None:
     handle, scenario, view = widget(session, label), session.runner.snapshot.scenario, session.desk.view
     truth = handle.value

@@ -1,6 +1,6 @@
-"""A menu for a scenario field that is one of a few words: control law, kind of damping, boundary."""
+"""A menu for a scenario field that is one of a few words: control law, kind of damping, boundary, integrator."""
 
-from typing import Literal, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 import viser
 
@@ -14,21 +14,29 @@ CHOICES = {
     "controller.kind": ("Control law", "Keeps the motion; fields that the new law lacks are dropped."),
     "payload.damping.kind": ("Damping kind", "Acts at once."),
     "payload.boundary": ("Boundary", "Reshapes the beam's mesh; its shape is carried over."),
+    "simulation.integrator": ("Integrator", "Acts at once."),
+    "left_arm.elbow": ("Elbow side, left", "Sign of joint 2. Starts a new run."),
+    "right_arm.elbow": ("Elbow side, right", "Sign of joint 2. Starts a new run."),
 }
 """Path → label and hint."""
 
 
-def options(path: str) -> tuple[str, ...]:
-    """The words that the field at `path` allows."""
+def options(path: str) -> dict[str, Any]:
+    """The words that the field at `path` allows, and what they stand for."""
     *parents, name = path.split(".")
     owner: type[Part] = Scenario
     for parent in parents if name != "kind" else parents[:-1]:
         owner = parts_of(owner.model_fields[parent].annotation)[0]
     if name == "kind":
         kinds = parts_of(owner.model_fields[parents[-1]].annotation)
-        return tuple(kind.model_fields["kind"].default for kind in kinds)
+        return {kind.model_fields["kind"].default: kind.model_fields["kind"].default for kind in kinds}
     annotation = owner.model_fields[name].annotation
-    return get_args(annotation) if get_origin(annotation) is Literal else ()
+    allowed = get_args(annotation) if get_origin(annotation) is Literal else ()
+    return {_word(value): value for value in allowed}
+
+
+def _word(value: Any) -> str:
+    return f"{value:+d}".replace("-", "−") if isinstance(value, int) else str(value)
 
 
 class Choice:
@@ -37,12 +45,14 @@ class Choice:
     def __init__(self, gui: viser.GuiApi, desk: Desk, path: str):
         self._desk, self._path = desk, path
         label, hint = CHOICES[path]
-        self._menu = gui.add_dropdown(label, options(path), initial_value=desk.intended.get(path), hint=hint)
+        self._options = options(path)
+        initial = _word(desk.intended.get(path))
+        self._menu = gui.add_dropdown(label, tuple(self._options), initial_value=initial, hint=hint)
         self._menu.on_update(handler(desk, lambda _: self._ask(self._menu.value)))
 
     def show(self, scenario: Scenario) -> None:
         """Show the scenario's value."""
-        value = scenario.get(self._path)
+        value = _word(scenario.get(self._path))
         if self._menu.value != value:
             self._menu.value = value
 
@@ -51,10 +61,10 @@ class Choice:
         self._menu.remove()
 
     def _ask(self, value: str) -> None:
-        if value not in options(self._path):
+        if value not in self._options:
             raise LabError(f"{value[:40]!r} is not an option of {CHOICES[self._path][0]}: choose one from the menu.")
         try:
-            self._desk.change({self._path: value})
+            self._desk.change({self._path: self._options[value]})
         finally:
             # A refused word is not something to go on typing at: the menu shows the truth at once.
             self.show(self._desk.intended)

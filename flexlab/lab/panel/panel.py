@@ -7,6 +7,7 @@ import viser
 from flexlab.lab.desk import Desk
 from flexlab.lab.mode_study import ModeStudy
 from flexlab.lab.panel.comparing import Comparing
+from flexlab.lab.panel.details import GROUPS, Details
 from flexlab.lab.panel.drive import Drive
 from flexlab.lab.panel.events import Events
 from flexlab.lab.panel.filing import Filing
@@ -51,7 +52,8 @@ class Panel:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Parameters"):
             self._note = gui.add_html("", visible=False)
-            self._sections = [Section(gui, desk, title, path) for title, path in SECTIONS]
+            self._sections: list[Section | Details] = [Section(gui, desk, title, path) for title, path in SECTIONS]
+            self._sections += [Details(gui, desk, group) for group in GROUPS]
         with tabs.add_tab("View"):
             self._viewing = Viewing(gui, desk, look)
         with tabs.add_tab("Touch"):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import viser
 
 from flexlab.lab.desk import Desk
-from flexlab.lab.panel.choice import CHOICES, Choice
+from flexlab.lab.panel.choice import Choice
 from flexlab.lab.panel.field import Field
 from flexlab.lab.panel.text import number
 from flexlab.quantities import Part, Quantity, describe
@@ -15,6 +15,8 @@ from flexlab.scenario import Scenario
 
 SECTIONS = (("Beam", "payload"), ("Controller", "controller"), ("Trajectory", "trajectory"), ("World", ""))
 """Folder title and path of the part of the scenario that it shows."""
+CHOSEN = ("controller.kind", "payload.damping.kind", "payload.boundary")
+"""Fields that are a word from a menu."""
 FIRST = ("bending_stiffness", "damping")
 """Fields that stand before the others: what a student changes first."""
 
@@ -93,16 +95,16 @@ class Section:
         for widget in (*self._fields, *self._choices):
             widget.remove()
         self._built_for = entries(scenario, self._path)
-        chosen = [path for path in CHOICES if self._path and path.startswith(f"{self._path}.")]
+        chosen = [path for path in CHOSEN if self._path and path.startswith(f"{self._path}.")]
         with self._folder:
             self._choices = [Choice(self._gui, self._desk, path) for path in chosen]
             self._fields = [Field(self._gui, self._desk, *entry) for entry in self._built_for]
 
 
 def three_valued(scenario: Scenario) -> str:
-    """A sentence about gains that have different values for x, y and θ; empty if there are none."""
+    """A sentence about numbers that differ for x, y and θ where one slider sets all; empty if there are none."""
     sentences = []
-    for entry in entries(scenario, "controller"):
+    for entry in (*entries(scenario, "controller"), *entries(scenario, "trajectory")):
         value = scenario.get(entry.path)
         if entry.component is None and isinstance(value, tuple) and len(set(value)) > 1:
             values = ", ".join(number(item) for item in value)

@@ -19,6 +19,15 @@ div:has(.mantine-Slider-root) + div:has(> button[data-block]) {
   display: block; position: relative; height: 0; margin: 0 !important; padding: 0 !important; }
 div:has(.mantine-Slider-root) + div:has(> button[data-block]) > button {
   position: absolute; right: 0.7em; top: -2.4em; height: 1.5em; padding: 0 0.4em; }
+/* Several numbers of one field stand in a row below their label. */
+.mantine-Flex-root:has(> div .mantine-NumberInput-root + .mantine-NumberInput-root) { display: block !important; }
+.mantine-Flex-root:has(> div .mantine-NumberInput-root + .mantine-NumberInput-root) > div { width: 100% !important; }
+div:has(.mantine-NumberInput-root):not(:has(.mantine-Slider-root)) + div:has(> button[data-block]):not(:has(svg, img)) {
+  display: block; position: relative; height: 0; margin: 0 !important; padding: 0 !important; }
+div:has(.mantine-NumberInput-root):not(:has(.mantine-Slider-root)) + div > button[data-block]:not(:has(svg, img)) {
+  position: absolute; right: 9.2em; top: -2.5em; height: 1.5em; padding: 0 0.4em; }
+div:has(.mantine-NumberInput-root + .mantine-NumberInput-root) + div > button[data-block]:not(:has(svg, img)) {
+  right: 0.8em; top: -4.3em; }
 .mantine-NumberInput-controls { display: none; }
 .mantine-NumberInput-input { text-align: right; font-variant-numeric: tabular-nums; padding-inline-end: 0.5em !important; }
 label { letter-spacing: -0.2px; }

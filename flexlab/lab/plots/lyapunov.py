@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexlab.scenario import Arm, Payload, Scenario
+from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
 
@@ -28,8 +29,9 @@ def tracking_energy(scenario: Scenario, samples: Samples) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _inertia(payload: Payload) -> tuple[float, ...]:
-    """m, I, hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g: found once per payload, as the linear algebra behind it wakes all cores."""
-    beam = build_beam(payload)
+    """m, I, hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g: found once per payload."""
+    with one_blas_thread():
+        beam = build_beam(payload)
     return float(beam.matrices.m), float(beam.matrices.I), *map(float, beam.kappa)
 
 

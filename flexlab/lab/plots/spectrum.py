@@ -7,6 +7,7 @@ from viser import uplot
 from flexlab.lab import colors
 from flexlab.lab.plots.chart import HEIGHT, X_AXIS_SIZE, axis, compact, send, signal_series
 from flexlab.scenario import Scenario
+from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK
@@ -77,7 +78,9 @@ class Spectrum:
         if self._scenario is not None and self._scenario.payload == scenario.payload:
             return
         self._scenario = scenario
-        self._marks = np.sort(build_beam(scenario.payload).modes.omega)[:SHOWN_MODES] / (2 * np.pi)
+        with one_blas_thread():
+            omega = build_beam(scenario.payload).modes.omega
+        self._marks = np.sort(omega)[:SHOWN_MODES] / (2 * np.pi)
         highest = 1.15 * self._marks[-1] if len(self._marks) else np.inf
         self._highest = float(min(highest, 0.5 / TICK))
         self._marks = self._marks[self._marks < self._highest]

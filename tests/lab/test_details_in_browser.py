@@ -1,0 +1,81 @@
+"""The fields without sliders: in their folders, with switches, ranges and ways back, in a real browser."""
+
+import pytest
+from lab_page import LabPage, wait_until
+
+from flexlab.lab.panel.details import GROUPS, SWITCHES, present
+from flexlab.presets import load_preset, preset_names
+from flexlab.quantities import Part
+from flexlab.scenario import Scenario
+
+
+def shown_in_sections(path: str) -> bool:
+    """Whether a field has a place among the sliders or menus of the upper folders."""
+    name = path.rsplit(".", 1)[-1]
+    return Scenario().about(path).slider is not None or name == "boundary"
+
+
+def leaves(part: Part, path: str = "") -> list[str]:
+    found = []
+    for name in type(part).model_fields:
+        inner, value = f"{path}.{name}" if path else name, getattr(part, name)
+        if name in ("kind", "title", "watch"):
+            continue
+        found += leaves(value, inner) if isinstance(value, Part) else [inner]
+    return found
+
+
+def test_every_field_of_a_scenario_can_be_reached() -> None:
+    scenario = Scenario()
+    offered = {path for group in GROUPS for path in present(scenario, group)}
+    missing = [path for path in leaves(scenario) if path not in offered and not shown_in_sections(path)]
+    assert missing == ["initial.beam_coordinates"], (
+        "it has as many numbers as the mesh; a mode's button or a file sets it"
+    )
+    assert set(SWITCHES) <= offered
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_switches_begin_with_what_the_scenario_takes(name: str) -> None:
+    scenario = load_preset(name)
+    for path, (_, begin) in SWITCHES.items():
+        if any(path in present(scenario, group) for group in GROUPS):
+            scenario.replace({path: begin(scenario)})
+
+
+def test_limits_sampling_and_arms_are_set_in_their_folders(page: LabPage) -> None:
+    page.open_tab("Motors, sampling and sensors")
+    page.enter("Input delay d (samples)", "3")
+    page.wait_for_text("give control_period a value in s")
+    assert page.snapshot.scenario.controller.input_delay == 0
+    page.switch("Sampled control")
+    wait_until(lambda: page.snapshot.scenario.controller.control_period == 0.001, "the control is sampled")
+    page.enter("Input delay d (samples)", "2")
+    wait_until(lambda: page.snapshot.scenario.controller.input_delay == 2, "with a delay")
+    page.switch("Limited torques")
+    wait_until(lambda: page.snapshot.scenario.controller.torque_limit == (400.0, 400.0, 400.0), "and limits")
+    page.enter("Torque limit per joint τ_max (N·m)", "90")
+    wait_until(lambda: page.snapshot.scenario.controller.torque_limit == (90.0, 400.0, 400.0), "one by one")
+    page.open_tab("Torques")
+    page.wait_for_text("limit 1 (N·m)")
+    page.picture("details")
+    page.switch("Limited torques")
+    wait_until(lambda: page.snapshot.scenario.controller.torque_limit is None, "and off again")
+    page.open_tab("Left arm")
+    run = page.snapshot.run_number
+    page.enter("Link masses m (kg)", "9")
+    wait_until(lambda: page.snapshot.scenario.left_arm.link_mass == (9.0, 8.0, 4.0), "one mass is changed")
+    assert page.snapshot.scenario.right_arm is not None
+    assert page.snapshot.scenario.right_arm.link_mass == (8.0, 8.0, 4.0)
+    wait_until(lambda: page.snapshot.run_number > run, "a new arm begins a new run")
+    back = page.page.get_by_role("button", name="↺")
+    fields = ("left_arm.link_mass", "controller.input_delay", "controller.control_period")
+    for left, changed in zip((2, 1, 0), fields, strict=True):
+        usual = load_preset("paper").get(changed)
+        back.last.click()
+        wait_until(
+            lambda changed=changed, usual=usual: page.snapshot.scenario.get(changed) == usual, f"{changed} goes back"
+        )
+        wait_until(lambda left=left: back.count() == left, "its small button goes", 20)
+    assert page.snapshot.scenario == load_preset("paper")
+    assert not page.errors

@@ -6,11 +6,14 @@ from pathlib import Path
 from aiohttp import web
 
 from flexlab.assets import web_assets_folder
+from flexlab.door.compare_page import add_compare_pages
 from flexlab.door.context import CONTEXT, Context
 from flexlab.door.lab_pages import add_lab_pages
+from flexlab.door.run_actions import add_run_actions
 from flexlab.door.runs_pages import add_runs_pages
 from flexlab.door.security import LARGEST_BODY, add_headers, answer_in_sentences, check
 from flexlab.door.start_page import start_page
+from flexlab.door.upload import add_upload
 
 STATIC = Path(__file__).resolve().parent / "static"
 """Style sheet, scripts and the icon of the door's pages."""
@@ -24,6 +27,9 @@ def build_app(context: Context) -> web.Application:
     app.on_response_prepare.append(add_headers)
     app.router.add_get("/", start_page)
     add_lab_pages(app.router)
+    add_compare_pages(app.router)
+    add_run_actions(app.router)
+    add_upload(app.router)
     add_runs_pages(app.router)
     app.router.add_get("/favicon.ico", _icon)
     app.router.add_get("/static/{name}", _static)

@@ -1,12 +1,16 @@
 """What the pages of one door share."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import aiohttp
 from aiohttp import web
 
+from flexlab.door.comparisons import Comparisons
+from flexlab.door.errands import Errands
 from flexlab.door.measuring import Measuring
 from flexlab.door.places import Places
+from flexlab.door.replays import Replays
 from flexlab.door.settings import Settings
 
 
@@ -22,6 +26,11 @@ class Context:
     inside: aiohttp.ClientSession
     """Calls to the labs on loopback."""
     measuring: Measuring
+    errands: Errands
+    comparisons: Comparisons
+    replays: Replays
+    workshop: Path
+    """A folder for files that nobody keeps; gone when the door closes."""
 
     @property
     def token_cookie(self) -> str:

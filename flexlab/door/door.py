@@ -4,8 +4,10 @@ import asyncio
 import contextlib
 import logging
 import secrets
+import shutil
 import socket
 import sys
+import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -14,12 +16,15 @@ import aiohttp
 from aiohttp import web
 
 from flexlab.door.app import build_app
+from flexlab.door.comparisons import Comparisons
 from flexlab.door.context import Context
+from flexlab.door.errands import Errands
 from flexlab.door.laboratory import Laboratory
 from flexlab.door.measuring import Measuring
 from flexlab.door.places import Choice, Places
 from flexlab.door.private import PrivateLabs
 from flexlab.door.relay import inside_connector
+from flexlab.door.replays import Replays
 from flexlab.door.settings import Settings
 from flexlab.door.shared import SharedLab
 from flexlab.errors import LabError
@@ -43,6 +48,8 @@ class Door:
     def __init__(self, settings: Settings, port: int, token: str | None, places: Places, plug: socket.socket):
         self.settings, self.places, self.token = settings, places, token
         """`token`: the word that opens the door; None if it does not ask for one."""
+        self.workshop = Path(tempfile.mkdtemp(prefix="flexlab-"))
+        """For files that nobody keeps; gone when the door closes."""
         self._plug = plug
         self.port = port
         """The public one, really taken."""
@@ -101,8 +108,19 @@ class Door:
     async def _serve(self) -> None:
         self._loop, self._closing = asyncio.get_running_loop(), asyncio.Event()
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
-            measuring = Measuring(self.settings.logs)
-            context = Context(self.settings, self.port, self.token, self.places, inside, measuring)
+            measuring, errands = Measuring(self.settings.logs), Errands()
+            context = Context(
+                self.settings,
+                self.port,
+                self.token,
+                self.places,
+                inside,
+                measuring,
+                errands,
+                Comparisons(errands, self.workshop),
+                Replays(errands),
+                self.workshop,
+            )
             runner = web.AppRunner(build_app(context), access_log=None, shutdown_timeout=CLOSING_TIME)
             try:
                 await runner.setup()
@@ -113,7 +131,9 @@ class Door:
                 # Labs first: their recordings matter more than a visitor's last request.
                 self._last = await self.places.close()
                 measuring.close()
+                errands.close()
                 await runner.cleanup()
+                await asyncio.to_thread(shutil.rmtree, self.workshop, ignore_errors=True)
 
 
 def open_door(

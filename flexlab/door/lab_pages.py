@@ -71,10 +71,10 @@ async def preset_link(request: web.Request) -> web.StreamResponse:
 async def _enter_by_link(request: web.Request, choice: Choice | None) -> web.StreamResponse:
     if not is_opened_by_person(request):
         return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
-    return await _enter(request, choice)
+    return await enter_lab(request, choice)
 
 
-async def _enter(request: web.Request, choice: Choice | None) -> web.StreamResponse:
+async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamResponse:
     """Send the visitor on to the lab itself, so that a reload does not start the run anew."""
     context = context_of(request)
     visitor = request.cookies.get(context.visitor_cookie) or secrets.token_urlsafe(VISITOR_BYTES)

@@ -7,25 +7,26 @@ from flexlab.recording.run_rows import RunRow, duration_text, size_text, state_w
 
 COLUMNS = (("Started", "time"), ("Preset", "text"), ("Duration", "number"), ("Size", "number"), ("State", "text"))
 METRIC_COLUMNS = {
-    "RMS error x [mm]": "RMS x mm",
-    "RMS error y [mm]": "RMS y mm",
-    "Peak vibration [mm]": "Vibration mm",
-    "Free vibration gone after [s]": "Settled s",
-    "Peak joint torque [N·m]": "Torque N·m",
-    "RMS internal force [N]": "Force N",
+    "RMS error x [mm]": ("RMS x", "mm"),
+    "RMS error y [mm]": ("RMS y", "mm"),
+    "Peak vibration [mm]": ("Vibration", "mm"),
+    "Free vibration gone after [s]": ("Settled", "s"),
+    "Peak joint torque [N·m]": ("Torque", "N·m"),
+    "RMS internal force [N]": ("Force", "N"),
 }
-"""Metric, as the notes name it → heading: those of which a table has room; a run's own page has all."""
+"""Metric, as the notes name it → heading and unit: those of which a table has room; a run's own page has all."""
 
-ROW = """<tr>
+ROW = """<tr>{choose}
 <td data-key="{time}"><a href="/runs/{id}">{started}</a></td><td>{preset}{tags}</td>
 <td data-key="{duration_key}" class="number">{duration}</td><td data-key="{size_key}" class="number">{size}</td>
 <td><span class="state {kind}">{state}</span></td>{more}
 </tr>"""
+CHOOSE = """<td class="choose"><label><input type="checkbox" name="run" value="{id}" form="compare"
+aria-label="Compare {preset} of {started}"></label></td>"""
 MORE = """{metrics}<td class="note">{note}<span class="changes">{changes}</span></td>
-<td class="row-actions"><a href="/runs/{id}.rrd" download title="Download the recording">Download</a>
-<a href="/runs/{id}/delete" class="danger">Delete</a></td>"""
+<td class="row-actions"><a href="/runs/{id}/delete" class="danger">Delete</a></td>"""
 METRIC = """<td data-key="{key}" class="number">{text}</td>"""
-TABLE = """<div class="table"><table{mark}><thead><tr>{head}</tr></thead><tbody>
+TABLE = """<div class="table"><table{mark}><thead><tr>{choice}{head}</tr></thead><tbody>
 {rows}
 </tbody></table></div>"""
 CHANGES_SHOWN = 3
@@ -34,14 +35,18 @@ CHANGES_SHOWN = 3
 
 def runs_table(rows: Sequence[RunRow], short: bool = False) -> Markup:
     """The table; the short one has no metrics, notes and actions."""
-    columns = [(name, kind, name) for name, kind in COLUMNS]
+    columns = [(name, "", kind, name) for name, kind in COLUMNS]
     if not short:
-        columns += [(name, "number", title) for title, name in METRIC_COLUMNS.items()]
-        columns += [("Note, changes", "text", "Note, and what was changed against the preset"), ("", "text", "")]
-    heading = '<th data-sort="{kind}" title="{title}">{name}</th>'
-    head = join(fill(heading, name=name, kind=kind, title=title) for name, kind, title in columns)
+        columns += [(name, f"[{unit}]", "number", title) for title, (name, unit) in METRIC_COLUMNS.items()]
+        columns += [
+            ("Note, changes", "", "text", "Note, and what was changed against the preset"),
+            ("", "", "text", ""),
+        ]
+    heading = '<th data-sort="{kind}" title="{title}">{name} <small>{unit}</small></th>'
+    choice = Markup("" if short else '<th class="choose"><span class="unseen">Compare</span></th>')
+    head = join(fill(heading, name=name, unit=unit, kind=kind, title=title) for name, unit, kind, title in columns)
     mark = Markup("" if short else ' id="runs"')
-    return fill(TABLE, head=head, rows=join(_row(row, short) for row in rows), mark=mark)
+    return fill(TABLE, choice=choice, head=head, rows=join(_row(row, short) for row in rows), mark=mark)
 
 
 def _row(row: RunRow, short: bool) -> Markup:
@@ -49,6 +54,9 @@ def _row(row: RunRow, short: bool) -> Markup:
     kept = Markup(' <span class="tag kept">kept</span>') if row.kept else Markup("")
     return fill(
         ROW,
+        choose=Markup("")
+        if short
+        else fill(CHOOSE, id=row.id, preset=row.preset, started=f"{row.started:%d %b %H:%M:%S}"),
         id=row.id,
         time=row.started.isoformat(),
         started=f"{row.started:%Y-%m-%d %H:%M:%S}",

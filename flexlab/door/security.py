@@ -25,6 +25,8 @@ OPEN_TO_ALL = "/static/"
 """Style sheet and scripts, which are no secret and which the sign-in page needs."""
 WITH_A_PASS = "/pass/"
 """Recordings whose address carries a pass: rerun's viewer sends no cookies."""
+COMPARISON = "comparison/"
+"""Overlays of several runs lie under this word; no run's name has a slash."""
 SAFE_METHODS = ("GET", "HEAD")
 
 HEADERS = {
@@ -174,9 +176,9 @@ def _ask_for_token(request: web.Request) -> web.Response:
 
 
 def recording_address(context: Context, run: str) -> str:
-    """Where the viewer of a signed-in visitor finds one recording, and with it nothing else."""
+    """Where the viewer of a signed-in visitor finds one recording, or comparison, and with it nothing else."""
     if context.token is None:
-        return f"/runs/{run}{SUFFIX}"
+        return f"/{run}{SUFFIX}" if run.startswith(COMPARISON) else f"/runs/{run}{SUFFIX}"
     return f"{WITH_A_PASS}{_pass(context.token, run)}/{run}{SUFFIX}"
 
 

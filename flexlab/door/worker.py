@@ -1,17 +1,16 @@
 """A lab in a process of its own: what runs inside that process, and how the door holds it."""
 
-import contextlib
 import multiprocessing
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 from flexlab.door.laboratory import Laboratory, LabStatus
 from flexlab.door.places import Choice
+from flexlab.door.processes import leave_interrupts_to_the_door, without_interrupt
 from flexlab.errors import FlexlabError, LabError
 
 STATUS_PERIOD = 1.0
@@ -47,9 +46,7 @@ class Refusal:
 
 def work(order: Order, pipe: Connection) -> None:
     """The worker's life: open, report, follow, close. Ends when the door says so or is no more."""
-    for name in ("SIGINT", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    leave_interrupts_to_the_door()
     stopping = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stopping.set())
     try:
@@ -72,21 +69,6 @@ def work(order: Order, pipe: Connection) -> None:
         lab.close()
 
 
-@contextlib.contextmanager
-def _without_interrupt() -> Iterator[None]:
-    """Keep Ctrl-C from processes started meanwhile: it reaches all of a terminal, but the door closes them, in order."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    # Python's own helper process must be there already: starting it would let Ctrl-C through again.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 class Worker:
     """The door's hold on one worker process. Blocking calls are marked; they belong on a thread."""
 
@@ -95,7 +77,7 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self._pipe, other = context.Pipe()
         self._process = context.Process(target=work, args=(order, other), name="flexlab-lab", daemon=True)
-        with _without_interrupt():
+        with without_interrupt():
             self._process.start()
         other.close()
         self._on_end = on_end

@@ -57,6 +57,7 @@ def _take_recording(path: Path, logs: Path) -> Path:
             preset=recording.name,
             started=recording.started.isoformat(timespec="seconds"),
             status=str(recording.status),
+            begins=min(span, default=0.0),
             duration=max(span) - min(span) if span else 0.0,
             rows=rows,
             imported=path.name,

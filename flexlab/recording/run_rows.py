@@ -29,6 +29,8 @@ class RunRow:
     path: Path
     preset: str
     started: datetime
+    begins: float
+    """Simulation time of its first sample, s: not 0 if it went on from another run."""
     duration: float | None
     """Simulated, s; None if its writer did not live to say."""
     size: int
@@ -114,12 +116,13 @@ def read_row(path: Path) -> RunRow:
     named = _NAME.fullmatch(path.stem)
     started = _time(notes.get("started")) or (named and _time(named[1])) or datetime.fromtimestamp(stat.st_mtime)
     preset = named[2] if named else path.stem
-    metrics, duration = notes.get("metrics"), notes.get("duration")
+    metrics, begins, duration = notes.get("metrics"), notes.get("begins"), notes.get("duration")
     return RunRow(
         id=path.name.removesuffix(SUFFIX),
         path=path,
         preset=str(notes.get("preset", preset)),
         started=started,
+        begins=float(begins) if isinstance(begins, (int, float)) else 0.0,
         duration=float(duration) if isinstance(duration, (int, float)) else None,
         size=stat.st_size,
         state=run_state(path),

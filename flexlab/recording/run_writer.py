@@ -47,7 +47,8 @@ class RunWriter:
     def add_stream(self, stream: RunStream) -> None:
         """Let a stream take part; it is told all events so far (a recording that resumes can then be replayed too)."""
         self.streams.append(stream)
-        stream.send("scene/path", np.zeros(1), [line_strips(desired_path(self.info.scenario))])
+        if self._first_time is not None:
+            self._send_path([stream], self.last_time)
         if self._events:
             self._send_events([stream], self._events)
 
@@ -65,6 +66,7 @@ class RunWriter:
         self.rows += len(samples)
         if self._first_time is None:
             self._first_time = float(samples.time[0])
+            self._send_path(self.streams, self._first_time)
         self.last_time = float(samples.time[-1])
         if self._notes is not None:
             self._notes.add(samples)
@@ -113,7 +115,12 @@ class RunWriter:
         except ScenarioError:
             return  # The engine accepted it, so this is a change that only the engine can follow; the drawing stays.
         if any(path.startswith("trajectory") for path in change.changes):
-            self._send("scene/path", np.array([time]), [line_strips(desired_path(self._scenario))])
+            self._send_path(self.streams, time)
+
+    def _send_path(self, streams: Sequence[RunStream], time: float) -> None:
+        """At an instant of the run, not before: the viewer's time begins with the first thing it is told."""
+        for stream in streams:
+            stream.send("scene/path", np.array([time]), [line_strips(desired_path(self._scenario))])
 
     def _send_events(self, streams: Sequence[RunStream], events: Sequence[Event], first: int = 0) -> None:
         """`first`: number of the first one, which keeps those of one instant in order."""
@@ -157,6 +164,7 @@ class RunWriter:
             "preset": self.info.name,
             "started": self.info.started.isoformat(timespec="seconds"),
             "status": str(status),
+            "begins": self._first_time or 0.0,
             "duration": self.last_time - (self._first_time or 0.0),
             "rows": self.rows,
             "dropped": dropped,

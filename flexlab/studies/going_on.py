@@ -7,19 +7,20 @@ from flexlab.recording.reader import Recording
 from flexlab.scenario import Scenario
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.state import Origin
-from flexlab.studies.replay import state_at
+from flexlab.studies.replay import recording_span, state_at
 
 MILLI = 1e3
 
 
-def go_on(recording: Recording, time: float | None = None) -> tuple[Scenario, Origin]:
+def go_on(
+    recording: Recording, time: float | None = None, span: tuple[float, float] | None = None
+) -> tuple[Scenario, Origin]:
     """Scenario and origin for a lab that goes on from simulation time `time` s of a run; its end if that is None.
 
-    Raises `StudyError` for a time that was not recorded, or at which no sample of a lab falls.
+    `span`: as for `state_at`. Raises `StudyError` for a time that was not recorded, or at which no sample of a lab falls.
     """
-    if time is None and len(recording.samples):
-        time = float(recording.samples.time[-1])
-    scenario, state = state_at(recording, time or 0.0)
+    span = span or recording_span(recording)
+    scenario, state = state_at(recording, span[1] if time is None else time, span)
     # A run without a screen may have been sampled at another rate than a lab's.
     exact = state.tick * recording.sample_period
     tick = round(exact / TICK)

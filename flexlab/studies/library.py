@@ -1,6 +1,6 @@
 """What the library says of a run beyond its file: metrics and what was changed against the preset, kept in its notes."""
 
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -29,28 +29,32 @@ class MetricNotes:
         self._sums = MetricSums()
         self._changes = preset_changes(name, scenario)
         self._events = 0
+        self._begins = inf
 
     def add(self, samples: Samples) -> None:
-        """Take in a block."""
+        """Take in a block (N >= 1)."""
+        self._begins = min(self._begins, float(samples.time[0]))
         self._sums.add(samples)
 
     def add_event(self, event: Event) -> None:
         """Take in an event; they come in order."""
         self._events += 1
         command = event.command
-        if self._events == 1 and isinstance(command, LoadScenario) and command.origin is not None:
-            # A run that was left for another one says so too, but at its end.
+        origin = command.origin if isinstance(command, LoadScenario) else None
+        # A run that was left for another one says so too, but at its end.
+        if self._events == 1 and origin is not None and event.time == origin.time:
             self._changes.insert(0, event.text)
         elif isinstance(command, ChangeScenario) and event.level != "error":
             self._changes.append(f"t = {event.time:.3f} s: {event.text}")
 
     def result(self) -> dict[str, Any]:
-        """Metrics, what was changed against the preset, and the duration in s."""
+        """Metrics, what was changed against the preset, first instant and duration in s."""
         metrics = self._sums.result()
         values = {f"{row.title} [{row.unit}]": row.value for row in metric_rows(metrics)}
         return {
             "metrics": {name: float(f"{value:.{DIGITS}g}") for name, value in values.items() if isfinite(value)},
             "changes": self._changes,
+            "begins": self._begins if isfinite(self._begins) else 0.0,
             "duration": metrics.duration,
         }
 

@@ -107,14 +107,20 @@ def _compare(recorded: Samples, repeated: Iterable[Samples]) -> tuple[int, Diffe
     return done, None
 
 
-def state_at(recording: Recording, time: float) -> tuple[Scenario, WorldState]:
-    """Scenario and state of the run at simulation time `time` s (to the nearest sample), to go on from there.
-
-    Commands given at that very instant have taken effect. Raises `StudyError` for a time that was not recorded.
-    """
+def recording_span(recording: Recording) -> tuple[float, float]:
+    """First and last instant of a recording, s. Raises `StudyError` if it has no samples."""
     if len(recording.samples) == 0:
         raise StudyError(f"{recording.path.name} has no samples: there is nothing to go on from.")
-    first, last = float(recording.samples.time[0]), float(recording.samples.time[-1])
+    return float(recording.samples.time[0]), float(recording.samples.time[-1])
+
+
+def state_at(recording: Recording, time: float, span: tuple[float, float] | None = None) -> tuple[Scenario, WorldState]:
+    """Scenario and state of the run at simulation time `time` s (to the nearest sample), to go on from there.
+
+    Commands given at that very instant have taken effect. `span`: first and last recorded instant, s, for a recording that
+    was read without its samples. Raises `StudyError` for a time that was not recorded.
+    """
+    first, last = span or recording_span(recording)
     # Half a sample's grace: a time that was typed is not the last bit of a time that was computed.
     if not first - recording.sample_period / 2 <= time <= last + recording.sample_period / 2:
         raise StudyError(f"t = {time:g} s was not recorded: choose {first:.10g} to {last:.10g} s.")

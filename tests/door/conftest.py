@@ -1,6 +1,7 @@
 """Real doors with real labs behind them, and a real headless Chromium."""
 
 from collections.abc import Callable, Iterator
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -23,9 +24,10 @@ def _compiled() -> None:
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished recording of half a second."""
+    """A finished recording of half a second, of a day on which no door of the tests records."""
     run = simulate(load_preset("paper"), duration=0.5, sample_period=0.001)
-    return write_run(run, tmp_path_factory.mktemp("recorded"), "paper")
+    started = datetime(2025, 12, 31, 12, 0, 0).astimezone()
+    return write_run(run, tmp_path_factory.mktemp("recorded"), "paper", started)
 
 
 @pytest.fixture(scope="session")

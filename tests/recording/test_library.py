@@ -89,7 +89,7 @@ def test_a_recorder_notes_metrics_and_changes_as_a_run_ends(tmp_path: Path) -> N
     recorder.take_event(1, Event(0.3, "Gravity 1 → 2 m/s²", ChangeScenario({"gravity": 2.0})))
     recorder.close()
     (path,) = list_runs(tmp_path)
-    noted = {name: read_notes(path)[name] for name in ("metrics", "changes", "duration")}
+    noted = {name: read_notes(path)[name] for name in ("metrics", "changes", "begins", "duration")}
     assert noted["changes"] == ["gravity: 0 → 1", "t = 0.300 s: Gravity 1 → 2 m/s²"]
     assert noted == note_metrics(path)
 

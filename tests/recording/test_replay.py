@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recording_helpers import assert_same_bits
+from rerun.chunk import RrdReader
 
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset, preset_names
@@ -20,6 +21,7 @@ from flexlab.sim.simulate import simulate
 from flexlab.sim.state import Origin
 from flexlab.sim.world import World
 from flexlab.studies.going_on import go_on
+from flexlab.studies.library import note_metrics
 from flexlab.studies.replay import replay, state_at
 
 
@@ -129,6 +131,12 @@ def test_a_run_that_went_on_live_is_recorded_and_replays_bit_for_bit(preset: str
     assert later.samples.time[0] == 0.2
     assert later.samples.pose[0].tobytes() == earlier.samples.pose[200].tobytes()
     assert replay(later).identical
+    assert note_metrics(later.path)["changes"][0] == f"Go on from {earlier.path.stem} at t = 0.200 s"
+    batches = [chunk.to_record_batch() for chunk in RrdReader(later.path).stream() if not chunk.is_static]
+    times = [
+        batch.column("sim_time").cast("int64").to_pylist() for batch in batches if "sim_time" in batch.schema.names
+    ]
+    assert min(map(min, times)) == 200_000_000, "a viewer's time begins with the run"
     # And once more, from the end of the one that went on.
     scenario, origin = go_on(later)
     assert origin.time == later.samples.time[-1]

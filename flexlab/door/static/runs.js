@@ -22,7 +22,7 @@ function key(row, column) {
 
 function sort(heading) {
   const kind = heading.dataset.sort;
-  if (!kind || !heading.textContent) return;
+  if (!kind || !heading.textContent.trim()) return;
   const down = heading.getAttribute("aria-sort") === "ascending";
   for (const other of table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
   heading.setAttribute("aria-sort", down ? "descending" : "ascending");
@@ -34,9 +34,26 @@ function sort(heading) {
   body.append(...rows);
 }
 
+const compare = document.querySelector("#compare button");
+const boxes = [...document.querySelectorAll("input[form=compare]")];
+const most = Number(compare.dataset.most);
+
+function count() {
+  const chosen = boxes.filter((box) => box.checked).length;
+  compare.disabled = chosen < 2 || chosen > most;
+  compare.textContent = chosen ? `Compare ${chosen}` : "Compare";
+  compare.title = chosen > most ? `At most ${most} runs can be compared at once` :
+    chosen < 2 ? "Choose two runs or more in the table" : "";
+}
+
+for (const box of boxes) box.addEventListener("change", count);
+// Going back in the browser brings the choice back, too.
+window.addEventListener("pageshow", count);
+count();
+
 search.addEventListener("input", find);
 for (const heading of table.tHead.rows[0].cells) {
-  heading.tabIndex = heading.textContent ? 0 : -1;
+  heading.tabIndex = heading.dataset.sort && heading.textContent.trim() ? 0 : -1;
   heading.addEventListener("click", () => sort(heading));
   heading.addEventListener("keydown", (event) => event.key === "Enter" && sort(heading));
 }

@@ -1,0 +1,19 @@
+"""A run's figures, drawn in a process of its own; apart from other work, which need not wait for a library of drawing."""
+
+import zipfile
+from pathlib import Path
+
+from flexlab.door.run_work import check_size, range_name
+from flexlab.recording.reader import read_recording
+from flexlab.studies.figures import paper_figures
+
+
+def figures_into(path: Path, kind: str, start: float | None, end: float | None, folder: Path) -> Path:
+    """Draw Figures 2-5 of a run, or of a range of its time, into one file in `folder`. `kind`: png or svg."""
+    name = range_name(path, start, end)
+    check_size(path)
+    target = folder / f"{name}-figures-{kind}.zip"
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+        for figure in paper_figures(read_recording(path).run, folder, [kind], start, end, name):
+            archive.write(figure, figure.name)
+    return target

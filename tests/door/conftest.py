@@ -13,8 +13,6 @@ from flexlab.recording.headless import write_run
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
-ARTIFACTS = Path(__file__).parents[2] / ".artifacts"
-
 
 @pytest.fixture(scope="session", autouse=True)
 def _compiled() -> None:

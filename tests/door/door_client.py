@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from email.message import Message
 from http.cookies import SimpleCookie
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -13,6 +14,8 @@ import viser
 
 PATIENCE = 60.0
 """Wall seconds that anything may take on a busy machine; no test passes or fails by speed."""
+ARTIFACTS = Path(__file__).parents[2] / ".artifacts"
+"""Screenshots for people to look at."""
 PROTOCOL = f"viser-v{viser.__version__}"
 
 

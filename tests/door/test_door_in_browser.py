@@ -7,8 +7,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
-from conftest import ARTIFACTS
-from door_client import PATIENCE, wait_until
+from door_client import ARTIFACTS, PATIENCE, wait_until
 from PIL import Image
 from playwright.sync_api import Browser, Page
 

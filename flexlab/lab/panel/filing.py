@@ -46,10 +46,8 @@ class Filing:
         save.on_click(handler(desk, lambda _: self.save()))
         download = gui.add_button("Download", icon=viser.Icon.DOWNLOAD, color="gray", hint="The scenario as a file")
         download.on_click(handler(desk, self._download))
-        upload = gui.add_upload_button(
-            "Open a file", icon=viser.Icon.UPLOAD, color="gray", mime_type="application/json", hint="A scenario file"
-        )
-        upload.on_upload(handler(desk, self._upload))
+        self._gui, self._door = gui, gui.add_folder(None)
+        self._offer_upload()
         self._address = gui.add_html("")
 
     def update(self, snapshot: Snapshot) -> None:
@@ -88,7 +86,21 @@ class Filing:
         content = scenario_text(self._desk.intended).encode()
         event.client.send_file_download(f"{self._desk.name}.json", content, save_immediately=True)
 
+    def _offer_upload(self) -> None:
+        with self._door:
+            self._opener = self._gui.add_upload_button(
+                "Open a file",
+                icon=viser.Icon.UPLOAD,
+                color="gray",
+                mime_type="application/json",
+                hint="A scenario file",
+            )
+        self._opener.on_upload(handler(self._desk, self._upload))
+
     def _upload(self, event: Any) -> None:
+        # A browser does not tell that the same file was chosen once more, but to a new button it does.
+        self._opener.remove()
+        self._offer_upload()
         file = event.target.value
         name, scenario = read_upload(file.name, file.content)
         self._desk.load(scenario, name)

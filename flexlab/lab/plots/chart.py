@@ -9,6 +9,7 @@ from viser import uplot
 
 from flexlab.lab import colors
 from flexlab.lab.kept import KeptRun
+from flexlab.lab.panel.text import escaped
 from flexlab.lab.plots.envelope import Envelope
 from flexlab.lab.plots.signals import Limit, Plot
 from flexlab.lab.ranges import Range
@@ -90,6 +91,8 @@ class Chart:
             height=HEIGHT,
             padding=(6, 12, 0, 0),
         )
+        note = f'<div class="fl fl-dim">{escaped(plot.note)}</div>' if plot.note else ""
+        self._note = gui.add_html(note, visible=bool(note))
 
     @property
     def newest(self) -> int:
@@ -112,6 +115,7 @@ class Chart:
     def remove(self) -> None:
         """Take the chart off the screen."""
         self._handle.remove()
+        self._note.remove()
 
     def show(self) -> None:
         """Send the chart as it now is."""

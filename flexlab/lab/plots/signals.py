@@ -41,6 +41,8 @@ class Plot:
     least: float
     positive: bool = False
     limits: Callable[[Scenario], tuple[Limit, ...]] = lambda _: ()
+    note: str = ""
+    """A sentence below the plot."""
 
 
 def _torques(arm: int) -> Values:
@@ -123,6 +125,8 @@ LYAPUNOV = Plot(
     lambda scenario, samples: MILLI * tracking_energy(scenario, samples)[None],
     0.1,
     positive=True,
+    note="The proof's whole function adds ½ Σ kⱼ (bⱼ − b̂ⱼ)²: what the estimates still lack. Nobody knows the true "
+    "bounds bⱼ, so that part cannot be drawn.",
 )
 
 

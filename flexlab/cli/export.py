@@ -48,9 +48,10 @@ def command(
         export_recording(read_recording(path, with_samples=False), to, start, end, read_blocks(path))
         output().print(f"{to}  {size_text(to.stat().st_size)}", markup=False, soft_wrap=True)
     if figures is not None:
-        from flexlab.recording.reader import read_recording
+        from flexlab.recording.reader import read_range
         from flexlab.studies.figures import paper_figures
 
         folder = Path() if to is None else to.parent
-        for figure in paper_figures(read_recording(path).run, folder, [figures.lower()], start, end, path.stem):
+        samples = read_range(path, start, end)
+        for figure in paper_figures(samples, folder, [figures.lower()], name=path.stem):
             output().print(str(figure), markup=False, soft_wrap=True)

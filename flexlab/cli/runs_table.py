@@ -71,6 +71,7 @@ def _plain(row: RunRow) -> dict[str, Any]:
         "file": str(row.path),
         "preset": row.preset,
         "started": row.started.isoformat(),
+        "begins [s]": row.begins,
         "duration [s]": row.duration,
         "size [B]": row.size,
         "state": state_word(row),
@@ -173,6 +174,7 @@ def print_runs(rows: Sequence[RunRow]) -> None:
         lines = [
             ("preset", row.preset),
             ("started", f"{row.started:%Y-%m-%d %H:%M:%S}"),
+            ("begins at", f"t = {row.begins:.10g} s" if row.begins else ""),
             ("duration", duration_text(row.duration)),
             ("size", size_text(row.size)),
             ("state", f"{state_word(row)}{f', {row.status}' if row.status else ''}{', kept' if row.kept else ''}"),

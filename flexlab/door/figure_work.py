@@ -4,7 +4,7 @@ import zipfile
 from pathlib import Path
 
 from flexlab.door.run_work import check_size, range_name
-from flexlab.recording.reader import read_recording
+from flexlab.recording.reader import read_range
 from flexlab.studies.figures import paper_figures
 
 
@@ -14,6 +14,6 @@ def figures_into(path: Path, kind: str, start: float | None, end: float | None, 
     check_size(path)
     target = folder / f"{name}-figures-{kind}.zip"
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-        for figure in paper_figures(read_recording(path).run, folder, [kind], start, end, name):
+        for figure in paper_figures(read_range(path, start, end), folder, [kind], name=name):
             archive.write(figure, figure.name)
     return target

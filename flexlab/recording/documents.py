@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from flexlab.recording.run_info import RunInfo
 from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
 from flexlab.scenario import Scenario
 
@@ -42,23 +43,30 @@ def scenario_json(scenario: Scenario) -> str:
     return json.dumps(scenario.model_dump(mode="json"), indent=1, ensure_ascii=False)
 
 
-def run_properties(scenario: Scenario, name: str, started: str, sample_period: float, part: int) -> rr.AnyValues:
+def run_properties(info: RunInfo) -> rr.AnyValues:
     """What a listing of recordings shows: where the run came from and what wrote it."""
     values: dict[str, Any] = {
         "format": FORMAT,
-        "preset": name,
-        "title": scenario.title,
-        "started": started,
-        "part": part,
-        "sample_period_s": sample_period,
-        "scenario": scenario.model_dump_json(),
-        "flexlab_version": package_version(),
+        "preset": info.name,
+        "title": info.scenario.title,
+        "started": info.started.isoformat(timespec="seconds"),
+        "part": info.part,
+        "sample_period_s": info.sample_period,
+        "scenario": info.scenario.model_dump_json(),
         "rerun_version": rr.__version__,
+        **(info.recorded_by or these_versions()),
+    }
+    return rr.AnyValues(**values)
+
+
+def these_versions() -> dict[str, str]:
+    """What computes samples here."""
+    return {
+        "flexlab_version": package_version(),
         "numpy_version": np.__version__,
         "python_version": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
     }
-    return rr.AnyValues(**values)
 
 
 def package_version() -> str:

@@ -10,7 +10,6 @@ import warnings
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,11 @@ from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.blocks import join_blocks
 from flexlab.recording.columns import from_columns, to_columns
 from flexlab.recording.commands_json import command_to_json
+from flexlab.recording.documents import these_versions
 from flexlab.recording.reader import Recording
 from flexlab.recording.run_files import replacing
 from flexlab.recording.state_json import state_json
+from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import Event
@@ -88,14 +89,13 @@ def _export(
 ) -> Path:
     write, _ = _format(path)
     metadata = {
-        "flexlab_version": _version(),
-        "numpy_version": np.__version__,
+        **these_versions(),
         "seed": scenario.controller.sensor_noise.seed,
         **about,
         "status": [str(status), status.text, status.time],
         "scenario": scenario.model_dump(mode="json"),
     }
-    batches = (to_columns(batch, scenario) for batch in _batches(_within(blocks, start, end)))
+    batches = (to_columns(batch, scenario) for batch in _batches(within(blocks, start, end)))
     try:
         with replacing(path) as draft:
             write(draft, batches, json.dumps(metadata, ensure_ascii=False))
@@ -122,37 +122,11 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
     return Run(**signals, scenario=scenario, status=Status(name, sentence, time)), metadata
 
 
-def _within(blocks: Iterable[Samples], start: float | None, end: float | None) -> Iterator[Samples]:
-    """The samples with start <= time <= end. Raises `RecordingError` if there are none."""
-    first = last = None
-    found = False
-    low, high = -np.inf if start is None else start, np.inf if end is None else end
-    for block in blocks:
-        if len(block):
-            first, last = float(block.time[0]) if first is None else first, float(block.time[-1])
-            part = block.slice(*(int(row) for row in _rows_within(block.time, low, high)))
-            found = found or len(part) > 0
-            yield part
-    if first is None:
-        raise RecordingError("The run has no samples: there is nothing to export.")
-    if not found:
-        low, high = first if start is None else start, last if end is None else end
-        raise RecordingError(
-            f"From {low:g} to {high:g} s there is no sample: choose times within {first:g} to {last:g} s."
-        )
-
-
-def _rows_within(time: np.ndarray, low: float, high: float) -> tuple[int, int]:
-    first, last = np.searchsorted(time, low, "left"), np.searchsorted(time, high, "right")
-    return int(first), int(max(first, last))
-
-
 def _batches(blocks: Iterable[Samples]) -> Iterator[Samples]:
     """The same samples in fewer, larger blocks."""
     waiting: list[Samples] = []
     for block in blocks:
-        if len(block):
-            waiting.append(block)
+        waiting.append(block)
         if sum(map(len, waiting)) >= BATCH_ROWS:
             yield join_blocks(waiting)
             waiting = []
@@ -227,10 +201,3 @@ def _format(path: Path) -> tuple[Writer, Reader]:
     if path.suffix.lower() not in FORMATS:
         raise RecordingError(f"{path} has no known format: let its name end in {', '.join(FORMATS)}.")
     return FORMATS[path.suffix.lower()]
-
-
-def _version() -> str:
-    try:
-        return version("flexlab")
-    except PackageNotFoundError:
-        return "unknown"

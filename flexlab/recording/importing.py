@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 
 from flexlab.errors import RecordingError
 from flexlab.recording.commands_json import command_from_json
+from flexlab.recording.documents import these_versions
 from flexlab.recording.export import FORMATS, import_run
 from flexlab.recording.finishing import finish
 from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
@@ -94,11 +96,14 @@ def _take_table(path: Path, logs: Path) -> Path:
 
 def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
     period = float(metadata.get("sample_period_s") or (run.time[1] - run.time[0] if len(run) > 1 else TICK))
-    start = metadata.get("start")
-    info = RunInfo(str(metadata.get("preset", "imported")), run.scenario, period, _state(start))
-    if "started" not in metadata:
-        return info
-    return RunInfo(info.name, info.scenario, period, info.start, datetime.fromisoformat(metadata["started"]))
+    info = RunInfo(
+        str(metadata.get("preset", "imported")),
+        run.scenario,
+        period,
+        _state(metadata.get("start")),
+        recorded_by={name: str(metadata.get(name, "unknown")) for name in these_versions()},
+    )
+    return replace(info, started=datetime.fromisoformat(metadata["started"])) if "started" in metadata else info
 
 
 def _state(values: Mapping[str, Any] | None) -> WorldState | None:

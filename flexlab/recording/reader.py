@@ -16,6 +16,7 @@ from flexlab.recording.documents import FORMAT
 from flexlab.recording.rrd_rows import Rows, read_rows, rows_in_order
 from flexlab.recording.run_files import State, run_state
 from flexlab.recording.state_json import state_from_json
+from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.columns import row_length, rows_to_samples
 from flexlab.sim.samples import Run, Samples, Status
@@ -79,6 +80,14 @@ def read_blocks(path: Path | str) -> Iterator[Samples]:
     """
     for _, values in rows_in_order(Path(path), "/exact/samples"):
         yield _block(Path(path), values)
+
+
+def read_range(path: Path | str, start: float | None = None, end: float | None = None) -> Samples:
+    """The samples from `start` to `end` s of simulation time, without the others in memory.
+
+    Raises `RecordingError` if there are none, or as `read_recording` does.
+    """
+    return join_blocks(list(within(read_blocks(path), start, end)))
 
 
 def read_scenarios(path: Path | str) -> tuple[NamedScenario, ...]:

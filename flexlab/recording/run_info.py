@@ -1,5 +1,6 @@
 """What is known of a run when its recording is opened."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from uuid import uuid4
@@ -26,6 +27,9 @@ class RunInfo:
     """The same for all parts of a run and for file and live view."""
     part: int = 1
     """Which file of the run: a full disk ends one part and the next begins when there is room."""
+
+    recorded_by: Mapping[str, str] | None = None
+    """Versions and machine that computed the samples, by the names of the recording's properties; None: these here."""
 
     @property
     def exaggeration(self) -> float:

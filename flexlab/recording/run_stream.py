@@ -46,8 +46,7 @@ class RunStream:
     def _introduce(self, info: RunInfo) -> None:
         stream, scenario = self._stream, info.scenario
         stream.send_recording_name(info.title)
-        started = info.started.isoformat(timespec="seconds")
-        stream.send_property("run", run_properties(scenario, info.name, started, info.sample_period, info.part))
+        stream.send_property("run", run_properties(info))
         text = parameters_text(scenario, info.name, info.exaggeration)
         self._log("parameters", rr.TextDocument(text, media_type="text/markdown"))
         self._log("signals", rr.TextDocument(signals_text(len(scenario.arms)), media_type="text/markdown"))

@@ -15,7 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexlab.errors import StudyError
-from flexlab.sim.samples import Run, Samples
+from flexlab.recording.time_range import within
+from flexlab.sim.samples import Samples
 
 FORMATS = ("png", "svg")
 WIDTH = 6.0
@@ -46,7 +47,7 @@ STYLE: Any = {
 
 
 def paper_figures(
-    run: Run,
+    run: Samples,
     folder: Path,
     formats: Sequence[str] = FORMATS,
     start: float | None = None,
@@ -55,15 +56,15 @@ def paper_figures(
 ) -> list[Path]:
     """Write Figures 2-5 of a run as `folder/<name>-figure-<number>.<format>` and return those paths.
 
-    From `start` to `end` s of simulation time. Raises `StudyError` for an unknown format, an empty range, or a folder that
-    cannot be written.
+    From `start` to `end` s of simulation time. Raises `StudyError` for an unknown format or a folder that cannot be written,
+    `RecordingError` for an empty range.
     """
     unknown = [kind for kind in formats if kind not in FORMATS]
     if unknown:
         raise StudyError(
             f"format = {unknown[0]} is not one that figures are written in: choose {' or '.join(FORMATS)}."
         )
-    samples = _time_range(run, start, end)
+    (samples,) = within((run,), start, end)
     paths = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -154,16 +155,3 @@ def thin_out(time: np.ndarray, values: np.ndarray, points: int = POINTS) -> tupl
     rows = np.concatenate([[a + np.argmin(values[a:b]), a + np.argmax(values[a:b])] for a, b in pairwise(edges)])
     rows = np.unique(np.concatenate([[0], rows, [len(values) - 1]]))
     return time[rows], values[rows]
-
-
-def _time_range(run: Run, start: float | None, end: float | None) -> Samples:
-    if len(run) == 0:
-        raise StudyError("The run has no samples: there is nothing to draw.")
-    low = float(run.time[0]) if start is None else start
-    high = float(run.time[-1]) if end is None else end
-    first, last = np.searchsorted(run.time, low, "left"), np.searchsorted(run.time, high, "right")
-    if not low <= high or last <= first:
-        raise StudyError(
-            f"From {low:g} to {high:g} s there is no sample: choose times within {run.time[0]:g} to {run.time[-1]:g} s."
-        )
-    return run.slice(int(first), int(last))

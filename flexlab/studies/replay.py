@@ -4,11 +4,11 @@ import math
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
-from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
 from flexlab.errors import StudyError
+from flexlab.recording.documents import package_version
 from flexlab.recording.reader import Recording
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
@@ -196,13 +196,9 @@ def _bits(signal: np.ndarray) -> np.ndarray:
 
 
 def _difference_text(recording: Recording, difference: Difference) -> str:
-    try:
-        here = version("flexlab")
-    except PackageNotFoundError:
-        here = "unknown"
     made = recording.properties
     return (
         f"The replay differs first at t = {difference.time:g} s in {difference.signal}: recorded {difference.recorded!r}, "
         f"now {difference.replayed!r}. It was recorded by flexlab {made.get('flexlab_version')} with numpy "
-        f"{made.get('numpy_version')} on {made.get('machine')}; this is flexlab {here} with numpy {np.__version__}."
+        f"{made.get('numpy_version')} on {made.get('machine')}; this is flexlab {package_version()} with numpy {np.__version__}."
     )

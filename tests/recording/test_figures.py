@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from flexlab.errors import StudyError
+from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import load_preset
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
@@ -79,7 +79,7 @@ def test_thinning_keeps_every_peak() -> None:
 def test_what_cannot_be_drawn_is_said(run: Run, tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="format = gif is not one that figures are written in: choose png or svg"):
         paper_figures(run, tmp_path, formats=["gif"])
-    with pytest.raises(StudyError, match="From 3 to 4 s there is no sample"):
+    with pytest.raises(RecordingError, match="From 3 to 4 s there is no sample"):
         paper_figures(run, tmp_path, start=3, end=4)
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(StudyError, match="cannot be written"):

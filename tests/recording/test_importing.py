@@ -1,6 +1,6 @@
 """What was exported, or recorded elsewhere, becomes a run of the library again: the same bits, and it still replays."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +63,13 @@ def test_an_exported_run_comes_back_bit_for_bit_and_replays(suffix: str, origina
     assert_same_run(found, original)
     assert read_notes(found.path)["imported"] == exported.name
     assert read_notes(found.path)["duration"] == pytest.approx(0.25)
+
+
+def test_what_recorded_a_run_first_is_remembered(original: Recording, tmp_path: Path) -> None:
+    elsewhere = {"flexlab_version": "0.0.1", "numpy_version": "1.0", "machine": "Abacus"}
+    exported = export_recording(replace(original, properties=original.properties | elsewhere), tmp_path / "x.npz")
+    found = read_recording(import_into(exported, tmp_path / "logs"))
+    assert found.properties == original.properties | elsewhere
 
 
 def test_a_part_of_a_run_comes_back_and_replays(original: Recording, tmp_path: Path) -> None:

@@ -56,11 +56,15 @@ def rows_in_order(path: Path, entity: str) -> Iterator[Row]:
         turns = np.argsort(np.argsort(times, kind="stable"), kind="stable")
         waiting: dict[int, Row] = {}
         following = 0
-        for turn, (_, row) in zip(turns.tolist(), stream_rows(path, [entity]), strict=True):
-            waiting[turn] = row
-            while following in waiting:
-                yield waiting.pop(following)
-                following += 1
+        try:
+            # A run that is being recorded has grown meanwhile: what came later is left out.
+            for turn, (_, row) in zip(turns.tolist(), stream_rows(path, [entity]), strict=False):
+                waiting[turn] = row
+                while following in waiting:
+                    yield waiting.pop(following)
+                    following += 1
+        except Unreadable:
+            raise RecordingError(f"{path} changed while it was read: try again.") from None
 
 
 @contextmanager

@@ -11,8 +11,9 @@ from rerun.chunk import RrdReader
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording import finishing
+from flexlab.recording.blocks import join_blocks
 from flexlab.recording.finishing import finish
-from flexlab.recording.reader import read_recording
+from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.run_files import claim_run_file, has_footer, read_notes, run_state
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import open_file_stream
@@ -52,6 +53,24 @@ def test_a_recording_without_an_end_is_read_and_mended(unfinished: Path, run: Ru
     assert run_state(unfinished) == "recovered"
     assert unfinished.stat().st_mtime_ns == date
     assert_same_bits(read_recording(unfinished).samples, run.slice(0, 1000))
+
+
+def test_a_run_that_is_being_recorded_is_read_up_to_when_the_reading_began(run: Run, tmp_path: Path) -> None:
+    info = RunInfo("paper", load_preset("paper"))
+    file = claim_run_file(tmp_path, "paper", info.started)
+    writer = RunWriter(info)
+    stream = open_file_stream(file, info)
+    writer.add_stream(stream)
+    for first in (0, 100, 200):
+        writer.write_samples(run.slice(first, first + 100))
+    stream.push()
+    blocks = read_blocks(file.path)
+    first = next(blocks)
+    writer.write_samples(run.slice(300, 400))
+    stream.push()
+    assert_same_bits(join_blocks([first, *blocks]), run.slice(0, 300))
+    writer.close()
+    file.release()
 
 
 @pytest.mark.parametrize("share", [0.999, 0.9, 0.6, 0.35])

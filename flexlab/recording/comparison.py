@@ -23,6 +23,9 @@ APPLICATION = "flexlab comparison"
 MOST_RUNS = 6
 """Curves of more runs cannot be told apart."""
 
+SCENES_SHAPE = 1.4
+"""Width over height of all scenes side by side, narrower than they are: no elbow is cut off."""
+
 BLOCK_ROWS = 4000
 """Samples sent at once."""
 
@@ -115,7 +118,7 @@ def comparison_blueprint(runs: Sequence[NamedScenario]) -> rrb.Blueprint:
             f"{label}: {name}, deflection drawn × {_factor(runs):g}",
             scenario,
             f"/runs/{label}/scene/**",
-            1.8 / len(runs),
+            SCENES_SHAPE / len(runs),
         )
         for label, (name, scenario) in zip(labels, runs, strict=True)
     ]

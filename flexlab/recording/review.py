@@ -7,7 +7,6 @@ from types import TracebackType
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.catalog import DatasetEntry
-from rerun.chunk import RrdReader
 from rerun_bindings import CatalogClientInternal
 
 from flexlab.errors import RecordingError
@@ -16,7 +15,7 @@ from flexlab.recording.blueprint import run_blueprint
 from flexlab.recording.drawing import exaggeration
 from flexlab.recording.finishing import finish
 from flexlab.recording.reader import read_scenarios
-from flexlab.recording.rrd_rows import check_recording
+from flexlab.recording.rrd_rows import check_recording, quiet_reader
 from flexlab.recording.run_stream import APPLICATION
 from flexlab.recording.web_viewer import LOOPBACK, ViewerServer, viewer_link
 
@@ -36,7 +35,8 @@ class Review:
             # Rerun's public client answers what follows only with a 43 MB library of queries, so its core is asked.
             (core,) = CatalogClientInternal(self._server.url()).datasets(False)
             _lay_out(DatasetEntry(core), application, layout)
-            source = core.segment_url(RrdReader(path).recordings()[0].recording_id)
+            with quiet_reader(path) as reader:
+                source = core.segment_url(reader.recordings()[0].recording_id)
         except (RuntimeError, ValueError, OSError, LookupError) as error:
             self._viewer.close()
             reason = str(error).split("\n")[0]

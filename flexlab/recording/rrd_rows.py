@@ -129,9 +129,7 @@ def stream_rows(path: Path, content: list[str]) -> Iterator[tuple[str, Row]]:
 def _batches(path: Path, content: list[str]) -> Iterator[tuple[str, pa.RecordBatch]]:
     """(entity, some of its rows) as they stand in the file. Raises `Unreadable`."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # That a file has no index yet is no news here.
-            reader = RrdReader(path)
+        with quiet_reader(path) as reader:
             if not reader.recordings():
                 raise Unreadable
             chunks = _stream(reader).filter(content=content)
@@ -139,6 +137,14 @@ def _batches(path: Path, content: list[str]) -> Iterator[tuple[str, pa.RecordBat
             yield chunk.entity_path, chunk.to_record_batch()
     except (ValueError, RuntimeError, OSError) as error:
         raise Unreadable from error
+
+
+@contextmanager
+def quiet_reader(path: Path) -> Iterator[RrdReader]:
+    """Rerun's reader of a file, whose warnings are kept back: that a file has no index yet is no news here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield RrdReader(path)
 
 
 def _stream(reader: RrdReader) -> LazyChunkStream:

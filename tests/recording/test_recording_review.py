@@ -13,10 +13,13 @@ from playwright.sync_api import Browser, Page
 from recording_helpers import wait_until
 
 from flexlab.errors import RecordingError
+from flexlab.presets import load_preset
 from flexlab.recording.review import open_review
-from flexlab.recording.run_files import find_run, has_footer
+from flexlab.recording.run_files import find_run, has_footer, run_state
 from flexlab.recording.signals import BLUE, GREEN, VERMILION
 from flexlab.recording.web_viewer import VIEWER_FILES, ViewerServer, viewer_folder
+from flexlab.recording.writer import Recorder
+from flexlab.sim.world import World
 
 
 def share_of(page: Page, color: tuple[int, int, int], left: float, right: float) -> float:
@@ -52,6 +55,21 @@ def test_the_newest_recording_is_opened_and_mended_first(recording_file: Path, t
         assert has_footer(recording_file)
         answer = urllib.request.urlopen(review.url)
         assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+
+
+def test_a_run_that_is_being_recorded_opens_without_a_warning(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    world = World(load_preset("paper"))
+    recorder = Recorder(tmp_path)
+    recorder.begin_run(1, "paper", world.scenario, world.state())
+    recorder.take_samples(1, world.advance(300), 1.0)
+    wait_until(lambda: recorder.path and recorder.path.stat().st_size > 150_000, "something is recorded")
+    path = recorder.path
+    assert path is not None
+    with open_review(path) as review:
+        assert run_state(path) == "in use"
+        assert urllib.request.urlopen(review.url).status == 200
+    recorder.close()
+    assert [str(warning.message) for warning in recwarn.list] == []
 
 
 def test_what_cannot_be_reviewed_is_said(tmp_path: Path) -> None:

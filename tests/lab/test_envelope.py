@@ -25,11 +25,14 @@ def test_a_44_hz_ring_is_a_band_of_its_full_width() -> None:
     assert (np.abs(full[:, 0] - full[:, 1]) > 1.99).all()
 
 
-def test_a_slow_signal_stays_monotonic() -> None:
+@pytest.mark.parametrize("block", [1, 7, 72, 101, 10_000])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_slow_signal_stays_monotonic_whatever_the_blocks(block: int, sign: int) -> None:
     time, values = ring(10_000)
     envelope = Envelope(2, 10.0)
-    envelope.append(time, values)
-    line = envelope.lines()[1][1]
+    for start in range(0, len(time), block):
+        envelope.append(time[start : start + block], sign * values[:, start : start + block])
+    line = sign * envelope.lines()[1][1]
     assert (np.diff(line[~np.isnan(line)]) > 0).all()
 
 

@@ -150,3 +150,17 @@ def test_plots_follow_with_a_fixed_axis_and_their_units(page: LabPage) -> None:
         assert chart["made"] == charts[0]["made"]
     wait_until(lambda: float(page.snapshot.latest.time[0]) > 3.0, "more signals")
     assert [chart["made"] for chart in page.page.evaluate(ask)] == [chart["made"] for chart in charts]
+
+
+def test_a_plot_keeps_its_axis_where_it_is_empty(page: LabPage) -> None:
+    page.key("r")
+    wait_until(lambda: 0.2 < float(page.snapshot.latest.time[0]) < 3.5, "the plots are half full")
+    page.press("Pause")
+    wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    zoom = """async () => { const plots = Object.values(window.__viserTestpoints.uplots).map((u) => u.chart);
+      plots.forEach((plot) => plot.setScale('x', { min: 4.0, max: 4.9 }));
+      await new Promise((done) => requestAnimationFrame(done));
+      return plots.map((plot) => [plot.scales.x.min, plot.scales.y.min, plot.scales.y.max]); }"""
+    for left, low, high in page.page.evaluate(zoom):
+        assert left == 4.0
+        assert low == -high < 0

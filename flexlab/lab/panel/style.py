@@ -15,9 +15,9 @@ div:has(> p > label):has(+ div .mantine-Slider-root) { display: none; }
 div:has(> .mantine-Slider-root) > .mantine-NumberInput-root { display: none; }
 .mantine-Slider-root { margin: -0.35em 2.2em 0.35em 0.3em; }
 /* The way back to the usual value stands at the end of the slider's line. */
-div:has(.mantine-Slider-root) + div:has(> button[data-block]) {
+div:has(.mantine-Slider-root) + div:has(> button[data-block]):not(:has(svg, img)) {
   display: block; position: relative; height: 0; margin: 0 !important; padding: 0 !important; }
-div:has(.mantine-Slider-root) + div:has(> button[data-block]) > button {
+div:has(.mantine-Slider-root) + div > button[data-block]:not(:has(svg, img)) {
   position: absolute; right: 0.7em; top: -2.4em; height: 1.5em; padding: 0 0.4em; }
 /* Several numbers of one field stand in a row below their label. */
 .mantine-Flex-root:has(> div .mantine-NumberInput-root + .mantine-NumberInput-root) { display: block !important; }
@@ -38,6 +38,10 @@ div:has(> p > label) + div:has(.mantine-Checkbox-root) { flex: 0 0 auto !importa
 /* Buttons stand side by side. */
 div:has(> button[data-block]) { display: inline-block; margin-inline: 0.6em 0; vertical-align: top; }
 button[data-block] { width: auto; padding-inline: 0.8em; }
+/* The open tab is as wide as it was closed, so that no line of tabs breaks elsewhere. */
+[role="tab"], [role="tab"] * { font-weight: 500 !important; letter-spacing: -0.2px; }
+[role="tab"] { padding-inline: 0.45em !important; font-size: 0.92em !important; }
+[role="tab"] * { font-size: inherit !important; }
 /* On a telephone the sheet is as wide as the screen and leaves its upper half to the picture. */
 @media (max-width: 575px) {
   div[style*="position: fixed"][style*="width: 20em"] { width: 100% !important; max-height: 52% !important; }
@@ -45,7 +49,7 @@ button[data-block] { width: auto; padding-inline: 0.8em; }
   .fl-float { bottom: auto !important; top: 12px; width: 92vw !important; }
 }
 
-.fl { padding: 0 0.75em 0.5em 0.75em; font-size: 0.875em; line-height: 1.4; }
+.fl { padding: 0 1.1em 0.5em 0.75em; font-size: 0.875em; line-height: 1.4; }
 .fl-title { font-weight: 600; font-size: 1.05em; }
 .fl-dim { color: var(--mantine-color-dimmed); }
 .fl-grid { display: grid; grid-template-columns: auto auto; gap: 0 0.75em; font-variant-numeric: tabular-nums; }

@@ -24,8 +24,9 @@ X_AXIS_SIZE, Y_AXIS_SIZE = 34, 46
 UNNAMED = "fl-unnamed"
 """Style class of series that the legend leaves out."""
 
-# The vertical range is held by an unseen last series at its two ends: a changed scale option would make the browser build
-# the chart anew and lose its place.
+# The vertical range is held by an unseen last series that goes from end to end at every point, whatever is zoomed into: a
+# changed scale option would make the browser build the chart anew and lose its place. No other series may have a say: one
+# that begins with a gap would leave the axis without numbers.
 RANGE_HOLDER = cast(
     uplot.Series, {"label": "range", "class": UNNAMED, "stroke": "rgba(0,0,0,0)", "width": 0, "points": {"show": False}}
 )
@@ -39,18 +40,19 @@ def axis(size: int) -> uplot.Axis:
 
 def signal_series(label: str, tone: colors.Color) -> uplot.Series:
     """How a signal is drawn."""
-    return uplot.Series(label=label, stroke=colors.css(tone), width=1.25, spanGaps=False)
+    return uplot.Series(label=label, stroke=colors.css(tone), width=1.25, spanGaps=False, auto=False)
 
 
 def kept_series(tone: colors.Color) -> uplot.Series:
     """How a signal of the kept run is drawn: dotted, in its signal's colour, not in the legend."""
-    style = {"label": "kept", "class": UNNAMED, "stroke": f"rgba{(*tone, 0.75)}", "width": 1.25, "dash": (2, 3)}
+    style = {"label": "kept", "class": UNNAMED, "auto": False}
+    style |= {"stroke": f"rgba{(*tone, 0.75)}", "width": 1.25, "dash": (2, 3)}
     return cast(uplot.Series, style)
 
 
 def limit_series(limit: Limit) -> list[uplot.Series]:
     """Two dashed lines; only the first one is named."""
-    style = {"stroke": colors.css(limit.tone), "width": 1, "dash": (6, 5), "points": {"show": False}}
+    style = {"stroke": colors.css(limit.tone), "width": 1, "dash": (6, 5), "points": {"show": False}, "auto": False}
     second = {**style, "label": limit.label, "class": UNNAMED}
     return [cast(uplot.Series, {**style, "label": limit.label}), cast(uplot.Series, second)]
 
@@ -135,14 +137,11 @@ class Chart:
     def _data(self) -> tuple[np.ndarray, ...]:
         time, lines = self._envelope.lines()
         levels = [self._level(len(time), sign * limit.value) for limit in self._limits for sign in (1, -1)]
-        ends = np.full(len(time), np.nan)
-        ends[0], ends[-1] = 0.0 if self._plot.positive else -self._range.limit, self._range.limit
+        ends = np.full(len(time), self._range.limit)
+        ends[::2] = 0.0 if self._plot.positive else -self._range.limit
         return compact(time, [*lines, *self._kept_lines(), *levels, ends], self._envelope.bin_width)
 
     def _level(self, count: int, value: float) -> np.ndarray:
-        """A horizontal line; outside the range only one point at its edge, which is not drawn but keeps the axis sound."""
-        if abs(value) <= self._range.limit and (value >= 0 or not self._plot.positive):
-            return np.full(count, value)
-        line = np.full(count, np.nan)
-        line[0] = 0.0
-        return line
+        """A horizontal line, empty outside the range."""
+        inside = abs(value) <= self._range.limit and (value >= 0 or not self._plot.positive)
+        return np.full(count, value if inside else np.nan)

@@ -32,7 +32,8 @@ class Envelope:
         self._first_bin = 0
         self._low = np.empty((self._signals, 0))
         self._high = np.empty((self._signals, 0))
-        self._falling = np.empty((self._signals, 0), bool)
+        self._first = np.empty((self._signals, 0))
+        self._last = np.empty((self._signals, 0))
         self.newest = -1
         """Tick of the newest sample, -1 when empty."""
 
@@ -48,10 +49,11 @@ class Envelope:
         low = np.fmin.reduceat(values, starts, axis=1)
         high = np.fmax.reduceat(values, starts, axis=1)
         ends = np.append(starts[1:], len(bins)) - 1
-        self._merge(bins[starts], low, high, values[:, ends] < values[:, starts])
+        self._merge(bins[starts], low, high, values[:, starts], values[:, ends])
         self.newest = int(ticks[-1])
 
-    def _merge(self, bins: np.ndarray, low: np.ndarray, high: np.ndarray, falling: np.ndarray) -> None:
+    def _merge(self, bins: np.ndarray, low: np.ndarray, high: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> None:
+        """Add stretches (bins,) with their extremes, first and last values (signals, bins each)."""
         if self.newest < 0:
             self._first_bin = int(bins[0])
         last = int(bins[-1])
@@ -61,13 +63,16 @@ class Envelope:
         gap = np.full((self._signals, max(missing, 0)), np.nan)
         self._low = np.concatenate([self._low, gap], axis=1)[:, kept]
         self._high = np.concatenate([self._high, gap], axis=1)[:, kept]
-        self._falling = np.concatenate([self._falling, np.zeros(gap.shape, bool)], axis=1)[:, kept]
+        self._first = np.concatenate([self._first, gap], axis=1)[:, kept]
+        self._last = np.concatenate([self._last, gap], axis=1)[:, kept]
         self._first_bin = first
         seen = bins >= first
         at = bins[seen] - first
         self._low[:, at] = np.fmin(self._low[:, at], low[:, seen])
         self._high[:, at] = np.fmax(self._high[:, at], high[:, seen])
-        self._falling[:, at] = falling[:, seen]
+        # A stretch may come in several pieces: whether it falls is seen from its first piece to its last.
+        self._first[:, at] = np.where(np.isnan(self._first[:, at]), starts[:, seen], self._first[:, at])
+        self._last[:, at] = ends[:, seen]
 
     @property
     def start(self) -> int:
@@ -89,7 +94,7 @@ class Envelope:
         if self._ticks == 1:
             return (first + np.arange(BINS)) * self.bin_width, low
         falling = np.zeros((self._signals, BINS), bool)
-        falling[:, filled] = self._falling[:, source[filled]]
+        falling[:, filled] = self._last[:, source[filled]] < self._first[:, source[filled]]
         time = (first + (np.arange(2 * BINS) * 0.5 + 0.25)) * self.bin_width
         pairs = np.stack([np.where(falling, high, low), np.where(falling, low, high)], axis=2)
         return time, pairs.reshape(self._signals, 2 * BINS)

@@ -22,7 +22,7 @@ FLOOR, CEILING = 1e-3, 1e5
 """Ends of the logarithmic axis, µm: a nanometre is nothing, ten centimetres are more than the beam model stands."""
 SHORTEST = 64
 """Samples below which a spectrum says nothing."""
-Y_AXIS_SIZE = 52
+Y_AXIS_SIZE = 62
 
 
 def amplitude_spectrum(signal: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:

@@ -18,7 +18,7 @@ PLAN_TILT = np.radians(0.5)
 FRONT_TILT = np.radians(62.0)
 ROOM = 1.12
 """Distance relative to the one at which the floor's middle fills the window: room for its nearer edge."""
-LABEL_WIDTH = 65
+LABEL_WIDTH = 55
 """Room for the lengths at the floor's sides, px on each side."""
 TELEPHONE_SHIFT = 0.22
 """On a telephone a sheet covers the lower half: there the machine stands higher by this share of the height."""

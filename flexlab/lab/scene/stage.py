@@ -33,6 +33,12 @@ def _sections(low: float, high: float) -> np.ndarray:
     return SECTION * np.arange(np.ceil(low / SECTION - 1e-6), np.floor(high / SECTION + 1e-6) + 1) + 0.0
 
 
+def _lengths(axis: str, places: np.ndarray) -> list[tuple[float, str]]:
+    """(place, text) along an axis; the last one has name and unit, so that the others fit into a small window."""
+    texts = [f"{place:g}".replace("-", "−") for place in places]
+    return list(zip(places.tolist(), [*texts[:-1], *(f"{axis} = {text} m" for text in texts[-1:])], strict=True))
+
+
 class Stage:
     """The floor of one scenario."""
 
@@ -52,14 +58,12 @@ class Stage:
             section_thickness=1.2,
             shadow_opacity=0.25,
         )
-        for x in _sections(x_min, x_max):
-            self._length(scene, f"x{x:g}", f"x = {x:g} m", (x, y_min - 0.03, 0.0), "top-center")
-        for y in _sections(y_min, y_max):
-            self._length(scene, f"y{y:g}", f"y = {y:g} m", (x_min - 0.03, y, 0.0), "center-right")
-
-    @staticmethod
-    def _length(scene: viser.SceneApi, name: str, text: str, position: tuple, anchor) -> None:
-        scene.add_label(f"/floor/{name}", text.replace("-", "−"), position=position, anchor=anchor, depth_test=True)
+        for x, text in _lengths("x", _sections(x_min, x_max)):
+            place = (x, y_min - 0.03, 0.0)
+            scene.add_label(f"/floor/x{x:g}", text, position=place, anchor="top-center", depth_test=True)
+        for y, text in _lengths("y", _sections(y_min, y_max)):
+            place = (x_min - 0.03, y, 0.0)
+            scene.add_label(f"/floor/y{y:g}", text, position=place, anchor="center-right", depth_test=True)
 
     def remove(self) -> None:
         """Take the floor out of the scene."""

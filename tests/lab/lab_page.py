@@ -11,8 +11,9 @@ from flexlab.lab.session import Session
 
 PATIENCE = 60.0
 """Wall seconds that a browser drawing in software on a busy machine may take for anything."""
-BETWEEN_WIDGETS = 0.15
-"""The page sends all inputs through one 50 ms gate: two widgets changed within it can lose the first change."""
+THROUGH_THE_GATE = "() => new Promise((done) => setTimeout(done, 150))"
+"""The page sends all inputs through one 50 ms gate: two widgets changed within it can lose the first change. So the next one
+waits, by the page's own clock: on a busy machine the page may be far behind ours."""
 ARTIFACTS = Path(__file__).parents[2] / ".artifacts"
 
 READY = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
@@ -103,24 +104,24 @@ class LabPage:
         box = self.box(label)
         box.scroll_into_view_if_needed()
         box.fill(value)
-        time.sleep(BETWEEN_WIDGETS)
+        self.page.evaluate(THROUGH_THE_GATE)
 
     def write(self, label: str, text: str) -> None:
         """Write into a text box; viser ties its label to nothing."""
         row = self.page.locator("label", has_text=label).locator("xpath=../../..")
         row.locator("input").fill(text)
-        time.sleep(BETWEEN_WIDGETS)
+        self.page.evaluate(THROUGH_THE_GATE)
 
     def choose(self, label: str, option: str) -> None:
         """Choose from a menu."""
         self.page.get_by_role("combobox", name=label).or_(self.page.get_by_label(label, exact=True)).first.click()
         self.page.get_by_role("option", name=option, exact=True).click()
-        time.sleep(BETWEEN_WIDGETS)
+        self.page.evaluate(THROUGH_THE_GATE)
 
     def press(self, button: str) -> None:
         """Press a button."""
         self.page.get_by_role("button", name=button, exact=True).click()
-        time.sleep(BETWEEN_WIDGETS)
+        self.page.evaluate(THROUGH_THE_GATE)
 
     def open_tab(self, name: str) -> None:
         """Bring a tab of the panel to the front."""
@@ -133,13 +134,13 @@ class LabPage:
     def switch(self, label: str) -> None:
         """Turn a switch on or off."""
         self.page.get_by_label(label, exact=True).click()
-        time.sleep(BETWEEN_WIDGETS)
+        self.page.evaluate(THROUGH_THE_GATE)
 
     def key(self, key: str) -> None:
         """Press a key with the cursor in no text field."""
         self.page.evaluate("document.activeElement?.blur()")
         self.page.keyboard.press(key)
-        time.sleep(BETWEEN_WIDGETS)
+        self.page.evaluate(THROUGH_THE_GATE)
 
     def camera(self) -> list[float]:
         """Where the camera stands, (x, y, z) m; three.js has its own axes, y up."""

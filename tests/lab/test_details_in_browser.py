@@ -70,6 +70,7 @@ def test_limits_sampling_and_arms_are_set_in_their_folders(page: LabPage) -> Non
     wait_until(lambda: page.snapshot.run_number > run, "a new arm begins a new run")
     back = page.page.get_by_role("button", name="↺")
     fields = ("left_arm.link_mass", "controller.input_delay", "controller.control_period")
+    wait_until(lambda: back.count() == 3, "each change has its way back on the screen")
     for left, changed in zip((2, 1, 0), fields, strict=True):
         usual = load_preset("paper").get(changed)
         back.last.click()

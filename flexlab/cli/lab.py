@@ -40,11 +40,26 @@ def command(
         tyro.conf.arg(help="Give each visitor a lab of their own; otherwise all share one.", help_behavior_hint=""),
     ] = False,
     max_sessions: Annotated[int, tyro.conf.arg(metavar="N", help="Most private labs at once.")] = 4,
+    idle_time: Annotated[
+        float, tyro.conf.arg(metavar="S", help="A private lab closes after so long without an open page, s.")
+    ] = 600.0,
     token: Annotated[
         str | None,
         tyro.conf.arg(
             metavar="WORD", help="The word that opens the door to others; made up if left out.", help_behavior_hint=""
         ),
+    ] = None,
+    max_size: Annotated[
+        float | None,
+        tyro.conf.arg(
+            metavar="GB",
+            help="Delete the oldest runs, but never kept ones, while all are larger.",
+            help_behavior_hint="",
+        ),
+    ] = None,
+    max_age: Annotated[
+        float | None,
+        tyro.conf.arg(metavar="DAYS", help="Delete older runs, but never kept ones.", help_behavior_hint=""),
     ] = None,
 ) -> None:
     """Open the lab: two arms carry a flexible beam, live in your browser, every run recorded.
@@ -69,7 +84,10 @@ def command(
     from flexlab.door.settings import Settings
     from flexlab.recording.run_files import check_folder
 
-    settings = Settings(logs, host, port, token, private, max_sessions)
+    most_bytes = None if max_size is None else max_size * GIGABYTE
+    settings = Settings(
+        logs, host, port, token, private, max_sessions, idle_time, most_bytes=most_bytes, most_days=max_age
+    )
     if not settings.is_local and token is None:
         # Made up here, so that a page opened while compiling can turn into the lab.
         settings = replace(settings, token=secrets.token_urlsafe(TOKEN_BYTES))
@@ -79,7 +97,8 @@ def command(
     shown: list[str] = []
     warm_up(scenario, meanwhile=_waiting_page(settings, not no_browser, shown) if port else None)
     with ending() as ended, ExitStack() as closing:
-        live = _serve_live(closing) if rerun else None
+        live = _serve_live(closing, private) if rerun else None
+        settings = replace(settings, viewer=live.viewer if live else "")
         door = closing.enter_context(
             open_door(settings, scenario, name, hub=live.hub if live else None, on_problem=complain)
         )
@@ -111,32 +130,45 @@ def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Iter
         yield
 
 
+GIGABYTE = 1e9
+
+
 class Live(NamedTuple):
     """Where the data of all runs can be watched in rerun while the lab runs."""
 
-    hub: "LiveHub"
-    page: str
-    """Of the web viewer."""
+    hub: "LiveHub | None"
+    """None: each private lab has one of its own."""
+    viewer: str
+    """Page of the web viewer."""
 
 
-def _serve_live(closing: ExitStack) -> Live:
+def _serve_live(closing: ExitStack, private: bool) -> Live:
     """Serve live data and a web viewer for it until `closing` closes. Raises `RecordingError` if that is not possible."""
     from flexlab.recording.live import LiveHub
-    from flexlab.recording.web_viewer import ViewerServer, viewer_link
+    from flexlab.recording.web_viewer import ViewerServer
 
     viewer = ViewerServer()
     closing.callback(viewer.close)
+    if private:
+        return Live(None, viewer.page)
     hub = LiveHub()
     closing.callback(hub.close)
-    return Live(hub, viewer_link(viewer.page, hub.url))
+    return Live(hub, viewer.page)
 
 
 def _welcome(door: "Door", is_local: bool, live: Live | None, logs: Path) -> None:
+    from flexlab.recording.web_viewer import viewer_link
+
     lines = [f"The lab is open at {door.lab_url}", f"Start page, with all runs: {door.url}"]
     if not is_local:
         lines.append("From other machines: the same with this machine's name instead of 127.0.0.1.")
-    if live is not None:
-        lines += [f"Live data in your browser: {live.page}", f"or in rerun itself: rerun --connect {live.hub.url}"]
+    if live is not None and live.hub is not None:
+        page = viewer_link(live.viewer, live.hub.url)
+        lines += [f"Live data in your browser: {page}", f"or in rerun itself: rerun --connect {live.hub.url}"]
+    elif live is not None:
+        lines.append("Live data of each private lab: by the button Live data in its page, on this machine.")
+    if door.settings.most_bytes is not None or door.settings.most_days is not None:
+        lines.append("Runs over the limits are deleted, oldest first; never those that are kept.")
     lines.append(f"Runs are recorded in {logs}. Ctrl-C ends the lab.")
     for line in lines:
         output().print(line, style="bold" if line is lines[0] else "", markup=False, soft_wrap=True)

@@ -25,8 +25,9 @@ from flexlab.door.places import Choice, Places
 from flexlab.door.private import PrivateLabs
 from flexlab.door.relay import inside_connector
 from flexlab.door.replays import Replays
-from flexlab.door.settings import Settings
+from flexlab.door.settings import WILDCARDS, Settings
 from flexlab.door.shared import SharedLab
+from flexlab.door.tidying import tidy_up
 from flexlab.errors import LabError
 from flexlab.recording.live import LiveHub
 from flexlab.recording.run_files import check_folder
@@ -76,9 +77,8 @@ class Door:
 
     def address(self, path: str = "/", host: str | None = None) -> str:
         """The address of a page, with the token if there is one. `host`: as others know this machine."""
-        host = host or ("127.0.0.1" if self.settings.host in ("0.0.0.0", "::", "") else self.settings.host)
-        name = f"[{host}]" if ":" in host else host
-        return f"http://{name}:{self.port}{path}" + (f"?token={self.token}" if self.token else "")
+        host = host or ("127.0.0.1" if self.settings.host in WILDCARDS else self.settings.host)
+        return f"{base_address(host, self.port)}{path}" + (f"?token={self.token}" if self.token else "")
 
     def close(self) -> Path | None:
         """Close every page and lab, runs kept; returns the newest recording. May be called twice."""
@@ -109,6 +109,7 @@ class Door:
         self._loop, self._closing = asyncio.get_running_loop(), asyncio.Event()
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
             measuring, errands = Measuring(self.settings.logs), Errands()
+            tidying = asyncio.create_task(tidy_up(self.settings))
             context = Context(
                 self.settings,
                 self.port,
@@ -128,6 +129,7 @@ class Door:
                 self._opened.set()
                 await self._closing.wait()
             finally:
+                tidying.cancel()
                 # Labs first: their recordings matter more than a visitor's last request.
                 self._last = await self.places.close()
                 measuring.close()
@@ -154,17 +156,33 @@ def open_door(
     try:
         token = settings.token or (None if settings.is_local else secrets.token_urlsafe(TOKEN_BYTES))
         choice = Choice(scenario, name)
+        port = plug.getsockname()[1]
+        # Without the token, which is for its owner to hand out: whoever follows the link is asked for it.
+        address = base_address(settings.public_host(), port)
         if settings.private:
-            return Door(settings, plug.getsockname()[1], token, PrivateLabs(settings, choice), plug)
-        laboratory = Laboratory(choice, settings.logs, hub=hub, on_problem=on_problem, shadows=settings.shadows)
+            return Door(settings, port, token, PrivateLabs(settings, choice, address), plug)
+        laboratory = Laboratory(
+            choice,
+            settings.logs,
+            address,
+            hub=hub,
+            viewer=settings.viewer,
+            on_problem=on_problem,
+            shadows=settings.shadows,
+        )
         try:
-            return Door(settings, plug.getsockname()[1], token, SharedLab(laboratory), plug)
+            return Door(settings, port, token, SharedLab(laboratory), plug)
         except BaseException:
             laboratory.close()
             raise
     except BaseException:
         plug.close()
         raise
+
+
+def base_address(host: str, port: int) -> str:
+    """Of a web server, without a path."""
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def listen(host: str, port: int) -> socket.socket:

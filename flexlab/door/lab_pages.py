@@ -7,11 +7,12 @@ from aiohttp import hdrs, web
 
 from flexlab.door.context import Context, context_of
 from flexlab.door.layout import message
-from flexlab.door.links import decode_scenario
+from flexlab.door.links import decode_scenario, scenario_path
 from flexlab.door.markup import Markup
 from flexlab.door.places import Choice, FullError, Place
 from flexlab.door.relay import relay_page, relay_websocket
 from flexlab.door.security import is_opened_by_person, is_websocket, refuse
+from flexlab.door.settings import LOOPBACK
 from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset, preset_names
 
@@ -128,21 +129,28 @@ async def shared_state(request: web.Request) -> web.Response:
     place = None if context.places.is_private else context.places.of_visitor("")
     if place is None:
         raise web.HTTPNotFound
-    return _state(place)
+    return _state(request, place)
 
 
 async def private_state(request: web.Request) -> web.Response:
     """How a visitor's own lab stands."""
     place = _own_place(request)
     if place is not None:
-        return _state(place)
+        return _state(request, place)
     sentence = context_of(request).places.ended(_visitor(request), request.match_info["lab"])
     return web.json_response({"open": False, "sentence": sentence or NOT_YOURS})
 
 
-def _state(place: Place) -> web.Response:
+def _state(request: web.Request, place: Place) -> web.Response:
     status = place.status()
     return web.json_response(
-        {"open": True, "name": status.name, "state": status.state, "link": f"/lab/?scenario={status.link}"},
+        {
+            "open": True,
+            "name": status.name,
+            "state": status.state,
+            "link": scenario_path(status.link),
+            # The viewer and its data are to be had on this machine only.
+            "live": status.live if request.remote in LOOPBACK else "",
+        },
         headers={"Cache-Control": "no-store"},
     )

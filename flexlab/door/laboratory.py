@@ -6,10 +6,11 @@ from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
 
-from flexlab.door.links import encode_scenario
+from flexlab.door.links import encode_scenario, scenario_path
 from flexlab.door.places import Choice, LabStatus
 from flexlab.lab.session import Session
 from flexlab.recording.live import LiveHub
+from flexlab.recording.web_viewer import viewer_link
 from flexlab.recording.writer import Recorder
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Play
@@ -40,12 +41,18 @@ class Laboratory:
         self,
         choice: Choice,
         logs: Path,
+        address: str,
         *,
         hub: LiveHub | None = None,
+        viewer: str = "",
         on_problem: Callable[[str], None] | None = None,
         shadows: bool = True,
     ):
-        """Start it. Raises `FlexlabError`, and leaves nothing running, if it cannot."""
+        """Start it. Raises `FlexlabError`, and leaves nothing running, if it cannot.
+
+        `address`: of the door, for links that open a scenario. `hub` gets live data, which `viewer` is a page for.
+        """
+        self._live = viewer_link(viewer, hub.url) if hub is not None and viewer else ""
         logging.getLogger("websockets.server").addFilter(_in_one_line)
         self._recorder = recorder = Recorder(logs, hub, on_problem=on_problem, start_notes=run_notes)
         self._shown: tuple[Scenario | None, str] = (None, "")
@@ -57,6 +64,7 @@ class Laboratory:
                 port=0,
                 shadows=shadows,
                 recording=lambda: recording_text(recorder),
+                link=lambda scenario: address + scenario_path(encode_scenario(scenario)),
                 origin=choice.origin,
             )
             with _quiet():
@@ -93,6 +101,7 @@ class Laboratory:
             link=self._shown[1],
             recording=recorder.path,
             problem=recorder.problem or "",
+            live=self._live,
         )
 
     def close(self) -> Path | None:

@@ -21,6 +21,11 @@ def encode_scenario(scenario: Scenario) -> str:
     return base64.urlsafe_b64encode(zlib.compress(text.encode(), 9)).decode().rstrip("=")
 
 
+def scenario_path(word: str) -> str:
+    """Where in the door a word of `encode_scenario` opens the lab."""
+    return f"/lab/?scenario={word}"
+
+
 def decode_scenario(word: str) -> Scenario:
     """The scenario in a word of a link. Raises `PresetError` (not such a word) or `ScenarioError` (not valid)."""
     if len(word) > LONGEST_LINK:

@@ -37,6 +37,8 @@ class LabStatus:
     """The file being written."""
     problem: str
     """Why nothing is being recorded, as a sentence; empty while all is well."""
+    live: str = ""
+    """Address of a rerun viewer with its live data, on this machine; empty if there is none."""
 
 
 class FullError(LabError):

@@ -60,9 +60,9 @@ class PrivateLabs:
 
     is_private = True
 
-    def __init__(self, settings: Settings, first: Choice):
-        """`first`: what a visitor sees who chose nothing."""
-        self._settings, self._first = settings, first
+    def __init__(self, settings: Settings, first: Choice, address: str):
+        """`first`: what a visitor sees who chose nothing. `address`: of the door."""
+        self._settings, self._first, self._address = settings, first, address
         self._places: dict[str, PrivatePlace] = {}
         self._opening: dict[str, asyncio.Future[PrivatePlace]] = {}
         self._ended: OrderedDict[str, tuple[str, str]] = OrderedDict()
@@ -101,7 +101,7 @@ class PrivateLabs:
             with contextlib.suppress(RuntimeError):  # The door itself is closed already.
                 loop.call_soon_threadsafe(self._over, lab)
 
-        order = Order(choice, self._settings.logs, self._settings.shadows)
+        order = Order(choice, self._settings.logs, self._address, self._settings.shadows, self._settings.viewer)
         place = PrivatePlace(lab, visitor, await asyncio.to_thread(Worker, order, tell), choice)
         self._places[lab] = place
         try:

@@ -10,7 +10,7 @@ from aiohttp import hdrs, web
 
 from flexlab.door.context import Context, context_of
 from flexlab.door.layout import message
-from flexlab.door.markup import Markup, fill
+from flexlab.door.markup import fill, join
 from flexlab.door.settings import LOOPBACK
 from flexlab.errors import FlexlabError
 from flexlab.recording.run_files import SUFFIX
@@ -42,7 +42,7 @@ HEADERS = {
 
 _HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+)(?::\d{1,5})?\Z", re.ASCII)
 
-SIGN_IN = """<form method="get" action="/" class="sign-in">
+SIGN_IN = """<form method="get" action="{path}" class="sign-in">{query}
 <label>Token <input name="token" autocomplete="off" autofocus required></label> <button class="button">Open</button>
 </form>"""
 
@@ -172,7 +172,12 @@ def _sign_in(request: web.Request, context: Context, token: str) -> web.Response
 
 def _ask_for_token(request: web.Request) -> web.Response:
     sentence = "This lab opens with a token: use the address that flexlab printed in the terminal, or enter the token."
-    return message("Sign in", sentence, 401, Markup(SIGN_IN))
+    # Who came by a link should get where it leads.
+    here = request.method == "GET" and not is_websocket(request)
+    query = request.query.items() if here else ()
+    hidden = (fill('<input type="hidden" name="{n}" value="{v}">', n=n, v=v) for n, v in query if n != "token")
+    form = fill(SIGN_IN, path=request.rel_url.raw_path if here else "/", query=join(hidden))
+    return message("Sign in", sentence, 401, form)
 
 
 def recording_address(context: Context, run: str) -> str:

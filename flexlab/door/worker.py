@@ -1,5 +1,6 @@
 """A lab in a process of its own: what runs inside that process, and how the door holds it."""
 
+import contextlib
 import multiprocessing
 import signal
 import threading
@@ -12,6 +13,7 @@ from flexlab.door.laboratory import Laboratory, LabStatus
 from flexlab.door.places import Choice
 from flexlab.door.processes import leave_interrupts_to_the_door, without_interrupt
 from flexlab.errors import FlexlabError, LabError
+from flexlab.recording.live import LiveHub
 
 STATUS_PERIOD = 1.0
 """s between two reports of a worker."""
@@ -27,7 +29,11 @@ class Order:
 
     choice: Choice
     logs: Path
+    address: str
+    """Of the door."""
     shadows: bool
+    viewer: str
+    """Page of a rerun viewer for its live data; empty: none."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +55,14 @@ def work(order: Order, pipe: Connection) -> None:
     leave_interrupts_to_the_door()
     stopping = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stopping.set())
+    closing = contextlib.ExitStack()
     try:
-        lab = Laboratory(order.choice, order.logs, shadows=order.shadows)
+        hub = LiveHub() if order.viewer else None
+        if hub is not None:
+            closing.callback(hub.close)
+        lab = Laboratory(order.choice, order.logs, order.address, hub=hub, viewer=order.viewer, shadows=order.shadows)
     except FlexlabError as error:
+        closing.close()
         pipe.send(Refusal(str(error)))
         return
     try:
@@ -67,6 +78,7 @@ def work(order: Order, pipe: Connection) -> None:
         pass  # The door is gone: the run is still to be closed properly.
     finally:
         lab.close()
+        closing.close()
 
 
 class Worker:

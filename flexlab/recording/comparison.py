@@ -23,8 +23,8 @@ APPLICATION = "flexlab comparison"
 MOST_RUNS = 6
 """Curves of more runs cannot be told apart."""
 
-SCENES_SHAPE = 1.4
-"""Width over height of all scenes side by side, narrower than they are: no elbow is cut off."""
+SCENES_SHAPE = 1.2
+"""Width over height of all scenes side by side, narrower than they are, beside a page's tables too: no elbow is cut off."""
 
 BLOCK_ROWS = 4000
 """Samples sent at once."""
@@ -44,7 +44,9 @@ def write_comparison(recordings: Sequence[Recording], target: Path, text: str = 
         # Rerun's own file sink may wait forever if the disk is full (see `rrd_file`).
         encoded = stream.binary_stream()
         runs = [(recording.name, recording.scenario) for recording in recordings]
-        stream.set_sinks(encoded, default_blueprint=comparison_blueprint(runs))
+        stream.set_sinks(encoded)
+        # Active, not only the default: a busy viewer makes a layout of its own for the first pieces, and keeps that.
+        stream.send_blueprint(comparison_blueprint(runs), make_active=True, make_default=True)
         stream.send_recording_name(" and ".join(f"{run.name} {run.started:%H:%M:%S}" for run in recordings))
         texts = json.dumps([(name, scenario.model_dump_json()) for name, scenario in runs], ensure_ascii=False)
         stream.send_property(COMPARISON, rr.AnyValues(runs=texts))
@@ -113,19 +115,10 @@ def comparison_blueprint(runs: Sequence[NamedScenario]) -> rrb.Blueprint:
     labels = [run_label(number) for number in range(len(runs))]
     arms = max(len(scenario.arms) for _, scenario in runs)
     signals = {signal.entity: signal for signal in plot_signals(arms)}
-    scenes = [
-        scene_view(
-            f"{label}: {name}, deflection drawn × {_factor(runs):g}",
-            scenario,
-            f"/runs/{label}/scene/**",
-            SCENES_SHAPE / len(runs),
-        )
-        for label, (name, scenario) in zip(labels, runs, strict=True)
-    ]
     main = ("error", "vibration", "internal_force", "joint_torque")
     rest = [_overlay(signal, labels) for name, signal in signals.items() if name not in main]
     left = rrb.Vertical(
-        rrb.Tabs(rrb.Horizontal(*scenes, name="Side by side"), *scenes, active_tab=0),
+        rrb.Tabs(rrb.Horizontal(*_scenes(runs), name="Side by side"), *_scenes(runs), active_tab=0),
         rrb.Tabs(rrb.TextDocumentView(origin="differences", name="Differences"), *rest, active_tab=0),
     )
     right = rrb.Vertical(*(_overlay(signals[name], labels) for name in main))
@@ -137,6 +130,19 @@ def comparison_blueprint(runs: Sequence[NamedScenario]) -> rrb.Blueprint:
         auto_views=False,
         auto_layout=False,
     )
+
+
+def _scenes(runs: Sequence[NamedScenario]) -> list[rrb.Spatial3DView]:
+    """A drawing of each run. New ones each time: rerun drops a whole layout in which a view has two places."""
+    return [
+        scene_view(
+            f"{run_label(number)}: {name}, deflection drawn × {_factor(runs):g}",
+            scenario,
+            f"/runs/{run_label(number)}/scene/**",
+            SCENES_SHAPE / len(runs),
+        )
+        for number, (name, scenario) in enumerate(runs)
+    ]
 
 
 def _overlay(signal: PlotSignal, labels: Sequence[str]) -> rrb.TimeSeriesView:

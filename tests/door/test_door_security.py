@@ -244,7 +244,7 @@ def test_a_malformed_request_is_refused(door: Door):
     [
         ({"port": 70000}, "port = 70000"),
         ({"max_sessions": 0}, "max-sessions = 0"),
-        ({"idle_time": 0.0}, "idle time"),
+        ({"idle_time": 0.0}, "idle-time"),
         ({"token": "short"}, "token is too short"),
         ({"host": "256.1.1.1", "port": 0}, "256.1.1.1"),
         ({"host": "192.0.2.1", "port": 0}, "192.0.2.1"),

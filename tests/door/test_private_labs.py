@@ -1,5 +1,6 @@
 """A lab for each visitor: found again, nobody else's, gone without harm to others."""
 
+import json
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -43,7 +44,8 @@ class Visitor:
 @pytest.fixture(scope="module")
 def private(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Door]:
     """A door with private labs."""
-    settings = Settings(logs=tmp_path_factory.mktemp("private"), port=0, private=True, max_sessions=3, shadows=False)
+    logs = tmp_path_factory.mktemp("private")
+    settings = Settings(logs, port=0, private=True, max_sessions=3, shadows=False, viewer="http://127.0.0.1:9/")
     with open_door(settings, load_preset("paper"), "paper") as opened:
         yield opened
 
@@ -61,6 +63,10 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Do
     assert b'<div id="root">' in anna.ask(first).body
     assert f'data-state="/state{first.rstrip("/")}"' in anna.ask(first).text
     assert anna.ask(first.rstrip("/"), **upgrade()).status == 101
+
+    data = [json.loads(state(*lab))["live"] for lab in ((anna, first), (ben, second))]
+    assert all(link.startswith("http://127.0.0.1:9/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A") for link in data)
+    assert data[0] != data[1], "each lab has live data of its own"
 
     assert ben.ask(first).status == 403
     assert ben.ask(first.rstrip("/"), **upgrade()).status == 403

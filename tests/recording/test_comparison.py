@@ -38,6 +38,20 @@ def test_curves_of_all_runs_are_in_one_file(recording_file: Path, softer: Path, 
     assert {"/runs/A/scene/beam", "/runs/B/scene/links", "/differences"} <= names
 
 
+def test_every_view_has_one_place_in_the_layout(recording_file: Path, softer: Path, tmp_path: Path) -> None:
+    """Rerun drops a layout in which one has two."""
+    target = tmp_path / "both.out"
+    compare_into([recording_file, softer], target)
+    reader = RrdReader(target)
+    (layout,) = reader.blueprints()
+    batches = [chunk.to_record_batch() for chunk in reader.stream(store=layout) if "/container/" in chunk.entity_path]
+    placed = [
+        part for batch in batches for row in batch.column("ContainerBlueprint:contents").to_pylist() for part in row
+    ]
+    assert len(placed) > 10
+    assert len(placed) == len(set(placed))
+
+
 def test_tables_say_what_differs(recording_file: Path, softer: Path) -> None:
     found = compare([recording_file, softer])
     assert ("payload.bending_stiffness", ("100", "60")) in found.settings

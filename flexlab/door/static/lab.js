@@ -23,6 +23,7 @@
 
   const link = (href, text) => element("a", { href, textContent: text });
   const button = (text, onclick) => element("button", { textContent: text, onclick });
+  const live = Object.assign(link("", "Live data"), { hidden: true, target: "_blank", rel: "noopener" });
   let missed = 0;
   let closed = false;
   let sharing = false;
@@ -46,6 +47,8 @@
     const state = answer.ok ? await answer.json() : { open: false, sentence: "This lab is closed." };
     if (state.open) {
       if (!sharing) word.hidden = true;
+      live.hidden = !state.live;
+      if (state.live) live.href = state.live;
       return;
     }
     closed = true;
@@ -71,8 +74,9 @@
   }
 
   document.addEventListener("DOMContentLoaded", () => {
-    const bar = element("div", { id: "door-bar" }, link("/", "Start"), link("/runs", "Runs"), button("Share", share));
+    const bar = element("div", { id: "door-bar" }, link("/", "Start"), link("/runs", "Runs"), button("Share", share), live);
     document.body.append(bar, word);
+    look();
     setInterval(look, LOOK);
     document.addEventListener("visibilitychange", look);
   });

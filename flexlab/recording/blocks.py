@@ -12,7 +12,7 @@ Layout: zlib of [length of header, 4 bytes little-endian][header, JSON][byte pla
 import json
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
 from math import prod
 
@@ -110,3 +110,16 @@ def join_blocks(blocks: list[Samples]) -> Samples:
         whole.flags.writeable = False
         joined[name] = whole
     return Samples(**joined)
+
+
+def larger_blocks(blocks: Iterable[Samples], rows: int) -> Iterator[Samples]:
+    """The same samples in fewer blocks, of `rows` or a little more each."""
+    waiting: list[Samples] = []
+    for block in blocks:
+        if len(block):
+            waiting.append(block)
+        if sum(map(len, waiting)) >= rows:
+            yield join_blocks(waiting)
+            waiting = []
+    if waiting:
+        yield join_blocks(waiting)

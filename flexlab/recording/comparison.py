@@ -1,7 +1,7 @@
 """Two or more runs in one recording: curves laid over each other, time counted from each run's first sample."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,10 +9,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flexlab.errors import RecordingError
+from flexlab.recording.blocks import larger_blocks
 from flexlab.recording.blueprint import plot_view, scene_view
 from flexlab.recording.chunks import TIMELINE, scalars, send_columns
 from flexlab.recording.drawing import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
-from flexlab.recording.reader import COMPARISON, NamedScenario, Recording
+from flexlab.recording.finishing import Mending
+from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
+from flexlab.recording.rrd_file import messages
 from flexlab.recording.run_files import replacing
 from flexlab.recording.signals import PlotSignal, plot_signals
 from flexlab.sim.samples import Samples
@@ -41,7 +44,6 @@ def write_comparison(recordings: Sequence[Recording], target: Path, text: str = 
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     try:
-        # Rerun's own file sink may wait forever if the disk is full (see `rrd_file`).
         encoded = stream.binary_stream()
         runs = [(recording.name, recording.scenario) for recording in recordings]
         stream.set_sinks(encoded)
@@ -51,15 +53,31 @@ def write_comparison(recordings: Sequence[Recording], target: Path, text: str = 
         texts = json.dumps([(name, scenario.model_dump_json()) for name, scenario in runs], ensure_ascii=False)
         stream.send_property(COMPARISON, rr.AnyValues(runs=texts))
         stream.log("differences", rr.TextDocument(text, media_type="text/markdown"), static=True)
-        for number, recording in enumerate(recordings):
-            _send_run(stream, number, recording, _factor(runs))
         with replacing(target) as draft:
-            draft.write_bytes(encoded.read() or b"")
+            _write(stream, encoded, recordings, draft)
     except (RuntimeError, OSError) as error:
-        reason = str(error).split("\n")[0]
-        raise RecordingError(f"The comparison cannot be written to {target}: {reason}") from None
+        reason = (error.strerror if isinstance(error, OSError) else "") or str(error).split("\n")[0]
+        raise RecordingError(
+            f"The comparison cannot be written to {target} ({reason}): choose another place."
+        ) from None
     finally:
         stream.disconnect()
+
+
+def _write(stream: rr.RecordingStream, encoded: rr.BinaryStream, recordings: Sequence[Recording], draft: Path) -> None:
+    """Piece by piece, so that hours need no more memory than seconds; then with an index, so that they open as fast."""
+    factor = _factor([(recording.name, recording.scenario) for recording in recordings])
+    pieces = draft.with_suffix(".pieces")
+    try:
+        with pieces.open("wb") as file:
+            for number, recording in enumerate(recordings):
+                for _ in _send_run(stream, number, recording, factor):
+                    if piece := encoded.read():
+                        file.write(messages(piece, with_head=file.tell() == 0))
+        if not Mending().rewrite(pieces, draft):
+            raise RuntimeError("rerun's tool fails")
+    finally:
+        pieces.unlink(missing_ok=True)
 
 
 def run_label(number: int) -> str:
@@ -72,7 +90,8 @@ def _factor(runs: Sequence[NamedScenario]) -> float:
     return min(exaggeration(scenario) for _, scenario in runs)
 
 
-def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> None:
+def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> Iterator[None]:
+    """Send a run; pauses after each piece, for it to be written."""
     scenario, label = recording.scenario, run_label(number)
     signals = plot_signals(len(scenario.arms))
     for signal in signals:
@@ -86,21 +105,24 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
     for entity, shape in fixed_shapes(scenario):
         stream.log(f"runs/{label}/{entity}", shape, static=True)
     stream.flush()
-    samples = _from_zero(recording.samples)
+    yield
     stride = max(1, round(1 / (FRAMES_PER_SECOND * recording.sample_period)))
-    for first in range(0, len(samples), BLOCK_ROWS):
-        block = samples.slice(first, first + BLOCK_ROWS)
+    for block in _from_zero(larger_blocks(read_blocks(recording.path), BLOCK_ROWS)):
         for signal in signals:
             values = scalars(signal.values(block))
             send_columns(stream, f"runs/{label}/{signal.entity}", block.time, [values])
         drawn = Samples(**{name: getattr(block, name)[::stride] for name in Samples.__dataclass_fields__})
         for entity, columns in moving_shapes(scenario, drawn, factor):
             send_columns(stream, f"runs/{label}/{entity}", drawn.time, columns)
+        yield
 
 
-def _from_zero(samples: Samples) -> Samples:
+def _from_zero(blocks: Iterable[Samples]) -> Iterator[Samples]:
     """Time counted from the first sample: a run may have begun when another's structure was changed."""
-    return replace(samples, time=samples.time - samples.time[0]) if len(samples) else samples
+    first = None
+    for block in blocks:
+        first = block.time[0] if first is None else first
+        yield replace(block, time=block.time - first)
 
 
 def _shade(color: tuple[int, int, int], number: int) -> tuple[int, int, int]:

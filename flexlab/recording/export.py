@@ -8,7 +8,7 @@ import csv
 import json
 import warnings
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.recording.blocks import join_blocks
+from flexlab.recording.blocks import larger_blocks
 from flexlab.recording.columns import from_columns, to_columns
 from flexlab.recording.commands_json import command_to_json
 from flexlab.recording.documents import these_versions
@@ -95,7 +95,7 @@ def _export(
         "status": [str(status), status.text, status.time],
         "scenario": scenario.model_dump(mode="json"),
     }
-    batches = (to_columns(batch, scenario) for batch in _batches(within(blocks, start, end)))
+    batches = (to_columns(batch, scenario) for batch in larger_blocks(within(blocks, start, end), BATCH_ROWS))
     try:
         with replacing(path) as draft:
             write(draft, batches, json.dumps(metadata, ensure_ascii=False))
@@ -120,18 +120,6 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
         raise RecordingError(f"{path} is not a run exported by flexlab ({reason}).") from None
     signals = {name: getattr(samples, name) for name in Samples.__dataclass_fields__}
     return Run(**signals, scenario=scenario, status=Status(name, sentence, time)), metadata
-
-
-def _batches(blocks: Iterable[Samples]) -> Iterator[Samples]:
-    """The same samples in fewer, larger blocks."""
-    waiting: list[Samples] = []
-    for block in blocks:
-        waiting.append(block)
-        if sum(map(len, waiting)) >= BATCH_ROWS:
-            yield join_blocks(waiting)
-            waiting = []
-    if waiting:
-        yield join_blocks(waiting)
 
 
 def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:

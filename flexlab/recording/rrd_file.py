@@ -44,7 +44,7 @@ class RrdFile:
 
     def hold(self, piece: bytes) -> None:
         """Take one piece as rerun encodes it, to be written by `write`. Raises `RecordingError` for what is none."""
-        data = _messages(piece, with_head=not self._begun)
+        data = messages(piece, with_head=not self._begun)
         self._begun = True
         self._waiting.append(data)
         self._waiting_bytes += len(data)
@@ -77,7 +77,7 @@ class RrdFile:
         self._size += len(data)
 
 
-def _messages(piece: bytes, with_head: bool) -> bytes:
+def messages(piece: bytes, with_head: bool) -> bytes:
     """A piece without its end and foot, and without its head unless asked for."""
     if piece[: len(MAGIC)] != MAGIC:
         raise RecordingError(f"Rerun encodes as {piece[:4]!r}, not {MAGIC!r}: this flexlab needs rerun-sdk 0.41.")

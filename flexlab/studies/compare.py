@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flexlab.recording.comparison import run_label, write_comparison
-from flexlab.recording.reader import Recording, read_recording
+from flexlab.recording.reader import Recording, read_blocks, read_recording
 from flexlab.studies.library import scenario_differences
-from flexlab.studies.metrics import MetricRow, metric_rows, run_metrics
+from flexlab.studies.metrics import MetricRow, MetricSums, RunMetrics, metric_rows
 
 Table = list[list[str]]
 """A line of headings, then rows."""
@@ -20,6 +20,7 @@ class Comparison:
     """Of the runs A, B, C… in the order they were given."""
 
     recordings: tuple[Recording, ...]
+    """Without their samples."""
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
     settings: tuple[tuple[str, tuple[str, ...]], ...]
@@ -63,8 +64,8 @@ class Comparison:
 
 def compare(paths: Sequence[Path]) -> Comparison:
     """Read recordings and compare them. Raises `RecordingError`."""
-    recordings = tuple(read_recording(path) for path in paths)
-    metrics = [metric_rows(run_metrics(recording.samples)) for recording in recordings]
+    recordings = tuple(read_recording(path, with_samples=False) for path in paths)
+    metrics = [metric_rows(_metrics(path)) for path in paths]
     fields = {
         path
         for recording in recordings[1:]
@@ -82,6 +83,13 @@ def compare_into(paths: Sequence[Path], target: Path) -> Comparison:
     comparison = compare(paths)
     write_comparison(comparison.recordings, target, comparison.text())
     return comparison
+
+
+def _metrics(path: Path) -> RunMetrics:
+    sums = MetricSums()
+    for block in read_blocks(path):
+        sums.add(block)
+    return sums.result()
 
 
 def _value(recording: Recording, path: str) -> str:

@@ -5,6 +5,7 @@ import pytest
 
 from flexlab.lab.kept import KeptRun, common_metrics, differences
 from flexlab.lab.plots.lyapunov import tracking_energy
+from flexlab.lab.plots.plots import unbroken
 from flexlab.lab.plots.spectrum import POINTS, amplitude_spectrum, thinned
 from flexlab.lab.scene.pull import held_point
 from flexlab.lab.scene.reach import elbow_sines, shade
@@ -12,9 +13,11 @@ from flexlab.lab.scene.strain import PIECES, curvature_functions, strain_colors
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
+from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.shape import arm_points, beam_points, deflection_at
 from flexlab.sim.simulate import simulate
+from flexlab.sim.snapshot import TICK
 
 
 @pytest.fixture(scope="module")
@@ -123,3 +126,16 @@ def test_differences_name_every_changed_field() -> None:
     assert {"payload.bending_stiffness", "controller.kind", "controller.position_gain"} <= paths
     assert "title" not in paths
     assert differences(paper, paper) == []
+
+
+def test_a_busy_engine_leaves_no_gap_in_the_plots() -> None:
+    """The engine has gone on for half a second since the snapshot said that a tenth was missing."""
+    now = [0.0]
+    runner = Runner(load_preset("paper"), clock=lambda: now[0])
+    for _ in range(60):
+        now[0] += 1 / 60
+        runner.frame()
+    newest = round(float(runner.snapshot.latest.time[0]) / TICK) - 600
+    samples = unbroken(runner, newest, missing=0.1, window=5.0)
+    assert samples.time[0] <= (newest + 1) * TICK
+    assert len(unbroken(runner, newest, missing=0.1, window=0.2)) <= 201, "no more than the window shows"

@@ -22,9 +22,7 @@ def status_html(snapshot: Snapshot, view: View, legend: Legend, recording: str) 
     sample = snapshot.latest
     tone, word = _status(snapshot)
     bending = 1e3 * float(sample.midspan_deflection[0])
-    actual = snapshot.actual_speed
-    digits = 2 if actual >= 0.1 else 3
-    speed = f"{factor(snapshot.target_speed)} / {actual:.{digits}f} ×"
+    speed = f"{factor(snapshot.target_speed)} / {_measured(snapshot.actual_speed)}"
     rows = [
         ("simulation time t", f"{float(sample.time[0]):.3f} s".replace("-", "−")),
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
@@ -42,6 +40,11 @@ def status_html(snapshot: Snapshot, view: View, legend: Legend, recording: str) 
     dot = f'<span class="fl-dot" style="background:{tone}"></span>'
     kept = f'<div class="fl-dim fl-line">{escaped(recording)}</div>' if recording else ""
     return f'<div class="fl"><div class="fl-title">{dot}{word}</div><div class="fl-grid">{grid}</div>{kept}</div>'
+
+
+def _measured(speed: float) -> str:
+    """A measured speed, to a hundredth or, in slow motion, to two digits."""
+    return f"{speed:.2f} ×" if speed >= 0.1 or speed == 0 else f"{speed:.2g} ×"
 
 
 def _torque(sample: Samples) -> str:
@@ -86,7 +89,7 @@ def _warnings(snapshot: Snapshot) -> list[str]:
         )
     if snapshot.too_slow and snapshot.actual_speed < CLEARLY_SLOWER * snapshot.target_speed:
         warnings.append(
-            f"Too slow: this machine reaches {snapshot.actual_speed:.2f} × instead of {factor(snapshot.target_speed)}. "
+            f"Too slow: this machine reaches {_measured(snapshot.actual_speed)} instead of {factor(snapshot.target_speed)}. "
             "Choose a lower speed or fewer elements."
         )
     return warnings

@@ -9,10 +9,11 @@ from flexlab.lab.plots.spectrum import Spectrum
 from flexlab.lab.view import View
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Snapshot
 
 OVERLAP = 0.05
-"""Extra samples asked for at each update, s: covers what arrives between the snapshot and the request."""
+"""Extra samples asked for at each update, s: covers what usually arrives between the snapshot and the request."""
 BACKGROUND_EVERY = 2
 """Updates of the first tab per update of the others (5 Hz): most of the page's traffic is plots that nobody looks at."""
 SPECTRUM_EVERY = 5
@@ -49,7 +50,7 @@ class Plots:
         missing = (now - newest) * TICK if newest >= 0 else window
         if missing <= 0:
             return
-        samples = runner.recent(min(missing + OVERLAP, window))
+        samples = unbroken(runner, newest, missing, window)
         for chart in self._every():
             chart.append(scenario, samples)
         self._show(runner, scenario, window)
@@ -76,6 +77,18 @@ class Plots:
             with self._homes[name]:
                 self._charts.append([Chart(self._gui, plot, scenario, self._window, kept) for plot in plots])
         self._plotted = _plotted(scenario, kept)
+
+
+def unbroken(runner: Runner, newest: int, missing: float, window: float) -> Samples:
+    """What the engine computed after tick `newest`, about `missing` s of it, but no more than `window` s."""
+    asked = missing + OVERLAP
+    while True:
+        samples = runner.recent(min(asked, window))
+        first = round(float(samples.time[0]) / TICK) if len(samples) else newest
+        if newest < 0 or first <= newest + 1 or asked >= window:
+            return samples
+        # On a busy machine the engine may have gone on for longer than the overlap.
+        asked *= 2
 
 
 def _plotted(scenario: Scenario, kept: KeptRun | None) -> list:

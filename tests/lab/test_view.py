@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from flexlab.lab.panel.comparing import change_text
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.text import escaped, factor, number
 from flexlab.lab.scene.camera import FIELD_OF_VIEW, Window, overview
@@ -56,3 +57,10 @@ def test_text_is_escaped_and_cut() -> None:
     assert number(float("nan")) == "–"
     assert factor(1 / 256) == "1/256 ×"
     assert factor(2.0) == "2 ×"
+
+
+def test_changes_have_a_sign_unless_there_is_none() -> None:
+    assert change_text(150.2) == "+150 %"
+    assert change_text(-3.6) == "−4 %"
+    assert change_text(-0.2) == change_text(0.4) == "0 %"
+    assert change_text(float("nan")) == "–"

@@ -64,8 +64,7 @@ def comparison_html(kept: KeptRun, snapshot: Snapshot, runner: Runner) -> str:
         return f'<div class="fl">{text}{settings}</div>'
     lines = []
     for old, new in rows[1:]:
-        change = 100 * (new.value / old.value - 1) if old.value else math.nan
-        shown = f"{change:+.0f} %".replace("-", "−") if math.isfinite(change) else "–"
+        shown = change_text(100 * (new.value / old.value - 1) if old.value else math.nan)
         lines.append(
             f"<tr><td>{escaped(old.title)} ({old.unit})</td><td>{number(old.value, 3)}</td>"
             f"<td>{number(new.value, 3)}</td><td>{shown}</td></tr>"
@@ -75,6 +74,13 @@ def comparison_html(kept: KeptRun, snapshot: Snapshot, runner: Runner) -> str:
         f'<div class="fl">Over t = {first:.2f} s to {last:.2f} s of both runs:'
         f'<table class="fl-table">{head}{"".join(lines)}</table>{settings}</div>'
     )
+
+
+def change_text(percent: float) -> str:
+    """A change in whole per cent with its sign; "–" where there is nothing to compare with."""
+    if not math.isfinite(percent):
+        return "–"
+    return f"{percent:+.0f} %".replace("-", "−") if round(percent) else "0 %"
 
 
 def _settings_html(kept: Scenario, now: Scenario) -> str:

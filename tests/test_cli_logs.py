@@ -81,6 +81,12 @@ def test_the_table_has_a_line_of_numbers_for_each_run(flexlab_command: Command, 
     assert "Without metrics: 3. flexlab logs --measure" in done.stderr
 
 
+def test_of_many_changes_the_table_shows_a_few(flexlab_command: Command, logs: Path):
+    write_notes(run_of(logs, "paper"), changes=[f"change {number}" for number in range(64)])
+    assert "  change 0; change 1; change 2; 61 more" in good(flexlab_command("logs")).splitlines()
+    assert "change 63" in good(flexlab_command("logs", run_of(logs, "paper").stem))
+
+
 def test_words_and_fields_choose_and_order(flexlab_command: Command, logs: Path):
     def names(*words: str) -> list[str]:
         return [row["preset"] for row in json.loads(good(flexlab_command("logs", "--json", *words)))]

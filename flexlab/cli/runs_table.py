@@ -32,6 +32,9 @@ METRICS = {
 FIELDS = ("started", "preset", "duration", "size", "state", *METRICS)
 """What the table can be sorted by."""
 
+CHANGES_SHOWN = 3
+"""Of what was changed in a run, how many stand in the table."""
+
 GAP = "  "
 UNKNOWN = "–"
 
@@ -158,7 +161,9 @@ def _width(column: Column, rows: Sequence[RunRow]) -> int:
 
 def _more(row: RunRow) -> str:
     marks = (["kept"] if row.kept else []) + [f"#{tag}" for tag in row.tags]
-    parts = (" ".join(marks), " ".join(row.note.split()), "; ".join(row.changes))
+    left = len(row.changes) - CHANGES_SHOWN
+    changes = "; ".join(row.changes[:CHANGES_SHOWN]) + (f"; {left} more" if left > 0 else "")
+    parts = (" ".join(marks), " ".join(row.note.split()), changes)
     return " · ".join(part for part in parts if part)
 
 

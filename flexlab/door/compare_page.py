@@ -54,8 +54,8 @@ async def comparison(request: web.Request) -> web.Response:
     context = context_of(request)
     names = list(dict.fromkeys(request.query.getall("run", [])))
     if not 2 <= len(names) <= MOST_RUNS:
-        return message("Nothing to compare", f"{_count(names)} cannot be compared: choose 2 to {MOST_RUNS} runs.",
-                       400, ALL_RUNS)  # fmt: skip
+        said = f"Choose 2 to {MOST_RUNS} runs to compare: this address names {len(names)}."
+        return message("Nothing to compare", said, 400, ALL_RUNS)
     try:
         rows = [await asyncio.to_thread(find_row, context.settings.logs, name) for name in names]
     except RecordingError as error:
@@ -67,10 +67,6 @@ async def comparison(request: web.Request) -> web.Response:
     body = _body(rows, tables, recording_address(context, COMPARISON + key))
     script = Markup('<script src="/static/review.js" defer></script>')
     return page("Comparison", body, here="/runs", kind="compare", head=script)
-
-
-def _count(names: Sequence[str]) -> str:
-    return f"{len(names) or 'No'} run{'s' if len(names) != 1 else ''}"
 
 
 def _body(rows: Sequence[RunRow], tables: ComparisonTables, address: str) -> Markup:

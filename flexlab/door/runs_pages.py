@@ -81,7 +81,7 @@ placeholder="{begin}"></label>
 </form></details>
 <a class="button quiet" href="/runs/{id}.rrd" download>Download</a>
 {details}
-<details class="pop" name="pop"><summary class="button quiet">Note and tags</summary>
+<details class="pop right" name="pop"><summary class="button quiet">Note and tags</summary>
 <form method="post" action="/runs/{id}/notes">
 <label>Note <textarea name="note" rows="3" maxlength="2000">{note}</textarea></label>
 <label>Tags, separated by commas <input name="tags" value="{tags}" maxlength="200"></label>
@@ -97,7 +97,7 @@ data-kind="{finding}">{sentence}</p>
 <noscript><p>Rerun's viewer needs JavaScript.</p></noscript>
 <iframe id="viewer" title="The recording in rerun's viewer" data-recording="{address}" allowfullscreen></iframe>
 """
-DETAILS = """<details class="pop" name="pop"><summary class="button quiet">Metrics and changes</summary>
+DETAILS = """<details class="pop right" name="pop"><summary class="button quiet">Metrics and changes</summary>
 <div class="details"><dl>{metrics}</dl><ul>{changes}</ul></div></details>"""
 LIVE_HINT = Markup(
     '<p class="hint">This run is still being recorded: you see it up to this moment. Reload to see more.</p>'

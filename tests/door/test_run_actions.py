@@ -75,9 +75,9 @@ def test_two_runs_are_compared_in_tables_and_in_one_overlay(library: Door, recor
 @pytest.mark.parametrize(
     ("query", "status", "says"),
     [
-        ("", 400, "No runs cannot be compared: choose 2 to 6 runs."),
-        ("?run=a", 400, "1 run cannot be compared"),
-        ("?" + "&".join(f"run=r{number}" for number in range(7)), 400, "7 runs cannot be compared"),
+        ("", 400, "Choose 2 to 6 runs to compare: this address names 0."),
+        ("?run=a", 400, "this address names 1."),
+        ("?" + "&".join(f"run=r{number}" for number in range(7)), 400, "this address names 7."),
         ("?run=../../etc/passwd&run=b", 404, "There is no run"),
     ],
 )

@@ -13,6 +13,7 @@ from flexlab.errors import FlexlabError, LabError, ScenarioError
 from flexlab.lab.kept import KeptRun, differences
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.lab.view import View, fitting_exaggeration
+from flexlab.physics.plant import ON_BEAM
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pull, Reset
@@ -25,6 +26,9 @@ NOTICE_TIME = 12.0
 """How long a notice stays on screen, wall seconds: time to read two lines twice."""
 CATCH_UP_TIME = 1.0
 """How long the engine may take to show a change that was asked for, wall seconds."""
+
+STIFFNESS = 3
+"""Index in `WorldState.pull`."""
 
 log = logging.getLogger(__name__)
 
@@ -56,6 +60,7 @@ class Desk:
         self.kept: KeptRun | None = None
         """The run that is drawn behind the present one."""
         self._view = View(exaggeration=fitting_exaggeration(snapshot.scenario))
+        self._let_go_of(origin)
 
     @property
     def snapshot(self) -> Snapshot:
@@ -188,6 +193,15 @@ class Desk:
         self._pull = None
         self.set_view(exaggeration=fitting_exaggeration(settings.scenario), shown_mode=None)
         self._runner.submit(LoadScenario(settings.scenario, settings.name, settings.origin))
+        self._let_go_of(settings.origin)
+
+    def _let_go_of(self, origin: Origin | None) -> None:
+        """End a pull that was going on at `origin`: its hand is not here, and nobody would see its spring."""
+        if origin is None or origin.state.pull[STIFFNESS] == 0:
+            return
+        position, x, y, _, arm, link = (float(item) for item in origin.state.pull)
+        held = None if arm == ON_BEAM else (int(arm) + 1, int(link) + 1)
+        self._runner.submit(Pull(position, (x, y), 0.0, held))
 
 
 def _settings(scenario: Scenario, name: str, origin: Origin | None) -> Settings:

@@ -2,13 +2,17 @@
 
 from dataclasses import replace
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexlab.lab import undo
+from flexlab.lab.desk import Desk
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
+from flexlab.sim.commands import Pull
+from flexlab.sim.runner import Runner
 from flexlab.sim.state import Origin
 from flexlab.sim.world import World
 
@@ -91,3 +95,19 @@ def test_the_history_is_bounded() -> None:
     while (earlier := history.back(present)) is not None:
         present, steps = earlier, steps + 1
     assert steps == undo.LONGEST_HISTORY
+
+
+def test_a_lab_that_goes_on_lets_go_of_what_was_pulled() -> None:
+    world = World(load_preset("paper"))
+    world.apply(Pull(0.2, (-0.9, 0.8), 300.0, (1, 2)))
+    world.advance(100)
+    origin = Origin("earlier", world.time, world.state())
+    runner = Runner(world.scenario, "earlier", clock=lambda: 0.0, origin=origin)
+    desk = Desk(runner, origin)
+    runner.frame()
+    assert runner.snapshot.events[-1].text == "Let go of link 2 of the left arm"
+    assert desk.pulled is None
+    desk.load(world.scenario, "earlier", origin)
+    runner.frame()
+    assert [event.text for event in runner.snapshot.events][-1] == "Let go of link 2 of the left arm"
+    assert runner.snapshot.latest.time[0] == pytest.approx(0.1)

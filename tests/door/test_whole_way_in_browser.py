@@ -54,6 +54,8 @@ def test_from_the_start_page_to_an_imported_run(chromium: Browser, open_another:
         page.get_by_role("heading", name="Comparison").wait_for(timeout=MILLI * PATIENCE)
         wait_for_plots(page, "way-compare")
 
+        # From here on nobody looks at the viewer, which would take all of a machine without a graphics card.
+        page.route("**/viewer/**", lambda route: route.abort())
         page.get_by_role("link", name="paper", exact=True).last.click()
         page.locator("summary", has_text="Export").click()
         page.locator("select[name=format]").select_option("parquet")

@@ -11,7 +11,7 @@ import viser
 from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.lab.desk import Desk, handler
 from flexlab.lab.panel.field import LIVE_HINTS
-from flexlab.lab.panel.number_control import BOX_DIGITS, READING_TIME, SETTLE_TIME
+from flexlab.lab.panel.number_control import BOX_DIGITS, READING_TIME, SETTLE_TIME, put
 from flexlab.lab.panel.text import escaped, number
 from flexlab.scenario import Scenario
 
@@ -90,10 +90,10 @@ class Exact:
         value = self._read(scenario)
         if self._given and self._switch.value != (value is not None):
             self._switch.value = value is not None
-        self._box.visible = value is not None
-        if value is not None and self._box.value != value:
-            self._box.value = value
-        self._back.visible = value != self._usual()
+        put(self._box, visible=value is not None)
+        if value is not None:
+            put(self._box, value=value)
+        put(self._back, visible=value != self._usual())
 
     def _turn(self, on: bool) -> None:
         if self._given:
@@ -116,13 +116,13 @@ class Exact:
         except FlexlabError as error:
             self._complain(f"{error} It stays at {_text(self._read(self._desk.intended))}.")
             return
-        self._box.visible = value is not None
-        self._back.visible = value != self._usual()
+        put(self._box, visible=value is not None)
+        put(self._back, visible=value != self._usual())
         self._complain("")
 
     def _complain(self, text: str) -> None:
         box = f'<div class="fl"><div class="fl-box fl-error">{escaped(text)}</div></div>' if text else ""
-        self._problem.content, self._problem.visible = box, bool(text)
+        put(self._problem, content=box, visible=bool(text))
 
 
 def _box(gui: viser.GuiApi, label: str, value: Any, hint: str) -> Any:

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable
+from typing import Any
 
 import viser
 
@@ -18,6 +19,13 @@ READING_TIME = 12.0
 SLIDER_STEPS = 200
 BOX_DIGITS = 9
 """Decimals that a number box takes."""
+
+
+def put(widget: Any, **values: Any) -> None:
+    """Write what has changed: viser takes 20 µs for every write, even of the value that is there."""
+    for name, value in values.items():
+        if getattr(widget, name) != value:
+            setattr(widget, name, value)
 
 
 class Scale:
@@ -138,8 +146,8 @@ class NumberControl:
 
     def _offer_way_back(self) -> None:
         if self._usual is not None:
-            self._back.visible = self._usual() != self._value
+            put(self._back, visible=self._usual() != self._value)
 
     def _complain(self, text: str) -> None:
         box = f'<div class="fl"><div class="fl-box fl-error">{escaped(text)}</div></div>' if text else ""
-        self._problem.content, self._problem.visible = box, bool(text)
+        put(self._problem, content=box, visible=bool(text))

@@ -13,6 +13,7 @@ from flexlab.lab.panel.events import Events
 from flexlab.lab.panel.filing import Filing
 from flexlab.lab.panel.keys import Key, add_keys
 from flexlab.lab.panel.modes import ModePanel
+from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.presets import Presets
 from flexlab.lab.panel.readouts import notices_html, status_html
 from flexlab.lab.panel.sections import SECTIONS, Section, three_valued
@@ -82,7 +83,7 @@ class Panel:
         self._comparing.update(snapshot)
         self._filing.update(snapshot)
         note = three_valued(desk.intended)
-        self._note.content, self._note.visible = f'<div class="fl fl-dim">{escaped(note)}</div>', bool(note)
+        put(self._note, content=f'<div class="fl fl-dim">{escaped(note)}</div>', visible=bool(note))
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
             self._viewing.show()

@@ -18,7 +18,7 @@ from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
 from flexlab.recording.state_json import state_json
 
 APPLICATION = "flexlab"
-"""Rerun keeps one layout per application: a person's own changes to it hold for the next run too."""
+"""Rerun keeps one layout per application: while runs are watched live, a person's own changes hold for the next one."""
 
 FLUSH_TIMEOUT = 5.0
 """s: rerun's encoder or the hub, if silent for so long, counts as failed."""
@@ -127,7 +127,10 @@ def open_file_stream(file: RunFile, info: RunInfo) -> RunStream:
     """A stream into a claimed, empty file. Raises `RecordingError` if it cannot be written."""
     stream = _new_stream(info)
     encoded = stream.binary_stream()
-    stream.set_sinks(encoded, default_blueprint=_layout(info))
+    stream.set_sinks(encoded)
+    # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own, and
+    # would keep that.
+    stream.send_blueprint(_layout(info), make_active=True, make_default=True)
     try:
         return RunStream(stream, info, encoded, RrdFile(file.handle))
     except RecordingError as error:

@@ -8,12 +8,15 @@ import numpy as np
 from door_client import PATIENCE, wait_until
 from PIL import Image
 from playwright.sync_api import Browser, Page
-from test_door_in_browser import SCENE, has_curves, picture, window
+from test_door_in_browser import SCENE, picture, window
 
 from flexlab.door.door import Door
 from flexlab.recording.reader import read_recording
+from flexlab.recording.signals import GREEN, VERMILION
 
 MILLI = 1e3
+NEAR, SHARE = 24, 0.0005
+"""Colours that count as a curve's, and which share of the plots' place curves and legends have at least."""
 
 
 def wait_for_plots(page: Page, name: str) -> None:
@@ -22,7 +25,8 @@ def wait_for_plots(page: Page, name: str) -> None:
 
     def plotted() -> bool:
         image = np.asarray(Image.open(picture(page, name)).convert("RGB")).astype(int)
-        return has_curves(image[:, 2 * image.shape[1] // 3 :])
+        plots = image[:, 2 * image.shape[1] // 3 :]
+        return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (VERMILION, GREEN))
 
     wait_until(plotted, "the viewer draws the plots")
 

@@ -4,31 +4,12 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 from door_client import PATIENCE, wait_until
-from PIL import Image
-from playwright.sync_api import Browser, Page
-from test_door_in_browser import SCENE, picture, window
+from playwright.sync_api import Browser
+from test_door_in_browser import MILLI, SCENE, picture, wait_for_plots, window
 
 from flexlab.door.door import Door
 from flexlab.recording.reader import read_recording
-from flexlab.recording.signals import GREEN, VERMILION
-
-MILLI = 1e3
-NEAR, SHARE = 24, 0.0005
-"""Colours that count as a curve's, and which share of the plots' place curves and legends have at least."""
-
-
-def wait_for_plots(page: Page, name: str) -> None:
-    """Until the viewer in the page shows curves; keeps a picture."""
-    page.frame_locator("#viewer").locator("canvas").wait_for(timeout=MILLI * PATIENCE)
-
-    def plotted() -> bool:
-        image = np.asarray(Image.open(picture(page, name)).convert("RGB")).astype(int)
-        plots = image[:, 2 * image.shape[1] // 3 :]
-        return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (VERMILION, GREEN))
-
-    wait_until(plotted, "the viewer draws the plots")
 
 
 def test_from_the_start_page_to_an_imported_run(chromium: Browser, open_another: Callable[..., Door], recorded: Path):

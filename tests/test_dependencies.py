@@ -12,7 +12,7 @@ import pytest
 DISTRIBUTIONS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk", "pinocchio": "pin", "mujoco": "mujoco"}
 """Of modules that a part of the distribution brings, or one of another name."""
 
-TOOLS = {"hatchling", "pyright", "ruff", "pytest", "pytest-timeout"}
+TOOLS = {"hatchling", "pyright", "ruff", "pytest", "pytest-timeout", "pytest-xdist"}
 """In the extra `test` to be run, not imported."""
 
 
@@ -49,7 +49,8 @@ def imported(folder: Path) -> set[str]:
     own = {path.stem for path in folder.rglob("*")} | {"flexlab"}
     homes = packages_distributions()
     outside = modules - own - set(sys.stdlib_module_names)
-    return {normal(DISTRIBUTIONS.get(module) or homes[module][0]) for module in outside}
+    # The peers need not be installed; their modules are named as they are.
+    return {normal(DISTRIBUTIONS.get(module) or homes.get(module, [module])[0]) for module in outside}
 
 
 def test_the_package_asks_for_what_it_imports_and_no_more(root: Path, project: dict):

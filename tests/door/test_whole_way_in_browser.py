@@ -31,7 +31,7 @@ def test_from_the_start_page_to_an_imported_run(chromium: Browser, open_another:
 
         page.get_by_role("link", name="Runs", exact=True).click()
         compare = page.get_by_role("button", name="Compare")
-        assert compare.is_disabled()
+        wait_until(compare.is_disabled, "nothing is chosen to compare")
         for run in (live.stem, recorded.stem):
             page.locator(f"input[value='{run}']").press("Space")
         picture(page, "way-runs")

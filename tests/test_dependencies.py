@@ -12,7 +12,7 @@ import pytest
 DISTRIBUTIONS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk", "pinocchio": "pin", "mujoco": "mujoco"}
 """Of modules that a part of the distribution brings, or one of another name."""
 
-TOOLS = {"hatchling", "pyright", "ruff", "pytest", "pytest-timeout", "pytest-xdist"}
+TOOLS = {"hatchling", "pyright", "ruff", "pytest", "pytest-timeout"}
 """In the extra `test` to be run, not imported."""
 
 

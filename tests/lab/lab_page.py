@@ -101,9 +101,7 @@ class LabPage:
 
     def enter(self, label: str, value: str) -> None:
         """Type a number into a box."""
-        box = self.box(label)
-        box.scroll_into_view_if_needed()
-        box.fill(value)
+        self.box(label).fill(value)
         self.page.evaluate(THROUGH_THE_GATE)
 
     def write(self, label: str, text: str) -> None:

@@ -10,8 +10,8 @@ _HOMES = {
     "Scenario": "flexlab.scenario",
     "parse_scenario": "flexlab.scenario",
     "simulate": "flexlab.sim.simulate",
-    "simulate_many": "flexlab.studies.batch",
-    "modes": "flexlab.studies.modes",
+    "simulate_many": "flexlab.analysis.batch",
+    "modes": "flexlab.analysis.modes",
     "Run": "flexlab.sim.samples",
 }
 """Public names and the modules they live in; imported on first use, so that `flexlab --help` need not load numba."""

@@ -41,7 +41,7 @@ class Lesson(NamedTuple):
     preset: str
     """The preset to start from."""
     check: str
-    """Key of `flexlab.studies.lesson_checks.CHECKS`."""
+    """Key of `flexlab.analysis.lesson_checks.CHECKS`."""
     question: str
     """Markdown: what the lesson is about."""
     steps: str

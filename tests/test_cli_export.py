@@ -11,8 +11,8 @@ import pytest
 from flexlab.presets import load_preset
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
-from flexlab.recording.run_files import newest_run
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.store.run_files import newest_run
 from flexlab.sim.commands import Tap
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.simulate import simulate

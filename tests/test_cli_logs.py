@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from flexlab.cli.runs_table import METRICS
+from flexlab.analysis.run_summary import note_metrics
+from flexlab.cli.runs_listing import METRICS
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
-from flexlab.recording.run_files import list_runs, write_notes
+from flexlab.recording.store.run_files import list_runs, write_notes
 from flexlab.sim.simulate import simulate
-from flexlab.studies.library import note_metrics
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 

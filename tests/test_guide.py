@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from flexlab import guide
+from flexlab.analysis.lesson_checks import CHECKS
 from flexlab.assets import web_assets_folder
 from flexlab.presets import preset_names
-from flexlab.studies.lesson_checks import CHECKS
 
 CHAPTERS = ["What you see", "The equations", "The controller", "Reading the plots", "Keys and tips"]
 LESSONS = [

@@ -20,16 +20,17 @@ LAYERS = {
     "sim": 4,
     "recording": 5,
     "lab": 5,
-    "studies": 5,
+    "analysis": 5,
+    "benchmarks": 6,
     "": 6,  # flexlab/__init__.py, the Python interface
-    "door": 7,
+    "server": 7,
     "cli": 8,
     "__main__": 9,
 }
 CLOSED_ROOMS = {"recording", "lab"}
 """Neighbours that may not lean on each other: a screen works without a recorder and the other way round."""
 
-HOMES = {"viser": {"lab"}, "rerun": {"recording"}, "aiohttp": {"door"}, "tyro": {"cli"}}
+HOMES = {"viser": {"lab"}, "rerun": {"recording"}, "aiohttp": {"server"}, "tyro": {"cli"}}
 """The only rooms that import an outside library which shapes everything it touches."""
 
 FREE_OF_CONFIGURATION = {"physics"}
@@ -108,7 +109,7 @@ def test_imports_point_down(root: Path):
         ("lab", "from flexlab.recording import writer"),
         ("sim", "import viser"),
         ("lab", "import rerun as rr"),
-        ("studies", "from flexlab.cli import main"),
+        ("analysis", "from flexlab.cli import main"),
         ("attic", "import math"),
     ],
 )

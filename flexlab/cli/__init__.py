@@ -46,7 +46,7 @@ def _dispatch(words: list[str]) -> int:
         raise FlexlabError(f"There is no command {name!r}: the commands are {', '.join(COMMANDS)}; {hint}")
     import tyro
 
-    command = importlib.import_module(f"flexlab.cli.{name}").command
+    command = importlib.import_module(f"flexlab.cli.{name}_command").command
     prog = "flexlab" if words[:1] != [name] else f"flexlab {name}"
     code = tyro.cli(command, prog=prog, args=rest, config=(tyro.conf.FlagCreatePairsOff,))
     return EXIT_OK if code is None else code

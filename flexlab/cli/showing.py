@@ -41,7 +41,7 @@ def ending() -> Iterator[threading.Event]:
 
 def show_review(path: Path, what: str, browser: bool, port: int) -> None:
     """Serve a recording to rerun's viewer, say where, open a browser on it if wished, until the person ends it."""
-    from flexlab.recording.review import open_review
+    from flexlab.recording.viewer import open_review
 
     with ending() as ended, open_review(path, port) as review:
         console = output()

@@ -5,21 +5,21 @@ from collections.abc import Callable, Sequence
 import viser
 
 from flexlab.errors import LabError
-from flexlab.lab.cameras import Cameras
-from flexlab.lab.desk import Desk
-from flexlab.lab.drawing import Drawing
-from flexlab.lab.gate import guard_inputs
-from flexlab.lab.mode_study import ModeStudy
-from flexlab.lab.panel.guide import Guide
+from flexlab.lab.client_cameras import ClientCameras
+from flexlab.lab.input_guard import guard_inputs
+from flexlab.lab.lab_state import LabState
+from flexlab.lab.mode_computation import ModeStudy
+from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
+from flexlab.lab.picking import Picking
 from flexlab.lab.plots.plots import Plots
-from flexlab.lab.scene.camera import FIELD_OF_VIEW, Window, overview
+from flexlab.lab.render_loop import RenderLoop
+from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.scene import Scene
-from flexlab.lab.server import open_server
-from flexlab.lab.touch import Touch
+from flexlab.lab.viser_server import open_server
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Consumer, Runner
-from flexlab.sim.state import Origin
+from flexlab.sim.world_state import Origin
 
 PANEL_WIDTH, PLOTS_WIDTH = 330, 350
 """px: enough for the longest label with its unit, and for a plot's legend on one line."""
@@ -54,9 +54,9 @@ class Session:
         self._origin = origin
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin)
         self._server: viser.ViserServer | None = None
-        self._desk: Desk | None = None
+        self._lab_state: LabState | None = None
         self._study = ModeStudy()
-        self._drawing: Drawing | None = None
+        self._drawing: RenderLoop | None = None
 
     @property
     def server(self) -> viser.ViserServer:
@@ -66,11 +66,11 @@ class Session:
         return self._server
 
     @property
-    def desk(self) -> Desk:
+    def lab_state(self) -> LabState:
         """What the controls share; raises `LabError` before `start` and after `stop`."""
-        if self._desk is None:
+        if self._lab_state is None:
             raise LabError("This lab is not running: start it first.")
-        return self._desk
+        return self._lab_state
 
     @property
     def port(self) -> int:
@@ -102,7 +102,7 @@ class Session:
         self.runner.stop()
         if self._server is not None:
             self._server.stop()
-        self._drawing = self._desk = self._server = None
+        self._drawing = self._lab_state = self._server = None
 
     def __enter__(self) -> "Session":
         self.start()
@@ -111,18 +111,20 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def _furnish(self, server: viser.ViserServer) -> Drawing:
+    def _furnish(self, server: viser.ViserServer) -> RenderLoop:
         """Fill the server's page."""
-        desk = self._desk = Desk(self.runner, self._origin)
-        touch = Touch(desk)
+        lab_state = self._lab_state = LabState(self.runner, self._origin)
+        touch = Picking(lab_state)
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)
-        cameras = Cameras(server, self.runner)
-        panel = Panel(server.gui, desk, self.runner, self._study, touch, cameras.choose, self._recording, self._link)
-        guard_inputs(server, desk)
+        cameras = ClientCameras(server, self.runner)
+        panel = Panel(
+            server.gui, lab_state, self.runner, self._study, touch, cameras.choose, self._recording, self._link
+        )
+        guard_inputs(server, lab_state)
         board = server.gui.add_panel()
-        plots = Plots(server.gui, board, self._scenario, desk.view.plot_window)
+        plots = Plots(server.gui, board, self._scenario, lab_state.view.plot_window)
         with board.add_tab("Guide"):
-            guide = Guide(server.gui, desk, self.runner)
+            guide = Guide(server.gui, lab_state, self.runner)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
         board.dock_left()
@@ -131,4 +133,4 @@ class Session:
         server.initial_camera.fov = FIELD_OF_VIEW
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position
-        return Drawing(server, self.runner, desk, scene, cameras, panel, plots, guide)
+        return RenderLoop(server, self.runner, lab_state, scene, cameras, panel, plots, guide)

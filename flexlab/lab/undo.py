@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.scenario import Scenario
-from flexlab.sim.state import Origin
+from flexlab.sim.world_state import Origin
 
 LONGEST_HISTORY = 200
 """Steps that can be undone."""

@@ -6,8 +6,8 @@ import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
 from flexlab.recording.chunks import TIMELINE
-from flexlab.recording.drawing import VIEW_SHAPE, eye
-from flexlab.recording.signals import REAL_TIME_FACTOR, PlotSignal, plot_signals
+from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, PlotSignal, plot_signals
+from flexlab.recording.scene_log import VIEW_SHAPE, eye
 from flexlab.scenario import Scenario
 
 MAIN_PLOTS = ("error", "vibration", "internal_force", "joint_torque")

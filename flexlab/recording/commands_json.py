@@ -13,7 +13,7 @@ from flexlab.recording.state_json import origin_from_values, origin_values
 from flexlab.scenario import parse_scenario
 from flexlab.sim import commands
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario
-from flexlab.sim.state import Origin
+from flexlab.sim.world_state import Origin
 
 KINDS: dict[str, type] = {
     kind.__name__: kind

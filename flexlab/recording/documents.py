@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, plot_signals
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
 from flexlab.scenario import Scenario
 
 FORMAT = 1

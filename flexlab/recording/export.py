@@ -19,13 +19,13 @@ import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.recording.blocks import larger_blocks
-from flexlab.recording.columns import from_columns, to_columns
 from flexlab.recording.commands_json import command_to_json
 from flexlab.recording.documents import these_versions
 from flexlab.recording.reader import Recording
-from flexlab.recording.run_files import replacing
+from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.state_json import state_json
+from flexlab.recording.store.run_files import replacing
+from flexlab.recording.table_columns import from_columns, to_columns
 from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.samples import Run, Samples, Status

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from flexlab.errors import RecordingError
-from flexlab.recording.run_files import RunFile, claim_run_file, write_notes
 from flexlab.recording.run_stream import RunStream, open_file_stream
 from flexlab.recording.run_writer import RunWriter
+from flexlab.recording.store.run_files import RunFile, claim_run_file, write_notes
 from flexlab.sim.samples import Status
 
 RETRY_PERIOD = 1.0

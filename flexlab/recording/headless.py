@@ -7,12 +7,12 @@ from pathlib import Path
 from types import TracebackType
 
 from flexlab.errors import RecordingError
-from flexlab.recording.finishing import finish
-from flexlab.recording.noting import StartNotes
-from flexlab.recording.run_files import claim_run_file, write_notes
+from flexlab.recording.repair import finish
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_notes import StartNotes
 from flexlab.recording.run_stream import open_file_stream
 from flexlab.recording.run_writer import RunWriter
+from flexlab.recording.store.run_files import claim_run_file, write_notes
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 

@@ -16,16 +16,16 @@ from flexlab.errors import RecordingError
 from flexlab.recording.commands_json import command_from_json
 from flexlab.recording.documents import these_versions
 from flexlab.recording.export import FORMATS, import_run
-from flexlab.recording.finishing import finish
 from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
 from flexlab.recording.reader import read_blocks, read_recording
-from flexlab.recording.run_files import SUFFIX, claim_run_file, remove_run, write_notes
+from flexlab.recording.repair import finish
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_writer import END
 from flexlab.recording.state_json import state_from_json
+from flexlab.recording.store.run_files import SUFFIX, claim_run_file, remove_run, write_notes
 from flexlab.sim.samples import Run
 from flexlab.sim.snapshot import TICK, Event
-from flexlab.sim.state import WorldState
+from flexlab.sim.world_state import WorldState
 
 IMPORTED = (SUFFIX, *FORMATS)
 """Endings of the files that can be taken in."""

@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 
 from flexlab.errors import RecordingError, ScenarioError
-from flexlab.recording.blocks import decode_block, join_blocks
 from flexlab.recording.commands_json import command_from_json
 from flexlab.recording.documents import FORMAT
 from flexlab.recording.rrd_rows import Rows, read_rows, rows_in_order
-from flexlab.recording.run_files import State, run_state
+from flexlab.recording.sample_codec import decode_block, join_blocks
 from flexlab.recording.state_json import state_from_json
+from flexlab.recording.store.run_files import State, run_state
 from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.sim.columns import row_length, rows_to_samples
+from flexlab.sim.row_layout import row_length, rows_to_samples
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import Event
-from flexlab.sim.state import WorldState
+from flexlab.sim.world_state import WorldState
 
 PROPERTIES = "/__properties/"
 """Where rerun keeps a recording's properties."""

@@ -13,8 +13,8 @@ from rerun.chunk import LazyChunkStream, RrdReader
 
 from flexlab.errors import RecordingError
 from flexlab.recording.chunks import TIMELINE
-from flexlab.recording.finishing import Mending
-from flexlab.recording.run_files import MAGIC
+from flexlab.recording.repair import Mending
+from flexlab.recording.store.run_files import MAGIC
 
 ROW_ID = "rerun.controls.RowId"
 """Rerun's own column, of no interest here."""

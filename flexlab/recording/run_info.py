@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from uuid import uuid4
 
-from flexlab.recording.drawing import exaggeration
+from flexlab.recording.scene_log import exaggeration
 from flexlab.scenario import Scenario
 from flexlab.sim.snapshot import TICK
-from flexlab.sim.state import WorldState
+from flexlab.sim.world_state import WorldState
 
 
 @dataclass(frozen=True)

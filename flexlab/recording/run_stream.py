@@ -10,12 +10,12 @@ from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import run_blueprint
 from flexlab.recording.chunks import Column, send_columns
 from flexlab.recording.documents import parameters_text, run_properties, signals_text
-from flexlab.recording.drawing import fixed_shapes
+from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, plot_signals
 from flexlab.recording.rrd_file import RrdFile
-from flexlab.recording.run_files import RunFile
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
+from flexlab.recording.scene_log import fixed_shapes
 from flexlab.recording.state_json import state_json
+from flexlab.recording.store.run_files import RunFile
 
 APPLICATION = "flexlab"
 """Rerun keeps one layout per application: while runs are watched live, a person's own changes hold for the next one."""

@@ -9,14 +9,14 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import RecordingError, ScenarioError
-from flexlab.recording.blocks import encode_block
 from flexlab.recording.chunks import blobs, line_strips, scalars, texts
 from flexlab.recording.commands_json import command_to_json
-from flexlab.recording.drawing import FRAMES_PER_SECOND, desired_path, moving_shapes
-from flexlab.recording.noting import StartNotes
+from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, plot_signals
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_notes import StartNotes
 from flexlab.recording.run_stream import RunStream
-from flexlab.recording.signals import REAL_TIME_FACTOR, plot_signals
+from flexlab.recording.sample_codec import encode_block
+from flexlab.recording.scene_log import FRAMES_PER_SECOND, desired_path, moving_shapes
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlab.sim.state import Origin, WorldState
+from flexlab.sim.world_state import Origin, WorldState
 
 
 def state_json(state: WorldState) -> str:

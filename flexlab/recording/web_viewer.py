@@ -20,8 +20,8 @@ from urllib.parse import quote
 import rerun as rr
 
 from flexlab.errors import RecordingError
-from flexlab.recording.finishing import rerun_tool
-from flexlab.recording.run_files import replacing
+from flexlab.recording.repair import rerun_tool
+from flexlab.recording.store.run_files import replacing
 
 VIEWER_FILES = {
     "index.html": "text/html; charset=utf-8",

@@ -5,7 +5,7 @@ plain data into a `Scenario` or raises `ScenarioError` with one sentence per pro
 path (`"payload.bending_stiffness"`). Presets and files are in `flexlab.presets`.
 """
 
-from flexlab.scenario.arm import Arm
+from flexlab.scenario.arms import Arm
 from flexlab.scenario.controller import (
     AdaptiveSlidingMode,
     ComputedTorque,
@@ -24,8 +24,8 @@ from flexlab.scenario.payload import (
     Payload,
     StiffnessDamping,
 )
+from flexlab.scenario.scenario import Initial, Scenario, Simulation, parse_scenario
 from flexlab.scenario.trajectory import SineTrajectory
-from flexlab.scenario.whole import Initial, Scenario, Simulation, parse_scenario
 
 __all__ = [
     "FIXED_COORDINATES",

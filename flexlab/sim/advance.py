@@ -6,7 +6,7 @@ from flexlab.physics.plant import BEND, DISSIPATED, ETA
 from flexlab.sim.closed_loop import rates
 from flexlab.sim.integrators.scheme import ETDRK4
 from flexlab.sim.integrators.step import integrate
-from flexlab.sim.observe import write_sample
+from flexlab.sim.outputs import write_sample
 from flexlab.sim.sampled_control import control_instant
 
 DIVERGED, BENT = NOT_A_NUMBER, 4

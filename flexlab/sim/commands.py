@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.scenario import Scenario
-from flexlab.sim.state import Origin
+from flexlab.sim.world_state import Origin
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import threading
 
 import numpy as np
 
-from flexlab.sim import columns
+from flexlab.sim import row_layout
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK
 
@@ -40,4 +40,4 @@ class History:
             start = (self._written - count) % size
             first = min(count, size - start)
             rows = np.concatenate([self._rows[start : start + first], self._rows[: count - first]])
-        return columns.rows_to_samples(rows, self._arm_count)
+        return row_layout.rows_to_samples(rows, self._arm_count)

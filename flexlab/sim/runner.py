@@ -12,7 +12,8 @@ import numpy as np
 
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario
-from flexlab.sim import columns
+from flexlab.sim import row_layout
+from flexlab.sim.command_text import command_text
 from flexlab.sim.commands import (
     ChangeScenario,
     Command,
@@ -30,9 +31,8 @@ from flexlab.sim.interpolation import interpolate
 from flexlab.sim.pacing import FASTEST, SLOWEST, Pacing
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import TICK, Event, Snapshot
-from flexlab.sim.state import Origin, WorldState
-from flexlab.sim.wording import command_text
 from flexlab.sim.world import World
+from flexlab.sim.world_state import Origin, WorldState
 
 FRAME = 1 / 60
 """Wall seconds per round of the runner, s: the rate of common screens."""
@@ -262,7 +262,7 @@ class Runner:
         if len(rows) == 0:
             return
         self._history.append(rows)
-        samples = columns.rows_to_samples(rows, len(self._world.scenario.arms))
+        samples = row_layout.rows_to_samples(rows, len(self._world.scenario.arms))
         self._previous = samples.slice(len(rows) - 2, len(rows) - 1) if len(rows) > 1 else self._latest
         self._latest = samples.slice(len(rows) - 1, len(rows))
         speed = self._pacing.actual_speed()

@@ -7,7 +7,7 @@ from dataclasses import fields
 
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
-from flexlab.sim import columns
+from flexlab.sim import row_layout
 from flexlab.sim.commands import WorldCommand
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.world import World
@@ -49,7 +49,7 @@ def simulate(
     status = world.status
     if not status.failed:
         status = Status("finished", f"Finished at t = {world.time:g} s.", world.time)
-    samples = columns.rows_to_samples(rows[:done], len(world.scenario.arms))
+    samples = row_layout.rows_to_samples(rows[:done], len(world.scenario.arms))
     signals = {field.name: getattr(samples, field.name) for field in fields(Samples)}
     return Run(**signals, scenario=scenario, status=status)
 

@@ -5,8 +5,8 @@ import numpy as np
 from flexlab.physics.arm import SINGULAR_SINE
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_trajectory, desired_at
-from flexlab.sim.faults import elbow_sine, pose_fault, wrist_reach
 from flexlab.sim.samples import Status
+from flexlab.sim.termination import elbow_sine, pose_fault, wrist_reach
 
 POINTS_PER_PERIOD = 200
 """Samples per period of the fastest component: the path between two is under 1e-3 of the amplitude from a chord."""

@@ -13,20 +13,20 @@ from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import find_velocities, set_momenta
 from flexlab.physics.plant import ETA, Workspace, make_workspace, state_size
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.sim import columns
+from flexlab.sim import row_layout
 from flexlab.sim.advance import advance
+from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.build import Beam, desired_at
 from flexlab.sim.closed_loop import System
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row
-from flexlab.sim.faults import DEFLECTION_LIMIT, pose_fault, runtime_fault
-from flexlab.sim.machinery import Machinery, build_machinery
 from flexlab.sim.projection import project_beam
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import TICK
-from flexlab.sim.state import WorldState
+from flexlab.sim.termination import DEFLECTION_LIMIT, pose_fault, runtime_fault
 from flexlab.sim.workspace_check import check_trajectory
+from flexlab.sim.world_state import WorldState
 
 RESTARTING = ("payload.length", "left_arm", "right_arm", "initial")
 """Fields whose change a running world cannot take on: the run starts anew."""
@@ -43,8 +43,8 @@ class World:
         self.scenario = parse_scenario(scenario.model_dump())
         self.tick_period = tick_period
         self.tick = 0
-        self._machinery = build_machinery(self.scenario, tick_period)
-        self._y = np.zeros(state_size(len(self._machinery.beam.modes.omega)))
+        self._assembly = build_assembly(self.scenario, tick_period)
+        self._y = np.zeros(state_size(len(self._assembly.beam.modes.omega)))
         self._workspace = self._new_workspace()
         self.status = Status("running", "Running.")
         fault = self._start()
@@ -52,12 +52,12 @@ class World:
             self.status = fault
 
     def _new_workspace(self) -> Workspace:
-        return make_workspace(len(self.scenario.arms), len(self._machinery.beam.modes.omega))
+        return make_workspace(len(self.scenario.arms), len(self._assembly.beam.modes.omega))
 
     def _start(self) -> Status | None:
         """Set the state at t = 0; returns the fault that forbids it."""
-        initial, plant = self.scenario.initial, self._machinery.system.plant
-        desired = desired_at(self._machinery.system.trajectory, 0.0)
+        initial, plant = self.scenario.initial, self._assembly.system.plant
+        desired = desired_at(self._assembly.system.trajectory, 0.0)
         pose = desired[0] if initial.pose is None else np.array(initial.pose)
         rate = desired[1] if initial.pose_rate is None else np.array(initial.pose_rate)
         fault = check_trajectory(self.scenario) or pose_fault(self.scenario, pose, 0.0, "the start pose")
@@ -65,23 +65,23 @@ class World:
             self._y[:3] = pose
             return fault
         q = np.zeros(plant.V.shape[0]) if initial.beam_coordinates is None else np.array(initial.beam_coordinates)
-        eta = _to_modes(self._machinery.beam, q)
+        eta = _to_modes(self._assembly.beam, q)
         self._set_motion(pose, rate, eta, np.zeros_like(eta))
         self._act_at_start()
         return None
 
     def _act_at_start(self) -> None:
         """Let a sampled controller act at its instant 0."""
-        machinery = self._machinery
-        if machinery.system.control.sampled:
-            control_instant(machinery.system, machinery.sampling, 0, self.time, self._y, self._workspace)
+        assembly = self._assembly
+        if assembly.system.control.sampled:
+            control_instant(assembly.system, assembly.sampling, 0, self.time, self._y, self._workspace)
 
     def _set_motion(self, pose: np.ndarray, rate: np.ndarray, eta: np.ndarray, eta_dot: np.ndarray) -> None:
         n = len(eta)
         self._y[:3] = pose
         self._y[ETA : ETA + n] = eta
         self._y[ETA + 2 * n :] = np.nan  # generalized-alpha finds its first accelerations itself
-        set_momenta(self._machinery.system.plant, self._y, rate, eta_dot, self._workspace)
+        set_momenta(self._assembly.system.plant, self._y, rate, eta_dot, self._workspace)
 
     @property
     def time(self) -> float:
@@ -91,31 +91,31 @@ class World:
     @property
     def step(self) -> float:
         """The integration step in use, s."""
-        return self.tick_period / self._machinery.step_count
+        return self.tick_period / self._assembly.step_count
 
     @property
     def integrator(self) -> str:
         """The integrator in use."""
-        return self._machinery.integrator
+        return self._assembly.integrator
 
     @property
     def beam(self) -> Beam:
         """Matrices and modes of the payload."""
-        return self._machinery.beam
+        return self._assembly.beam
 
     @property
     def system(self) -> System:
         """The kernels' constants, for studies of the same world (do not change them)."""
-        return self._machinery.system
+        return self._assembly.system
 
     @property
     def first_frequency(self) -> float:
         """f1 of the payload with its grips held, Hz."""
-        return float(np.min(self._machinery.beam.modes.omega)) / (2 * np.pi)
+        return float(np.min(self._assembly.beam.modes.omega)) / (2 * np.pi)
 
     def observe(self) -> Samples:
         """The sample of the present instant (N = 1); of a failed start: the pose alone, the rest zero."""
-        return columns.rows_to_samples(self.observe_rows(), len(self.scenario.arms))
+        return row_layout.rows_to_samples(self.observe_rows(), len(self.scenario.arms))
 
     def observe_rows(self) -> np.ndarray:
         """As `observe`, as a row (1, row length) in the layout of `sim.columns`."""
@@ -126,12 +126,12 @@ class World:
     @property
     def row_length(self) -> int:
         """Columns of a sample row: changes with arms and mesh only."""
-        return columns.row_length(len(self.scenario.arms), self._machinery.beam.modes.V.shape[0])
+        return row_layout.row_length(len(self.scenario.arms), self._assembly.beam.modes.V.shape[0])
 
     def _observe(self, row: np.ndarray) -> None:
         self._advance(row[None], first_is_present=True)
-        row[columns.TIME] = self.time
-        row[columns.POSE : columns.POSE + 3] = self._y[:3]
+        row[row_layout.TIME] = self.time
+        row[row_layout.POSE : row_layout.POSE + 3] = self._y[:3]
 
     def new_rows(self, count: int) -> np.ndarray:
         """Room for `count` samples, (count, row length)."""
@@ -142,7 +142,7 @@ class World:
 
         Fewer than `ticks` rows mean that the world stopped: `status` says why, and the state is the last good one.
         """
-        return columns.rows_to_samples(self.advance_rows(ticks), len(self.scenario.arms))
+        return row_layout.rows_to_samples(self.advance_rows(ticks), len(self.scenario.arms))
 
     def advance_rows(self, ticks: int) -> np.ndarray:
         """As `advance`, as rows (ticks done, row length) in the layout of `sim.columns`."""
@@ -154,7 +154,7 @@ class World:
         rows = self.new_rows(1 if self.status.failed else ticks + 1)
         self._observe(rows[0])
         done = self.fill(rows[1:])
-        return columns.rows_to_samples(rows[: done + 1], len(self.scenario.arms))
+        return row_layout.rows_to_samples(rows[: done + 1], len(self.scenario.arms))
 
     def fill(self, rows: np.ndarray) -> int:
         """Move by one tick per row of rows (ticks, row length), writing the samples there; returns the ticks done."""
@@ -163,21 +163,21 @@ class World:
         done, code = self._advance(rows, first_is_present=False)
         self.tick += done
         if code != 0:
-            find_velocities(self._machinery.system.plant, self._y, self._workspace)
+            find_velocities(self._assembly.system.plant, self._y, self._workspace)
             rate = self._workspace.velocity
             self.status = runtime_fault(self.scenario, code, self._y[:3], rate, self.time, self.tick_period)
         return done
 
     def _advance(self, rows: np.ndarray, first_is_present: bool) -> tuple[int, int]:
-        machinery = self._machinery
+        assembly = self._assembly
         return advance(
-            machinery.system,
-            machinery.sampling,
-            machinery.scheme,
+            assembly.system,
+            assembly.sampling,
+            assembly.scheme,
             DEFLECTION_LIMIT * self.scenario.payload.length,
             self.tick,
             self.tick_period,
-            machinery.step_count,
+            assembly.step_count,
             self._y,
             np.empty_like(self._y),
             self._workspace,
@@ -192,13 +192,13 @@ class World:
         get another meaning (another mesh or boundary; time goes on). Raises `ScenarioError` (and changes nothing) for values
         that are not valid or a motion that cannot be reached.
         """
-        machinery, payload = self._machinery, self.scenario.payload
+        assembly, payload = self._assembly, self.scenario.payload
         if isinstance(command, ChangeScenario):
             return self._change(command.changes)
         if isinstance(command, Pull):
-            apply_pull(machinery.system.plant, self.scenario, machinery.beam, command)
+            apply_pull(assembly.system.plant, self.scenario, assembly.beam, command)
         else:
-            apply_tap(payload, machinery.beam, self._y, command)
+            apply_tap(payload, assembly.beam, self._y, command)
         return False
 
     def _change(self, changes: Mapping[str, Any]) -> bool:
@@ -213,45 +213,45 @@ class World:
             vars(self).update(vars(anew))
             return True
         reshaped = not _same_mesh(self.scenario, scenario)
-        self._carry_over(scenario, build_machinery(scenario, self.tick_period))
+        self._carry_over(scenario, build_assembly(scenario, self.tick_period))
         return reshaped
 
-    def _carry_over(self, scenario: Scenario, machinery: Machinery) -> None:
-        """Go on with new machinery: coordinates and velocities stay, momenta follow."""
-        old, plant = self._machinery, self._machinery.system.plant
+    def _carry_over(self, scenario: Scenario, assembly: Assembly) -> None:
+        """Go on with new assembly: coordinates and velocities stay, momenta follow."""
+        old, plant = self._assembly, self._assembly.system.plant
         n = plant.modal.shape[1]
         find_velocities(plant, self._y, self._workspace)
         rate, eta_dot = self._workspace.velocity.copy(), self._workspace.eta_dot.copy()
         q, q_dot = plant.V @ self._y[ETA : ETA + n], plant.V @ eta_dot
         if not _same_mesh(self.scenario, scenario):
-            q = project_beam(self.scenario.payload, scenario.payload, machinery.beam.matrices.M_q, q)
-            q_dot = project_beam(self.scenario.payload, scenario.payload, machinery.beam.matrices.M_q, q_dot)
-        y = np.zeros(state_size(len(machinery.beam.modes.omega)))
+            q = project_beam(self.scenario.payload, scenario.payload, assembly.beam.matrices.M_q, q)
+            q_dot = project_beam(self.scenario.payload, scenario.payload, assembly.beam.matrices.M_q, q_dot)
+        y = np.zeros(state_size(len(assembly.beam.modes.omega)))
         y[:ETA] = self._y[:ETA]
-        machinery.system.plant.pull[:] = plant.pull
-        set_pull_row(machinery.system.plant, scenario.payload, machinery.beam)
-        starts_sampling = machinery.system.control.sampled and not old.system.control.sampled
+        assembly.system.plant.pull[:] = plant.pull
+        set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
+        starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
         held = self.observe().joint_torque[0] if starts_sampling else old.system.held_torque
-        machinery.system.held_torque[:] = machinery.sampling.line[:] = held
+        assembly.system.held_torque[:] = assembly.sampling.line[:] = held
         if not starts_sampling:
-            kept = min(len(machinery.sampling.line), len(old.sampling.line))
-            machinery.sampling.line[-kept:] = old.sampling.line[-kept:]
-        self.scenario, self._machinery, self._y = scenario, machinery, y
+            kept = min(len(assembly.sampling.line), len(old.sampling.line))
+            assembly.sampling.line[-kept:] = old.sampling.line[-kept:]
+        self.scenario, self._assembly, self._y = scenario, assembly, y
         self._workspace = self._new_workspace()
-        eta, eta_dot = _to_modes(machinery.beam, q), _to_modes(machinery.beam, q_dot)
+        eta, eta_dot = _to_modes(assembly.beam, q), _to_modes(assembly.beam, q_dot)
         self._set_motion(y[:3].copy(), rate, eta, eta_dot)
         if starts_sampling:
             self._act_at_start()
 
     def state(self) -> WorldState:
         """A copy of all that changes with time."""
-        machinery = self._machinery
+        assembly = self._assembly
         return WorldState(
             self.tick,
             self._y.copy(),
-            machinery.system.held_torque.copy(),
-            machinery.sampling.line.copy(),
-            machinery.system.plant.pull.copy(),
+            assembly.system.held_torque.copy(),
+            assembly.sampling.line.copy(),
+            assembly.system.plant.pull.copy(),
         )
 
     def restore(self, state: WorldState) -> None:
@@ -266,10 +266,10 @@ class World:
                 )
         self.tick = state.tick
         self._y = state.y.copy()
-        self._machinery.system.held_torque[:] = state.held_torque
-        self._machinery.sampling.line[:] = state.torque_line
-        self._machinery.system.plant.pull[:] = state.pull
-        set_pull_row(self._machinery.system.plant, self.scenario.payload, self._machinery.beam)
+        self._assembly.system.held_torque[:] = state.held_torque
+        self._assembly.sampling.line[:] = state.torque_line
+        self._assembly.system.plant.pull[:] = state.pull
+        set_pull_row(self._assembly.system.plant, self.scenario.payload, self._assembly.beam)
         self._workspace = self._new_workspace()
         self.status = Status("running", "Running.")
 

@@ -8,7 +8,7 @@ import pytest
 from lab_page import wait_until
 from raw_browser import RawBrowser, widget
 
-from flexlab.lab.gate import LARGEST_UPLOAD, LONGEST_INPUT
+from flexlab.lab.input_guard import LARGEST_UPLOAD, LONGEST_INPUT
 from flexlab.lab.session import Session
 
 EI = "Bending stiffness EI (N·m²)"
@@ -18,7 +18,7 @@ SETTLED = 8.0
 
 
 def shown_notice(session: Session) -> str:
-    return session.desk.notice.text
+    return session.lab_state.notice.text
 
 
 def still_works(session: Session, browser: RawBrowser) -> None:
@@ -91,7 +91,7 @@ def test_what_is_no_value_is_refused(session: Session, label: str, updates: dict
 def test_a_number_out_of_range_is_refused_and_put_right(
     session: Session, label: str, value: Any, path: str | None
 ) -> None:
-    handle, scenario, view = widget(session, label), session.runner.snapshot.scenario, session.desk.view
+    handle, scenario, view = widget(session, label), session.runner.snapshot.scenario, session.lab_state.view
     truth = handle.value
     with RawBrowser(session) as browser:
         browser.update(handle, {"value": value})
@@ -103,7 +103,7 @@ def test_a_number_out_of_range_is_refused_and_put_right(
             wait_until(lambda: handle.value == value, "the server has seen the value", 20)
         time.sleep(0.2)
         assert session.runner.snapshot.scenario == scenario
-        assert session.desk.view == view
+        assert session.lab_state.view == view
         wait_until(lambda: handle.value == pytest.approx(truth, rel=1e-3), "the widget shows the truth again", SETTLED)
         still_works(session, browser)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from flexlab.errors import PresetError, ScenarioError
-from flexlab.lab.files import read_upload, save_preset
+from flexlab.lab.user_presets import read_upload, save_preset
 from flexlab.presets import load_preset, scenario_text
 from flexlab.scenario import Scenario
 

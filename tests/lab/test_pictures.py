@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-from flexlab.lab.kept import KeptRun, common_metrics, differences
 from flexlab.lab.plots.lyapunov import tracking_energy
 from flexlab.lab.plots.plots import unbroken
 from flexlab.lab.plots.spectrum import POINTS, amplitude_spectrum, thinned
-from flexlab.lab.scene.pull import held_point
+from flexlab.lab.reference_run import ReferenceRun, common_metrics, differences
+from flexlab.lab.scene.pull_arrow import held_point
 from flexlab.lab.scene.reach import elbow_sines, shade
 from flexlab.lab.scene.strain import PIECES, curvature_functions, strain_colors
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
+from flexlab.sim.geometry import arm_points, beam_points, deflection_at
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
-from flexlab.sim.shape import arm_points, beam_points, deflection_at
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import TICK
 
@@ -105,7 +105,7 @@ def test_the_tracking_energy_is_the_kinetic_energy_of_a_rigid_motion(paper: Samp
 
 def test_a_kept_run_is_found_by_its_time_and_compared_where_both_runs_are(paper: Samples) -> None:
     scenario = load_preset("paper")
-    kept = KeptRun("paper", scenario, paper.slice(100, 401))
+    kept = ReferenceRun("paper", scenario, paper.slice(100, 401))
     assert kept.span == pytest.approx((0.1, 0.4))
     found = kept.at(0.25)
     assert found is not None

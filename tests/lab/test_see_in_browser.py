@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from lab_page import LabPage, wait_until
 
-from flexlab.lab.view import PLOT_WINDOWS
+from flexlab.lab.view_settings import PLOT_WINDOWS
 
 FACTOR = "Exaggeration of the deflection (×)"
 
@@ -23,7 +23,7 @@ def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None
     for factor in (0, 1000):
         page.enter(FACTOR, str(factor))
         page.wait_for_text(f"{factor} × true size")
-        wait_until(lambda factor=factor: page.session.desk.view.exaggeration == factor, "the factor is taken")
+        wait_until(lambda factor=factor: page.session.lab_state.view.exaggeration == factor, "the factor is taken")
         page.page.wait_for_timeout(1500)
         bends[factor] = page.beam_vertex()
     true = abs(float(page.snapshot.display.midspan_deflection[0]))
@@ -82,12 +82,12 @@ def test_modes_are_told_and_shown(page: LabPage) -> None:
     samples = page.session.runner.recent(0.05)
     assert np.abs(samples.midspan_deflection).max() < 2e-4, "mode 2 has a node at mid-span"
     assert np.abs(samples.beam_coordinates[0]).max() > 1e-3
-    assert page.session.desk.view.plot_window in PLOT_WINDOWS[:3]
+    assert page.session.lab_state.view.plot_window in PLOT_WINDOWS[:3]
     page.switch("Animate its shape")
-    wait_until(lambda: page.session.desk.view.shown_mode == 1, "the mode is animated")
+    wait_until(lambda: page.session.lab_state.view.shown_mode == 1, "the mode is animated")
     page.picture("mode-2")
     page.switch("Animate its shape")
-    wait_until(lambda: page.session.desk.view.shown_mode is None, "the run is drawn again")
+    wait_until(lambda: page.session.lab_state.view.shown_mode is None, "the run is drawn again")
 
 
 def test_slow_motion_for_a_mode_needs_no_restart(page: LabPage) -> None:

@@ -7,14 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexlab.lab import undo
-from flexlab.lab.desk import Desk
+from flexlab.lab.lab_state import LabState
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.runner import Runner
-from flexlab.sim.state import Origin
 from flexlab.sim.world import World
+from flexlab.sim.world_state import Origin
 
 PAPER = Scenario()
 NAMES = preset_names()
@@ -103,11 +103,11 @@ def test_a_lab_that_goes_on_lets_go_of_what_was_pulled() -> None:
     world.advance(100)
     origin = Origin("earlier", world.time, world.state())
     runner = Runner(world.scenario, "earlier", clock=lambda: 0.0, origin=origin)
-    desk = Desk(runner, origin)
+    lab_state = LabState(runner, origin)
     runner.frame()
     assert runner.snapshot.events[-1].text == "Let go of link 2 of the left arm"
-    assert desk.pulled is None
-    desk.load(world.scenario, "earlier", origin)
+    assert lab_state.pulled is None
+    lab_state.load(world.scenario, "earlier", origin)
     runner.frame()
     assert [event.text for event in runner.snapshot.events][-1] == "Let go of link 2 of the left arm"
     assert runner.snapshot.latest.time[0] == pytest.approx(0.1)

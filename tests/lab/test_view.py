@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from flexlab.lab.panel.comparing import change_text
 from flexlab.lab.panel.number_control import Scale
+from flexlab.lab.panel.run_comparison import change_text
 from flexlab.lab.panel.text import escaped, factor, number
-from flexlab.lab.scene.camera import FIELD_OF_VIEW, Window, overview
+from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.stage import floor_extent
-from flexlab.lab.view import fitting_exaggeration
+from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 

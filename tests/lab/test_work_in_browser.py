@@ -9,11 +9,11 @@ import pytest
 from lab_page import PATIENCE, LabPage, wait_until
 
 from flexlab.guide import lessons
-from flexlab.lab.scene.models import LINK_HEIGHTS
-from flexlab.lab.scene.pull import held_point
+from flexlab.lab.scene.arm_models import LINK_HEIGHTS
+from flexlab.lab.scene.pull_arrow import held_point
 from flexlab.presets import load_preset, load_scenario_file
 from flexlab.sim.commands import Pull, Tap
-from flexlab.sim.shape import arm_points
+from flexlab.sim.geometry import arm_points
 
 EI = "Bending stiffness EI (N·m²)"
 
@@ -56,13 +56,13 @@ def test_dragging_the_beam_pulls_it_and_clicking_taps_it(page: LabPage) -> None:
     mouse.down()
     mouse.move(x + 10, y + 20, steps=3)
     mouse.move(x + 40, y + 80, steps=8)
-    wait_until(lambda: page.session.desk.pulled is not None, "somebody pulls")
+    wait_until(lambda: page.session.lab_state.pulled is not None, "somebody pulls")
     page.picture("pull")
     before = float(page.snapshot.latest.midspan_deflection[0])
     page.key("Space")
     wait_until(lambda: float(page.snapshot.latest.midspan_deflection[0]) < before - 5e-3, "the beam gives way", 20)
     mouse.up()
-    wait_until(lambda: page.session.desk.pulled is None, "the hand lets go")
+    wait_until(lambda: page.session.lab_state.pulled is None, "the hand lets go")
     wait_until(lambda: pulls(page)[-1].stiffness == 0, "the simulation lets go as well")
     assert abs(pulls(page)[0].position) < 0.05
     hold(page)
@@ -84,13 +84,13 @@ def test_dragging_a_link_pulls_the_arm(page: LabPage) -> None:
     mouse.down()
     mouse.move(x - 10, y, steps=3)
     mouse.move(x - 60, y - 30, steps=8)
-    pull = wait_until(lambda: page.session.desk.pulled, "somebody pulls")
+    pull = wait_until(lambda: page.session.lab_state.pulled, "somebody pulls")
     assert pull.link == (1, 2)
     assert pull.position == pytest.approx(0.3, abs=0.05)
-    wait_until(lambda: page.session.desk.pulled.target[0] < middle[0] - 0.1, "the hand is where the mouse is")
+    wait_until(lambda: page.session.lab_state.pulled.target[0] < middle[0] - 0.1, "the hand is where the mouse is")
 
     def spring_force() -> float:
-        now = page.session.desk.pulled
+        now = page.session.lab_state.pulled
         return now.stiffness * math.dist(now.target, held_point(page.snapshot.scenario, page.snapshot.display, now))
 
     wait_until(lambda: page.label("/pull_force") == f"pull {spring_force():.1f} N", "the arrow says how hard")
@@ -99,7 +99,7 @@ def test_dragging_a_link_pulls_the_arm(page: LabPage) -> None:
     page.key("Space")
     wait_until(lambda: np.abs(page.snapshot.latest.tracking_error[0]).max() > error + 1e-4, "the arm gives way", 20)
     mouse.up()
-    wait_until(lambda: page.session.desk.pulled is None, "the hand lets go")
+    wait_until(lambda: page.session.lab_state.pulled is None, "the hand lets go")
     wait_until(lambda: pulls(page)[-1].stiffness == 0, "the simulation lets go as well")
     assert {pull.link for pull in pulls(page)} == {(1, 2)}
     page.open_tab("Events")
@@ -125,7 +125,7 @@ def test_a_kept_run_stands_behind_the_next_one(page: LabPage) -> None:
     wait_until(lambda: float(page.snapshot.latest.time[0]) > 1.5, "a run to keep")
     page.open_tab("Compare")
     page.press("Keep this run")
-    kept = wait_until(lambda: page.session.desk.kept, "it is kept")
+    kept = wait_until(lambda: page.session.lab_state.kept, "it is kept")
     page.open_tab("Parameters")
     page.enter(EI, "40")
     page.choose("Speed", "1/8 ×")
@@ -142,7 +142,7 @@ def test_a_kept_run_stands_behind_the_next_one(page: LabPage) -> None:
     assert not np.array_equal(kept.samples.midspan_deflection[:50], now.midspan_deflection[:50])
     page.picture("compare")
     page.press("Forget it")
-    wait_until(lambda: page.session.desk.kept is None, "it is forgotten")
+    wait_until(lambda: page.session.lab_state.kept is None, "it is forgotten")
     assert not page.errors
 
 
@@ -185,7 +185,8 @@ def test_save_download_and_open(page: LabPage, tmp_path: Path) -> None:
     wait_until(lambda: (tmp_path / "presets" / "my-soft.json").exists(), "it is saved")
     assert load_preset("my-soft").payload.bending_stiffness == 33.0
     wait_until(
-        lambda: page.session.desk.name == "my-soft" and not page.session.desk.changed, "changes count from there"
+        lambda: page.session.lab_state.name == "my-soft" and not page.session.lab_state.changed,
+        "changes count from there",
     )
     with page.page.expect_download() as download:
         page.press("Download")

@@ -7,6 +7,7 @@ import pytest
 from recording_helpers import plotted
 from rerun.chunk import RrdReader
 
+from flexlab.analysis.comparison import compare, compare_into
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.headless import HeadlessRecording, write_run
@@ -15,7 +16,6 @@ from flexlab.sim.commands import Tap
 from flexlab.sim.samples import Run, Status
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
-from flexlab.studies.compare import compare, compare_into
 
 
 @pytest.fixture

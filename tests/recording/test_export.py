@@ -11,11 +11,11 @@ from recording_helpers import assert_same_bits
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.columns import table_columns
 from flexlab.recording.export import FORMATS, export_recording, export_run, import_run
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.table_columns import table_columns
 from flexlab.scenario import FIXED_COORDINATES, Scenario
 from flexlab.sim.commands import Tap
 from flexlab.sim.samples import Run

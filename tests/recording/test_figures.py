@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from flexlab.analysis.figures import FIGURES, draw_figure, paper_figures, thin_out
 from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import load_preset
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
-from flexlab.studies.figures import FIGURES, draw_figure, paper_figures, thin_out
 
 
 def test_all_figures_in_both_formats(run: Run, tmp_path: Path) -> None:

@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 from recording_helpers import assert_same_bits
 
+from flexlab.analysis.replay import replay
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.export import FORMATS, export_recording
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import Recording, read_recording
-from flexlab.recording.run_files import list_runs, read_notes
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.store.run_files import list_runs, read_notes
 from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event
-from flexlab.sim.state import WorldState
 from flexlab.sim.world import World
-from flexlab.studies.replay import replay
+from flexlab.sim.world_state import WorldState
 
 
 @pytest.fixture

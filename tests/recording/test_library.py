@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 from recording_helpers import wait_until
 
+from flexlab.analysis.metrics import MetricSums, metric_rows, run_metrics
+from flexlab.analysis.run_summary import note_metrics, note_missing_metrics, run_notes, scenario_differences
+from flexlab.analysis.settling import Settling, settling_time
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
-from flexlab.recording.retention import removable_runs, remove_runs
-from flexlab.recording.run_files import list_runs, read_notes, write_notes
+from flexlab.recording.recorder import Recorder
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.writer import Recorder
+from flexlab.recording.store.retention import removable_runs, remove_runs
+from flexlab.recording.store.run_files import list_runs, read_notes, write_notes
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run, Status
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world import World
-from flexlab.studies.library import note_metrics, note_missing_metrics, run_notes, scenario_differences
-from flexlab.studies.metrics import MetricSums, metric_rows, run_metrics
-from flexlab.studies.settling import Settling, settling_time
 
 
 def test_metrics_of_a_known_signal() -> None:

@@ -14,11 +14,11 @@ from rerun.chunk import RrdReader
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.finishing import rerun_tool
 from flexlab.recording.live import LiveHub
 from flexlab.recording.reader import read_recording
-from flexlab.recording.run_files import list_runs
-from flexlab.recording.writer import Recorder
+from flexlab.recording.recorder import Recorder
+from flexlab.recording.repair import rerun_tool
+from flexlab.recording.store.run_files import list_runs
 from flexlab.sim.commands import ChangeScenario, Reset
 from flexlab.sim.runner import Runner
 from flexlab.sim.world import World

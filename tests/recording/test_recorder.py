@@ -9,10 +9,10 @@ import pytest
 from recording_helpers import assert_same_bits, drawn_beam, wait_until
 
 from flexlab.presets import load_preset
-from flexlab.recording.finishing import unfinished_runs
 from flexlab.recording.reader import read_recording
-from flexlab.recording.run_files import list_runs, read_notes, run_state
-from flexlab.recording.writer import Recorder
+from flexlab.recording.recorder import Recorder
+from flexlab.recording.repair import unfinished_runs
+from flexlab.recording.store.run_files import list_runs, read_notes, run_state
 from flexlab.sim.commands import ChangeScenario, LoadScenario, Pause, Pull, Reset, SetSpeed, Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Status

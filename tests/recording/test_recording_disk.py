@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from recording_helpers import assert_same_bits, start_script, wait_until
 
+from flexlab.analysis.replay import replay
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.finishing import Mending, finish
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
-from flexlab.recording.run_files import check_folder, list_runs, newest_run, run_state
+from flexlab.recording.recorder import Recorder
+from flexlab.recording.repair import Mending, finish
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.writer import Recorder
+from flexlab.recording.store.run_files import check_folder, list_runs, newest_run, run_state
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Run
 from flexlab.sim.world import World
-from flexlab.studies.replay import replay
 
 TOLD_WITHIN = 2.0
 """s of simulation at real time."""
@@ -98,7 +98,7 @@ import resource, sys, time
 from pathlib import Path
 from flexlab.presets import load_preset
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.writer import Recorder
+from flexlab.recording.recorder import Recorder
 from flexlab.sim.commands import Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.world import World

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from recording_helpers import plotted, start_script
 
-from flexlab.recording.finishing import finish
+from flexlab.analysis.replay import replay
 from flexlab.recording.reader import read_recording
-from flexlab.recording.run_files import list_runs, run_state
-from flexlab.recording.writer import SHOW_PERIOD
-from flexlab.studies.replay import replay
+from flexlab.recording.recorder import SHOW_PERIOD
+from flexlab.recording.repair import finish
+from flexlab.recording.store.run_files import list_runs, run_state
 
 LAB = """
 import sys, time
 from pathlib import Path
 from flexlab.presets import load_preset
-from flexlab.recording.writer import Recorder
+from flexlab.recording.recorder import Recorder
 from flexlab.sim.commands import Reset, Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.world import World

@@ -14,11 +14,11 @@ from recording_helpers import wait_until
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.review import open_review
-from flexlab.recording.run_files import find_run, has_footer, run_state
-from flexlab.recording.signals import BLUE, GREEN, VERMILION
+from flexlab.recording.recorded_plots import BLUE, GREEN, VERMILION
+from flexlab.recording.recorder import Recorder
+from flexlab.recording.store.run_files import find_run, has_footer, run_state
+from flexlab.recording.viewer import open_review
 from flexlab.recording.web_viewer import VIEWER_FILES, ViewerServer, viewer_folder
-from flexlab.recording.writer import Recorder
 from flexlab.sim.world import World
 
 

@@ -9,12 +9,12 @@ from recording_helpers import assert_same_bits, drawn_beam, plotted
 from rerun.chunk import RrdReader
 
 from flexlab.presets import load_preset, preset_names
-from flexlab.recording.blocks import join_blocks
-from flexlab.recording.finishing import rerun_tool
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_blocks, read_recording, read_scenarios
-from flexlab.recording.run_files import run_state
+from flexlab.recording.repair import rerun_tool
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.sample_codec import join_blocks
+from flexlab.recording.store.run_files import run_state
 from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import Run, Status
 from flexlab.sim.simulate import simulate

@@ -8,21 +8,21 @@ import pytest
 from recording_helpers import assert_same_bits
 from rerun.chunk import RrdReader
 
+from flexlab.analysis.replay import replay, state_at
+from flexlab.analysis.resume import resume
+from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import Recording, read_recording
-from flexlab.recording.run_files import list_runs
-from flexlab.recording.writer import Recorder
+from flexlab.recording.recorder import Recorder
+from flexlab.recording.store.run_files import list_runs
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.simulate import simulate
-from flexlab.sim.state import Origin
 from flexlab.sim.world import World
-from flexlab.studies.going_on import go_on
-from flexlab.studies.library import note_metrics
-from flexlab.studies.replay import replay, state_at
+from flexlab.sim.world_state import Origin
 
 
 def live_recording(
@@ -125,7 +125,7 @@ def test_going_on_from_any_time_gives_the_same_samples(recording: Recording, tim
 @pytest.mark.parametrize("preset", ["paper", "fast-adaptation"])
 def test_a_run_that_went_on_live_is_recorded_and_replays_bit_for_bit(preset: str, tmp_path: Path) -> None:
     earlier = live_recording(preset, tmp_path / "earlier")
-    scenario, origin = go_on(earlier, 0.2)
+    scenario, origin = resume(earlier, 0.2)
     later = live_recording(preset, tmp_path / "later", scenario=scenario, origin=origin)
     assert (origin.run, origin.time) == (earlier.path.stem, 0.2)
     assert later.samples.time[0] == 0.2
@@ -138,7 +138,7 @@ def test_a_run_that_went_on_live_is_recorded_and_replays_bit_for_bit(preset: str
     ]
     assert min(map(min, times)) == 200_000_000, "a viewer's time begins with the run"
     # And once more, from the end of the one that went on.
-    scenario, origin = go_on(later)
+    scenario, origin = resume(later)
     assert origin.time == later.samples.time[-1]
     assert World(scenario).observe().pose.tobytes() != later.samples.pose[-1].tobytes()
     world = World(scenario)
@@ -150,10 +150,10 @@ def test_going_on_keeps_to_the_instants_of_a_lab(tmp_path: Path) -> None:
     scenario = load_preset("paper")
     run = simulate(scenario, duration=0.05, sample_period=0.0004)
     recording = read_recording(write_run(run, tmp_path, "paper"))
-    _, origin = go_on(recording, 0.02)
+    _, origin = resume(recording, 0.02)
     assert origin.state.tick == 20
     with pytest.raises(StudyError, match=r"t = 0.0204 s is no instant of a lab, .* every 1 ms"):
-        go_on(recording, 0.0204)
+        resume(recording, 0.0204)
 
 
 def test_a_time_that_was_not_recorded_is_said(recording: Recording) -> None:

@@ -10,14 +10,14 @@ from rerun.chunk import RrdReader
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording import finishing
-from flexlab.recording.blocks import join_blocks
-from flexlab.recording.finishing import finish
+from flexlab.recording import repair
 from flexlab.recording.reader import read_blocks, read_recording
-from flexlab.recording.run_files import claim_run_file, has_footer, read_notes, run_state
+from flexlab.recording.repair import finish
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import open_file_stream
 from flexlab.recording.run_writer import RunWriter
+from flexlab.recording.sample_codec import join_blocks
+from flexlab.recording.store.run_files import claim_run_file, has_footer, read_notes, run_state
 from flexlab.sim.samples import Run
 
 BLOCK = 100
@@ -90,7 +90,7 @@ def test_a_torn_tail_costs_what_is_behind_the_tear_only(unfinished: Path, run: R
 def test_a_file_too_large_to_be_joined_is_mended_piece_by_piece(
     unfinished: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(finishing, "LARGE_FILE", 0)
+    monkeypatch.setattr(repair, "LARGE_FILE", 0)
     data = unfinished.read_bytes()
     unfinished.write_bytes(data[: int(0.8 * len(data))])
     found = read_recording(unfinished)

@@ -7,7 +7,7 @@ from flexlab.physics.dynamics import configure_arms
 from flexlab.physics.plant import Plant, make_workspace
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.build import build_beam, build_plant
-from flexlab.sim.faults import pose_fault
+from flexlab.sim.termination import pose_fault
 
 
 def plant_of(scenario: Scenario) -> Plant:

@@ -13,7 +13,7 @@ from flexlab.sim.commands import Command
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event, Snapshot
-from flexlab.sim.state import WorldState
+from flexlab.sim.world_state import WorldState
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -10,8 +10,8 @@ from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.build import nodal_damping_matrix
 from flexlab.sim.commands import Pull
+from flexlab.sim.geometry import arm_points
 from flexlab.sim.samples import Samples
-from flexlab.sim.shape import arm_points
 from flexlab.sim.world import World
 
 FREE = {"controller.kind": "none", "payload.damping.coefficient": 0.0}

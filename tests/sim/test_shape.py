@@ -7,8 +7,7 @@ import pytest
 
 from flexlab.errors import ScenarioError
 from flexlab.scenario import FIXED_COORDINATES, Payload, Scenario
-from flexlab.sim.samples import Samples
-from flexlab.sim.shape import (
+from flexlab.sim.geometry import (
     HELD_COORDINATES,
     arm_points,
     beam_points,
@@ -17,6 +16,7 @@ from flexlab.sim.shape import (
     link_points,
     shape_functions,
 )
+from flexlab.sim.samples import Samples
 
 
 def block(**given: np.ndarray) -> Samples:

@@ -6,8 +6,8 @@ import pytest
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.geometry import deflection_at
 from flexlab.sim.samples import Samples
-from flexlab.sim.shape import deflection_at
 from flexlab.sim.world import World
 
 CONTINUOUS = [

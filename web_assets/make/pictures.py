@@ -17,8 +17,8 @@ from flexlab.assets import presets_folder
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam
+from flexlab.sim.geometry import arm_points, beam_points, link_points
 from flexlab.sim.samples import Run, Samples
-from flexlab.sim.shape import arm_points, beam_points, link_points
 from flexlab.sim.simulate import simulate
 
 ASSETS = Path(__file__).resolve().parent.parent

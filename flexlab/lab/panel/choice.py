@@ -5,10 +5,10 @@ from typing import Any, Literal, get_args, get_origin
 import viser
 
 from flexlab.errors import LabError
-from flexlab.lab.desk import Desk, handler
+from flexlab.lab.lab_state import LabState, handler
 from flexlab.quantities import Part
 from flexlab.scenario import Scenario
-from flexlab.scenario.problems import parts_of
+from flexlab.scenario.validation_errors import parts_of
 
 CHOICES = {
     "controller.kind": ("Control law", "Keeps the motion; fields that the new law lacks are dropped."),
@@ -42,13 +42,13 @@ def _word(value: Any) -> str:
 class Choice:
     """One menu, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk, path: str):
-        self._desk, self._path = desk, path
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, path: str):
+        self._lab_state, self._path = lab_state, path
         label, hint = CHOICES[path]
         self._options = options(path)
-        initial = _word(desk.intended.get(path))
+        initial = _word(lab_state.intended.get(path))
         self._menu = gui.add_dropdown(label, tuple(self._options), initial_value=initial, hint=hint)
-        self._menu.on_update(handler(desk, lambda _: self._ask(self._menu.value)))
+        self._menu.on_update(handler(lab_state, lambda _: self._ask(self._menu.value)))
 
     def show(self, scenario: Scenario) -> None:
         """Show the scenario's value."""
@@ -64,7 +64,7 @@ class Choice:
         if value not in self._options:
             raise LabError(f"{value[:40]!r} is not an option of {CHOICES[self._path][0]}: choose one from the menu.")
         try:
-            self._desk.change({self._path: self._options[value]})
+            self._lab_state.change({self._path: self._options[value]})
         finally:
             # A refused word is not something to go on typing at: the menu shows the truth at once.
-            self.show(self._desk.intended)
+            self.show(self._lab_state.intended)

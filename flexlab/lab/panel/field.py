@@ -5,7 +5,7 @@ from typing import Any
 import viser
 
 from flexlab.errors import ScenarioError
-from flexlab.lab.desk import Desk
+from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import NumberControl, Scale
 from flexlab.lab.panel.text import number
 from flexlab.scenario import Scenario
@@ -23,14 +23,16 @@ class Field:
     Lives in the GUI container that is open while it is made. `name` is the label without unit.
     """
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk, path: str, component: int | None, name: str, unit: str):
-        self._desk, self._path, self._component = desk, path, component
-        about = desk.intended.about(path)
-        whole = isinstance(desk.intended.get(path), int)
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, path: str, component: int | None, name: str, unit: str):
+        self._lab_state, self._path, self._component = lab_state, path, component
+        about = lab_state.intended.about(path)
+        whole = isinstance(lab_state.intended.get(path), int)
         space = f" {unit}" if unit else ""
         hint = f"Allowed: {number(about.low)} to {number(about.high)}{space}. {LIVE_HINTS[about.live]}"
-        value = self._read(desk.intended)
-        self._control = NumberControl(gui, desk, name, unit, Scale(about, whole), hint, value, self._ask, self._usual)
+        value = self._read(lab_state.intended)
+        self._control = NumberControl(
+            gui, lab_state, name, unit, Scale(about, whole), hint, value, self._ask, self._usual
+        )
 
     def settle(self, scenario: Scenario) -> None:
         """Show the scenario's value, unless a person is at this field."""
@@ -45,14 +47,14 @@ class Field:
         self._control.remove()
 
     def _ask(self, value: float) -> None:
-        self._desk.change({self._path: self._whole(value)})
+        self._lab_state.change({self._path: self._whole(value)})
 
     def _usual(self) -> float:
         """The preset's value; where the preset has no such field (another control law), the present one."""
         try:
-            return self._read(self._desk.baseline)
+            return self._read(self._lab_state.baseline)
         except ScenarioError:
-            return self._read(self._desk.intended)
+            return self._read(self._lab_state.intended)
 
     def _read(self, scenario: Scenario) -> float:
         value = scenario.get(self._path)
@@ -60,7 +62,7 @@ class Field:
 
     def _whole(self, value: float) -> Any:
         """The field's whole value with this number in it: commands carry whole values."""
-        present = self._desk.intended.get(self._path)
+        present = self._lab_state.intended.get(self._path)
         if not isinstance(present, tuple):
             return value
         return tuple(value if self._component in (None, index) else item for index, item in enumerate(present))

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import viser
 
 from flexlab.errors import LabError
-from flexlab.lab.desk import Desk, handler
+from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.text import escaped
 from flexlab.presets import load_preset, preset_names
 
@@ -31,9 +31,9 @@ class Key(NamedTuple):
         return modifier.get(self.modifier, "Ctrl+Shift+") + key
 
 
-def add_keys(gui: viser.GuiApi, desk: Desk, keys: list[Key]) -> None:
+def add_keys(gui: viser.GuiApi, lab_state: LabState, keys: list[Key]) -> None:
     """Give the page keys for `keys`, the presets by number, and ? for the list of all."""
-    everything = [*keys, *(_preset_key(desk, number) for number in range(1, NUMBER_KEYS + 1))]
+    everything = [*keys, *(_preset_key(lab_state, number) for number in range(1, NUMBER_KEYS + 1))]
     everything.append(Key("List of all keys", "This list", "?", "shift", lambda event: _show_list(event, everything)))
     for key in everything:
         # "?" is not among the keys that viser names, but its page takes any key.
@@ -43,15 +43,15 @@ def add_keys(gui: viser.GuiApi, desk: Desk, keys: list[Key]) -> None:
             hotkey=key.key,  # type: ignore[arg-type]
             modifier=key.modifier,  # type: ignore[arg-type]
         )
-        command.on_trigger(handler(desk, key.action))
+        command.on_trigger(handler(lab_state, key.action))
 
 
-def _preset_key(desk: Desk, number: int) -> Key:
+def _preset_key(lab_state: LabState, number: int) -> Key:
     def load(_: Any) -> None:
         names = preset_names()
         if number > len(names):
             raise LabError(f"There is no preset number {number}: the menu has {len(names)}.")
-        desk.load(load_preset(names[number - 1]), names[number - 1])
+        lab_state.load(load_preset(names[number - 1]), names[number - 1])
 
     return Key(f"Preset number {number}", "In the order of the menu", str(number), None, load)
 

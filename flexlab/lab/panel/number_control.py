@@ -8,7 +8,7 @@ from typing import Any
 import viser
 
 from flexlab.errors import FlexlabError
-from flexlab.lab.desk import Desk, handler
+from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.text import escaped, number
 from flexlab.quantities import Quantity
 
@@ -67,7 +67,7 @@ class NumberControl:
     def __init__(
         self,
         gui: viser.GuiApi,
-        desk: Desk,
+        lab_state: LabState,
         name: str,
         unit: str,
         scale: Scale,
@@ -85,9 +85,9 @@ class NumberControl:
         )
         self._back = gui.add_button("↺", color="gray", visible=False, hint=f"{name}: back to its usual value")
         self._problem = gui.add_html("", visible=False)
-        self._box.on_update(handler(desk, lambda _: self._type(self._box.value)))
-        self._slider.on_update(handler(desk, lambda _: self._slide(self._slider.value)))
-        self._back.on_click(handler(desk, lambda _: self._go_back()))
+        self._box.on_update(handler(lab_state, lambda _: self._type(self._box.value)))
+        self._slider.on_update(handler(lab_state, lambda _: self._slide(self._slider.value)))
+        self._back.on_click(handler(lab_state, lambda _: self._go_back()))
         self._offer_way_back()
 
     def settle(self, value: float) -> None:

@@ -4,25 +4,25 @@ from collections.abc import Callable
 
 import viser
 
-from flexlab.lab.desk import Desk
-from flexlab.lab.mode_study import ModeStudy
-from flexlab.lab.panel.comparing import Comparing
-from flexlab.lab.panel.details import GROUPS, Details
-from flexlab.lab.panel.drive import Drive
+from flexlab.lab.lab_state import LabState
+from flexlab.lab.mode_computation import ModeStudy
+from flexlab.lab.panel.all_fields import GROUPS, Details
+from flexlab.lab.panel.disturbance_settings import DisturbanceSettings
 from flexlab.lab.panel.events import Events
-from flexlab.lab.panel.filing import Filing
 from flexlab.lab.panel.keys import Key, add_keys
-from flexlab.lab.panel.modes import ModePanel
+from flexlab.lab.panel.mode_table import ModePanel
 from flexlab.lab.panel.number_control import put
-from flexlab.lab.panel.presets import Presets
+from flexlab.lab.panel.playback import Playback
+from flexlab.lab.panel.preset_menu import Presets
 from flexlab.lab.panel.readouts import notices_html, status_html
+from flexlab.lab.panel.run_comparison import Comparing
+from flexlab.lab.panel.scenario_files import ScenarioFiles
 from flexlab.lab.panel.sections import SECTIONS, Section, three_valued
 from flexlab.lab.panel.style import style_element
 from flexlab.lab.panel.text import escaped
-from flexlab.lab.panel.touching import Touching
-from flexlab.lab.panel.viewing import Look, Viewing
-from flexlab.lab.touch import Touch
-from flexlab.lab.view import Legend
+from flexlab.lab.panel.view_controls import Look, ViewControls
+from flexlab.lab.picking import Picking
+from flexlab.lab.view_settings import Legend
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event, Snapshot
@@ -34,55 +34,55 @@ class Panel:
     def __init__(
         self,
         gui: viser.GuiApi,
-        desk: Desk,
+        lab_state: LabState,
         runner: Runner,
         study: ModeStudy,
-        touch: Touch,
+        touch: Picking,
         look: Look,
         recording: Callable[[], str],
         link: Callable[[Scenario], str] | None,
     ):
-        self._desk, self._recording = desk, recording
+        self._lab_state, self._recording = lab_state, recording
         self._run_number = -1
         self._last_event: Event | None = None
         gui.add_html(style_element())
         self._notices = gui.add_html("")
         self._status = gui.add_html("")
-        self._drive = Drive(gui, desk)
-        self._presets = Presets(gui, desk)
+        self._drive = Playback(gui, lab_state)
+        self._presets = Presets(gui, lab_state)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Parameters"):
             self._note = gui.add_html("", visible=False)
-            self._sections: list[Section | Details] = [Section(gui, desk, title, path) for title, path in SECTIONS]
-            self._sections += [Details(gui, desk, group) for group in GROUPS]
+            self._sections: list[Section | Details] = [Section(gui, lab_state, title, path) for title, path in SECTIONS]
+            self._sections += [Details(gui, lab_state, group) for group in GROUPS]
         with tabs.add_tab("View"):
-            self._viewing = Viewing(gui, desk, look)
+            self._viewing = ViewControls(gui, lab_state, look)
         with tabs.add_tab("Touch"):
-            self._touching = Touching(gui, desk, touch)
+            self._touching = DisturbanceSettings(gui, lab_state, touch)
         with tabs.add_tab("Modes"):
-            self._modes = ModePanel(gui, desk, runner, study)
+            self._modes = ModePanel(gui, lab_state, runner, study)
         with tabs.add_tab("Compare"):
-            self._comparing = Comparing(gui, desk, runner)
+            self._comparing = Comparing(gui, lab_state, runner)
         with tabs.add_tab("File"):
-            self._filing = Filing(gui, desk, link, self._presets.refresh)
+            self._filing = ScenarioFiles(gui, lab_state, link, self._presets.refresh)
         with tabs.add_tab("Events"):
-            self._events = Events(gui, desk)
-        add_keys(gui, desk, self._keys())
+            self._events = Events(gui, lab_state)
+        add_keys(gui, lab_state, self._keys())
 
     def update(self, snapshot: Snapshot, legend: Legend) -> None:
         """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them."""
-        desk = self._desk
-        desk.settle(snapshot)
+        lab_state = self._lab_state
+        lab_state.settle(snapshot)
         self._announce(snapshot)
-        self._status.content = status_html(snapshot, desk.view, legend, self._recording())
-        self._notices.content = notices_html(snapshot, desk.notice)
+        self._status.content = status_html(snapshot, lab_state.view, legend, self._recording())
+        self._notices.content = notices_html(snapshot, lab_state.notice)
         self._events.update(snapshot)
         self._presets.update()
         self._drive.update(snapshot)
         self._modes.update(snapshot)
         self._comparing.update(snapshot)
         self._filing.update(snapshot)
-        note = three_valued(desk.intended)
+        note = three_valued(lab_state.intended)
         put(self._note, content=f'<div class="fl fl-dim">{escaped(note)}</div>', visible=bool(note))
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
@@ -93,18 +93,18 @@ class Panel:
             self._viewing.settle()
             self._touching.settle()
             for section in self._sections:
-                section.settle(desk.intended)
+                section.settle(lab_state.intended)
 
     def _keys(self) -> list[Key]:
-        desk, drive = self._desk, self._drive
+        lab_state, drive = self._lab_state, self._drive
         return [
             Key("Play or pause", "Hold or go on with simulation time", "space", None, lambda _: drive.toggle()),
             Key("Step", "1 ms further, then hold", "arrowright", None, lambda _: drive.step()),
             Key("Reset", "A new run from t = 0, same settings", "R", None, lambda _: drive.reset()),
-            Key("Undo", "Take the last change back", "Z", "cmd/ctrl", lambda _: desk.undo()),
-            Key("Redo", "Make it again", "Z", "cmd/ctrl+shift", lambda _: desk.redo()),
+            Key("Undo", "Take the last change back", "Z", "cmd/ctrl", lambda _: lab_state.undo()),
+            Key("Redo", "Make it again", "Z", "cmd/ctrl+shift", lambda _: lab_state.redo()),
             Key("Save as preset", "Under the name on the tab File", "S", None, lambda _: self._filing.save()),
-            Key("Back to preset", "A new run without your changes", None, None, lambda _: desk.back_to_baseline()),
+            Key("Back to preset", "A new run without your changes", None, None, lambda _: lab_state.back_to_baseline()),
         ]
 
     def _announce(self, snapshot: Snapshot) -> None:
@@ -115,5 +115,5 @@ class Panel:
         seen = next((index for index, event in enumerate(events) if event is self._last_event), -1)
         for event in events[seen + 1 :]:
             if event.level == "error":
-                self._desk.say(event.text, "error")
+                self._lab_state.say(event.text, "error")
         self._last_event = events[-1]

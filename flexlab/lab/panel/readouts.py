@@ -3,9 +3,9 @@
 import numpy as np
 
 from flexlab.lab import colors
-from flexlab.lab.desk import Notice
+from flexlab.lab.lab_state import Notice
 from flexlab.lab.panel.text import escaped, factor
-from flexlab.lab.view import Legend, View
+from flexlab.lab.view_settings import Legend, ViewSettings
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event, Snapshot
@@ -17,7 +17,7 @@ CLEARLY_SLOWER = 0.95
 SHOWN_EVENTS = 40
 
 
-def status_html(snapshot: Snapshot, view: View, legend: Legend, recording: str) -> str:
+def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recording: str) -> str:
     """The head of the panel; `recording`: where the run is recorded, or empty."""
     sample = snapshot.latest
     tone, word = _status(snapshot)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import viser
 
-from flexlab.lab.desk import Desk
+from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.choice import Choice
 from flexlab.lab.panel.field import Field
 from flexlab.lab.panel.text import number
@@ -65,13 +65,13 @@ def _components(path: str, about: Quantity, value: object) -> Iterator[Entry]:
 class Section:
     """One folder. Its fields are built anew when the scenario's part changes its kind."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk, title: str, path: str):
-        self._gui, self._desk, self._path = gui, desk, path
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, title: str, path: str):
+        self._gui, self._lab_state, self._path = gui, lab_state, path
         self._folder = gui.add_folder(title)
         self._built_for: list[Entry] | None = None
         self._fields: list[Field] = []
         self._choices: list[Choice] = []
-        self._build(desk.intended)
+        self._build(lab_state.intended)
 
     def settle(self, scenario: Scenario) -> None:
         """Follow the scenario, leaving alone what a person is at."""
@@ -97,8 +97,8 @@ class Section:
         self._built_for = entries(scenario, self._path)
         chosen = [path for path in CHOSEN if self._path and path.startswith(f"{self._path}.")]
         with self._folder:
-            self._choices = [Choice(self._gui, self._desk, path) for path in chosen]
-            self._fields = [Field(self._gui, self._desk, *entry) for entry in self._built_for]
+            self._choices = [Choice(self._gui, self._lab_state, path) for path in chosen]
+            self._fields = [Field(self._gui, self._lab_state, *entry) for entry in self._built_for]
 
 
 def three_valued(scenario: Scenario) -> str:

@@ -8,11 +8,11 @@ import viser
 from viser import uplot
 
 from flexlab.lab import colors
-from flexlab.lab.kept import KeptRun
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.plots.envelope import Envelope
-from flexlab.lab.plots.signals import Limit, Plot
+from flexlab.lab.plots.plot_signals import Limit, Plot
 from flexlab.lab.ranges import Range
+from flexlab.lab.reference_run import ReferenceRun
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 
@@ -72,7 +72,7 @@ def send(handle: viser.GuiUplotHandle, columns: tuple[np.ndarray, ...]) -> None:
 class Chart:
     """A chart in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, plot: Plot, scenario: Scenario, window: float, kept: KeptRun | None):
+    def __init__(self, gui: viser.GuiApi, plot: Plot, scenario: Scenario, window: float, kept: ReferenceRun | None):
         self._plot, self._limits, self._kept = plot, plot.limits(scenario), kept
         self._range = Range(plot.least)
         self.restart(window)

@@ -2,11 +2,11 @@
 
 import viser
 
-from flexlab.lab.kept import KeptRun
 from flexlab.lab.plots.chart import Chart
-from flexlab.lab.plots.signals import tabs
+from flexlab.lab.plots.plot_signals import tabs
 from flexlab.lab.plots.spectrum import Spectrum
-from flexlab.lab.view import View
+from flexlab.lab.reference_run import ReferenceRun
+from flexlab.lab.view_settings import ViewSettings
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
@@ -34,7 +34,7 @@ class Plots:
         self._plotted: object = None
         self._build(scenario, None)
 
-    def update(self, runner: Runner, snapshot: Snapshot, view: View, kept: KeptRun | None) -> None:
+    def update(self, runner: Runner, snapshot: Snapshot, view: ViewSettings, kept: ReferenceRun | None) -> None:
         """Take in what the runner computed since the last update and redraw, `kept` behind the present run."""
         if view.hold_plots:
             return
@@ -69,7 +69,7 @@ class Plots:
     def _every(self) -> list[Chart]:
         return [chart for charts in self._charts for chart in charts]
 
-    def _build(self, scenario: Scenario, kept: KeptRun | None) -> None:
+    def _build(self, scenario: Scenario, kept: ReferenceRun | None) -> None:
         for chart in self._every():
             chart.remove()
         self._charts = []
@@ -91,7 +91,7 @@ def unbroken(runner: Runner, newest: int, missing: float, window: float) -> Samp
         asked *= 2
 
 
-def _plotted(scenario: Scenario, kept: KeptRun | None) -> list:
+def _plotted(scenario: Scenario, kept: ReferenceRun | None) -> list:
     """What the charts were built for: titles, limit lines, and the kept run."""
     keys = [(plot.title, plot.limits(scenario)) for plots in tabs(scenario).values() for plot in plots]
     return [*keys, id(kept)]

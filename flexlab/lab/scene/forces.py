@@ -5,12 +5,12 @@ import viser
 
 from flexlab.lab import colors
 from flexlab.lab.ranges import Range
-from flexlab.lab.scene import models
-from flexlab.lab.scene.arms import scene_size
-from flexlab.lab.view import View
+from flexlab.lab.scene import arm_models
+from flexlab.lab.scene.arm_meshes import scene_size
+from flexlab.lab.view_settings import ViewSettings
 from flexlab.scenario import Scenario
+from flexlab.sim.geometry import link_points
 from flexlab.sim.samples import Samples
-from flexlab.sim.shape import link_points
 
 LONGEST_ARROW = 0.4
 """Length of an arrow at the limit of the present force range, m."""
@@ -105,13 +105,13 @@ class Forces:
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         count, size = len(scenario.arms), scene_size(scenario)
-        height = (models.BEAM_HEIGHT + 0.05) * size
+        height = (arm_models.BEAM_HEIGHT + 0.05) * size
         self._root = scene.add_frame("/forces", show_axes=False)
         self._internal = StraightArrows(scene, "/forces/internal", colors.INTERNAL_FORCE, count, size, height)
         self._moving = StraightArrows(scene, "/forces/moving", colors.MOVING_FORCE, count, size, height + 0.01 * size)
         self._moment = BentArrows(scene, "/forces/moment", colors.INTERNAL_FORCE, count, size, height)
 
-    def update(self, scenario: Scenario, sample: Samples, view: View) -> None:
+    def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
         """Draw the forces of `sample` (N = 1) that `view` asks for."""
         grips = link_points(scenario, sample.pose)[0][: len(scenario.arms)]
         moving = np.repeat(sample.moving_force[:, :2], len(grips), axis=0)
@@ -119,7 +119,7 @@ class Forces:
         self._moving.update(grips, moving, view.moving_force)
         self._moment.update(grips, sample.internal_force[0, :, 2], view.moments)
 
-    def scales(self, view: View) -> list[tuple[str, str]]:
+    def scales(self, view: ViewSettings) -> list[tuple[str, str]]:
         """(what, how much) for every kind of arrow that is shown."""
         rows = []
         if view.forces:

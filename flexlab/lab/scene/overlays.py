@@ -6,15 +6,15 @@ import numpy as np
 import viser
 
 from flexlab.lab import colors
-from flexlab.lab.scene import models
-from flexlab.lab.scene.arms import scene_size
-from flexlab.lab.scene.beam import SIDES, tube_faces, tube_vertices
+from flexlab.lab.scene import arm_models
+from flexlab.lab.scene.arm_meshes import scene_size
+from flexlab.lab.scene.beam_mesh import SIDES, tube_faces, tube_vertices
 from flexlab.lab.scene.stage import floor_extent
-from flexlab.lab.view import View
+from flexlab.lab.view_settings import ViewSettings
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_trajectory, desired_at
+from flexlab.sim.geometry import link_points
 from flexlab.sim.samples import Samples
-from flexlab.sim.shape import link_points
 
 DASHES = 15
 """Pieces of the dashed virtual link."""
@@ -49,7 +49,7 @@ class Overlays:
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._size = scene_size(scenario)
-        self._height = models.BEAM_HEIGHT * self._size
+        self._height = arm_models.BEAM_HEIGHT * self._size
         self._path_source: object = None
         self._trail_places: deque[np.ndarray] = deque(maxlen=TRAIL_POINTS)
         self._root = scene.add_frame("/overlays", show_axes=False)
@@ -77,7 +77,7 @@ class Overlays:
         points = np.zeros((count, 2, 3))
         return scene.add_line_segments(f"/overlays/{name}", points, color, thickness=width, thickness_units="screen")
 
-    def update(self, scenario: Scenario, sample: Samples, view: View, caption: str) -> None:
+    def update(self, scenario: Scenario, sample: Samples, view: ViewSettings, caption: str) -> None:
         """Move everything to where `sample` (N = 1) has it, showing what `view` asks for; `caption` says what is drawn."""
         self._update_path(scenario, view)
         self._update_trail(sample, view)
@@ -96,13 +96,13 @@ class Overlays:
         """Begin the trail anew: after a reset."""
         self._trail_places.clear()
 
-    def _update_path(self, scenario: Scenario, view: View) -> None:
+    def _update_path(self, scenario: Scenario, view: ViewSettings) -> None:
         self._path.visible = view.path
         if scenario.trajectory != self._path_source:
             self._path.points = segments(path_points(scenario), self._height)
             self._path_source = scenario.trajectory
 
-    def _update_trail(self, sample: Samples, view: View) -> None:
+    def _update_trail(self, sample: Samples, view: ViewSettings) -> None:
         self._trail.visible = view.trail
         place = sample.pose[0, :2]
         if not self._trail_places or np.any(place != self._trail_places[-1]):

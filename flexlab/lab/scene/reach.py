@@ -6,8 +6,8 @@ import viser
 
 from flexlab.lab.scene.stage import floor_extent
 from flexlab.scenario import Scenario
-from flexlab.sim.faults import elbow_sine, wrist_reach
 from flexlab.sim.samples import Samples
+from flexlab.sim.termination import elbow_sine, wrist_reach
 
 CELL = 0.02
 """Size of one pixel of the shading, m."""

@@ -6,19 +6,19 @@ import time
 import numpy as np
 import viser
 
-from flexlab.lab.kept import KeptRun
-from flexlab.lab.mode_study import ModeStudy, peak_deflection
-from flexlab.lab.scene.arms import Arms
-from flexlab.lab.scene.beam import Beam
+from flexlab.lab.mode_computation import ModeStudy, peak_deflection
+from flexlab.lab.picking import Picking
+from flexlab.lab.reference_run import ReferenceRun
+from flexlab.lab.scene.arm_meshes import Arms
+from flexlab.lab.scene.beam_mesh import Beam
 from flexlab.lab.scene.forces import Forces
-from flexlab.lab.scene.kept_beam import KeptBeam
 from flexlab.lab.scene.overlays import Overlays
-from flexlab.lab.scene.pull import PullArrow
+from flexlab.lab.scene.pull_arrow import PullArrow
 from flexlab.lab.scene.reach import Reach
+from flexlab.lab.scene.reference_beam import ReferenceBeam
 from flexlab.lab.scene.stage import Stage, set_light
 from flexlab.lab.scene.strain import StrainBeam
-from flexlab.lab.touch import Touch
-from flexlab.lab.view import Legend, View
+from flexlab.lab.view_settings import Legend, ViewSettings
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
@@ -34,16 +34,16 @@ class Scene:
     """Everything in the 3D view of one server. `update` may be called from one thread only."""
 
     def __init__(
-        self, server: viser.ViserServer, scenario: Scenario, study: ModeStudy, touch: Touch, shadows: bool = True
+        self, server: viser.ViserServer, scenario: Scenario, study: ModeStudy, touch: Picking, shadows: bool = True
     ):
         self._server, self._study, self._touch = server, study, touch
         set_light(server.scene, shadows)
         self._built_for: object = None
         self._run_number = -1
-        self._parts: list[Stage | Reach | Arms | Beam | StrainBeam | Overlays | Forces | PullArrow | KeptBeam] = []
+        self._parts: list[Stage | Reach | Arms | Beam | StrainBeam | Overlays | Forces | PullArrow | ReferenceBeam] = []
         self._build(scenario)
 
-    def update(self, snapshot: Snapshot, view: View, pull: Pull | None, kept: KeptRun | None) -> None:
+    def update(self, snapshot: Snapshot, view: ViewSettings, pull: Pull | None, kept: ReferenceRun | None) -> None:
         """Draw a snapshot, the pull of a hand and the kept run if there are any, all parts at once."""
         scenario, sample = snapshot.scenario, snapshot.display
         if _structure(scenario) != self._built_for:
@@ -63,11 +63,11 @@ class Scene:
             self._reach.update(scenario, sample, view.reach)
         self._server.flush()
 
-    def legend(self, view: View) -> Legend:
+    def legend(self, view: ViewSettings) -> Legend:
         """What the picture is now drawn to."""
         return Legend(tuple(self._forces.scales(view)), self._strain.limit if view.strain else 0.0)
 
-    def _bent(self, scenario: Scenario, sample: Samples, view: View) -> tuple[Samples, str]:
+    def _bent(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> tuple[Samples, str]:
         """What the beam is drawn from, and the words above it: the run, or the mode that is animated in its place."""
         truth = f"beam deflection drawn × {view.exaggeration:g}"
         result, index = self._study.result, view.shown_mode
@@ -89,7 +89,7 @@ class Scene:
         self._arms, self._overlays = Arms(scene, scenario), Overlays(scene, scenario)
         self._beam, self._strain = Beam(scene, scenario), StrainBeam(scene, scenario)
         self._forces, self._pull = Forces(scene, scenario), PullArrow(scene, scenario)
-        self._kept = KeptBeam(scene, scenario)
+        self._kept = ReferenceBeam(scene, scenario)
         self._touch.attach(self._beam.grab, self._arms.grab)
         self._parts = [
             self._stage,

@@ -5,15 +5,15 @@ import viser
 
 from flexlab.lab import colors
 from flexlab.lab.ranges import Range
-from flexlab.lab.scene import models
-from flexlab.lab.scene.arms import scene_size, turn_about_z
-from flexlab.lab.scene.beam import TUBE_RADIUS
+from flexlab.lab.scene import arm_models
+from flexlab.lab.scene.arm_meshes import scene_size, turn_about_z
+from flexlab.lab.scene.beam_mesh import TUBE_RADIUS
 from flexlab.lab.scene.solids import bar
-from flexlab.lab.view import View
+from flexlab.lab.view_settings import ViewSettings
 from flexlab.physics.beam import shape_row
 from flexlab.scenario import Payload, Scenario
+from flexlab.sim.geometry import beam_points
 from flexlab.sim.samples import Samples
-from flexlab.sim.shape import beam_points
 
 PIECES = 48
 OVERLAP = 1.15
@@ -72,7 +72,7 @@ class StrainBeam:
         """Strain at the ends of the colour range, µm/m at `FIBRE` from the neutral axis."""
         return self._range.limit
 
-    def update(self, scenario: Scenario, sample: Samples, view: View) -> None:
+    def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
         """Colour and bend as `sample` (N = 1) has it."""
         self._pieces.visible = view.strain
         if not view.strain:
@@ -84,7 +84,7 @@ class StrainBeam:
         self._range.fit(float(np.abs(strain).max()))
         line = beam_points(scenario, sample, PIECES + 1, view.exaggeration)[0]
         along = np.diff(line, axis=0)
-        middle = np.column_stack([(line[:-1] + line[1:]) / 2, np.full(PIECES, models.BEAM_HEIGHT * self._size)])
+        middle = np.column_stack([(line[:-1] + line[1:]) / 2, np.full(PIECES, arm_models.BEAM_HEIGHT * self._size)])
         length = OVERLAP * np.linalg.norm(along, axis=1)
         self._pieces.batched_positions = middle.astype(np.float32)
         self._pieces.batched_wxyzs = turn_about_z(np.arctan2(along[:, 1], along[:, 0])).astype(np.float32)

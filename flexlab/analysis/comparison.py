@@ -1,0 +1,110 @@
+"""Two or more recordings side by side: what was set differently, and what came of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from flexlab.analysis.metrics import MetricRow, MetricSums, RunMetrics, metric_rows
+from flexlab.analysis.run_summary import scenario_differences
+from flexlab.recording.overlay import run_label, write_comparison
+from flexlab.recording.reader import Recording, read_blocks, read_recording
+
+Table = list[list[str]]
+"""A line of headings, then rows."""
+
+SAME = "All runs started from the same scenario."
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Of the runs A, B, C… in the order they were given."""
+
+    recordings: tuple[Recording, ...]
+    """Without their samples."""
+    metrics: tuple[tuple[MetricRow, ...], ...]
+    """One tuple per metric, one row per run."""
+    settings: tuple[tuple[str, tuple[str, ...]], ...]
+    """(dotted path, value of each run) of every scenario field in which any run differs from A."""
+
+    @property
+    def labels(self) -> list[str]:
+        """A, B, C…"""
+        return [run_label(number) for number in range(len(self.recordings))]
+
+    def run_table(self) -> Table:
+        """Which run is which."""
+        rows = [
+            [label, run.path.stem, run.scenario.title or run.name]
+            for label, run in zip(self.labels, self.recordings, strict=True)
+        ]
+        return [["", "run", "scenario"], *rows]
+
+    def metric_table(self) -> Table:
+        """Each metric of each run, and how far it is from A's."""
+        labels = self.labels
+        rows = [
+            [f"{rows[0].title} [{rows[0].unit}]", *(f"{row.value:.4g}" for row in rows)]
+            + [f"{row.value - rows[0].value:+.3g}" for row in rows[1:]]
+            for rows in self.metrics
+        ]
+        return [["metric", *labels, *(f"{label} - A" for label in labels[1:])], *rows]
+
+    def setting_table(self) -> Table:
+        """The settings that differ; only the heading if none does."""
+        return [["setting", *self.labels], *([path, *values] for path, values in self.settings)]
+
+    def text(self) -> str:
+        """All of it as markdown."""
+        heads, *settings = self.setting_table()
+        settings = [[f"`{path}`", *values] for path, *values in settings]
+        parts = ["# Comparison", _markdown(self.run_table()), "## Metrics", _markdown(self.metric_table())]
+        parts += ["## Settings", _markdown([heads, *settings]) if settings else SAME]
+        return "\n\n".join(parts) + "\n"
+
+
+def compare(paths: Sequence[Path]) -> Comparison:
+    """Read recordings and compare them. Raises `RecordingError`."""
+    recordings = tuple(read_recording(path, with_samples=False) for path in paths)
+    metrics = [metric_rows(_metrics(path)) for path in paths]
+    fields = {
+        path
+        for recording in recordings[1:]
+        for path, _, _ in scenario_differences(recordings[0].scenario, recording.scenario)
+    }
+    settings = [(path, tuple(_value(recording, path) for recording in recordings)) for path in sorted(fields)]
+    return Comparison(recordings, tuple(zip(*metrics, strict=True)), tuple(settings))
+
+
+def compare_into(paths: Sequence[Path], target: Path) -> Comparison:
+    """Compare recordings and write the overlay, with the tables beside it, as the rerun file `target`.
+
+    Raises `RecordingError` if a run cannot be read, there are too few or too many, or `target` cannot be written.
+    """
+    comparison = compare(paths)
+    write_comparison(comparison.recordings, target, comparison.text())
+    return comparison
+
+
+def _metrics(path: Path) -> RunMetrics:
+    sums = MetricSums()
+    for block in read_blocks(path):
+        sums.add(block)
+    return sums.result()
+
+
+def _value(recording: Recording, path: str) -> str:
+    """A field's value in words; "–" where a scenario has no such field (another kind of damping, say)."""
+    value = recording.scenario
+    for name in path.split("."):
+        value = getattr(value, name, None)
+        if value is None:
+            return "–"
+    if isinstance(value, float):
+        return f"{value:g}"
+    return str(getattr(value, "kind", value))
+
+
+def _markdown(table: Table) -> str:
+    heads, *rows = table
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)

@@ -1,0 +1,131 @@
+"""What the library says of a run beyond its file: metrics and what was changed against the preset, kept in its notes."""
+
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from flexlab.analysis.metrics import MetricSums, metric_rows
+from flexlab.errors import FlexlabError, RecordingError
+from flexlab.presets import load_preset
+from flexlab.recording.reader import read_blocks, read_recording
+from flexlab.recording.run_info import RunInfo
+from flexlab.recording.store.run_files import list_runs, read_notes, run_state, write_notes
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario, LoadScenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.snapshot import Event
+
+DIGITS = 4
+"""Significant digits of a metric in the notes: for reading, not for computing."""
+
+
+class MetricNotes:
+    """The notes of one run, gathered while it is written or read (see `flexlab.recording.run_notes`)."""
+
+    def __init__(self, name: str, scenario: Scenario):
+        """`name`: the preset or file that `scenario`, the run's first, came from."""
+        self._sums = MetricSums()
+        self._changes = preset_changes(name, scenario)
+        self._events = 0
+        self._begins = inf
+
+    def add(self, samples: Samples) -> None:
+        """Take in a block (N >= 1)."""
+        self._begins = min(self._begins, float(samples.time[0]))
+        self._sums.add(samples)
+
+    def add_event(self, event: Event) -> None:
+        """Take in an event; they come in order."""
+        self._events += 1
+        command = event.command
+        origin = command.origin if isinstance(command, LoadScenario) else None
+        # A run that was left for another one says so too, but at its end.
+        if self._events == 1 and origin is not None and event.time == origin.time:
+            self._changes.insert(0, event.text)
+        elif isinstance(command, ChangeScenario) and event.level != "error":
+            self._changes.append(f"t = {event.time:.3f} s: {event.text}")
+
+    def result(self) -> dict[str, Any]:
+        """Metrics, what was changed against the preset, first instant and duration in s."""
+        metrics = self._sums.result()
+        values = {f"{row.title} [{row.unit}]": row.value for row in metric_rows(metrics)}
+        return {
+            "metrics": {name: float(f"{value:.{DIGITS}g}") for name, value in values.items() if isfinite(value)},
+            "changes": self._changes,
+            "begins": self._begins if isfinite(self._begins) else 0.0,
+            "duration": metrics.duration,
+        }
+
+
+def run_notes(info: RunInfo) -> MetricNotes:
+    """The notes of a run that begins, for a recorder."""
+    return MetricNotes(info.name, info.scenario)
+
+
+def note_metrics(path: Path) -> dict[str, Any]:
+    """Read a recording that was left without its notes, write them beside it, and return them.
+
+    Does nothing for a run that is being written. Raises `RecordingError` if the run cannot be read.
+    """
+    if run_state(path) == "in use":
+        return {}
+    recording = read_recording(path, with_samples=False)
+    gathering = MetricNotes(recording.name, recording.scenario)
+    for event in recording.events:
+        gathering.add_event(event)
+    for block in read_blocks(path):
+        gathering.add(block)
+    notes = gathering.result()
+    try:
+        write_notes(path, **notes)
+    except OSError as error:
+        raise RecordingError(f"The notes on {path.name} cannot be written ({error.strerror}).") from None
+    return notes
+
+
+def note_missing_metrics(logs: Path) -> int:
+    """Do that for every finished run that has none yet, newest first; returns how many. Unreadable ones are passed over."""
+    count = 0
+    for path in list_runs(logs):
+        if "metrics" not in read_notes(path) and run_state(path) in ("complete", "recovered"):
+            try:
+                count += bool(note_metrics(path))
+            except FlexlabError:
+                continue
+    return count
+
+
+def preset_changes(name: str, scenario: Scenario) -> list[str]:
+    """One line per field that differs from the preset `name`; none if there is no such preset."""
+    try:
+        preset = load_preset(name)
+    except FlexlabError:
+        return []
+    return [f"{path}: {old} → {new}" for path, old, new in scenario_differences(preset, scenario)]
+
+
+def scenario_differences(one: Scenario, other: Scenario) -> list[tuple[str, str, str]]:
+    """(dotted path, value in `one`, value in `other`) of every field that differs; titles and texts do not count."""
+    return [item for item in _differences(one, other, "") if item[0] not in ("title", "watch")]
+
+
+def _differences(one: Any, other: Any, path: str) -> list[tuple[str, str, str]]:
+    if one == other:
+        return []
+    if isinstance(one, BaseModel) and type(one) is type(other):
+        names = type(one).model_fields
+        found = [_differences(getattr(one, n), getattr(other, n), f"{path}.{n}" if path else n) for n in names]
+        return [item for group in found for item in group]
+    return [(path, _text(one), _text(other))]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, BaseModel):
+        return str(getattr(value, "kind", type(value).__name__))
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_text, value)) + "]"
+    return "none" if value is None else str(value)

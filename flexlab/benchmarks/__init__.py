@@ -1,0 +1,98 @@
+"""`flexlab bench`: speed and accuracy of the engine on this machine, against the goals it is held to."""
+
+import json
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from flexlab.benchmarks import tables
+from flexlab.benchmarks.machine import this_machine
+from flexlab.benchmarks.memory import measure_memory
+from flexlab.benchmarks.peers.peer_comparison import compare_peers
+from flexlab.benchmarks.precision import mesh_precision, paper_costs
+from flexlab.benchmarks.report import Report, plain
+from flexlab.benchmarks.scaling import mesh_scaling
+from flexlab.benchmarks.startup import start_times
+from flexlab.benchmarks.workers import worker_scaling
+from flexlab.presets import load_preset
+from flexlab.sim.world import World
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is measured."""
+
+    meshes: tuple[int, ...]
+    """Elements of the work-precision tables."""
+    duration: float
+    """Simulated time of each of their runs, s: the start's jerk, where errors are largest, is over within 0.1 s."""
+    repeats: int
+    """Times each run is timed."""
+    rounds: int
+    """Rounds of many runs."""
+    cold: bool
+    """Whether to compile everything anew once."""
+
+
+FULL = Plan(meshes=(2, 8, 32, 64), duration=1.0, repeats=3, rounds=5, cold=True)
+"""One to three minutes."""
+
+QUICK = Plan(meshes=(2, 8), duration=0.3, repeats=3, rounds=2, cold=False)
+"""Under half a minute."""
+
+
+def run_bench(as_json: bool, quick: bool = False, peers: bool = False) -> None:
+    """Measure and print, as tables or as one JSON object. Raises `StudyError` if a measurement cannot be done.
+
+    quick: fewer and shorter measurements, no cold start. peers: also MuJoCo and Exudyn, as far as they are installed.
+    """
+    from rich.console import Console
+
+    show = None if as_json else Console(highlight=False)
+    report = measure(QUICK if quick else FULL, peers, show)
+    if as_json:
+        print(json.dumps(plain(report), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def measure(plan: Plan, peers: bool, show: "Console | None") -> Report:
+    """Measure everything; with a console, each table as soon as it is complete."""
+    World(load_preset("paper")).run(1)  # so that nothing compiles under the clock
+
+    def part(what: str, work: Callable[[], Result], table: Callable[[Any], Any]) -> Result:
+        return _part(show, what, work, table)
+
+    machine = part("the machine", this_machine, lambda found: found.text + "\n")
+    report = Report(
+        machine,
+        part("the paper's run", lambda: paper_costs(3 * plan.duration, 2 * plan.repeats), tables.paper_table),
+        [
+            part(f"{n} elements", lambda n=n: mesh_precision(n, plan.duration, plan.repeats), tables.precision_table)
+            for n in plan.meshes
+        ],
+        part("all meshes", lambda: mesh_scaling(plan.duration, 2 * plan.repeats), tables.scaling_table),
+        part("many runs", lambda: worker_scaling(plan.rounds), tables.workers_table),
+        part("starts", lambda: start_times(plan.cold), tables.start_table),
+        part("memory", measure_memory, lambda found: tables.memory_table(found) if found else ""),
+        part("other engines", lambda: compare_peers(plan.duration), tables.peers_table) if peers else None,
+    )
+    _part(show, "goals", lambda: report.goals, tables.goals_table)
+    return report
+
+
+def _part(show: "Console | None", what: str, work: Callable[[], Result], table: Callable[[Result], Any]) -> Result:
+    """Do one piece of the work under a spinner and show its table."""
+    if show is None:
+        return work()
+    from rich.console import Console
+
+    notes = Console(stderr=True, highlight=False)
+    with notes.status(f"measuring: {what}") if notes.is_terminal else nullcontext():
+        result = work()
+    show.print(table(result))
+    return result

@@ -1,0 +1,163 @@
+"""Work and precision: what each integrator and step costs, and how far it is from a tight reference."""
+
+from dataclasses import dataclass
+
+from flexlab.benchmarks.measure import LEAST_TIME, SAMPLE_PERIOD, Trial, deflection_error, pose_error, try_out
+from flexlab.errors import ScenarioError
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.world import World
+
+ASKED_ERROR = 1e-6
+"""m, rad: the pose error that all goals are stated for."""
+
+GOALS = {2: 3.0, 8: 6.0, 32: 25.0, 64: 60.0}
+"""Elements → ms of processor time per simulated second at `ASKED_ERROR`, nodal damping."""
+
+PAPER_LIMIT, PAPER_AIM = 5.0, 2.0
+"""ms of processor time per simulated second of the paper's run: never above the first, better the second."""
+
+STEPS = {
+    "etdrk4": (1e-3, 5e-4, 2.5e-4),
+    "rk4": (1e-3, 5e-4, 2.5e-4),
+    "generalized-alpha": (1e-3, 5e-4, 2.5e-4, 1.25e-4),
+}
+"""Steps tried, s; rk4 also at the longest one that is stable."""
+
+REFERENCE_STEP = 2.5e-5
+"""s: forty times shorter than the longest step tried, so that order 4 leaves a millionth of its error."""
+
+MOST_WORK = 1e6
+"""Steps times elements of one measurement: beyond it, seconds of processor time, a row is only described."""
+
+LOOSEST = 1e-4
+"""Accuracy, m, that leaves an automatic step to stability alone."""
+
+
+@dataclass(frozen=True)
+class WorkPoint:
+    """One row of the table: an integrator on a mesh with a step."""
+
+    integrator: str
+    elements: int
+    step: float
+    """s."""
+    outcome: str
+    """"measured"; or why there are no figures: "unstable" (refused), "diverged", "too slow" (not run)."""
+    us_per_step: float | None = None
+    ms_per_second: float | None = None
+    pose_error: float | None = None
+    """Largest over the run, m or rad."""
+    deflection_error: float | None = None
+    """Largest over the run, at mid-span, m."""
+
+    @property
+    def exact_enough(self) -> bool:
+        """Whether the row was measured and keeps `ASKED_ERROR`."""
+        return self.pose_error is not None and self.pose_error <= ASKED_ERROR
+
+
+@dataclass(frozen=True)
+class MeshPrecision:
+    """The table of one mesh."""
+
+    elements: int
+    goal: float
+    """ms of processor time per simulated second at `ASKED_ERROR`."""
+    reference_uncertainty: float
+    """Pose difference of the reference from one with twice its step, m or rad: about 15 times its own error."""
+    points: list[WorkPoint]
+
+    @property
+    def fastest(self) -> WorkPoint | None:
+        """The cheapest row that keeps `ASKED_ERROR`."""
+        good = [point for point in self.points if point.exact_enough]
+        return min(good, key=lambda point: point.ms_per_second or 0.0, default=None)
+
+
+@dataclass(frozen=True)
+class PaperCost:
+    """The paper's run with one setting."""
+
+    setting: str
+    samples_at_1_khz: bool
+    step: float
+    """s."""
+    ms_per_second: float
+    pose_error: float
+    """m or rad."""
+
+
+def variant(elements: int, integrator: str = "etdrk4", step: float | None = None) -> Scenario:
+    """The paper's experiment on another mesh, with a given integrator and step (s, None: the engine's choice)."""
+    return load_preset("paper").replace(
+        {"payload.element_count": elements, "simulation.integrator": integrator, "simulation.step": step}
+    )
+
+
+def reference(elements: int, duration: float) -> tuple[Samples, float]:
+    """The motion to compare with, and its pose difference (m or rad) from a solution with twice the step."""
+    fine = try_out(variant(elements, "etdrk4", REFERENCE_STEP), duration, 1).samples
+    coarse = try_out(variant(elements, "etdrk4", 2 * REFERENCE_STEP), duration, 1).samples
+    return fine, pose_error(coarse, fine)
+
+
+def paper_costs(duration: float, repeats: int) -> list[PaperCost]:
+    """The paper's run: the longest step for 1 kHz samples, the longest step at all, and as the preset runs."""
+    exact, _ = reference(2, duration)
+    costs = []
+    for setting, step, every in (
+        ("1 ms steps, 1 kHz samples", 1e-3, 1),
+        ("2 ms steps, 500 Hz samples", 2e-3, 2),
+        ("as the preset runs, 1 kHz samples", None, 1),
+    ):
+        scenario = variant(2, "auto" if step is None else "etdrk4", step)
+        trial = try_out(scenario, duration, repeats, every * SAMPLE_PERIOD, LEAST_TIME)
+        target = Samples(**{name: values[every - 1 :: every] for name, values in vars(exact).items()})
+        error = pose_error(trial.samples, target)
+        costs.append(PaperCost(setting, every == 1, trial.step, trial.ms_per_second, error))
+    return costs
+
+
+def mesh_precision(elements: int, duration: float, repeats: int) -> MeshPrecision:
+    """Measure all rows of one mesh."""
+    exact, uncertainty = reference(elements, duration)
+    points = []
+    for integrator, steps in STEPS.items():
+        points += [_measured(integrator, elements, step, exact, repeats) for step in steps]
+        if integrator == "rk4" and not any(point.exact_enough for point in points if point.integrator == "rk4"):
+            points.append(_longest_stable_rk4(elements, exact))
+    return MeshPrecision(elements, GOALS[elements], uncertainty, points)
+
+
+def _measured(integrator: str, elements: int, step: float, exact: Samples, repeats: int) -> WorkPoint:
+    try:
+        duration = len(exact) * SAMPLE_PERIOD
+        trial = try_out(variant(elements, integrator, step), duration, repeats, least_time=LEAST_TIME)
+    except ScenarioError:
+        return WorkPoint(integrator, elements, step, "unstable")
+    return _point(integrator, elements, trial, exact)
+
+
+def _longest_stable_rk4(elements: int, exact: Samples) -> WorkPoint:
+    scenario = variant(elements, "rk4").replace({"simulation.accuracy": LOOSEST})
+    step, duration = World(scenario, SAMPLE_PERIOD).step, len(exact) * SAMPLE_PERIOD
+    if duration / step * elements > MOST_WORK:
+        return WorkPoint("rk4", elements, step, "too slow")
+    return _point("rk4", elements, try_out(scenario, duration, 1), exact)
+
+
+def _point(integrator: str, elements: int, trial: Trial, exact: Samples) -> WorkPoint:
+    if not trial.completed:
+        return WorkPoint(integrator, elements, trial.step, "diverged")
+    return WorkPoint(
+        integrator,
+        elements,
+        trial.step,
+        "measured",
+        trial.us_per_step,
+        trial.ms_per_second,
+        pose_error(trial.samples, exact),
+        deflection_error(trial.samples, exact),
+    )

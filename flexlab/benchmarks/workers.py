@@ -1,0 +1,109 @@
+"""Many runs at once: what a second worker brings.
+
+The two sides alternate, so that a change in the machine's load meets both. On a busy machine two threads may be given
+one core together, and wall time then says nothing about the engine: so the time that threads stood in the queue for
+a core is taken out as well.
+"""
+
+import statistics
+import time
+from dataclasses import dataclass
+
+from flexlab.analysis.batch import simulate_many
+from flexlab.benchmarks.threads import ThreadWatch
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+SPEED_UP_GOAL = 1.7
+"""Time of one worker over that of two."""
+
+WORKERS = 2
+
+DURATION = 3.0
+"""Simulated time of each scenario, s."""
+
+ROUND = 40
+"""Scenarios per round: long enough (a second) to measure, short enough to alternate."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """One batch."""
+
+    wall: float
+    """s."""
+    cpu: float
+    """Processor time of all threads, s."""
+    undisturbed: float | None
+    """Wall time less the slowest thread's time in the queue for a core, s; None where the system does not tell."""
+
+
+@dataclass(frozen=True)
+class WorkerScaling:
+    """The same batches on one worker and on two."""
+
+    scenarios: int
+    """All rounds together."""
+    one: list[Round]
+    two: list[Round]
+    locked_share: float
+    """Part of one run's processor time outside the kernels, which one thread at a time can do."""
+
+    @property
+    def wall_speed_up(self) -> float:
+        """Best round against best round by wall time: what this machine gave, with all its load."""
+        return min(r.wall for r in self.one) / min(r.wall for r in self.two)
+
+    @property
+    def cores_received(self) -> float:
+        """Processor time over wall time of two workers, median: near 2 on an idle machine."""
+        return statistics.median(r.cpu / r.wall for r in self.two)
+
+    @property
+    def speed_up(self) -> float:
+        """Best round against best round with the time in the queue for a core taken out; by wall time if unknown."""
+        one = [r.undisturbed for r in self.one if r.undisturbed is not None]
+        two = [r.undisturbed for r in self.two if r.undisturbed is not None]
+        return min(one) / min(two) if one and two else self.wall_speed_up
+
+
+def worker_scaling(rounds: int) -> WorkerScaling:
+    """Simulate `rounds` different batches on one worker and on two, in turn."""
+    one, two = [], []
+    for number in range(rounds):
+        batch = [_scenario(number * ROUND + k) for k in range(ROUND)]
+        one.append(_round(batch, 1))
+        two.append(_round(batch, WORKERS))
+    return WorkerScaling(rounds * ROUND, one, two, locked_share())
+
+
+def locked_share() -> float:
+    """Processor time of building a world and packing its samples, over that of the whole run."""
+    scenario, ticks = _scenario(0), round(DURATION / 1e-3)
+    kernels, whole = [], []
+    with one_blas_thread():
+        for _ in range(3):
+            start = time.thread_time()
+            simulate(scenario, DURATION)
+            whole.append(time.thread_time() - start)
+            world = World(scenario)
+            rows = world.new_rows(ticks)
+            start = time.thread_time()
+            world.fill(rows)
+            kernels.append(time.thread_time() - start)
+    return max(0.0, 1 - min(kernels) / min(whole))
+
+
+def _scenario(number: int) -> Scenario:
+    return load_preset("paper").replace({"payload.bending_stiffness": 50.0 + number})
+
+
+def _round(batch: list[Scenario], workers: int) -> Round:
+    wall, cpu = time.perf_counter(), time.process_time()
+    with ThreadWatch("flexlab-batch") as watch:
+        simulate_many(batch, DURATION, workers=workers, progress=False)
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    return Round(wall, cpu, watch.undisturbed)

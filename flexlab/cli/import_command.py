@@ -1,0 +1,24 @@
+"""`flexlab import`: an exported run, or a recording from elsewhere, as a recording in logs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from flexlab.cli.console import output
+from flexlab.cli.options import LOGS, Logs
+
+
+def command(
+    file: tyro.conf.Positional[
+        Annotated[Path, tyro.conf.arg(metavar="FILE", help="An exported .csv, .parquet or .npz, or a recording.")]
+    ],
+    logs: Logs = LOGS,
+) -> None:
+    """Take FILE into logs as a recording with the same samples, bit for bit; FILE stays as it is."""
+    from flexlab.analysis.run_summary import note_metrics
+    from flexlab.recording.importing import import_into
+
+    path = import_into(file, logs)
+    note_metrics(path)
+    output().print(f"Recorded in {path}. Look at it with: flexlab review {path.stem}", markup=False, soft_wrap=True)

@@ -1,0 +1,174 @@
+"""`flexlab`: the lab in the browser."""
+
+import secrets
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import tyro
+
+from flexlab.cli.console import complain, output
+from flexlab.cli.options import LOGS, Logs, Preset
+from flexlab.cli.showing import ending, open_browser, wait_for
+
+if TYPE_CHECKING:
+    from flexlab.recording.live import LiveHub
+    from flexlab.server.front_server import FrontServer
+    from flexlab.server.settings import Settings
+
+
+def command(
+    preset: Preset = "paper",
+    host: Annotated[
+        str,
+        tyro.conf.arg(
+            metavar="ADDRESS", help="Who may look: this machine only, or 0.0.0.0 for all who have the token."
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[int, tyro.conf.arg(metavar="PORT", help="The page's port; 0 takes any free one.")] = 8080,
+    no_browser: Annotated[
+        bool, tyro.conf.arg(help="Only serve the page; do not open a browser.", help_behavior_hint="")
+    ] = False,
+    rerun: Annotated[
+        bool, tyro.conf.arg(help="Serve the data live to a rerun viewer as well.", help_behavior_hint="")
+    ] = False,
+    logs: Logs = LOGS,
+    private: Annotated[
+        bool,
+        tyro.conf.arg(help="Give each visitor a lab of their own; otherwise all share one.", help_behavior_hint=""),
+    ] = False,
+    max_sessions: Annotated[int, tyro.conf.arg(metavar="N", help="Most private labs at once.")] = 4,
+    idle_time: Annotated[
+        float, tyro.conf.arg(metavar="S", help="A private lab closes after so long without an open page, s.")
+    ] = 600.0,
+    token: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="WORD", help="The word that opens the server to others; made up if left out.", help_behavior_hint=""
+        ),
+    ] = None,
+    max_size: Annotated[
+        float | None,
+        tyro.conf.arg(
+            metavar="GB",
+            help="Delete the oldest runs, but never kept ones, while all are larger.",
+            help_behavior_hint="",
+        ),
+    ] = None,
+    max_age: Annotated[
+        float | None,
+        tyro.conf.arg(metavar="DAYS", help="Delete older runs, but never kept ones.", help_behavior_hint=""),
+    ] = None,
+) -> None:
+    """Open the lab: two arms carry a flexible beam, live in your browser, every run recorded.
+
+    Other commands, each with a --help of its own:
+
+      flexlab run PRESET       simulate without a screen, record, print a summary
+      flexlab review [RUN]     open a recording, the newest by default
+      flexlab logs             list the recorded runs; note, keep or delete them
+      flexlab compare RUN RUN  say what differs, lay the curves over each other
+      flexlab replay [RUN]     simulate again and compare, bit for bit
+      flexlab export [RUN]     write a run's signals as a table, or its figures
+      flexlab import FILE      take an exported run or a recording into logs
+      flexlab presets          list the presets and what to watch in each
+      flexlab bench            measure speed and accuracy on this machine
+    """
+    from flexlab.presets import find_scenario
+
+    name, scenario = find_scenario(preset)
+    from flexlab.cli.warmup import warm_up
+    from flexlab.recording.store.run_files import check_folder
+    from flexlab.server.front_server import TOKEN_BYTES, listen, open_front_server
+    from flexlab.server.settings import Settings
+
+    most_bytes = None if max_size is None else max_size * GIGABYTE
+    settings = Settings(
+        logs, host, port, token, private, max_sessions, idle_time, most_bytes=most_bytes, most_days=max_age
+    )
+    if not settings.is_local and token is None:
+        # Made up here, so that a page opened while compiling can turn into the lab.
+        settings = replace(settings, token=secrets.token_urlsafe(TOKEN_BYTES))
+    # Before compiling, which takes long.
+    check_folder(logs)
+    listen(host, port).close()
+    shown: list[str] = []
+    warm_up(scenario, meanwhile=_waiting_page(settings, not no_browser, shown) if port else None)
+    with ending() as ended, ExitStack() as closing:
+        live = _serve_live(closing, private) if rerun else None
+        settings = replace(settings, viewer=live.viewer if live else "")
+        front_server = closing.enter_context(
+            open_front_server(settings, scenario, name, hub=live.hub if live else None, on_problem=complain)
+        )
+        _welcome(front_server, settings.is_local, live, logs)
+        if not no_browser and not shown:
+            open_browser(front_server.lab_url)
+        wait_for(ended)
+    last = front_server.close()
+    output().print()
+    if last is not None:
+        output().print(f"The last run is in {last}. Look at it with: flexlab review", markup=False, soft_wrap=True)
+
+
+@contextmanager
+def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Iterator[None]:
+    """A page that says what takes so long, where the lab will be; notes in `shown` that a browser shows it."""
+    from flexlab.cli.waiting_page import WaitingPage
+
+    try:
+        page = WaitingPage(settings.host, settings.port)
+    except OSError:
+        # An address that only the lab's own server understands: then the terminal alone must do.
+        yield
+        return
+    with page:
+        if browser:
+            shown.append(f"{page.url}/lab/" + (f"?token={settings.token}" if settings.token else ""))
+            open_browser(shown[0])
+        yield
+
+
+GIGABYTE = 1e9
+
+
+class Live(NamedTuple):
+    """Where the data of all runs can be watched in rerun while the lab runs."""
+
+    hub: "LiveHub | None"
+    """None: each private lab has one of its own."""
+    viewer: str
+    """Page of the web viewer."""
+
+
+def _serve_live(closing: ExitStack, private: bool) -> Live:
+    """Serve live data and a web viewer for it until `closing` closes. Raises `RecordingError` if that is not possible."""
+    from flexlab.recording.live import LiveHub
+    from flexlab.recording.web_viewer import ViewerServer
+
+    viewer = ViewerServer()
+    closing.callback(viewer.close)
+    if private:
+        return Live(None, viewer.page)
+    hub = LiveHub()
+    closing.callback(hub.close)
+    return Live(hub, viewer.page)
+
+
+def _welcome(front_server: "FrontServer", is_local: bool, live: Live | None, logs: Path) -> None:
+    from flexlab.recording.web_viewer import viewer_link
+
+    lines = [f"The lab is open at {front_server.lab_url}", f"Start page, with all runs: {front_server.url}"]
+    if not is_local:
+        lines.append("From other machines: the same with this machine's name instead of 127.0.0.1.")
+    if live is not None and live.hub is not None:
+        page = viewer_link(live.viewer, live.hub.url)
+        lines += [f"Live data in your browser: {page}", f"or in rerun itself: rerun --connect {live.hub.url}"]
+    elif live is not None:
+        lines.append("Live data of each private lab: by the button Live data in its page, on this machine.")
+    if front_server.settings.most_bytes is not None or front_server.settings.most_days is not None:
+        lines.append("Runs over the limits are deleted, oldest first; never those that are kept.")
+    lines.append(f"Runs are recorded in {logs}. Ctrl-C ends the lab.")
+    for line in lines:
+        output().print(line, style="bold" if line is lines[0] else "", markup=False, soft_wrap=True)

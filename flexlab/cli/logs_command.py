@@ -1,0 +1,171 @@
+"""`flexlab logs`: the table of runs, what is noted about them, and which of them go."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from flexlab.cli.asking import agreed
+from flexlab.cli.console import note as say
+from flexlab.cli.console import output
+from flexlab.cli.options import LOGS, Logs, Runs
+from flexlab.cli.runs_listing import FIELDS, as_json_text, count_text, print_runs, print_table, sorted_rows
+from flexlab.errors import StudyError
+
+if TYPE_CHECKING:
+    from flexlab.recording.store.run_index import RunRow
+
+GIGABYTE = 1e9
+
+
+def command(
+    runs: Runs = (),
+    search: Annotated[
+        str, tyro.conf.arg(metavar="WORDS", help="List runs that have all these words.", help_behavior_hint="")
+    ] = "",
+    sort: Annotated[
+        str,
+        tyro.conf.arg(
+            metavar="FIELD",
+            help=f"List by {', '.join(FIELDS)}: the newest, else the smallest first.",
+        ),
+    ] = "started",
+    reverse: Annotated[bool, tyro.conf.arg(help="List the other way round.", help_behavior_hint="")] = False,
+    as_json: Annotated[
+        bool, tyro.conf.arg(name="json", help="Print one JSON list, with all metrics.", help_behavior_hint="")
+    ] = False,
+    note: Annotated[
+        str | None,
+        tyro.conf.arg(metavar="TEXT", help="Write a note on RUN; an empty one removes it.", help_behavior_hint=""),
+    ] = None,
+    tags: Annotated[
+        str | None,
+        tyro.conf.arg(metavar="A,B", help="Tag RUN so, in place of its tags; empty: none.", help_behavior_hint=""),
+    ] = None,
+    keep: Annotated[bool, tyro.conf.arg(help="Mark RUN: it is never deleted.", help_behavior_hint="")] = False,
+    unkeep: Annotated[bool, tyro.conf.arg(help="Take that mark away.", help_behavior_hint="")] = False,
+    delete: Annotated[bool, tyro.conf.arg(help="Delete RUN, after asking.", help_behavior_hint="")] = False,
+    max_size: Annotated[
+        float | None,
+        tyro.conf.arg(
+            metavar="GB",
+            help="Delete the oldest runs, after asking, until all together are smaller.",
+            help_behavior_hint="",
+        ),
+    ] = None,
+    max_age: Annotated[
+        float | None,
+        tyro.conf.arg(metavar="DAYS", help="Delete runs older than that, after asking.", help_behavior_hint=""),
+    ] = None,
+    yes: Annotated[bool, tyro.conf.arg(help="Delete without asking.", help_behavior_hint="")] = False,
+    measure: Annotated[
+        bool, tyro.conf.arg(help="Mend and measure runs that have no metrics yet.", help_behavior_hint="")
+    ] = False,
+    logs: Logs = LOGS,
+) -> None:
+    """List the recorded runs; look at one; note, tag, keep or delete them.
+
+    Without RUN: the table of all runs, newest first. With RUN: all that is known of it. A RUN is a file, a run's name or
+    the beginning of one, or newest. Runs are deleted when you ask for it only, and kept ones never.
+    """
+    from flexlab.recording.store.run_files import find_run
+    from flexlab.recording.store.run_index import list_rows, read_row
+
+    limits, edits = max_size is not None or max_age is not None, note is not None or tags is not None or keep or unkeep
+    _check(runs, edits=edits, delete=delete, limits=limits, both=keep and unkeep)
+    if not runs and not logs.is_dir():
+        raise StudyError(f"There is no folder {logs}: start flexlab, or say where with --logs.")
+    if measure:
+        _measure(logs)
+    if limits:
+        _delete(_over_limits(logs, max_size, max_age), yes, "No run is over the limits, or those that are, are kept.")
+        return
+    chosen = [read_row(path) for path in dict.fromkeys(find_run(run, logs) for run in runs)]
+    if edits:
+        _edit(chosen, note, tags, True if keep else False if unkeep else None)
+        chosen = [read_row(row.path) for row in chosen]
+    if delete:
+        _delete(chosen, yes, "")
+        return
+    rows = sorted_rows(chosen or list_rows(logs), sort, reverse, search)
+    if as_json:
+        output().print(as_json_text(rows), markup=False, soft_wrap=True)
+    elif chosen:
+        print_runs(chosen)
+    elif rows:
+        print_table(rows, logs)
+    else:
+        say(f"No run in {logs} has the words {search!r}." if search else f"There is no run in {logs} yet.")
+
+
+def _check(runs: tuple[str, ...], edits: bool, delete: bool, limits: bool, both: bool) -> None:
+    """Refuse options that say nothing together. Raises `StudyError`."""
+    if both:
+        raise StudyError("--keep and --unkeep contradict each other: give one of them.")
+    if not runs and (edits or delete):
+        what = "--delete" if delete else "--note, --tags, --keep or --unkeep"
+        raise StudyError(
+            f"{what} needs a RUN: say which, as in flexlab logs newest {'--delete' if delete else '--keep'}."
+        )
+    if delete and edits:
+        raise StudyError("--delete and notes on the same run contradict each other: give one of them.")
+    if limits and (runs or edits or delete):
+        raise StudyError("--max-size and --max-age choose the runs themselves: give no RUN and nothing else with them.")
+
+
+def _edit(rows: "list[RunRow]", note: str | None, tags: str | None, kept: bool | None) -> None:
+    from flexlab.recording.store.run_index import annotate_run
+
+    for row in rows:
+        annotate_run(
+            row,
+            row.note if note is None else note,
+            ",".join(row.tags) if tags is None else tags,
+            row.kept if kept is None else kept,
+        )
+
+
+def _over_limits(logs: Path, gigabytes: float | None, days: float | None) -> "list[RunRow]":
+    from flexlab.recording.store.retention import removable_runs
+    from flexlab.recording.store.run_index import read_row
+
+    for option, limit, unit in (("max-size", gigabytes, "GB"), ("max-age", days, "days")):
+        if limit is not None and not limit > 0:
+            raise StudyError(f"--{option} {limit:g} is not usable: give a number of {unit} above 0.")
+    most_bytes = None if gigabytes is None else gigabytes * GIGABYTE
+    return [read_row(path) for path in removable_runs(logs, most_bytes, days)]
+
+
+def _delete(rows: "list[RunRow]", yes: bool, nothing: str) -> None:
+    """Show what would go, ask, delete. Raises `RecordingError` for the first run that may not go, before any went."""
+    from flexlab.recording.store.run_index import check_removable, delete_run, size_text
+
+    for row in rows:
+        check_removable(row)
+    if not rows:
+        output().print(nothing)
+        return
+    for row in rows:
+        output().print(f"{row.id}  {size_text(row.size)}", markup=False, soft_wrap=True)
+    what = f"{count_text(len(rows))} ({size_text(sum(row.size for row in rows))})"
+    if not yes and not agreed(f"Delete {what}? This cannot be undone.", "--yes deletes without asking"):
+        output().print("Nothing was deleted.")
+        return
+    for row in rows:
+        delete_run(row)
+    output().print(f"Deleted {what}.")
+
+
+def _measure(logs: Path) -> None:
+    """Mend what a killed lab left, read every run without metrics."""
+    from flexlab.analysis.run_summary import note_missing_metrics
+    from flexlab.errors import FlexlabError
+    from flexlab.recording.repair import finish, unfinished_runs
+
+    for path in unfinished_runs(logs):
+        try:
+            finish(path)
+            say(f"Mended {path.name}.")
+        except FlexlabError as error:
+            say(str(error))
+    say(f"Measured {count_text(note_missing_metrics(logs))}.")

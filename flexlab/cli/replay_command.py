@@ -1,0 +1,45 @@
+"""`flexlab replay`: whether a recorded run comes out again, bit for bit."""
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from flexlab.cli.console import complain, notes, output
+from flexlab.cli.options import LOGS, Logs, Run
+
+if TYPE_CHECKING:
+    from flexlab.sim.samples import Samples
+
+
+def command(run: Run = "newest", logs: Logs = LOGS) -> int:
+    """Simulate RUN again from its start and its commands, and compare every bit of every signal.
+
+    Says "bit for bit", or when and in which signal it first differs, and what recorded it. Exits with 0 if all is the same,
+    with 1 if not.
+    """
+    from flexlab.recording.reader import read_blocks, read_recording
+    from flexlab.recording.store.run_files import find_run
+
+    path = find_run(run, logs)
+    recording = read_recording(path, with_samples=False)
+    from flexlab.analysis.replay import replay
+    from flexlab.cli.warmup import warm_up
+
+    warm_up(recording.scenario)
+    found = replay(recording, _counted(read_blocks(path), recording.status.time))
+    output().print(f"{path.stem}: {found.text}", markup=False, soft_wrap=True)
+    if found.compared == 0 and found.identical:
+        complain("The recording has no samples: there was nothing to compare.")
+        return 1
+    return 0 if found.identical else 1
+
+
+def _counted(blocks: "Iterable[Samples]", end: float) -> "Iterator[Samples]":
+    """The blocks, under a progress bar that ends at `end` s of simulation (0: unknown)."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn("replaying"), BarColumn(), TextColumn("{task.completed:.0f} s"), TimeRemainingColumn()
+    with Progress(*columns, console=notes(), transient=True, disable=not notes().is_terminal) as progress:
+        task = progress.add_task("replaying", total=end or None)
+        for block in blocks:
+            yield block
+            progress.update(task, completed=float(block.time[-1]))

@@ -1,0 +1,196 @@
+"""Recorded runs on the terminal: a line of numbers each, what was changed and noted below it; or all there is on one."""
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexlab.cli.console import note, output
+from flexlab.errors import StudyError
+from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
+
+
+class Column(NamedTuple):
+    """A column of numbers or words."""
+
+    heading: str
+    unit: str
+    text: Callable[[RunRow], str]
+
+
+METRICS = {
+    "rms-x": ("RMS error x [mm]", "RMS x", "mm"),
+    "rms-y": ("RMS error y [mm]", "RMS y", "mm"),
+    "peak-x": ("Peak error x [mm]", "peak x", "mm"),
+    "peak-y": ("Peak error y [mm]", "peak y", "mm"),
+    "settled": ("Free vibration gone after [s]", "settled", "s"),
+    "torque": ("Peak joint torque [N·m]", "torque", "N·m"),
+    "force": ("RMS internal force [N]", "RMS force", "N"),
+}
+"""Field → metric as the notes name it, heading, unit. In a narrow window the last ones have no room."""
+
+FIELDS = ("started", "preset", "duration", "size", "state", *METRICS)
+"""What the table can be sorted by."""
+
+CHANGES_SHOWN = 3
+"""Of what was changed in a run, how many stand in the table."""
+
+GAP = "  "
+UNKNOWN = "–"
+
+
+def sorted_rows(rows: Sequence[RunRow], field: str, reverse: bool = False, search: str = "") -> list[RunRow]:
+    """The rows that have all words of `search`, by `field`: the newest first, or the smallest. Raises `StudyError`."""
+    if field not in FIELDS:
+        raise StudyError(f"--sort {field} is not a field: choose one of {', '.join(FIELDS)}.")
+    words = search.lower().split()
+    found = [row for row in rows if all(word in _all_words(row) for word in words)]
+    known = [row for row in found if _value(row, field) is not None]
+    unknown = [row for row in found if _value(row, field) is None]
+    known.sort(key=lambda row: _value(row, field), reverse=field == "started")
+    return (known[::-1] if reverse else known) + unknown
+
+
+def _value(row: RunRow, field: str) -> Any:
+    if field in METRICS:
+        return row.metrics.get(METRICS[field][0])
+    return getattr(row, field)
+
+
+def _all_words(row: RunRow) -> str:
+    started = f"{row.started:%Y-%m-%d %H:%M:%S}"
+    words = (row.id, row.preset, started, state_word(row), row.status, row.note, *row.tags, *row.changes)
+    return " ".join((*words, "kept" if row.kept else "")).lower()
+
+
+def as_json_text(rows: Sequence[RunRow]) -> str:
+    """Everything about the runs as one JSON list."""
+    return json.dumps([_plain(row) for row in rows], indent=1, ensure_ascii=False)
+
+
+def _plain(row: RunRow) -> dict[str, Any]:
+    return {
+        "run": row.id,
+        "file": str(row.path),
+        "preset": row.preset,
+        "started": row.started.isoformat(),
+        "begins [s]": row.begins,
+        "duration [s]": row.duration,
+        "size [B]": row.size,
+        "state": state_word(row),
+        "status": row.status,
+        "kept": row.kept,
+        "note": row.note,
+        "tags": row.tags,
+        "changes": row.changes,
+        "metrics": row.metrics,
+    }
+
+
+def print_table(rows: Sequence[RunRow], logs: Path) -> None:
+    """One line of aligned numbers per run; below it, indented, what was changed, noted and tagged."""
+    from rich.cells import set_cell_size
+    from rich.text import Text
+
+    columns, left_out = _columns_with_room(rows)
+    cells = [[column.text(row) for column in columns] for row in rows]
+    widths = [_width(column, rows) for column in columns]
+
+    def line(texts: Sequence[str]) -> str:
+        first, *others = [
+            set_cell_size(text, width) if number == 0 else f"{text:>{width}}"
+            for number, (text, width) in enumerate(zip(texts, widths, strict=True))
+        ]
+        return GAP.join((first, *others)).rstrip()
+
+    console = output()
+    for heading in ([column.heading for column in columns], [column.unit for column in columns]):
+        console.print(Text(line(heading), style="bold"), soft_wrap=True)
+    for row, texts in zip(rows, cells, strict=True):
+        console.print(Text(line(texts)), soft_wrap=True)
+        if more := _more(row):
+            below = Text(GAP + more, style="dim")
+            if console.is_terminal:
+                below.truncate(console.width, overflow="ellipsis")
+            console.print(below, soft_wrap=True)
+    size = size_text(sum(row.size for row in rows))
+    note(f"{count_text(len(rows))}, {size}, in {logs}. flexlab logs RUN says more of one.")
+    if left_out:
+        note(f"A wider window has room for {', '.join(left_out)}.")
+    if missing := sum(not row.metrics and row.state != "in use" for row in rows):
+        note(f"Without metrics: {missing}. flexlab logs --measure reads those that can be read.")
+
+
+def count_text(count: int) -> str:
+    """So many runs."""
+    return "1 run" if count == 1 else f"{count} runs"
+
+
+def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[Column], list[str]]:
+    """The columns for which the window is wide enough, and the headings of the others."""
+    columns = [
+        Column("run", "", lambda row: row.id),
+        Column("duration", "", lambda row: duration_text(row.duration)),
+        Column("size", "", lambda row: size_text(row.size)),
+        Column("state", "", state_word),
+    ]
+    metrics = [Column(heading, unit, _metric_text(title)) for title, heading, unit in METRICS.values()]
+    console = output()
+    if not console.is_terminal:
+        return columns + metrics, []
+    room = console.width - sum(_width(column, rows) + len(GAP) for column in columns)
+    while metrics and sum(_width(column, rows) + len(GAP) for column in metrics) > room + len(GAP):
+        metrics.pop()
+    shown = {column.heading for column in metrics}
+    return columns + metrics, [heading for _, heading, _ in METRICS.values() if heading not in shown]
+
+
+def _metric_text(title: str) -> Callable[[RunRow], str]:
+    def text(row: RunRow) -> str:
+        value = row.metrics.get(title)
+        return f"{value:.4g}" if isinstance(value, (int, float)) else UNKNOWN
+
+    return text
+
+
+def _width(column: Column, rows: Sequence[RunRow]) -> int:
+    from rich.cells import cell_len
+
+    return max(map(cell_len, (column.heading, column.unit, *(column.text(row) for row in rows))))
+
+
+def _more(row: RunRow) -> str:
+    marks = (["kept"] if row.kept else []) + [f"#{tag}" for tag in row.tags]
+    left = len(row.changes) - CHANGES_SHOWN
+    changes = "; ".join(row.changes[:CHANGES_SHOWN]) + (f"; {left} more" if left > 0 else "")
+    parts = (" ".join(marks), " ".join(row.note.split()), changes)
+    return " · ".join(part for part in parts if part)
+
+
+def print_runs(rows: Sequence[RunRow]) -> None:
+    """All that is known of some runs."""
+    from rich.table import Table
+    from rich.text import Text
+
+    for row in rows:
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+        table.add_column(no_wrap=True)
+        table.add_column(overflow="fold")
+        lines = [
+            ("preset", row.preset),
+            ("started", f"{row.started:%Y-%m-%d %H:%M:%S}"),
+            ("begins at", f"t = {row.begins:.10g} s" if row.begins else ""),
+            ("duration", duration_text(row.duration)),
+            ("size", size_text(row.size)),
+            ("state", f"{state_word(row)}{f', {row.status}' if row.status else ''}{', kept' if row.kept else ''}"),
+            *((title, f"{value:.4g}") for title, value in row.metrics.items() if isinstance(value, (int, float))),
+            ("tags", ", ".join(row.tags)),
+            ("note", row.note),
+            *(("changed" if number == 0 else "", change) for number, change in enumerate(row.changes)),
+            ("file", str(row.path)),
+        ]
+        for title, text in lines:
+            if text:
+                table.add_row(Text(title), Text(text))
+        output().print(Text(row.id, style="bold"), soft_wrap=True)
+        output().print(table)

@@ -1,0 +1,91 @@
+"""Each browser's camera: fits its window until the person moves it, and goes to named views on request."""
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+
+from flexlab.errors import LabError
+from flexlab.lab.scene.camera_views import VIEWS, Window, shot
+from flexlab.sim.runner import Runner
+from flexlab.sim.snapshot import Snapshot
+
+STILL = 1e-3
+"""A camera this near to where it was put counts as not moved by the person, m."""
+TELEPHONE_WIDTH = 576
+"""Windows narrower than this, px, get viser's layout for telephones: a sheet over the lower half of the picture."""
+SAME_ASPECT = 0.02
+"""Changes of width over height below this do not move the camera."""
+
+
+def _near(one: np.ndarray, other: np.ndarray) -> bool:
+    return float(np.linalg.norm(one - other)) < STILL
+
+
+@dataclass
+class _Watch:
+    """One browser."""
+
+    client: viser.ClientHandle
+    telephone: bool
+    view: str = VIEWS[0]
+    put_at: np.ndarray | None = None
+    aspect: float = 0.0
+
+
+class ClientCameras:
+    """The cameras of all browsers of one server; a browser that comes back is a new one."""
+
+    def __init__(self, server: viser.ViserServer, runner: Runner):
+        self._server, self._runner = server, runner
+        self._watches: dict[int, _Watch] = {}
+        self._lock = threading.Lock()
+        server.on_client_connect(self._greet)
+        server.on_client_disconnect(self._forget)
+
+    def choose(self, client: viser.ClientHandle, view: str) -> None:
+        """Show one of `VIEWS` in one browser; raises `LabError` for another name."""
+        if view not in VIEWS:
+            raise LabError(f"{view[:40]!r} is not a camera view: choose one of {', '.join(VIEWS)}.")
+        with self._lock:
+            watch = self._watches.get(client.client_id)
+        if watch is not None:
+            watch.view = view
+            self._aim(watch, self._runner.snapshot)
+
+    def follow(self, snapshot: Snapshot) -> None:
+        """Move the cameras that follow the payload; called for every picture."""
+        with self._lock:
+            watches = [watch for watch in self._watches.values() if watch.view == "Follow"]
+        for watch in watches:
+            self._aim(watch, snapshot)
+
+    async def _greet(self, client: viser.ClientHandle) -> None:
+        watch = _Watch(client, client.camera.image_width < TELEPHONE_WIDTH)
+        with self._lock:
+            self._watches[client.client_id] = watch
+
+        async def reshape(camera: viser.CameraHandle) -> None:
+            # viser puts its own first camera back some two seconds after the page has opened.
+            put_back = watch.view == VIEWS[0] and _near(camera.position, self._server.initial_camera.position)
+            stands = watch.put_at is None or _near(camera.position, watch.put_at)
+            reshaped = abs(camera.aspect - watch.aspect) > SAME_ASPECT
+            if watch.view != "Follow" and (put_back or (stands and reshaped)):
+                self._aim(watch, self._runner.snapshot)
+
+        client.camera.on_update(reshape)
+
+    async def _forget(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            self._watches.pop(client.client_id, None)
+
+    def _aim(self, watch: _Watch, snapshot: Snapshot) -> None:
+        camera = watch.client.camera
+        window = Window(camera.aspect, camera.image_width, watch.telephone)
+        aim = shot(watch.view, snapshot.scenario, snapshot.display, window)
+        watch.put_at, watch.aspect = aim.position, camera.aspect
+        # Position first: viser moves the point looked at along with it.
+        with watch.client.atomic():
+            camera.position = aim.position
+            camera.look_at = aim.look_at

@@ -1,0 +1,233 @@
+"""What all controls of one lab share: the way to the runner, the scenario as asked for, the way back, the view, notices."""
+
+import contextlib
+import dataclasses
+import logging
+import threading
+import time
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from flexlab.errors import FlexlabError, LabError, ScenarioError
+from flexlab.lab.reference_run import ReferenceRun, differences
+from flexlab.lab.undo import Settings, Undo, changes_towards
+from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
+from flexlab.physics.plant import ON_BEAM
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pull, Reset
+from flexlab.sim.runner import Runner
+from flexlab.sim.snapshot import Snapshot
+from flexlab.sim.workspace_check import check_trajectory
+from flexlab.sim.world_state import Origin
+
+NOTICE_TIME = 12.0
+"""How long a notice stays on screen, wall seconds: time to read two lines twice."""
+CATCH_UP_TIME = 1.0
+"""How long the engine may take to show a change that was asked for, wall seconds."""
+
+STIFFNESS = 3
+"""Index in `WorldState.pull`."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Notice:
+    """A sentence for the person at the screen; `level` "info" or "error"."""
+
+    text: str
+    level: str = "info"
+    at: float = 0.0
+
+
+class LabState:
+    """Callbacks of the page (on the server's event loop) ask here; the drawing thread reads here. Any thread."""
+
+    def __init__(self, runner: Runner, origin: Origin | None = None):
+        """`origin`: where the runner's first run went on from."""
+        snapshot = runner.snapshot
+        self._runner = runner
+        self._lock = threading.RLock()
+        self._settings = _settings(snapshot.scenario, snapshot.name, origin)
+        self._run_name = snapshot.name
+        self._run_number = snapshot.run_number
+        self._undo = Undo()
+        self._asked_at = 0.0
+        self._notice = Notice("")
+        self._pull: Pull | None = None
+        self.kept: ReferenceRun | None = None
+        """The run that is drawn behind the present one."""
+        self._view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
+        self._let_go_of(origin)
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The runner's newest snapshot."""
+        return self._runner.snapshot
+
+    @property
+    def intended(self) -> Scenario:
+        """The scenario with every accepted change, even those that the engine has not yet taken up."""
+        return self._settings.scenario
+
+    @property
+    def baseline(self) -> Scenario:
+        """The preset or file that the scenario came from, unchanged."""
+        return self._settings.baseline
+
+    @property
+    def name(self) -> str:
+        """Name of the preset or file that the scenario came from."""
+        return self._settings.name
+
+    @property
+    def changed(self) -> bool:
+        """Whether the scenario differs from the preset or file that it came from, titles apart."""
+        return bool(differences(self._settings.baseline, self._settings.scenario))
+
+    @property
+    def view(self) -> ViewSettings:
+        """What the screen shows."""
+        return self._view
+
+    def set_view(self, **changes: Any) -> None:
+        """Change settings of the screen."""
+        with self._lock:
+            self._view = dataclasses.replace(self._view, **changes)
+
+    def change(self, changes: Mapping[str, Any]) -> None:
+        """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid."""
+        with self._lock:
+            wanted = self.intended.replace(changes)
+            fault = check_trajectory(wanted)
+            if fault is not None:
+                raise ScenarioError([("trajectory", fault.text)])
+            self._undo.note(self._settings, gesture=tuple(changes))
+            self._send(dataclasses.replace(self._settings, scenario=wanted), changes)
+
+    def load(self, scenario: Scenario, name: str, origin: Origin | None = None) -> None:
+        """Ask for a new run from another scenario, or one that goes on from an earlier run."""
+        with self._lock:
+            self._undo.note(self._settings)
+            self._start(_settings(scenario, name, origin))
+
+    def saved(self, scenario: Scenario, name: str) -> None:
+        """`scenario`, the present one but for its title, now has a file of its own: changes count from there."""
+        with self._lock:
+            self._settings = Settings(self.intended, name, scenario)
+
+    def undo(self) -> None:
+        """Take the last change back; raises `LabError` if there is none."""
+        self._step(self._undo.back, "There is nothing to undo.")
+
+    def redo(self) -> None:
+        """Make the last undone change again; raises `LabError` if there is none."""
+        self._step(self._undo.forward, "There is nothing to redo.")
+
+    def back_to_baseline(self) -> None:
+        """Take all changes against the preset or file back, and start a new run of it."""
+        self.load(self.baseline, self.name)
+
+    def submit(self, command: Command) -> None:
+        """Pass on any other command."""
+        if isinstance(command, Reset):
+            self._asked_at, self._pull = time.monotonic(), None
+        self._runner.submit(command)
+
+    def pull(self, pull: Pull | None) -> None:
+        """Pull beam or link, or let go (None)."""
+        if pull is None and self._pull is not None:
+            self._runner.submit(dataclasses.replace(self._pull, stiffness=0.0))
+        elif pull is not None:
+            self._runner.submit(pull)
+        self._pull = pull
+
+    @property
+    def pulled(self) -> Pull | None:
+        """The pull that a person holds now."""
+        return self._pull
+
+    def settle(self, snapshot: Snapshot) -> None:
+        """Fall in with the engine where it did not follow: a change that it refused, or one, or a run, from elsewhere."""
+        with self._lock:
+            if snapshot.run_number != self._run_number:
+                # A new run knows of no hand.
+                self._run_number, self._pull = snapshot.run_number, None
+            if time.monotonic() - self._asked_at < CATCH_UP_TIME:
+                return
+            if snapshot.name != self._run_name:
+                self._run_name = snapshot.name
+                self._settings = Settings(snapshot.scenario, snapshot.name, snapshot.scenario)
+            elif snapshot.scenario != self.intended:
+                self._settings = dataclasses.replace(self._settings, scenario=snapshot.scenario)
+
+    def say(self, text: str, level: str = "info") -> None:
+        """Show a sentence to everybody who looks at this lab."""
+        self._notice = Notice(text, level, time.monotonic())
+
+    @property
+    def notice(self) -> Notice:
+        """The sentence now to be shown; its text is empty when there is none."""
+        notice = self._notice
+        return notice if time.monotonic() - notice.at < NOTICE_TIME else Notice("")
+
+    def _step(self, move: Callable[[Settings], Settings | None], otherwise: str) -> None:
+        with self._lock:
+            present = self._settings
+            wanted = move(present)
+            if wanted is None:
+                raise LabError(otherwise)
+            if dataclasses.replace(wanted, scenario=present.scenario) == present:
+                self._send(wanted, changes_towards(present.scenario, wanted.scenario))
+            else:
+                self._start(wanted)
+
+    def _send(self, settings: Settings, changes: Mapping[str, Any]) -> None:
+        self._settings, self._asked_at = settings, time.monotonic()
+        self._runner.submit(ChangeScenario(dict(changes)))
+
+    def _start(self, settings: Settings) -> None:
+        self._settings, self._asked_at, self._run_name = settings, time.monotonic(), settings.name
+        self._pull = None
+        self.set_view(exaggeration=fitting_exaggeration(settings.scenario), shown_mode=None)
+        self._runner.submit(LoadScenario(settings.scenario, settings.name, settings.origin))
+        self._let_go_of(settings.origin)
+
+    def _let_go_of(self, origin: Origin | None) -> None:
+        """End a pull that was going on at `origin`: its hand is not here, and nobody would see its spring."""
+        if origin is None or origin.state.pull[STIFFNESS] == 0:
+            return
+        position, x, y, _, arm, link = (float(item) for item in origin.state.pull)
+        held = None if arm == ON_BEAM else (int(arm) + 1, int(link) + 1)
+        self._runner.submit(Pull(position, (x, y), 0.0, held))
+
+
+def _settings(scenario: Scenario, name: str, origin: Origin | None) -> Settings:
+    """Those of a new run. One that goes on from an earlier run is compared with, and goes back to, that run's preset."""
+    baseline = scenario
+    if origin is not None:
+        with contextlib.suppress(FlexlabError):
+            baseline = load_preset(name)
+    return Settings(scenario, name, baseline, origin)
+
+
+def handler(lab_state: LabState, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
+    """A callback for a widget: runs `action(event)` for what a person did, and shows what went wrong as a sentence.
+
+    Events without a client are the server's own writes to the widget, and ask for nothing.
+    """
+
+    async def callback(event: Any) -> None:
+        if event.client is None:
+            return
+        try:
+            action(event)
+        except FlexlabError as error:
+            lab_state.say(str(error), "error")
+        except Exception as error:
+            log.exception("a control failed")
+            lab_state.say(f"This control failed ({type(error).__name__}: {error}); the simulation goes on.", "error")
+
+    return callback

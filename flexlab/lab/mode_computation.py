@@ -1,0 +1,75 @@
+"""Computes the modes of the present scenario beside the lab, so that a fine mesh holds up neither picture nor controls."""
+
+import logging
+import threading
+
+import numpy as np
+
+from flexlab.analysis.modes import Modes, modes
+from flexlab.errors import FlexlabError
+from flexlab.scenario import Payload, Scenario
+from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.geometry import deflection_at
+
+PEAK_POINTS = 101
+"""Places along the beam at which its largest deflection is sought."""
+
+log = logging.getLogger(__name__)
+
+
+def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
+    """The largest |w| along the beam for free coordinates `shape` (n_q,), m."""
+    along = np.linspace(-0.5, 0.5, PEAK_POINTS) * payload.length
+    return float(np.abs(deflection_at(payload, shape[None], along)).max())
+
+
+class ModeStudy:
+    """Holds the newest finished result. `ask` as often as you like: one computation runs at a time."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._asked: Scenario | None = None
+        self.result: Modes | None = None
+        """Modes of the scenario last computed; None before the first."""
+        self.problem = ""
+        """Why there is no result, as a sentence."""
+
+    def ask(self, scenario: Scenario) -> None:
+        """Have the modes of `scenario` computed, unless they are or are being computed."""
+        with self._lock:
+            busy = self._thread is not None and self._thread.is_alive()
+            if busy or (self._asked is not None and _key(self._asked) == _key(scenario)):
+                return
+            self._asked = scenario
+            self._thread = threading.Thread(target=self._compute, args=(scenario,), name="flexlab-modes", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Wait for a computation that is under way."""
+        with self._lock:
+            thread = self._thread
+        if thread is not None:
+            thread.join()
+
+    def _compute(self, scenario: Scenario) -> None:
+        try:
+            with one_blas_thread():
+                self.result, self.problem = modes(scenario), ""
+        except FlexlabError as error:
+            self.problem = str(error)
+        except Exception as error:
+            log.exception("modes failed")
+            self.problem = f"The modes could not be computed ({type(error).__name__}: {error})."
+
+
+def _key(scenario: Scenario) -> tuple:
+    """What modes depend on."""
+    return (
+        scenario.payload,
+        scenario.left_arm,
+        scenario.right_arm,
+        scenario.controller,
+        scenario.gravity,
+        scenario.trajectory.center,
+    )

@@ -1,0 +1,141 @@
+"""The rest of the scenario: every field that has no slider, in folders that are closed until somebody needs them."""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import viser
+
+from flexlab.errors import ScenarioError
+from flexlab.lab.lab_state import LabState
+from flexlab.lab.panel.choice import Choice
+from flexlab.lab.panel.numeric_field import NumericField
+from flexlab.quantities import describe
+from flexlab.scenario import Scenario
+from flexlab.sim.build import build_trajectory, desired_at
+
+FIRST_PERIOD, FIRST_TORQUE_LIMIT, FIRST_STEP = 1e-3, 400.0, 1e-4
+"""What a switch begins with: an ordinary controller's 1 ms, two thirds of the paper's largest torque in N·m, 0.1 ms."""
+
+
+class Group(NamedTuple):
+    """One folder: `paths` of its fields; those that end in ".*" stand for all gains of the control law."""
+
+    title: str
+    paths: tuple[str, ...]
+
+
+def _arm(side: str) -> tuple[str, ...]:
+    fields = ("base", "link_mass", "link_length", "link_center", "link_inertia", "elbow")
+    return tuple(f"{side}_arm.{field}" for field in fields)
+
+
+GAINS = "controller.*"
+GROUPS = (
+    Group("Gains for x, y and θ apart", (GAINS,)),
+    Group("Motors, sampling and sensors", (
+        "controller.torque_limit",
+        "controller.control_period",
+        "controller.input_delay",
+        "controller.sensor_noise.pose",
+        "controller.sensor_noise.pose_rate",
+        "controller.sensor_noise.strain",
+        "controller.sensor_noise.seed",
+    )),
+    Group("What the controller believes", (
+        "controller.model.bending_stiffness_factor",
+        "controller.model.linear_density_factor",
+        "controller.model.length_factor",
+    )),
+    Group("Path, part by part", ("trajectory.center", "trajectory.frequency", "trajectory.phase")),
+    Group("Start of a run", ("initial.pose", "initial.pose_rate")),
+    Group("Left arm", _arm("left")),
+    Group("Right arm", _arm("right")),
+    Group("Numerics", (
+        "simulation.integrator",
+        "simulation.step",
+        "simulation.accuracy",
+        "payload.mode_count",
+    )),
+)  # fmt: skip
+
+
+def _start(order: int) -> Callable[[Scenario], Any]:
+    return lambda scenario: tuple(map(float, desired_at(build_trajectory(scenario), 0.0)[order]))
+
+
+SWITCHES: dict[str, tuple[str, Callable[[Scenario], Any]]] = {
+    "controller.torque_limit": ("Limited torques", lambda _: (FIRST_TORQUE_LIMIT,) * 3),
+    "controller.control_period": ("Sampled control", lambda _: FIRST_PERIOD),
+    "initial.pose": ("Start elsewhere than on the path", _start(0)),
+    "initial.pose_rate": ("Start with another velocity than the path's", _start(1)),
+    "left_arm.link_inertia": ("Inertias other than m l²/12", lambda scenario: scenario.arms[0].inertia),
+    "right_arm.link_inertia": ("Inertias other than m l²/12", lambda scenario: scenario.arms[-1].inertia),
+    "simulation.step": ("Longest step chosen by hand", lambda _: FIRST_STEP),
+    "payload.mode_count": ("Keep fewer modes", lambda scenario: scenario.payload.coordinate_count),
+}
+"""Fields that may be left out: the words of their switch, and the value that it begins with."""
+CHOSEN = ("simulation.integrator", "left_arm.elbow", "right_arm.elbow")
+
+
+def present(scenario: Scenario, group: Group) -> tuple[str, ...]:
+    """The paths of a group that this scenario has: a law has gains of its own, and not every machine a right arm."""
+    return tuple(path for path in _expanded(scenario, group) if _has(scenario, path))
+
+
+def _expanded(scenario: Scenario, group: Group) -> Iterator[str]:
+    for path in group.paths:
+        if path != GAINS:
+            yield path
+            continue
+        law = scenario.controller
+        for name, field in type(law).model_fields.items():
+            # A gain may be one number or three, and only those have both a slider and parts.
+            if describe(type(law), name).slider and field.annotation == float | tuple[float, float, float]:
+                yield f"controller.{name}"
+
+
+def _has(scenario: Scenario, path: str) -> bool:
+    try:
+        scenario.get(path)
+    except ScenarioError:
+        return False
+    return True
+
+
+class Details:
+    """One folder. Its fields are built anew when the scenario's parts change their kind."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, group: Group):
+        self._gui, self._lab_state, self._group = gui, lab_state, group
+        self._folder = gui.add_folder(group.title, expand_by_default=False)
+        self._fields: list[NumericField | Choice] = []
+        self._built_for: tuple[str, ...] | None = None
+        self._follow(lab_state.intended)
+
+    def settle(self, scenario: Scenario) -> None:
+        """Follow the scenario, leaving alone what a person is at."""
+        self._follow(scenario)
+        for field in self._fields:
+            field.show(scenario) if isinstance(field, Choice) else field.settle(scenario)
+
+    def show(self, scenario: Scenario) -> None:
+        """Show the scenario in every field, at once."""
+        self._follow(scenario)
+        for field in self._fields:
+            field.show(scenario)
+
+    def _follow(self, scenario: Scenario) -> None:
+        paths = present(scenario, self._group)
+        if paths == self._built_for:
+            return
+        for field in self._fields:
+            field.remove()
+        self._built_for, self._folder.visible = paths, bool(paths)
+        with self._folder:
+            self._fields = [self._field(path) for path in paths]
+
+    def _field(self, path: str) -> NumericField | Choice:
+        if path in CHOSEN:
+            return Choice(self._gui, self._lab_state, path)
+        parts = 3 if GAINS in self._group.paths else 1
+        return NumericField(self._gui, self._lab_state, path, SWITCHES.get(path), parts)

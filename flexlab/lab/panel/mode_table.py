@@ -1,0 +1,139 @@
+"""The mode table, and ways to see one mode: slow motion, a run that starts in it, its shape animated."""
+
+import numpy as np
+import viser
+
+from flexlab.analysis.modes import Modes
+from flexlab.errors import LabError
+from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.mode_computation import ModeStudy, peak_deflection
+from flexlab.lab.panel.playback import SPEEDS
+from flexlab.lab.panel.text import escaped, number
+from flexlab.lab.view_settings import EXAGGERATION, PLOT_WINDOWS, nice
+from flexlab.sim.commands import SetSpeed
+from flexlab.sim.runner import Runner
+from flexlab.sim.snapshot import Snapshot
+
+MOST_MODES = 8
+"""Rows of the table and choices of the menu: higher modes are seen by nobody."""
+SEEN_AT = 2.0
+"""Frequency on the screen that slow motion stays just below, Hz."""
+PERIODS_SHOWN = 8
+"""Periods of the mode that fit into the plot window."""
+SEEN_SIZE = 0.06
+"""Size that a mode is enlarged to, in beam lengths."""
+START_SIZE = 0.002
+"""Amplitude of a run that starts in a mode, in beam lengths: far below the 5 % that a linear beam stands."""
+LOOKED_BACK = 0.5
+"""Time over which the present vibration is judged, s."""
+LEAST_VIBRATION = 1e-6
+"""Vibration below which there is nothing to enlarge, m."""
+
+
+class ModePanel:
+    """Mode table and buttons, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner, study: ModeStudy):
+        self._lab_state, self._runner, self._study = lab_state, runner, study
+        study.ask(lab_state.intended)
+        self._table = gui.add_html("")
+        self._choice = gui.add_dropdown("Mode", tuple(str(k + 1) for k in range(MOST_MODES)), initial_value="1")
+        slow = gui.add_button("Slow motion for it", color="gray", hint=f"Speed so that it is seen below {SEEN_AT:g} Hz")
+        start = gui.add_button(
+            "Start in it", color="gray", hint="A new run that starts with the beam bent in this mode"
+        )
+        self._animate = gui.add_checkbox("Animate its shape", False, hint="Draws the mode instead of the run")
+        self._problem = gui.add_html("")
+        slow.on_click(handler(lab_state, lambda _: self._slow_down(self._chosen())))
+        start.on_click(handler(lab_state, lambda _: self._start_in(self._chosen())))
+        self._animate.on_update(handler(lab_state, lambda _: self._set_animation()))
+        self._choice.on_update(handler(lab_state, lambda _: self._set_animation()))
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Bring the table up to date."""
+        self._study.ask(snapshot.scenario)
+        result = self._study.result
+        self._table.content = table_html(result) if result is not None else '<div class="fl">Computing …</div>'
+        problem = self._study.problem
+        self._problem.content = f'<div class="fl fl-bad">{escaped(problem)}</div>' if problem else ""
+
+    def _chosen(self) -> int:
+        """Index of the chosen mode; raises `LabError` if this mesh has no such mode."""
+        result, index = self._study.result, int(self._choice.value) - 1
+        if result is None:
+            raise LabError("The modes are still being computed: try again in a moment.")
+        if index >= len(result.frequency):
+            count = len(result.frequency)
+            raise LabError(f"Mode {index + 1} needs a finer mesh: this one has {count} modes. Give it more elements.")
+        return index
+
+    def _set_animation(self) -> None:
+        wanted = bool(self._animate.value)
+        try:
+            self._lab_state.set_view(shown_mode=self._chosen() if wanted else None)
+        except LabError:
+            self._lab_state.set_view(shown_mode=None)
+            raise
+
+    def _slow_down(self, index: int) -> None:
+        result = self._study.result
+        assert result is not None
+        frequency = float(result.frequency[index])
+        self._slow_to(frequency)
+        vibration = np.abs(self._runner.recent(LOOKED_BACK).vibration)
+        size = float(vibration.max()) if len(vibration) else 0.0
+        if size < LEAST_VIBRATION:
+            self._lab_state.say(
+                f"The beam hardly vibrates now: tap it, or start a run in mode {index + 1}, to see this mode."
+            )
+            return
+        self._enlarge(size)
+
+    def _start_in(self, index: int) -> None:
+        result, scenario = self._study.result, self._lab_state.intended
+        assert result is not None
+        shape = result.shape[:, index]
+        size = START_SIZE * scenario.payload.length
+        start = tuple(float(value) for value in shape * size / peak_deflection(scenario.payload, shape))
+        self._slow_to(float(result.frequency[index]))
+        self._enlarge(size)
+        self._lab_state.change({"initial.beam_coordinates": start, "initial.pose_rate": None})
+
+    def _slow_to(self, frequency: float) -> None:
+        speed = next((speed for speed in SPEEDS if speed * frequency <= SEEN_AT), SPEEDS[-1])
+        window = next((window for window in PLOT_WINDOWS if window * frequency >= PERIODS_SHOWN), PLOT_WINDOWS[-1])
+        self._lab_state.submit(SetSpeed(speed))
+        self._lab_state.set_view(plot_window=window)
+
+    def _enlarge(self, size: float) -> None:
+        factor = nice(SEEN_SIZE * self._lab_state.intended.payload.length / size)
+        self._lab_state.set_view(exaggeration=min(max(factor, 1.0), EXAGGERATION.high))
+
+
+def table_html(result: Modes) -> str:
+    """The beam's modes, and the closed loop's poles that oscillate, as tables."""
+    rows = []
+    for k in range(min(len(result.frequency), MOST_MODES)):
+        sideways, turning = 100 * result.lateral_participation[k], 100 * result.angular_participation[k]
+        if max(sideways, turning) < 0.1:
+            moved = "hardly"
+        elif sideways > turning:
+            moved = f"sideways, {sideways:.0f} %"
+        else:
+            moved = f"turning, {turning:.0f} %"
+        ratio = number(100 * float(result.damping_ratio[k]), 2)
+        rows.append(f"<tr><td>{k + 1}</td><td>{result.frequency[k]:.2f}</td><td>{ratio}</td><td>{moved}</td></tr>")
+    beam = (
+        '<table class="fl-table"><tr><th>mode</th><th>f (Hz)</th><th>ζ (%)</th><th>excited by grips moving</th></tr>'
+        f"{''.join(rows)}</table>"
+    )
+    frequency, ratio = result.pole_frequency, result.pole_damping_ratio
+    swinging = [k for k in range(len(frequency)) if result.poles[k].imag > 0][:4]
+    loop = "".join(f"<tr><td>{frequency[k]:.2f}</td><td>{number(100 * float(ratio[k]), 2)}</td></tr>" for k in swinging)
+    poles = (
+        '<div class="fl-title">Arms, beam and controller together</div>'
+        f'<table class="fl-table"><tr><th>f (Hz)</th><th>ζ (%)</th></tr>{loop}</table>'
+        if loop
+        else ""
+    )
+    return f'<div class="fl"><div class="fl-title">Beam with its grips held</div>{beam}{poles}</div>'

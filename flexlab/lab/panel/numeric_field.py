@@ -1,0 +1,139 @@
+"""A scenario field without a slider: its numbers in boxes, a switch where it may be left out, and the way back."""
+
+import math
+import re
+import time
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.panel.field import LIVE_HINTS
+from flexlab.lab.panel.number_control import BOX_DIGITS, READING_TIME, SETTLE_TIME, put
+from flexlab.lab.panel.text import escaped, number
+from flexlab.scenario import Scenario
+
+FINEST_DIGITS = 14
+"""Decimals of a box whose range begins below those of an ordinary one."""
+
+Numbers = float | tuple[float, ...] | None
+
+
+class NumericField:
+    """The field at `path`, in the GUI container that is open while it is made.
+
+    `switch`: label of the switch that gives the field a value, and the value it then has; None: it always has one.
+    `components`: how many boxes show a field that is one number for all or one for each.
+    """
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        lab_state: LabState,
+        path: str,
+        switch: tuple[str, Callable[[Scenario], Any]] | None = None,
+        components: int = 1,
+    ):
+        self._lab_state, self._path, self._given, self._components = lab_state, path, switch, components
+        self._touched = -math.inf
+        scenario = lab_state.intended
+        about = scenario.about(path)
+        value, fallback = self._read(scenario), switch[1](scenario) if switch else None
+        shown = fallback if value is None else value
+        hint = f"Allowed: {about.range_text()}. {LIVE_HINTS[about.live]}"
+        title = re.sub(r" \(null: .*\)", "", about.title)
+        unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
+        label = f"{title} {about.symbol}".strip() + unit
+        if switch is not None:
+            self._switch = gui.add_checkbox(switch[0], value is not None, hint=LIVE_HINTS[about.live])
+            self._switch.on_update(handler(lab_state, lambda _: self._turn(bool(self._switch.value))))
+        self._box = _box(gui, label, shown, hint)
+        self._box.precision = BOX_DIGITS if about.low >= 10.0**-BOX_DIGITS or about.low <= 0 else FINEST_DIGITS
+        self._box.visible = value is not None
+        self._back = gui.add_button("↺", color="gray", visible=False, hint=f"{title}: back to its usual value")
+        self._problem = gui.add_html("", visible=False)
+        self._box.on_update(handler(lab_state, lambda _: self._ask(self._box.value)))
+        self._back.on_click(handler(lab_state, lambda _: self._go_back()))
+        self._show(scenario)
+
+    def settle(self, scenario: Scenario) -> None:
+        """Show the scenario's value, unless a person is at this field."""
+        if time.monotonic() - self._touched > SETTLE_TIME:
+            self._show(scenario)
+            if time.monotonic() - self._touched > READING_TIME:
+                self._complain("")
+
+    def show(self, scenario: Scenario) -> None:
+        """Show the scenario's value at once: after a reset, a preset, an undo."""
+        self._show(scenario)
+        self._complain("")
+
+    def remove(self) -> None:
+        """Take the field off the screen."""
+        for widget in (*([self._switch] if self._given else []), self._box, self._back, self._problem):
+            widget.remove()
+
+    def _read(self, scenario: Scenario) -> Numbers:
+        value = scenario.get(self._path)
+        return (value,) * self._components if self._components > 1 and not isinstance(value, tuple) else value
+
+    def _usual(self) -> Numbers:
+        """The preset's value; where the preset has no such field (another control law), the present one."""
+        try:
+            return self._read(self._lab_state.baseline)
+        except ScenarioError:
+            return self._read(self._lab_state.intended)
+
+    def _show(self, scenario: Scenario) -> None:
+        value = self._read(scenario)
+        if self._given and self._switch.value != (value is not None):
+            self._switch.value = value is not None
+        put(self._box, visible=value is not None)
+        if value is not None:
+            put(self._box, value=value)
+        put(self._back, visible=value != self._usual())
+
+    def _turn(self, on: bool) -> None:
+        if self._given:
+            self._ask(self._given[1](self._lab_state.intended) if on else None)
+            # A refused switch shows the truth at once: there is nothing to go on typing at.
+            self._show(self._lab_state.intended)
+
+    def _go_back(self) -> None:
+        self._ask(self._usual())
+        self._touched = -math.inf
+        self._show(self._lab_state.intended)
+
+    def _ask(self, value: Numbers) -> None:
+        """Ask for a value; if it is refused, say why below and leave what was typed to be mended."""
+        self._touched = time.monotonic()
+        # One number for all keeps its slider simple.
+        same = isinstance(value, tuple) and self._components > 1 and len(set(value)) == 1
+        try:
+            self._lab_state.change({self._path: value[0] if same and isinstance(value, tuple) else value})
+        except FlexlabError as error:
+            self._complain(f"{error} It stays at {_text(self._read(self._desk.intended))}.")
+            return
+        put(self._box, visible=value is not None)
+        put(self._back, visible=value != self._usual())
+        self._complain("")
+
+    def _complain(self, text: str) -> None:
+        box = f'<div class="fl"><div class="fl-box fl-error">{escaped(text)}</div></div>' if text else ""
+        put(self._problem, content=box, visible=bool(text))
+
+
+def _box(gui: viser.GuiApi, label: str, value: Any, hint: str) -> Any:
+    """A box for each number of a value."""
+    if not isinstance(value, tuple):
+        # As a float: where it holds a whole number, viser would cut every other down to one and say nothing.
+        return gui.add_number(label, float(value), step=1.0 if isinstance(value, int) else None, hint=hint)
+    return gui.add_vector2(label, value, hint=hint) if len(value) == 2 else gui.add_vector3(label, value, hint=hint)
+
+
+def _text(value: Numbers) -> str:
+    if value is None:
+        return "none"
+    return ", ".join(number(item, 6) for item in value) if isinstance(value, tuple) else number(value, 6)

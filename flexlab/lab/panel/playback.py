@@ -1,0 +1,78 @@
+"""The buttons that drive the clock: play and pause, single step, reset, speed."""
+
+import math
+import time
+
+import viser
+
+from flexlab.errors import LabError
+from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.panel.text import factor
+from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, StepOnce
+from flexlab.sim.snapshot import Snapshot
+
+SPEEDS = tuple(2.0**power for power in range(2, -9, -1))
+"""Choices of simulated seconds per wall second: 4 down to 1/256."""
+
+
+STEPS_PER_SECOND = 10.0
+"""While the step button is held."""
+SAME_PRESS = 0.25
+"""Two requests to play or pause within this time are one, wall seconds."""
+
+
+class Playback:
+    """Play/pause, step, reset and speed, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState):
+        self._lab_state = lab_state
+        self._toggled_at = -math.inf
+        self._seen_speed = lab_state.snapshot.target_speed
+        self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, hint="Hold or go on with simulation time")
+        step = gui.add_button(
+            "Step", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", hint="1 ms further; hold the button to go on"
+        )
+        reset = gui.add_button(
+            "Reset", icon=viser.Icon.REFRESH, color="gray", hint="A new run from t = 0, same settings"
+        )
+        self._speeds = {factor(speed): speed for speed in SPEEDS}
+        self._speed = gui.add_dropdown(
+            "Speed", tuple(self._speeds), initial_value=factor(1.0), hint="Simulated time per real time"
+        )
+        self._play.on_click(handler(lab_state, lambda _: self.toggle()))
+        # Pressing steps once and holding goes on; a click handler beside it would step twice.
+        step.on_hold(handler(lab_state, lambda _: self.step()), callback_hz=STEPS_PER_SECOND)
+        reset.on_click(handler(lab_state, lambda _: self.reset()))
+        self._speed.on_update(handler(lab_state, lambda _: self._set_speed(self._speed.value)))
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Label the play button by what it will do, and follow a speed that was set elsewhere."""
+        self._play.label = "Pause" if snapshot.playing else "Play"
+        self._play.icon = viser.Icon.PLAYER_PAUSE if snapshot.playing else viser.Icon.PLAYER_PLAY
+        shown = factor(snapshot.target_speed)
+        if snapshot.target_speed != self._seen_speed and shown in self._speeds:
+            self._seen_speed = snapshot.target_speed
+            self._speed.value = shown
+
+    def toggle(self) -> None:
+        """Play or pause."""
+        now = time.monotonic()
+        # A space on the focused button is a key and a click at once in some browsers.
+        if now - self._toggled_at < SAME_PRESS:
+            return
+        self._toggled_at = now
+        self._lab_state.submit(Pause() if self._lab_state.snapshot.playing else Play())
+
+    def reset(self) -> None:
+        """A new run with the same settings."""
+        self._lab_state.submit(Reset())
+
+    def step(self) -> None:
+        """Hold, and go one sample further."""
+        self._lab_state.submit(Pause())
+        self._lab_state.submit(StepOnce())
+
+    def _set_speed(self, choice: str) -> None:
+        if choice not in self._speeds:
+            raise LabError(f"{choice[:40]!r} is not a speed of the menu: choose one from 1/256 × to 4 ×.")
+        self._lab_state.submit(SetSpeed(self._speeds[choice]))

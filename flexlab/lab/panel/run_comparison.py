@@ -1,0 +1,118 @@
+"""Keep a run, change something, and see the difference: table of metrics, list of changed settings."""
+
+import math
+
+import viser
+
+from flexlab.errors import ScenarioError
+from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.panel.text import escaped, number
+from flexlab.lab.reference_run import LONGEST, ReferenceRun, common_metrics, differences, keep_run
+from flexlab.scenario import Scenario
+from flexlab.sim.runner import Runner
+from flexlab.sim.snapshot import Snapshot
+
+EVERY = 10
+"""Panel updates per table (1 Hz): metrics read the whole common time."""
+MOST_DIFFERENCES = 12
+
+
+class Comparing:
+    """Buttons and table, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner):
+        self._lab_state, self._runner = lab_state, runner
+        self._count = 0
+        words = (
+            "Keep this run, change a setting or the control law, and press Reset: the kept run stays behind the new one, "
+            "its beam in grey and its curves dotted."
+        )
+        gui.add_html(f'<div class="fl fl-dim">{words}</div>')
+        keep = gui.add_button("Keep this run", icon=viser.Icon.GHOST_2, color="gray", hint=f"Its last {LONGEST:g} s")
+        forget = gui.add_button("Forget it", color="gray", hint="Remove the kept run from the screen")
+        self._table = gui.add_html("")
+        keep.on_click(handler(lab_state, lambda _: self._keep()))
+        forget.on_click(handler(lab_state, lambda _: self._forget()))
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Bring the table up to date."""
+        self._count += 1
+        if self._count % EVERY == 0:
+            self._show(snapshot)
+
+    def _keep(self) -> None:
+        self._lab_state.kept = keep_run(self._runner)
+        self._lab_state.say(f"Kept {self._desk.kept.name}: change something, then press Reset.")
+        self._show(self._lab_state.snapshot)
+
+    def _forget(self) -> None:
+        self._lab_state.kept = None
+        self._show(self._lab_state.snapshot)
+
+    def _show(self, snapshot: Snapshot) -> None:
+        kept = self._lab_state.kept
+        self._table.content = "" if kept is None else comparison_html(kept, snapshot, self._runner)
+
+
+def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> str:
+    """The table of metrics over the common time, and the settings that differ."""
+    rows, (first, last) = common_metrics(kept, runner.recent(LONGEST))
+    settings = _settings_html(kept.scenario, snapshot.scenario)
+    if not rows:
+        low, high = kept.span
+        text = f"The kept run has t = {low:.2f} s to {high:.2f} s; the present one has nothing in common with it yet."
+        return f'<div class="fl">{text}{settings}</div>'
+    lines = []
+    for old, new in rows[1:]:
+        shown = change_text(100 * (new.value / old.value - 1) if old.value else math.nan)
+        lines.append(
+            f"<tr><td>{escaped(old.title)} ({old.unit})</td><td>{number(old.value, 3)}</td>"
+            f"<td>{number(new.value, 3)}</td><td>{shown}</td></tr>"
+        )
+    head = "<tr><th></th><th>kept</th><th>now</th><th>change</th></tr>"
+    return (
+        f'<div class="fl">Over t = {first:.2f} s to {last:.2f} s of both runs:'
+        f'<table class="fl-table">{head}{"".join(lines)}</table>{settings}</div>'
+    )
+
+
+def change_text(percent: float) -> str:
+    """A change in whole per cent with its sign; "–" where there is nothing to compare with."""
+    if not math.isfinite(percent):
+        return "–"
+    return f"{percent:+.0f} %".replace("-", "−") if round(percent) else "0 %"
+
+
+def _settings_html(kept: Scenario, now: Scenario) -> str:
+    changed = differences(kept, now)
+    if not changed:
+        return "<div>Both runs have the same settings.</div>"
+    lines = [
+        f"<tr><td>{field_name(now, path)}</td><td>{field_value(a)}</td><td>{field_value(b)}</td></tr>"
+        for path, a, b in changed
+    ]
+    more = len(lines) - MOST_DIFFERENCES
+    note = f"<div>… and {more} more.</div>" if more > 0 else ""
+    head = "<tr><th>setting</th><th>kept</th><th>now</th></tr>"
+    return f'<table class="fl-table">{head}{"".join(lines[:MOST_DIFFERENCES])}</table>{note}'
+
+
+def field_name(scenario: Scenario, path: str) -> str:
+    """A field in the words of the screen, with its unit, as HTML."""
+    if path.endswith(".kind"):
+        return escaped(path.removesuffix(".kind").replace(".", " "))
+    try:
+        about = scenario.about(path)
+    except ScenarioError:
+        return escaped(path)
+    unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
+    return escaped(f"{about.title} {about.symbol}{unit}")
+
+
+def field_value(value: object) -> str:
+    """A field's value in the fewest words, as HTML."""
+    if value is None:
+        return "–"
+    if isinstance(value, tuple):
+        return ", ".join(field_value(item) for item in value)
+    return number(value) if isinstance(value, (int, float)) else escaped(str(value))

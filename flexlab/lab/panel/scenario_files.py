@@ -1,0 +1,126 @@
+"""Save, download, upload, share: the scenario as something to keep and pass on."""
+
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.panel.run_comparison import field_name, field_value
+from flexlab.lab.panel.text import escaped
+from flexlab.lab.reference_run import differences
+from flexlab.lab.user_presets import read_upload, save_preset
+from flexlab.presets import scenario_text
+from flexlab.scenario import Scenario
+from flexlab.sim.snapshot import Snapshot
+
+MOST_CHANGES = 12
+
+
+class ScenarioFiles:
+    """Buttons for scenarios, in the GUI container that is open while it is made.
+
+    `link`: gives the address under which a browser opens a scenario, or None where there is no such address.
+    `on_saved` hears that there is a new preset.
+    """
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        lab_state: LabState,
+        link: Callable[[Scenario], str] | None,
+        on_saved: Callable[[], None],
+    ):
+        self._lab_state, self._link, self._on_saved = lab_state, link, on_saved
+        self._shown_for: tuple[Scenario, Scenario] | None = None
+        self._changes = gui.add_html("")
+        for label, icon, hint, action in (
+            ("Undo", viser.Icon.ARROW_BACK_UP, "Take the last change back (Ctrl+Z)", lab_state.undo),
+            ("Redo", viser.Icon.ARROW_FORWARD_UP, "Make it again (Ctrl+Shift+Z)", lab_state.redo),
+            ("Back to preset", None, "A new run without your changes", lab_state.back_to_baseline),
+        ):
+            button = gui.add_button(label, icon=icon, color="gray", hint=hint)
+            button.on_click(handler(lab_state, _without_event(action)))
+        self.name = gui.add_text("Name", self._suggestion(), hint="Small letters, digits and hyphens")
+        save = gui.add_button("Save as preset", icon=viser.Icon.DEVICE_FLOPPY, hint="Into the folder presets")
+        save.on_click(handler(lab_state, lambda _: self.save()))
+        download = gui.add_button("Download", icon=viser.Icon.DOWNLOAD, color="gray", hint="The scenario as a file")
+        download.on_click(handler(lab_state, self._download))
+        self._gui, self._front_server = gui, gui.add_folder(None)
+        self._offer_upload()
+        self._address = gui.add_html("")
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Say what is changed against the preset, and under which address others find it."""
+        lab_state = self._lab_state
+        key = (lab_state.baseline, lab_state.intended)
+        if self._shown_for is not None and self._shown_for[0] is key[0] and self._shown_for[1] is key[1]:
+            return
+        self._shown_for = key
+        self._changes.content = changes_html(lab_state.name, *key)
+        if self._link is not None:
+            address = escaped(self._link(lab_state.intended))
+            self._address.content = (
+                '<div class="fl">This scenario in another browser (click, then copy):'
+                f'<div class="fl-code">{address}</div></div>'
+            )
+
+    def save(self) -> None:
+        """Save under the name in the box."""
+        name, scenario = self.name.value, self._lab_state.intended
+        if scenario.title == self._lab_state.baseline.title and name != self._lab_state.name:
+            changes = ", ".join(f"{field_name(scenario, path)} {field_value(new)}" for path, _, new in self._changed())
+            scenario = scenario.replace({"title": name, "watch": f"From {self._desk.name}: {changes}."[:1200]})
+        path = save_preset(scenario, name)
+        self._lab_state.saved(scenario, name)
+        self._on_saved()
+        self._lab_state.say(f"Saved as {path}.")
+
+    def _changed(self) -> list[tuple[str, Any, Any]]:
+        return differences(self._lab_state.baseline, self._lab_state.intended)
+
+    def _suggestion(self) -> str:
+        return f"my-{self._desk.name}"[:40]
+
+    def _download(self, event: Any) -> None:
+        content = scenario_text(self._lab_state.intended).encode()
+        event.client.send_file_download(f"{self._desk.name}.json", content, save_immediately=True)
+
+    def _offer_upload(self) -> None:
+        with self._front_server:
+            self._opener = self._gui.add_upload_button(
+                "Open a file",
+                icon=viser.Icon.UPLOAD,
+                color="gray",
+                mime_type="application/json",
+                hint="A scenario file",
+            )
+        self._opener.on_upload(handler(self._lab_state, self._upload))
+
+    def _upload(self, event: Any) -> None:
+        # A browser does not tell that the same file was chosen once more, but to a new button it does.
+        self._opener.remove()
+        self._offer_upload()
+        file = event.target.value
+        name, scenario = read_upload(file.name, file.content)
+        self._lab_state.load(scenario, name)
+        self._lab_state.say(f"Opened {name}.")
+
+
+def _without_event(action: Callable[[], None]) -> Callable[[Any], None]:
+    return lambda _: action()
+
+
+def changes_html(name: str, baseline: Scenario, scenario: Scenario) -> str:
+    """What is changed against the preset or file, as a table."""
+    changed = differences(baseline, scenario)
+    if not changed:
+        return f'<div class="fl">As in {escaped(name)}: nothing is changed.</div>'
+    lines = [
+        f"<tr><td>{field_name(scenario, path)}</td><td>{field_value(old)}</td><td>{field_value(new)}</td></tr>"
+        for path, old, new in changed[:MOST_CHANGES]
+    ]
+    more = len(changed) - MOST_CHANGES
+    note = f"… and {more} more." if more > 0 else ""
+    head = f"<tr><th>changed, not saved</th><th>{escaped(name)}</th><th>now</th></tr>"
+    return f'<div class="fl"><table class="fl-table">{head}{"".join(lines)}</table>{note}</div>'

@@ -1,0 +1,114 @@
+"""Hands on the machine: dragging beam or link pulls it with a spring, clicking the beam taps it with a calibrated impulse.
+Both are commands, so they are in the log and a replay contains them."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import viser
+
+from flexlab.errors import LabError
+from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.scene.arm_meshes import scene_size
+from flexlab.lab.scene.arm_models import BEAM_HEIGHT, LINK_HEIGHTS
+from flexlab.quantities import Quantity
+from flexlab.sim.commands import Pull, Tap
+from flexlab.sim.geometry import arm_points
+
+STIFFNESS = Quantity("Pull stiffness", unit="N/m", low=1, high=1e5, slider=(10, 10000), logarithmic=True)
+IMPULSE = Quantity("Tap impulse", unit="N·s", low=1e-4, high=100, slider=(1e-3, 1), logarithmic=True)
+PLACE = Quantity("Tap place s/L", low=-0.5, high=0.5, slider=(-0.5, 0.5))
+STEEPEST = 0.05
+"""Least downward part of a line of sight that can be followed to the plane of motion."""
+
+
+class Held(NamedTuple):
+    """What a hand has taken hold of: `position` and `link` as in `Pull`, `height` above the floor, m."""
+
+    position: float
+    link: tuple[int, int] | None
+    height: float
+
+
+class Picking:
+    """Turns drags and clicks on the drawn machine into commands. `stiffness` N/m, `impulse` N·s, `place` s/L."""
+
+    def __init__(self, lab_state: LabState):
+        self._lab_state = lab_state
+        self._held: Held | None = None
+        self.stiffness, self.impulse, self.place = 500.0, 0.05, 0.0
+
+    def attach(self, beam: viser.MeshHandle, links: viser.BatchedMeshHandle) -> None:
+        """Make a drawn beam and drawn arms touchable; links are instances arm by arm, from the base."""
+        beam.on_drag("left")(handler(self._lab_state, lambda event: self._drag(event, self._take_beam)))
+        beam.on_click(handler(self._lab_state, lambda event: self._tap_at(self._on_beam(self._seen(event)))))
+        links.on_drag("left")(handler(self._lab_state, lambda event: self._drag(event, self._take_link)))
+
+    def set(self, about: Quantity, name: str, value: float) -> None:
+        """Set `stiffness`, `impulse` or `place`; raises `LabError` outside the range of `about`."""
+        if not about.low <= value <= about.high:
+            allowed = about.range_text()
+            raise LabError(
+                f"{about.title.lower()} = {value:g}{about.unit_text()} is outside {allowed}: choose within it."
+            )
+        setattr(self, name, float(value))
+
+    def tap(self) -> None:
+        """Tap at the chosen place."""
+        self._tap_at(self.place * self._lab_state.snapshot.scenario.payload.length)
+
+    def _tap_at(self, s: float) -> None:
+        """An impulse across the beam, towards its positive side."""
+        angle = float(self._lab_state.snapshot.display.pose[0, 2])
+        self._lab_state.submit(Tap(s, (-self.impulse * float(np.sin(angle)), self.impulse * float(np.cos(angle)))))
+
+    def _drag(self, event: Any, take: Callable[[Any], Held]) -> None:
+        if event.phase == "end":
+            self._held = None
+            self._lab_state.pull(None)
+            return
+        if event.phase == "start" or self._held is None:
+            self._held = take(event)
+        held = self._held
+        target = self._in_plane(event.client, np.array(event.end_position), held.height)
+        self._lab_state.pull(Pull(held.position, (float(target[0]), float(target[1])), self.stiffness, held.link))
+
+    def _take_beam(self, event: Any) -> Held:
+        return Held(self._on_beam(np.array(event.start_position[:2])), None, self._height(BEAM_HEIGHT))
+
+    def _take_link(self, event: Any) -> Held:
+        snapshot = self._lab_state.snapshot
+        arm, link = divmod(event.instance_index, len(LINK_HEIGHTS))
+        inner, outer = arm_points(snapshot.scenario, snapshot.display)[0, arm, link : link + 2]
+        length = snapshot.scenario.arms[arm].link_length[link]
+        along = float((np.array(event.start_position[:2]) - inner) @ (outer - inner)) / length
+        return Held(min(max(along, 0.0), length), (arm + 1, link + 1), self._height(LINK_HEIGHTS[link]))
+
+    def _on_beam(self, place: np.ndarray) -> float:
+        """The material coordinate s, m, of the beam's point nearest to a place (x, y) m in the plane."""
+        snapshot = self._lab_state.snapshot
+        x, y, angle = snapshot.display.pose[0]
+        half = 0.5 * snapshot.scenario.payload.length
+        along = (place[0] - x) * np.cos(angle) + (place[1] - y) * np.sin(angle)
+        return float(np.clip(along, -half, half))
+
+    def _in_plane(self, client: viser.ClientHandle, seen: np.ndarray, height: float) -> np.ndarray:
+        """Where the line of sight through a seen point (3,) meets the plane at `height` m above the floor, (x, y) m.
+
+        viser moves the pointer in a plane that faces the camera, which is another one.
+        """
+        eye = np.array(client.camera.position)
+        return _meet(eye, seen - eye, height)
+
+    def _seen(self, event: Any) -> np.ndarray:
+        return _meet(np.array(event.ray_origin), np.array(event.ray_direction), self._height(BEAM_HEIGHT))
+
+    def _height(self, drawn: float) -> float:
+        return drawn * scene_size(self._lab_state.snapshot.scenario)
+
+
+def _meet(origin: np.ndarray, direction: np.ndarray, height: float) -> np.ndarray:
+    direction = direction / max(float(np.linalg.norm(direction)), 1e-12)
+    if abs(direction[2]) < STEEPEST:
+        raise LabError("The camera looks along the plane of motion: choose the overview to touch the machine.")
+    return (origin + direction * (height - origin[2]) / direction[2])[:2]

@@ -1,0 +1,80 @@
+"""A run that was kept to compare others with: its samples, and what sets it apart from the present run."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexlab.analysis.metrics import MetricRow, metric_rows, run_metrics
+from flexlab.errors import LabError
+from flexlab.scenario import Scenario
+from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Samples
+from flexlab.sim.snapshot import TICK
+
+LONGEST = 30.0
+"""How much of a run is kept, s: what the engine remembers."""
+
+
+@dataclass(frozen=True)
+class ReferenceRun:
+    """The newest `LONGEST` seconds of a run, exactly as they were computed, with the scenario it ended in."""
+
+    name: str
+    scenario: Scenario
+    samples: Samples
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last kept instant, s."""
+        return float(self.samples.time[0]), float(self.samples.time[-1])
+
+    def at(self, time: float) -> Samples | None:
+        """The sample (N = 1) nearest to a simulation time, s, or None outside `span`."""
+        row = round((time - self.span[0]) / TICK)
+        return self.samples.slice(row, row + 1) if 0 <= row < len(self.samples) else None
+
+
+def keep_run(runner: Runner) -> ReferenceRun:
+    """Keep the present run; raises `LabError` while there is nothing to keep."""
+    samples, snapshot = runner.recent(LONGEST), runner.snapshot
+    if len(samples) < 2:
+        raise LabError("There is nothing to keep yet: press play and let the run go on for a moment.")
+    return ReferenceRun(snapshot.name, snapshot.scenario, samples)
+
+
+def common_metrics(
+    kept: ReferenceRun, samples: Samples
+) -> tuple[list[tuple[MetricRow, MetricRow]], tuple[float, float]]:
+    """Metric rows of the kept run and of `samples` over the simulation times that both have, and these times, s.
+
+    Empty if they have none in common.
+    """
+    first = max(kept.span[0], float(samples.time[0])) if len(samples) else np.inf
+    last = min(kept.span[1], float(samples.time[-1])) if len(samples) else -np.inf
+    if last - first < TICK:
+        return [], (0.0, 0.0)
+    pieces = [_between(kept.samples, first, last), _between(samples, first, last)]
+    ours, theirs = (metric_rows(run_metrics(piece)) for piece in pieces)
+    return list(zip(ours, theirs, strict=True)), (first, last)
+
+
+def _between(samples: Samples, first: float, last: float) -> Samples:
+    rows = np.flatnonzero((samples.time > first - TICK / 2) & (samples.time < last + TICK / 2))
+    return samples.slice(int(rows[0]), int(rows[-1]) + 1)
+
+
+def differences(one: Scenario, other: Scenario) -> list[tuple[str, Any, Any]]:
+    """(path, value in one, value in the other) of every field in which two scenarios differ; titles apart."""
+    first, second = dict(_leaves(one.model_dump(), "")), dict(_leaves(other.model_dump(), ""))
+    paths = [path for path in {**first, **second} if path not in ("title", "watch")]
+    return [(path, first.get(path), second.get(path)) for path in paths if first.get(path) != second.get(path)]
+
+
+def _leaves(data: Any, path: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(data, dict):
+        for name, value in data.items():
+            yield from _leaves(value, f"{path}.{name}" if path else name)
+    else:
+        yield path, data

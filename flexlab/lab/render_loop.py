@@ -1,0 +1,76 @@
+"""The drawing thread: brings the newest snapshot to the screen, 30 times a second, plots and readouts every third time."""
+
+import logging
+import threading
+import time
+
+import viser
+
+from flexlab.lab.client_cameras import ClientCameras
+from flexlab.lab.lab_state import LabState
+from flexlab.lab.panel.guide_panel import Guide
+from flexlab.lab.panel.panel import Panel
+from flexlab.lab.plots.plots import Plots
+from flexlab.lab.scene.scene import Scene
+from flexlab.sim.runner import Runner
+
+FRAME_TIME = 1 / 30
+"""Wall seconds per picture."""
+READOUT_EVERY = 3
+"""Pictures per update of plots and readouts: 10 Hz, as fast as numbers can be read."""
+
+log = logging.getLogger(__name__)
+
+
+class RenderLoop:
+    """Owns the thread. It only reads the runner; while nobody looks it does nothing."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        runner: Runner,
+        lab_state: LabState,
+        scene: Scene,
+        cameras: ClientCameras,
+        panel: Panel,
+        plots: Plots,
+        guide: Guide,
+    ):
+        self._server, self._runner, self._lab_state = server, runner, lab_state
+        self._scene, self._cameras, self._panel, self._plots, self._guide = scene, cameras, panel, plots, guide
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="flexlab-drawing", daemon=True)
+
+    def start(self) -> None:
+        """Start drawing."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop drawing; returns when the thread is done."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        frame = 0
+        while not self._stop.is_set():
+            began = time.monotonic()
+            if frame == 0 or self._server.get_clients():
+                try:
+                    self._draw(frame % READOUT_EVERY == 0)
+                except Exception as error:
+                    log.exception("drawing failed")
+                    self._lab_state.say(
+                        f"Drawing failed ({type(error).__name__}: {error}); the simulation goes on.", "error"
+                    )
+                frame += 1
+            self._stop.wait(max(FRAME_TIME - (time.monotonic() - began), 0.002))
+
+    def _draw(self, readouts: bool) -> None:
+        snapshot, view = self._runner.snapshot, self._lab_state.view
+        self._scene.update(snapshot, view, self._lab_state.pulled, self._lab_state.kept)
+        self._cameras.follow(snapshot)
+        if readouts:
+            self._panel.update(snapshot, self._scene.legend(view))
+            self._guide.update(snapshot)
+            self._plots.update(self._runner, snapshot, view, self._lab_state.kept)

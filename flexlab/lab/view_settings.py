@@ -1,0 +1,77 @@
+"""What a person chose to see: settings of the screen only, which the simulation knows nothing of."""
+
+import math
+from dataclasses import dataclass
+
+from flexlab.quantities import Quantity
+from flexlab.scenario import Scenario
+
+VISIBLE_BENDING = 0.012
+"""Share of the beam's length that its ordinary bending is enlarged to when the lab chooses the exaggeration."""
+EXAGGERATION = Quantity(
+    "Exaggeration of the deflection", unit="×", low=0, high=1000, slider=(1, 1000), logarithmic=True
+)
+PLOT_WINDOWS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
+"""Choices for the plots' time window, s."""
+
+
+@dataclass(frozen=True)
+class ViewSettings:
+    """Settings of the screen. `exaggeration`: factor on the drawn deflection; `plot_window`: s.
+
+    `shown_mode`: index of the mode whose shape is animated in place of the run, or None.
+    """
+
+    exaggeration: float = 50.0
+    strain: bool = False
+    forces: bool = True
+    moving_force: bool = False
+    moments: bool = False
+    ghost: bool = True
+    path: bool = True
+    trail: bool = False
+    reach: bool = False
+    plot_window: float = 5.0
+    hold_plots: bool = False
+    shown_mode: int | None = None
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What the picture is drawn to. `scales`: (what, how much); `strain`: µm/m at the ends of the colours, 0 without."""
+
+    scales: tuple[tuple[str, str], ...] = ()
+    strain: float = 0.0
+
+
+SWITCHES = {
+    "strain": "Strain colours",
+    "forces": "Internal force",
+    "moments": "Internal moment",
+    "moving_force": "Moving force",
+    "ghost": "Desired pose",
+    "path": "Desired path",
+    "trail": "Trail of the payload",
+    "reach": "Reach and singular poses",
+    "hold_plots": "Hold the plots still",
+}
+"""Settings that are on or off, and their names on the screen."""
+
+
+def fitting_exaggeration(scenario: Scenario) -> float:
+    """A factor of 1, 2 or 5 times a power of ten at which the beam's bending in steady motion is seen but not wild."""
+    payload, path = scenario.payload, scenario.trajectory
+    swing = [
+        size * (2 * math.pi * rate) ** 2 for size, rate in zip(path.amplitude[:2], path.frequency[:2], strict=True)
+    ]
+    load = payload.linear_density * math.hypot(*swing, scenario.gravity)
+    bending = 5 * load * payload.length**4 / (384 * payload.bending_stiffness)
+    if bending <= 0:
+        return 50.0
+    return min(max(nice(VISIBLE_BENDING * payload.length / bending), 1.0), EXAGGERATION.high)
+
+
+def nice(value: float) -> float:
+    """The nearest of 1, 2, 5 times a power of ten, by ratio."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return power * min((1.0, 2.0, 5.0, 10.0), key=lambda step: abs(math.log(value / (power * step))))

@@ -1,0 +1,172 @@
+"""Two or more runs in one recording: curves laid over each other, time counted from each run's first sample."""
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from flexlab.errors import RecordingError
+from flexlab.recording.blueprint import plot_view, scene_view
+from flexlab.recording.chunks import TIMELINE, scalars, send_columns
+from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
+from flexlab.recording.recorded_plots import PlotSignal, plot_signals
+from flexlab.recording.repair import Mending
+from flexlab.recording.rrd_file import messages
+from flexlab.recording.sample_codec import larger_blocks
+from flexlab.recording.scene_log import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
+from flexlab.recording.store.run_files import replacing
+from flexlab.sim.samples import Samples
+
+APPLICATION = "flexlab comparison"
+"""Apart from single runs, whose layout a person may have changed."""
+
+MOST_RUNS = 6
+"""Curves of more runs cannot be told apart."""
+
+SCENES_SHAPE = 1.2
+"""Width over height of all scenes side by side, narrower than they are, beside a page's tables too: no elbow is cut off."""
+
+BLOCK_ROWS = 4000
+"""Samples sent at once."""
+
+
+def write_comparison(recordings: Sequence[Recording], target: Path, text: str = "") -> None:
+    """Write 2 to `MOST_RUNS` runs into the rerun file `target`, with a layout that overlays them.
+
+    `text`: markdown shown beside the plots, such as a table of differences. Raises `RecordingError`.
+    """
+    if not 2 <= len(recordings) <= MOST_RUNS:
+        raise RecordingError(f"{len(recordings)} runs cannot be compared: choose 2 to {MOST_RUNS}.")
+    stream = rr.RecordingStream(APPLICATION, send_properties=False)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    try:
+        encoded = stream.binary_stream()
+        runs = [(recording.name, recording.scenario) for recording in recordings]
+        stream.set_sinks(encoded)
+        # Active, not only the default: a busy viewer makes a layout of its own for the first pieces, and keeps that.
+        stream.send_blueprint(comparison_blueprint(runs), make_active=True, make_default=True)
+        stream.send_recording_name(" and ".join(f"{run.name} {run.started:%H:%M:%S}" for run in recordings))
+        texts = json.dumps([(name, scenario.model_dump_json()) for name, scenario in runs], ensure_ascii=False)
+        stream.send_property(COMPARISON, rr.AnyValues(runs=texts))
+        stream.log("differences", rr.TextDocument(text, media_type="text/markdown"), static=True)
+        with replacing(target) as draft:
+            _write(stream, encoded, recordings, draft)
+    except (RuntimeError, OSError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else "") or str(error).split("\n")[0]
+        raise RecordingError(
+            f"The comparison cannot be written to {target} ({reason}): choose another place."
+        ) from None
+    finally:
+        stream.disconnect()
+
+
+def _write(stream: rr.RecordingStream, encoded: rr.BinaryStream, recordings: Sequence[Recording], draft: Path) -> None:
+    """Piece by piece, so that hours need no more memory than seconds; then with an index, so that they open as fast."""
+    factor = _factor([(recording.name, recording.scenario) for recording in recordings])
+    pieces = draft.with_suffix(".pieces")
+    try:
+        with pieces.open("wb") as file:
+            for number, recording in enumerate(recordings):
+                for _ in _send_run(stream, number, recording, factor):
+                    if piece := encoded.read():
+                        file.write(messages(piece, with_head=file.tell() == 0))
+        if not Mending().rewrite(pieces, draft):
+            raise RuntimeError("rerun's tool fails")
+    finally:
+        pieces.unlink(missing_ok=True)
+
+
+def run_label(number: int) -> str:
+    """A, B, C…: how a run is called in curves' names and tables."""
+    return chr(ord("A") + number)
+
+
+def _factor(runs: Sequence[NamedScenario]) -> float:
+    """One exaggeration of the drawn deflection for all, or they could not be compared by eye."""
+    return min(exaggeration(scenario) for _, scenario in runs)
+
+
+def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> Iterator[None]:
+    """Send a run; pauses after each piece, for it to be written."""
+    scenario, label = recording.scenario, run_label(number)
+    signals = plot_signals(len(scenario.arms))
+    for signal in signals:
+        curves = rr.SeriesLines(
+            names=[f"{label}: {name}" for name in signal.names],
+            colors=[_shade(color, number) for color in signal.colors],
+            widths=[1.5] * len(signal.names),
+            aggregation_policy=rr.components.AggregationPolicy.MinMax,
+        )
+        stream.log(f"runs/{label}/{signal.entity}", curves, static=True)
+    for entity, shape in fixed_shapes(scenario):
+        stream.log(f"runs/{label}/{entity}", shape, static=True)
+    stream.flush()
+    yield
+    stride = max(1, round(1 / (FRAMES_PER_SECOND * recording.sample_period)))
+    for block in _from_zero(larger_blocks(read_blocks(recording.path), BLOCK_ROWS)):
+        for signal in signals:
+            values = scalars(signal.values(block))
+            send_columns(stream, f"runs/{label}/{signal.entity}", block.time, [values])
+        drawn = Samples(**{name: getattr(block, name)[::stride] for name in Samples.__dataclass_fields__})
+        for entity, columns in moving_shapes(scenario, drawn, factor):
+            send_columns(stream, f"runs/{label}/{entity}", drawn.time, columns)
+        yield
+
+
+def _from_zero(blocks: Iterable[Samples]) -> Iterator[Samples]:
+    """Time counted from the first sample: a run may have begun when another's structure was changed."""
+    first = None
+    for block in blocks:
+        first = block.time[0] if first is None else first
+        yield replace(block, time=block.time - first)
+
+
+def _shade(color: tuple[int, int, int], number: int) -> tuple[int, int, int]:
+    """The first run's curves are as always; later ones of the same kind ever paler."""
+    pale = 1 - 0.55**number
+    red, green, blue = (round(part + pale * (235 - part)) for part in color)
+    return red, green, blue
+
+
+def comparison_blueprint(runs: Sequence[NamedScenario]) -> rrb.Blueprint:
+    """The layout of a comparison of these runs."""
+    labels = [run_label(number) for number in range(len(runs))]
+    arms = max(len(scenario.arms) for _, scenario in runs)
+    signals = {signal.entity: signal for signal in plot_signals(arms)}
+    main = ("error", "vibration", "internal_force", "joint_torque")
+    rest = [_overlay(signal, labels) for name, signal in signals.items() if name not in main]
+    left = rrb.Vertical(
+        rrb.Tabs(rrb.Horizontal(*_scenes(runs), name="Side by side"), *_scenes(runs), active_tab=0),
+        rrb.Tabs(rrb.TextDocumentView(origin="differences", name="Differences"), *rest, active_tab=0),
+    )
+    right = rrb.Vertical(*(_overlay(signals[name], labels) for name in main))
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _scenes(runs: Sequence[NamedScenario]) -> list[rrb.Spatial3DView]:
+    """A drawing of each run. New ones each time: rerun drops a whole layout in which a view has two places."""
+    return [
+        scene_view(
+            f"{run_label(number)}: {name}, deflection drawn × {_factor(runs):g}",
+            scenario,
+            f"/runs/{run_label(number)}/scene/**",
+            SCENES_SHAPE / len(runs),
+        )
+        for number, (name, scenario) in enumerate(runs)
+    ]
+
+
+def _overlay(signal: PlotSignal, labels: Sequence[str]) -> rrb.TimeSeriesView:
+    """One plot with the curves of all runs."""
+    return plot_view(signal, [f"/runs/{label}/{signal.entity}" for label in labels])

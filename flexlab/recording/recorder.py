@@ -1,0 +1,220 @@
+"""The recorder: takes every sample and event of a running lab and writes one rerun file per run, on a thread of its own.
+
+The simulation thread only puts references into a queue. What can go wrong with a disk is a sentence in `problem`, never an
+exception in the lab; recording resumes by itself, in a new part of the run, as soon as it can.
+"""
+
+import contextlib
+import queue
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from flexlab.errors import RecordingError
+from flexlab.recording.file_keeper import FileKeeper
+from flexlab.recording.live import LiveHub
+from flexlab.recording.repair_thread import Finisher
+from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_notes import StartNotes
+from flexlab.recording.run_writer import RunWriter
+from flexlab.recording.sample_codec import join_blocks
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.samples import Samples, Status
+from flexlab.sim.snapshot import TICK, Event
+from flexlab.sim.world_state import WorldState
+
+WRITE_PERIOD = 0.1
+"""Wall seconds between writes of exact samples: what a killed process loses, and some time for the write itself."""
+
+WRITE_ROWS = 200
+"""Samples that are written at once, however little time has passed: at four times real time they come as fast."""
+
+SHOW_PERIOD = 0.2
+"""Wall seconds between writes of what a viewer shows: each costs a kilobyte per curve or shape, however short it is."""
+
+QUEUE_ROWS = 20_000
+"""Samples (rows) that may wait: 20 s at real time, 12 MB; more are dropped and counted."""
+
+
+class Recorder:
+    """A consumer (see `sim.runner`) that records every run into `logs`, and sends it to `hub` if there is one."""
+
+    def __init__(
+        self,
+        logs: Path,
+        hub: LiveHub | None = None,
+        on_problem: Callable[[str], None] | None = None,
+        sample_period: float = TICK,
+        queue_rows: int = QUEUE_ROWS,
+        start_notes: StartNotes | None = None,
+    ):
+        """Start the recorder's thread; nothing is written before a run begins.
+
+        `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes; `start_notes` as
+        for `RunWriter`.
+        """
+        self._logs, self._hub, self._on_problem = logs, hub, on_problem
+        self._sample_period, self._queue_rows = sample_period, queue_rows
+        self._queue: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._lock = threading.Lock()
+        self._waiting_rows = 0
+        self._dropped = 0
+        self._stumble: str | None = None
+        self._run: RunWriter | None = None
+        self._keeper: FileKeeper | None = None
+        self._blocks: list[Samples] = []
+        self._unshown: list[Samples] = []
+        self._speeds: list[tuple[float, float]] = []
+        self._next_write = self._next_show = 0.0
+        self._start_notes = start_notes
+        self._finisher = Finisher(logs)
+        self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
+        self._thread.start()
+
+    @property
+    def problem(self) -> str | None:
+        """Why nothing is being recorded just now, as a sentence; None while all is well."""
+        keeper = self._keeper
+        return self._stumble if keeper is None else keeper.problem or self._stumble
+
+    @property
+    def path(self) -> Path | None:
+        """The file being written."""
+        keeper = self._keeper
+        return None if keeper is None else keeper.path
+
+    @property
+    def dropped_rows(self) -> int:
+        """Samples of the present run that found the queue full."""
+        return self._dropped
+
+    # Called on the simulation thread: no disk, no waiting.
+
+    def begin_run(self, run_number: int, name: str, scenario: Scenario, start: WorldState) -> None:
+        """A new run starts."""
+        self._dropped = 0
+        info = RunInfo(name, scenario, self._sample_period, start)
+        self._queue.put(lambda: self._begin(info))
+
+    def take_samples(self, run_number: int, samples: Samples, actual_speed: float) -> int:
+        """Queue a block of read-only samples; returns how many rows were dropped because the queue is full."""
+        rows = len(samples)
+        with self._lock:
+            if self._waiting_rows + rows > self._queue_rows:
+                self._dropped += rows
+                return rows
+            self._waiting_rows += rows
+        self._queue.put(lambda: self._take(samples, actual_speed))
+        return 0
+
+    def take_event(self, run_number: int, event: Event) -> None:
+        """Queue an event."""
+        self._queue.put(lambda: self._note(event))
+
+    def end_run(self, run_number: int, status: Status) -> None:
+        """The run is over."""
+        dropped = self._dropped
+        self._queue.put(lambda: self._end(status, dropped))
+
+    def close(self, finishing_time: float = 3.0) -> None:
+        """Write what waits and stop; up to `finishing_time` s go into footers (the next start does what is left)."""
+        self._queue.put(None)
+        self._thread.join()
+        self._finisher.close(finishing_time)
+
+    # Everything below runs on the recorder's thread.
+
+    def _work(self) -> None:
+        while True:
+            try:
+                job = self._queue.get(timeout=WRITE_PERIOD)
+            except queue.Empty:
+                job = _nothing
+            try:
+                if job is None:
+                    self._end(Status("finished", "The lab was closed."), self._dropped)
+                    return
+                job()
+                self._keep_up()
+            except Exception as error:  # The lab must go on whatever becomes of its recording.
+                self._report(f"The recorder stumbled ({type(error).__name__}: {error}).")
+                if job is None:
+                    return
+
+    def _keep_up(self) -> None:
+        now = time.monotonic()
+        if now >= self._next_write or sum(map(len, self._blocks)) >= WRITE_ROWS:
+            self._next_write = now + WRITE_PERIOD
+            self._write_exact()
+            if now >= self._next_show:
+                self._next_show = now + SHOW_PERIOD
+                self._write_shown()
+            if self._keeper is not None:
+                self._keeper.keep_up(now)
+
+    def _begin(self, info: RunInfo) -> None:
+        self._end(Status("finished", "A new run began."), self._dropped)
+        self._run, self._stumble = RunWriter(info, self._start_notes), None
+        if self._hub is not None:
+            try:
+                self._run.add_stream(self._hub.open_stream(info))
+            except RecordingError as error:
+                self._report(str(error))
+        self._keeper = FileKeeper(self._logs, self._run, self._tell)
+
+    def _take(self, samples: Samples, speed: float) -> None:
+        self._blocks.append(samples)
+        self._speeds.append((float(samples.time[-1]), speed))
+
+    def _note(self, event: Event) -> None:
+        if self._run is None:
+            return
+        if isinstance(event.command, ChangeScenario):
+            self._write()  # What came before is drawn as it was then, and may have another mesh.
+        self._run.write_event(event)
+
+    def _write(self) -> None:
+        self._write_exact()
+        self._write_shown()
+
+    def _write_exact(self) -> None:
+        blocks, self._blocks = self._blocks, []
+        try:
+            if blocks and self._run is not None:
+                samples = join_blocks(blocks)
+                self._run.write_exact(samples)
+                self._unshown.append(samples)
+        finally:
+            with self._lock:
+                self._waiting_rows -= sum(map(len, blocks))
+
+    def _write_shown(self) -> None:
+        blocks, speeds, self._unshown, self._speeds = self._unshown, self._speeds, [], []
+        if blocks and self._run is not None:
+            self._run.write_shown(join_blocks(blocks), *zip(*speeds, strict=True))
+
+    def _end(self, status: Status, dropped: int) -> None:
+        if self._keeper is None:
+            return
+        self._write()
+        path = self._keeper.end(status, dropped)
+        self._run = self._keeper = None
+        if path is not None:
+            self._finisher.add(path)
+
+    def _report(self, text: str) -> None:
+        """Keep a problem that concerns no file until the next run, and say it once."""
+        said, self._stumble = self._stumble, text
+        if said is None:
+            self._tell(text)
+
+    def _tell(self, text: str) -> None:
+        if self._on_problem is not None:
+            with contextlib.suppress(Exception):  # A broken listener is no reason to stop recording.
+                self._on_problem(text)
+
+
+def _nothing() -> None:
+    """What to do when nothing waits."""

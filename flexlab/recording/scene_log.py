@@ -1,0 +1,145 @@
+"""Arms and beam as moving shapes in rerun's space: the plane is z = 0, seen from above."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import rerun as rr
+
+from flexlab.recording.chunks import Column, line_strips, vectors
+from flexlab.recording.recorded_plots import BLUE, GRAY, GREEN, ORANGE, PURPLE, VERMILION
+from flexlab.scenario import Scenario
+from flexlab.sim.geometry import arm_points, beam_points, link_points
+from flexlab.sim.samples import Samples
+
+FRAMES_PER_SECOND = 60
+"""Drawn states per wall second in slow motion, per simulated second else: what a screen can show."""
+
+BEAM_POINTS = 33
+"""Points of the drawn beam: smooth to the eighth mode."""
+
+LINK_RADIUS = (0.035, 0.028, 0.02)
+"""m, from the base link to the last: looks only."""
+BEAM_RADIUS = 0.009
+"""m."""
+THIN_RADIUS = 0.003
+"""m, of helper lines."""
+BASE_SIZE = (0.09, 0.09, 0.05)
+"""Half edges of a base block, m."""
+
+FORCE_SCALE = 1e-3
+"""Length of an internal-force arrow, m per N: the paper's 300 N at the start is 0.3 m long."""
+
+SHOWN_BENDING = 0.012
+"""Share of the beam's length that its quasi-static bending should take up on screen."""
+LEAST_ACCELERATION = 1.0
+"""m/s²: what a scenario without motion or weight is taken to have, so that its exaggeration stays finite."""
+EXAGGERATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+"""Round factors a person can divide by."""
+
+
+def exaggeration(scenario: Scenario) -> float:
+    """The factor on the drawn deflection: round, and such that bending under the motion's own load can be seen.
+
+    The load is that of a uniform beam, 5ρaL⁴/(384 EI) at mid-span, with the trajectory's largest acceleration and weight.
+    """
+    payload, path = scenario.payload, scenario.trajectory
+    turn = 2 * np.pi * np.array(path.frequency[:2])
+    acceleration = float(np.hypot(*(np.array(path.amplitude[:2]) * turn**2))) + abs(scenario.gravity)
+    load = payload.linear_density * max(acceleration, LEAST_ACCELERATION)
+    bending = 5 * load * payload.length**4 / (384 * payload.bending_stiffness)
+    wanted = SHOWN_BENDING * payload.length / bending
+    return float(min(EXAGGERATIONS, key=lambda factor: abs(np.log(factor / wanted))))
+
+
+def fixed_shapes(scenario: Scenario) -> Iterator[tuple[str, rr.AsComponents]]:
+    """What does not move, (entity, archetype): links' sizes, bases, colours, curves' widths."""
+    arms = scenario.arms
+    colors = [color for color, _ in zip((BLUE, VERMILION), arms, strict=False)]
+    yield (
+        "scene/links",
+        rr.Capsules3D(
+            lengths=[length for arm in arms for length in arm.link_length],
+            radii=[radius for _ in arms for radius in LINK_RADIUS],
+            colors=[color for color in colors for _ in range(3)],
+            fill_mode="solid",
+        ),
+    )
+    yield (
+        "scene/bases",
+        rr.Boxes3D(
+            centers=[(*arm.base, -BASE_SIZE[2]) for arm in arms],
+            half_sizes=[BASE_SIZE] * len(arms),
+            colors=[GRAY] * len(arms),
+            fill_mode="solid",
+        ),
+    )
+    yield "scene/beam", rr.LineStrips3D.from_fields(radii=BEAM_RADIUS, colors=[GREEN])
+    yield "scene/chords", rr.LineStrips3D.from_fields(radii=[THIN_RADIUS, 2 * THIN_RADIUS], colors=[GRAY, PURPLE])
+    yield "scene/path", rr.LineStrips3D.from_fields(radii=THIN_RADIUS / 2, colors=[PURPLE])
+    yield "scene/internal_force", rr.Arrows3D.from_fields(radii=2 * THIN_RADIUS, colors=[ORANGE])
+
+
+def moving_shapes(scenario: Scenario, samples: Samples, factor: float) -> Iterator[tuple[str, list[Column]]]:
+    """The drawn states of a block of samples, (entity, columns), deflection times `factor`."""
+    arms = arm_points(scenario, samples)
+    yield "scene/links", _links(arms, samples.joint_angle)
+    yield "scene/beam", [line_strips(_in_space(beam_points(scenario, samples, BEAM_POINTS, factor))[:, None])]
+    # The virtual link and where it should be.
+    chords = [link_points(scenario, samples.pose), link_points(scenario, samples.desired_pose)]
+    yield "scene/chords", [line_strips(_in_space(np.stack(chords, axis=1), height=-2 * BEAM_RADIUS))]
+    force = FORCE_SCALE * _in_space(samples.internal_force[:, :, :2])
+    yield (
+        "scene/internal_force",
+        [
+            vectors("Arrows3D", "vectors", "Vector3D", force),
+            vectors("Arrows3D", "origins", "Position3D", _in_space(arms[:, :, 3])),
+        ],
+    )
+
+
+def desired_path(scenario: Scenario) -> np.ndarray:
+    """The desired path of the payload's origin over its slowest period, (1, 1, points, 3) for `line_strips`."""
+    path = scenario.trajectory
+    moving = [f for f, a in zip(path.frequency[:2], path.amplitude[:2], strict=True) if f > 0 and a != 0]
+    time = np.linspace(0, 1 / min(moving) if moving else 0, 256)
+    points = [
+        path.center[axis] + path.amplitude[axis] * np.sin(2 * np.pi * path.frequency[axis] * time + path.phase[axis])
+        for axis in (0, 1)
+    ]
+    return _in_space(np.stack(points, axis=-1))[None, None]
+
+
+def _links(points: np.ndarray, joint_angle: np.ndarray) -> list[Column]:
+    """Poses of the capsules: they grow from their start along z, so they are laid down and turned about z."""
+    half = 0.5 * np.cumsum(joint_angle, axis=2).reshape(len(points), -1)
+    # Quaternion (x, y, z, w) of a quarter turn about y followed by `angle` about z.
+    quaternion = np.stack([-np.sin(half), np.cos(half), np.sin(half), np.cos(half)], axis=-1) / np.sqrt(2)
+    start = _in_space(points[:, :, :3].reshape(len(points), -1, 2))
+    return [
+        vectors("InstancePoses3D", "translations", "Translation3D", start),
+        vectors("InstancePoses3D", "quaternions", "RotationQuat", quaternion),
+    ]
+
+
+def _in_space(plane: np.ndarray, height: float = 0.0) -> np.ndarray:
+    """Points (…, 2) of the plane as points (…, 3) in space, `height` m above it."""
+    return np.concatenate([plane, np.full((*plane.shape[:-1], 1), height)], axis=-1)
+
+
+VIEW_MARGIN = 0.55
+"""m that an elbow may stand out beyond bases and payload."""
+VIEW_SHAPE = 1.6
+"""Width of the view over its height, about."""
+EYE_ANGLE = np.radians(55)
+"""Rerun's field of view from top to bottom."""
+
+
+def eye(scenario: Scenario, shape: float = VIEW_SHAPE) -> tuple[tuple[float, float, float], float]:
+    """(point to look at, height above it in m) from which the whole motion is seen, in a view `shape` times as wide as high."""
+    path = scenario.trajectory
+    center, reach = np.array(path.center[:2]), np.abs(path.amplitude[:2]) + 0.5 * scenario.payload.length
+    points = np.array([*(arm.base for arm in scenario.arms), center - reach, center + reach])
+    low, high = points.min(axis=0) - VIEW_MARGIN / 2, points.max(axis=0) + VIEW_MARGIN / 2
+    x, y = 0.5 * (low + high)
+    half = 0.5 * max((high[0] - low[0] + VIEW_MARGIN) / shape, high[1] - low[1])
+    return (float(x), float(y), 0.0), float(half / np.tan(EYE_ANGLE / 2))

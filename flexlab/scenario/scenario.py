@@ -1,0 +1,144 @@
+"""The scenario as a whole: its parts, what must fit together, and changes by path."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from flexlab.errors import ScenarioError
+from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, quantity
+from flexlab.scenario.arms import Arm
+from flexlab.scenario.controller import AdaptiveSlidingMode, Controller, Law
+from flexlab.scenario.payload import Payload
+from flexlab.scenario.trajectory import SineTrajectory
+from flexlab.scenario.validation_errors import problem
+
+SMALLEST_STEP = 1e-7
+"""Shortest integration step, s: below it rounding outweighs truncation for every integrator here."""
+
+
+class Initial(Part):
+    """Where a run starts. null: on the trajectory (pose, pose rate) or undeformed (beam)."""
+
+    pose: Triple | None = quantity(
+        None, title="Start pose", symbol="x(0)", unit="m, m, rad", low=-20, high=20, live="restart"
+    )
+    pose_rate: Triple | None = quantity(
+        (0.0, 0.0, 0.0),
+        title="Start pose rate",
+        symbol="ẋ(0)",
+        unit="m/s, m/s, rad/s",
+        low=-100,
+        high=100,
+        live="restart",
+    )
+    beam_coordinates: Numbers | None = quantity(
+        None, title="Start beam coordinates", symbol="q(0)", unit="m, rad", low=-10, high=10, live="restart"
+    )
+
+
+class Simulation(Part):
+    """How the equations are integrated."""
+
+    step: Number | None = quantity(
+        None, title="Longest step (null: chosen)", symbol="Δt", unit="s", low=SMALLEST_STEP, high=0.1
+    )
+    integrator: Literal["auto", "rk4", "etdrk4", "generalized-alpha"] = quantity("auto", title="Integrator")
+    accuracy: Number = quantity(
+        1e-10, title="Pose accuracy that an automatic step aims at", unit="m", low=1e-14, high=1e-4, logarithmic=True
+    )
+
+
+class Scenario(Part):
+    """One experiment, complete. `right_arm` null and boundary clamped-free: one arm holds one end of the beam."""
+
+    title: str = Field("", max_length=120)
+    watch: str = Field("", max_length=1200)
+    payload: Payload = Payload()
+    left_arm: Arm = Arm(base=(-0.5, 0.0), elbow=-1)
+    right_arm: Arm | None = Arm(base=(0.5, 0.0), elbow=1)
+    trajectory: SineTrajectory = SineTrajectory()
+    controller: Law = AdaptiveSlidingMode()
+    initial: Initial = Initial()
+    gravity: Number = quantity(0.0, title="Gravity along -y", symbol="g", unit="m/s²", low=-50, high=50, slider=(0, 20))
+    simulation: Simulation = Simulation()
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arms that are there: left, right."""
+        return (self.left_arm,) if self.right_arm is None else (self.left_arm, self.right_arm)
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "Scenario":
+        if (self.payload.boundary == "clamped-free") != (self.right_arm is None):
+            raise PydanticCustomError(
+                "arms",
+                "a clamped-free beam is held by one arm and every other boundary by two: "
+                "set right_arm to null together with payload.boundary clamped-free",
+            )
+        given, needed = self.initial.beam_coordinates, self.payload.coordinate_count
+        if given is not None and len(given) != needed:
+            raise PydanticCustomError(
+                "mesh",
+                "initial.beam_coordinates has {given} values, but {n} {boundary} elements have {needed} coordinates: "
+                "give {needed} values, or null for an undeformed beam",
+                {
+                    "given": len(given),
+                    "needed": needed,
+                    "n": self.payload.element_count,
+                    "boundary": self.payload.boundary,
+                },
+            )
+        return self
+
+    def replace(self, changes: Mapping[str, Any]) -> "Scenario":
+        """A copy with fields changed by dotted path; raises `ScenarioError` and changes nothing if it is not valid.
+
+        A changed `kind` (damping, controller) drops the fields that the new kind does not have.
+        """
+        data = self.model_dump()
+        for path, value in changes.items():
+            _set(data, path, value)
+        return parse_scenario(data)
+
+    def get(self, path: str) -> Any:
+        """The value at a dotted path; raises `ScenarioError` for an unknown one."""
+        value: Any = self
+        for name in path.split("."):
+            if not isinstance(value, BaseModel) or name not in type(value).model_fields:
+                raise ScenarioError([(path, f"{path} is not a scenario field: check the name.")])
+            value = getattr(value, name)
+        return value
+
+    def about(self, path: str) -> Quantity:
+        """Title, symbol, unit and range of the field at a dotted path."""
+        *parents, name = path.split(".")
+        owner = self.get(".".join(parents)) if parents else self
+        if not isinstance(owner, BaseModel) or name not in type(owner).model_fields:
+            raise ScenarioError([(path, f"{path} is not a scenario field: check the name.")])
+        return describe(type(owner), name)
+
+
+def parse_scenario(data: Any) -> Scenario:
+    """A `Scenario` from plain data (a dict as read from JSON); raises `ScenarioError`, one sentence per problem."""
+    if not isinstance(data, Mapping):
+        raise ScenarioError([("", f"A scenario is a JSON object with named fields, not {type(data).__name__}.")])
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        raise ScenarioError([problem(Scenario, item) for item in error.errors(include_url=False)]) from None
+
+
+def _set(data: dict[str, Any], path: str, value: Any) -> None:
+    *parents, name = path.split(".")
+    for parent in parents:
+        inner = data.get(parent)
+        if not isinstance(inner, dict):
+            raise ScenarioError([(path, f"{path} is not a scenario field here: check the name.")])
+        data = inner
+    if name == "kind" and data.get("kind") != value:
+        common = set(Controller.model_fields) if "model" in data else set()
+        for field in [key for key in data if key not in common]:
+            del data[field]
+    data[name] = value

@@ -1,0 +1,202 @@
+"""Who may come in, from where, and with what: every request passes here before any page sees it."""
+
+import hmac
+import logging
+import re
+from collections.abc import Awaitable, Callable
+from urllib.parse import urlsplit
+
+from aiohttp import hdrs, web
+
+from flexlab.errors import FlexlabError
+from flexlab.recording.store.run_files import SUFFIX
+from flexlab.server.pages.layout import message
+from flexlab.server.pages.markup import fill, join
+from flexlab.server.pages.page_context import Context, context_of
+from flexlab.server.settings import LOOPBACK
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+LARGEST_BODY = 64 * 1024
+"""Bytes of a form: the server takes notes on a run, nothing larger."""
+COOKIE_AGE = 30 * 24 * 3600
+"""s that a browser stays signed in, if it is the same server with the same token."""
+OPEN_TO_ALL = "/static/"
+"""Style sheet and scripts, which are no secret and which the sign-in page needs."""
+WITH_A_PASS = "/pass/"
+"""Recordings whose address carries a pass: rerun's viewer sends no cookies."""
+COMPARISON = "comparison/"
+"""Overlays of several runs lie under this word; no run's name has a slash."""
+SAFE_METHODS = ("GET", "HEAD")
+
+HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "SAMEORIGIN",
+    # Not "no-referrer": with that, browsers send "Origin: null" with forms.
+    "Referrer-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'self'",
+}
+"""Sent with everything that does not set its own."""
+
+_HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+)(?::\d{1,5})?\Z", re.ASCII)
+
+SIGN_IN = """<form method="get" action="{path}" class="sign-in">{query}
+<label>Token <input name="token" autocomplete="off" autofocus required></label> <button class="button">Open</button>
+</form>"""
+
+log = logging.getLogger(__name__)
+
+
+async def add_headers(request: web.Request, response: web.StreamResponse) -> None:
+    """For `on_response_prepare`: whatever the answer is, it carries the security headers."""
+    for name, value in HEADERS.items():
+        response.headers.setdefault(name, value)
+    response.headers.pop(hdrs.SERVER, None)
+
+
+@web.middleware
+async def answer_in_sentences(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Turn every refusal and failure into a page with one sentence."""
+    try:
+        return await handler(request)
+    except web.HTTPRequestEntityTooLarge:
+        return refuse(request, 413, f"This upload is larger than {LARGEST_BODY // 1024} kB: the server takes none.")
+    except web.HTTPException as error:
+        if error.status < 400:
+            raise
+        sentence = SENTENCES.get(error.status, f"{error.reason}.")
+        return message("That did not work", sentence, error.status)
+    except FlexlabError as error:
+        return message("That did not work", str(error), 400)
+    except ConnectionError:
+        raise  # The visitor has left; nobody is there to be told.
+    except Exception as error:
+        log.exception("A page failed: %s %r", request.method, request.path)
+        return message("That did not work", f"This page failed ({type(error).__name__}). The labs run on.", 500)
+
+
+SENTENCES = {
+    403: "This is not for visitors.",
+    404: "There is no such page. The start page shows what there is.",
+    405: "This address does not take what was sent to it.",
+}
+
+
+@web.middleware
+async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Refuse what is malformed, comes from a foreign page, or lacks the token."""
+    context = context_of(request)
+    problem = _malformed(request) or _foreign(request, context)
+    if problem:
+        return refuse(request, *problem)
+    if context.token is None or request.path.startswith(OPEN_TO_ALL) or _has_pass(request, context.token):
+        return await handler(request)
+    if "token" in request.query and request.method in SAFE_METHODS and not is_websocket(request):
+        return _sign_in(request, context, context.token)
+    if not _same(request.cookies.get(context.token_cookie, ""), context.token):
+        log.warning("Refused %s %r from %s: no token.", request.method, request.path, request.remote)
+        return _ask_for_token(request)
+    return await handler(request)
+
+
+def is_websocket(request: web.Request) -> bool:
+    """Whether the browser asks for a websocket."""
+    return request.headers.get(hdrs.UPGRADE, "").lower() == "websocket"
+
+
+def refuse(request: web.Request, status: int, sentence: str) -> web.Response:
+    """A page that says why not; the person at the terminal is told too."""
+    log.warning("Refused %s %.200r from %s: %s", request.method, request.path, request.remote, sentence)
+    return message("Refused", sentence, status)
+
+
+def is_opened_by_person(request: web.Request) -> bool:
+    """Whether a person's browser goes to this address itself, rather than a page fetching it unseen (an image, say).
+
+    Links that change something must be followed knowingly. Programs that are no browser send no such header.
+    """
+    if "prefetch" in request.headers.get("Sec-Purpose", request.headers.get("Purpose", "")):
+        return False
+    return request.headers.get("Sec-Fetch-Dest", "document") == "document"
+
+
+def _malformed(request: web.Request) -> tuple[int, str] | None:
+    path = request.path
+    if any(part == ".." for part in re.split(r"[/\\]", path)) or "\\" in path or any(ord(c) < 32 for c in path):
+        return 404, "There is nothing outside the server's own pages."
+    if not _HOST.match(request.host):
+        return 400, "This request names no proper host."
+    return None
+
+
+def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
+    """Another site's page must not drive the lab through a visitor's browser."""
+    if context.token is None and context.settings.is_local:
+        # A foreign name that points to 127.0.0.1 would make a foreign page look like one of ours.
+        name = urlsplit(f"//{request.host}").hostname
+        if name not in LOOPBACK:
+            return (
+                403,
+                f"This lab is open to this machine only, not as {name}: use 127.0.0.1, or start it with a token.",
+            )
+    if request.method in SAFE_METHODS and not is_websocket(request):
+        return None
+    origin = request.headers.get(hdrs.ORIGIN)
+    if origin is not None and urlsplit(origin).netloc.lower() != request.host.lower():
+        return 403, "This came from a page of another site."
+    if request.headers.get("Sec-Fetch-Site", "same-origin") == "cross-site":
+        return 403, "This came from a page of another site."
+    return None
+
+
+def _sign_in(request: web.Request, context: Context, token: str) -> web.Response:
+    """The token in the address becomes a cookie, and leaves the address bar."""
+    if not _same(request.query["token"], token):
+        return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
+    # One slash only: an address that begins with two leads to another site.
+    to = "/" + str(request.rel_url.without_query_params("token")).lstrip("/")
+    if request.headers.get("Sec-Fetch-Site", "none") == "cross-site":
+        # After a redirect, the browser still counts as coming from the other site and keeps a strict cookie back.
+        answer = message("Welcome", "One moment.", 200, fill('<a class="button" href="{to}">Go on</a>', to=to))
+        answer.headers["Refresh"] = f"0; url={to}"
+    else:
+        answer = web.Response(status=303, headers={hdrs.LOCATION: to})
+    secure = request.headers.get("X-Forwarded-Proto", request.scheme) == "https"
+    answer.set_cookie(
+        context.token_cookie, token, max_age=COOKIE_AGE, httponly=True, samesite="Strict", path="/", secure=secure
+    )
+    return answer
+
+
+def _ask_for_token(request: web.Request) -> web.Response:
+    sentence = "This lab opens with a token: use the address that flexlab printed in the terminal, or enter the token."
+    # Who came by a link should get where it leads.
+    here = request.method == "GET" and not is_websocket(request)
+    query = request.query.items() if here else ()
+    hidden = (fill('<input type="hidden" name="{n}" value="{v}">', n=n, v=v) for n, v in query if n != "token")
+    form = fill(SIGN_IN, path=request.rel_url.raw_path if here else "/", query=join(hidden))
+    return message("Sign in", sentence, 401, form)
+
+
+def recording_address(context: Context, run: str) -> str:
+    """Where the viewer of a signed-in visitor finds one recording, or comparison, and with it nothing else."""
+    if context.token is None:
+        return f"/{run}{SUFFIX}" if run.startswith(COMPARISON) else f"/runs/{run}{SUFFIX}"
+    return f"{WITH_A_PASS}{_pass(context.token, run)}/{run}{SUFFIX}"
+
+
+def _has_pass(request: web.Request, token: str) -> bool:
+    if not request.path.startswith(WITH_A_PASS) or request.method not in SAFE_METHODS:
+        return False
+    given, _, run = request.path.removeprefix(WITH_A_PASS).partition("/")
+    return _same(given, _pass(token, run.removesuffix(SUFFIX)))
+
+
+def _pass(token: str, run: str) -> str:
+    return hmac.new(token.encode(), f"recording {run}".encode(), "sha256").hexdigest()
+
+
+def _same(given: str, token: str) -> bool:
+    return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode())

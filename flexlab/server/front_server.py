@@ -1,0 +1,216 @@
+"""Opens and closes the front server: its web server on a thread of its own, with the labs behind it."""
+
+import asyncio
+import contextlib
+import logging
+import secrets
+import shutil
+import socket
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import aiohttp
+from aiohttp import web
+
+from flexlab.errors import LabError
+from flexlab.recording.live import LiveHub
+from flexlab.recording.store.run_files import check_folder
+from flexlab.scenario import Scenario
+from flexlab.server.app import build_app
+from flexlab.server.automatic_retention import tidy_up
+from flexlab.server.comparison_jobs import Comparisons
+from flexlab.server.jobs import Jobs
+from flexlab.server.labs.lab_provider import Choice, LabProvider
+from flexlab.server.labs.per_visitor import PrivateLabs
+from flexlab.server.labs.recorded_lab import RecordedLab
+from flexlab.server.labs.shared import SharedLabProvider
+from flexlab.server.metric_jobs import Measuring
+from flexlab.server.pages.page_context import Context
+from flexlab.server.proxy import inside_connector
+from flexlab.server.replay_jobs import Replays
+from flexlab.server.settings import WILDCARDS, Settings
+
+TOKEN_BYTES = 18
+"""Randomness of a made-up token."""
+BACKLOG = 128
+"""Connections that may wait to be answered: a class that opens the page at once."""
+CLOSING_TIME = 1.0
+"""s that open pages get when the server closes: a lab's page never ends by itself."""
+
+log = logging.getLogger(__name__)
+
+
+class FrontServer:
+    """A front server that is open until `close`. See `open_front_server`."""
+
+    def __init__(self, settings: Settings, port: int, token: str | None, places: LabProvider, plug: socket.socket):
+        self.settings, self.places, self.token = settings, places, token
+        """`token`: the word that opens the server; None if it does not ask for one."""
+        self.workshop = Path(tempfile.mkdtemp(prefix="flexlab-"))
+        """For files that nobody keeps; gone when the server closes."""
+        self._plug = plug
+        self.port = port
+        """The public one, really taken."""
+        self._opened = threading.Event()
+        self._problem: BaseException | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._closing: asyncio.Event | None = None
+        self._last: Path | None = None
+        self._thread = threading.Thread(target=self._run, name="flexlab-server", daemon=True)
+        self._thread.start()
+        self._opened.wait()
+        if self._problem is not None:
+            raise LabError(f"The server's server did not start ({self._problem}).") from self._problem
+
+    @property
+    def url(self) -> str:
+        """Where a browser on this machine finds the start page, signed in."""
+        return self.address("/")
+
+    @property
+    def lab_url(self) -> str:
+        """Where a browser on this machine finds the lab, signed in."""
+        return self.address("/lab/")
+
+    def address(self, path: str = "/", host: str | None = None) -> str:
+        """The address of a page, with the token if there is one. `host`: as others know this machine."""
+        host = host or ("127.0.0.1" if self.settings.host in WILDCARDS else self.settings.host)
+        return f"{base_address(host, self.port)}{path}" + (f"?token={self.token}" if self.token else "")
+
+    def close(self) -> Path | None:
+        """Close every page and lab, runs kept; returns the newest recording. May be called twice."""
+        loop, closing = self._loop, self._closing
+        if loop is not None and closing is not None:
+            with contextlib.suppress(RuntimeError):
+                loop.call_soon_threadsafe(closing.set)
+        self._thread.join()
+        return self._last
+
+    def __enter__(self) -> "FrontServer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._serve())
+        except BaseException as error:
+            if self._opened.is_set():
+                log.exception("The server's server failed.")
+            self._problem = error
+        finally:
+            self._opened.set()
+
+    async def _serve(self) -> None:
+        self._loop, self._closing = asyncio.get_running_loop(), asyncio.Event()
+        async with aiohttp.ClientSession(connector=inside_connector()) as inside:
+            measuring, jobs = Measuring(self.settings.logs), Jobs()
+            tidying = asyncio.create_task(tidy_up(self.settings))
+            context = Context(
+                self.settings,
+                self.port,
+                self.token,
+                self.places,
+                inside,
+                measuring,
+                jobs,
+                Comparisons(jobs, self.workshop),
+                Replays(jobs),
+                self.workshop,
+            )
+            runner = web.AppRunner(build_app(context), access_log=None, shutdown_timeout=CLOSING_TIME)
+            try:
+                await runner.setup()
+                await web.SockSite(runner, self._plug, backlog=BACKLOG).start()
+                self._opened.set()
+                await self._closing.wait()
+            finally:
+                tidying.cancel()
+                # Labs first: their recordings matter more than a visitor's last request.
+                self._last = await self.places.close()
+                measuring.close()
+                jobs.close()
+                await runner.cleanup()
+                await asyncio.to_thread(shutil.rmtree, self.workshop, ignore_errors=True)
+
+
+def open_front_server(
+    settings: Settings,
+    scenario: Scenario,
+    name: str,
+    *,
+    hub: LiveHub | None = None,
+    on_problem: Callable[[str], None] | None = None,
+) -> FrontServer:
+    """Listen, start the shared lab (private ones start when visitors come), and serve until the server is closed.
+
+    `scenario`, `name`: what a lab shows first. `hub` sees the shared lab's runs live. `on_problem` gets a sentence when
+    recording fails or resumes. Raises `LabError` or `RecordingError`, and leaves nothing running, if it cannot.
+    """
+    check_folder(settings.logs)
+    plug = listen(settings.host, settings.port)
+    try:
+        token = settings.token or (None if settings.is_local else secrets.token_urlsafe(TOKEN_BYTES))
+        choice = Choice(scenario, name)
+        port = plug.getsockname()[1]
+        # Without the token, which is for its owner to hand out: whoever follows the link is asked for it.
+        address = base_address(settings.public_host(), port)
+        if settings.private:
+            return FrontServer(settings, port, token, PrivateLabs(settings, choice, address), plug)
+        laboratory = RecordedLab(
+            choice,
+            settings.logs,
+            address,
+            hub=hub,
+            viewer=settings.viewer,
+            on_problem=on_problem,
+            shadows=settings.shadows,
+        )
+        try:
+            return FrontServer(settings, port, token, SharedLabProvider(laboratory), plug)
+        except BaseException:
+            laboratory.close()
+            raise
+    except BaseException:
+        plug.close()
+        raise
+
+
+def base_address(host: str, port: int) -> str:
+    """Of a web server, without a path."""
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket on exactly this host and port (0: any free one). Raises `LabError` with the reason if it is not to be had."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        plug = socket.socket(family, kind, protocol)
+    except OSError:
+        raise LabError(f"host = {host!r} is not an address of this machine: use 127.0.0.1 or 0.0.0.0.") from None
+    try:
+        if sys.platform == "win32":  # Windows would otherwise share a taken port.
+            plug.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
+        else:
+            plug.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        plug.bind(address)
+        # Listening at once makes a second lab on the same port fail now, not when the first page is asked for.
+        plug.listen(BACKLOG)
+        plug.setblocking(False)
+    except PermissionError:
+        plug.close()
+        raise LabError(f"port {port} needs special rights on this machine: choose one above 1023.") from None
+    except OSError as error:
+        plug.close()
+        if "in use" in str(error).lower() or getattr(error, "winerror", None) == 10048:
+            raise LabError(
+                f"port {port} is in use by another program: choose another one (0 takes any free port) or stop that program."
+            ) from None
+        raise LabError(f"{host}:{port} cannot be opened ({error.strerror}): choose another host or port.") from None
+    return plug

@@ -1,0 +1,151 @@
+"""Long work on runs (comparing, replaying, exporting) in processes of their own: labs and pages never wait for it."""
+
+import asyncio
+import contextlib
+import logging
+import multiprocessing
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any, TypeVar
+
+from flexlab.errors import FlexlabError, LabError
+from flexlab.server.child_processes import leave_interrupts_to_the_server, without_interrupt
+
+AT_ONCE = 2
+"""Errands that run together; they stand back behind labs, so more would only make each slower."""
+MOST_WAITING = 10
+"""Errands that may wait for their turn."""
+LOW_PRIORITY = 10
+"""Unix niceness: the labs must not notice, but a person waits."""
+MOST_MEMORY = 4_000_000_000
+"""Bytes that a job may take: a hostile upload could unpack into any size."""
+LONGEST = 600.0
+"""s that a job may take."""
+
+TOO_LARGE = (
+    f"This takes more than {MOST_MEMORY / 1e9:g} GB of memory: choose a shorter range of time, or use the command line."
+)
+
+T = TypeVar("T")
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the work is, 0 to 1."""
+
+    share: float
+
+
+@dataclass(frozen=True)
+class Done:
+    """What the work gave."""
+
+    result: Any
+
+
+@dataclass(frozen=True)
+class Failed:
+    """Why it gave nothing."""
+
+    sentence: str
+
+
+def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], reports: bool, pipe: Connection) -> None:
+    """The life of a job's process."""
+    leave_interrupts_to_the_server()
+    with contextlib.suppress(AttributeError, OSError):
+        os.nice(LOW_PRIORITY)
+    _limit_memory()
+    more = {"report": lambda share: pipe.send(Progress(share))} if reports else {}
+    try:
+        word: Done | Failed = Done(work(*arguments, **more))
+    except FlexlabError as error:
+        word = Failed(str(error))
+    except MemoryError:
+        word = Failed(TOO_LARGE)
+    pipe.send(word)
+
+
+def _limit_memory() -> None:
+    if sys.platform == "linux":  # Elsewhere this limit does not hold what it promises.
+        import resource
+
+        hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+        limit = MOST_MEMORY if hard == resource.RLIM_INFINITY else min(MOST_MEMORY, hard)
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
+
+
+class Jobs:
+    """All jobs of one server. For its event loop only."""
+
+    def __init__(self) -> None:
+        self._turn = asyncio.Semaphore(AT_ONCE)
+        self._waiting = 0
+        self._processes: set[multiprocessing.process.BaseProcess] = set()
+
+    async def run(
+        self, work: Callable[..., T], *arguments: Any, on_progress: Callable[[float], None] | None = None
+    ) -> T:
+        """What `work(*arguments)` gives in a process of its own; with `on_progress` it gets a function `report` too.
+
+        All must be such that processes can pass them to each other. Raises `FlexlabError` as `work` does, and `LabError` if
+        too much is waiting or the process fails. The process ends when the caller is cancelled.
+        """
+        if self._waiting >= MOST_WAITING:
+            raise LabError(f"{MOST_WAITING} other tasks are waiting for this machine: try again in a minute.")
+        self._waiting += 1
+        try:
+            await self._turn.acquire()
+        finally:
+            self._waiting -= 1
+        try:
+            return await self._run(work, arguments, on_progress)
+        finally:
+            self._turn.release()
+
+    async def _run(self, work: Callable[..., T], arguments: tuple[Any, ...], on_progress: Any) -> T:
+        context = multiprocessing.get_context("spawn")
+        pipe, other = context.Pipe(duplex=False)
+        process = context.Process(
+            target=carry_out, args=(work, arguments, on_progress is not None, other), name="flexlab-job", daemon=True
+        )
+        with without_interrupt():
+            process.start()
+        other.close()
+        self._processes.add(process)
+        try:
+            async with asyncio.timeout(LONGEST):
+                while isinstance(word := await asyncio.to_thread(_hear, pipe), Progress):
+                    if on_progress is not None:
+                        on_progress(word.share)
+        except TimeoutError:
+            raise LabError(f"This takes longer than {LONGEST:g} s: use the command line instead.") from None
+        finally:
+            process.kill()
+            await asyncio.shield(asyncio.to_thread(process.join))
+            self._processes.discard(process)
+        if isinstance(word, Done):
+            return word.result
+        if isinstance(word, Failed):
+            raise LabError(word.sentence)
+        log.warning("An job ended unexpectedly (exit code %s).", process.exitcode)
+        raise LabError(
+            f"This task ended unexpectedly (exit code {process.exitcode}): the run may be too large for this machine."
+        )
+
+    def close(self) -> None:
+        """End all at once."""
+        for process in list(self._processes):
+            process.kill()
+
+
+def _hear(pipe: Connection) -> Progress | Done | Failed | None:
+    """The next word of a process; None if it ended without one."""
+    try:
+        return pipe.recv()
+    except (EOFError, OSError):
+        return None

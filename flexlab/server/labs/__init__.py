@@ -1,0 +1,1 @@
+"""The labs behind the front server: one for all visitors, or a process for each."""

@@ -1,0 +1,96 @@
+"""What the server's pages ask of labs, whether all visitors share one or each has their own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from flexlab.errors import LabError
+from flexlab.scenario import Scenario
+from flexlab.sim.world_state import Origin
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A scenario that a visitor wants to see."""
+
+    scenario: Scenario
+    name: str
+    origin: Origin | None = None
+    """Where in an earlier run it goes on; None: at the scenario's own start."""
+
+
+@dataclass(frozen=True)
+class LabStatus:
+    """What others may know of a running lab."""
+
+    name: str
+    """The preset, or file, that its scenario came from."""
+    title: str
+    time: float
+    """Simulated, s."""
+    state: str
+    """In a word or two: running, paused, stopped."""
+    link: str
+    """The scenario as a word for a link."""
+    recording: Path | None
+    """The file being written."""
+    problem: str
+    """Why nothing is being recorded, as a sentence; empty while all is well."""
+    live: str = ""
+    """Address of a rerun viewer with its live data, on this machine; empty if there is none."""
+
+
+class FullError(LabError):
+    """All private labs that this machine may have are taken."""
+
+
+class Lab(Protocol):
+    """One running lab behind the server."""
+
+    path: str
+    """Where visitors find it: `/lab` or `/s/<id>`."""
+    visitors: int
+    """Open pages; whoever relays a page counts."""
+
+    @property
+    def port(self) -> int:
+        """Of its own server on loopback."""
+        ...
+
+    def status(self) -> LabStatus:
+        """How it stands."""
+        ...
+
+
+class LabProvider(Protocol):
+    """All labs of one server. Everything but `close` is called on the server's event loop."""
+
+    is_private: bool
+
+    async def enter(self, visitor: str, choice: Choice | None) -> Lab:
+        """The lab of a visitor, made if need be, with what they chose. Raises `FullError` or another `LabError`."""
+        ...
+
+    def of_visitor(self, visitor: str) -> Lab | None:
+        """The running lab of a visitor, if there is one."""
+        ...
+
+    def ended(self, visitor: str, lab: str) -> str:
+        """Why a visitor's lab is no more, as a sentence; empty if it never was."""
+        ...
+
+    def left(self, place: Lab) -> None:
+        """A page of this place was closed."""
+
+    def running(self) -> list[Lab]:
+        """All of them."""
+        ...
+
+    async def close(self) -> Path | None:
+        """End all; returns the newest recording."""
+        ...
+
+
+Complain = Callable[[str], None]
+"""Tells the person at the terminal a sentence."""

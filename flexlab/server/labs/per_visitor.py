@@ -1,0 +1,183 @@
+"""A lab for each visitor: one process each, closed when nobody looks, and a crash of one touches no other."""
+
+import asyncio
+import contextlib
+import logging
+import secrets
+import time
+from collections import OrderedDict
+from collections.abc import Coroutine
+from pathlib import Path
+from typing import Any
+
+from flexlab.errors import FlexlabError, LabError
+from flexlab.recording.repair import finish
+from flexlab.server.labs.lab_provider import Choice, FullError, Lab
+from flexlab.server.labs.recorded_lab import LabStatus
+from flexlab.server.labs.worker import Order, Worker
+from flexlab.server.settings import Settings
+
+ID_BYTES = 12
+"""Randomness in the path of a lab."""
+ENDED_KEPT = 500
+"""Labs whose end is remembered, for visitors who come back."""
+ROUNDS_PER_IDLE_TIME = 5
+"""How often within the idle time the server looks for labs that nobody watches."""
+LONGEST_ROUND = 10.0
+"""s between two such looks at most."""
+
+CRASHED = (
+    "This lab ended unexpectedly ({reason}). Everybody else's lab runs on, and your run was kept up to that moment."
+)
+IDLE = "This lab was closed after {time} without a visitor. Its run was kept."
+CLOSED = "This lab was closed. Its run was kept."
+
+log = logging.getLogger(__name__)
+
+
+class PrivateLab:
+    """One visitor's lab."""
+
+    def __init__(self, lab: str, visitor: str, worker: Worker, choice: Choice):
+        self.lab, self.visitor, self.worker = lab, visitor, worker
+        self.path = f"/s/{lab}"
+        self.port = 0
+        self.visitors = 0
+        self.seen = time.monotonic()
+        self.why = ""
+        """Why the server closes it; empty as long as it does not."""
+        self._choice = choice
+
+    def status(self) -> LabStatus:
+        """Its last report; before the first one, what it is about to show."""
+        scenario, name = self._choice.scenario, self._choice.name
+        starting = LabStatus(name, scenario.title or name, 0.0, "starting", "", None, "")
+        return self.worker.status or starting
+
+
+class PrivateLabs:
+    """All private labs of one server."""
+
+    is_private = True
+
+    def __init__(self, settings: Settings, first: Choice, address: str):
+        """`first`: what a visitor sees who chose nothing. `address`: of the server."""
+        self._settings, self._first, self._address = settings, first, address
+        self._places: dict[str, PrivateLab] = {}
+        self._opening: dict[str, asyncio.Future[PrivateLab]] = {}
+        self._ended: OrderedDict[str, tuple[str, str]] = OrderedDict()
+        self._watch: asyncio.Task[None] | None = None
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._last: Path | None = None
+
+    async def enter(self, visitor: str, choice: Choice | None) -> Lab:
+        """The visitor's lab. Raises `FullError` when there is no room for one more."""
+        opening = self._opening.get(visitor)
+        if opening is not None:
+            return await asyncio.shield(opening)
+        place = self.of_visitor(visitor)
+        if place is None:
+            # Two pages opened at once by one visitor share what the first one starts.
+            opening = asyncio.ensure_future(self._open(visitor, choice or self._first))
+            self._opening[visitor] = opening
+            opening.add_done_callback(lambda _: self._opening.pop(visitor, None))
+            return await asyncio.shield(opening)
+        if choice is not None:
+            await asyncio.to_thread(place.worker.load, choice)
+        return place
+
+    async def _open(self, visitor: str, choice: Choice) -> PrivateLab:
+        if self._watch is None:
+            self._watch = asyncio.create_task(self._close_idle_ones())
+        if len({place.visitor for place in self._places.values()} | set(self._opening)) > self._settings.max_sessions:
+            raise FullError(
+                f"No lab is free: {self._settings.max_sessions} of {self._settings.max_sessions} are taken. "
+                "Come back in a few minutes: a lab that nobody looks at is closed."
+            )
+        loop = asyncio.get_running_loop()
+        lab = secrets.token_urlsafe(ID_BYTES)
+
+        def tell() -> None:
+            with contextlib.suppress(RuntimeError):  # The server itself is closed already.
+                loop.call_soon_threadsafe(self._over, lab)
+
+        order = Order(choice, self._settings.logs, self._address, self._settings.shadows, self._settings.viewer)
+        place = PrivateLab(lab, visitor, await asyncio.to_thread(Worker, order, tell), choice)
+        self._places[lab] = place
+        try:
+            place.port = await asyncio.to_thread(place.worker.wait_until_ready)
+        except LabError:
+            self._places.pop(lab, None)
+            await asyncio.to_thread(place.worker.stop)
+            raise
+        place.seen = time.monotonic()
+        return place
+
+    def of_visitor(self, visitor: str) -> PrivateLab | None:
+        """The visitor's running lab."""
+        mine = (place for place in self._places.values() if place.visitor == visitor and place.port and not place.why)
+        return next(mine, None)
+
+    def ended(self, visitor: str, lab: str) -> str:
+        """Why this visitor's lab is no more; empty for other people's labs and for words that never were one."""
+        owner, sentence = self._ended.get(lab, ("", ""))
+        return sentence if owner == visitor else ""
+
+    def left(self, place: Lab) -> None:
+        """The idle time begins with the last page closed."""
+        if isinstance(place, PrivateLab):
+            place.seen = time.monotonic()
+
+    def running(self) -> list[Lab]:
+        """All of them."""
+        return [place for place in self._places.values() if place.port]
+
+    async def close(self) -> Path | None:
+        """End all at once; returns the newest recording."""
+        if self._watch is not None:
+            self._watch.cancel()
+        places = list(self._places.values())
+        for place in places:
+            place.why = place.why or CLOSED
+        await asyncio.gather(*(asyncio.to_thread(place.worker.stop) for place in places))
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        recordings = [place.status().recording for place in places]
+        return max(filter(None, recordings), key=lambda path: path.name, default=self._last)
+
+    async def _close_idle_ones(self) -> None:
+        idle = self._settings.idle_time
+        while True:
+            await asyncio.sleep(min(idle / ROUNDS_PER_IDLE_TIME, LONGEST_ROUND))
+            for place in list(self._places.values()):
+                if place.port and not place.visitors and not place.why and time.monotonic() - place.seen > idle:
+                    place.why = IDLE.format(time=f"{idle / 60:g} minutes" if idle >= 60 else f"{idle:g} s")
+                    self._keep(asyncio.to_thread(place.worker.stop))
+
+    def _over(self, lab: str) -> None:
+        """A worker's process has ended: as it was told, or by itself."""
+        place = self._places.pop(lab, None)
+        if place is None:
+            return
+        code, recording = place.worker.exit_code, place.status().recording
+        self._last = recording or self._last
+        if not place.why:
+            reason = f"ended by signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+            log.warning("A private lab ended unexpectedly (%s); its run is in %s.", reason, recording)
+            place.why = CRASHED.format(reason=reason)
+        if recording is not None:
+            self._keep(asyncio.to_thread(_mend, recording))
+        self._ended[lab] = place.visitor, place.why
+        while len(self._ended) > ENDED_KEPT:
+            self._ended.popitem(last=False)
+
+    def _keep(self, work: Coroutine[Any, Any, None]) -> None:
+        """Run something beside; held, because an event loop forgets tasks that nobody holds."""
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+
+def _mend(recording: Path) -> None:
+    """Make the recording of a worker whole that may have died while it wrote."""
+    with contextlib.suppress(FlexlabError, OSError):
+        finish(recording)

@@ -1,0 +1,118 @@
+"""One lab with its recorder, put together: the page on a loopback port, every run into the logs folder."""
+
+import contextlib
+import logging
+from collections.abc import Callable
+from io import StringIO
+from pathlib import Path
+
+from flexlab.analysis.run_summary import run_notes
+from flexlab.lab.session import Session
+from flexlab.recording.live import LiveHub
+from flexlab.recording.recorder import Recorder
+from flexlab.recording.web_viewer import viewer_link
+from flexlab.scenario import Scenario
+from flexlab.server.labs.lab_provider import Choice, LabStatus
+from flexlab.server.scenario_links import encode_scenario, scenario_path
+from flexlab.sim.commands import Play
+
+
+def recording_text(recorder: Recorder) -> str:
+    """What the panel says about the recording."""
+    if recorder.problem is not None:
+        return recorder.problem
+    return "" if recorder.path is None else f"Recording to {recorder.path.name}"
+
+
+def _in_one_line(record: logging.LogRecord) -> bool:
+    """viser closes a connection whose message it cannot read; tell that, without the path through its code."""
+    error = record.exc_info[1] if record.exc_info else None
+    if error is not None and record.getMessage() == "connection handler failed":
+        record.msg, record.args = "Refused a message that the lab cannot read (%s).", (type(error).__name__,)
+        record.levelno, record.levelname = logging.WARNING, "WARNING"
+        record.exc_info = None
+    return True
+
+
+class RecordedLab:
+    """A session and its recorder, opened and closed together."""
+
+    def __init__(
+        self,
+        choice: Choice,
+        logs: Path,
+        address: str,
+        *,
+        hub: LiveHub | None = None,
+        viewer: str = "",
+        on_problem: Callable[[str], None] | None = None,
+        shadows: bool = True,
+    ):
+        """Start it. Raises `FlexlabError`, and leaves nothing running, if it cannot.
+
+        `address`: of the server, for links that open a scenario. `hub` gets live data, which `viewer` is a page for.
+        """
+        self._live = viewer_link(viewer, hub.url) if hub is not None and viewer else ""
+        logging.getLogger("websockets.server").addFilter(_in_one_line)
+        self._recorder = recorder = Recorder(logs, hub, on_problem=on_problem, start_notes=run_notes)
+        self._shown: tuple[Scenario | None, str] = (None, "")
+        try:
+            self._session = Session(
+                choice.scenario,
+                choice.name,
+                consumers=[recorder],
+                port=0,
+                shadows=shadows,
+                recording=lambda: recording_text(recorder),
+                link=lambda scenario: address + scenario_path(encode_scenario(scenario)),
+                origin=choice.origin,
+            )
+            with _quiet():
+                self._session.start()
+        except BaseException:
+            recorder.close()
+            raise
+
+    @property
+    def port(self) -> int:
+        """Where the lab's own server listens, on loopback."""
+        return self._session.port
+
+    def load(self, choice: Choice) -> None:
+        """Begin a run of a scenario, or go on from an earlier run; a lab that runs just this scenario goes on undisturbed."""
+        snapshot = self._session.runner.snapshot
+        shown = snapshot.scenario == choice.scenario and snapshot.name == choice.name and not snapshot.status.failed
+        if shown and choice.origin is None:
+            return
+        self._session.lab_state.load(choice.scenario, choice.name, choice.origin)
+        self._session.lab_state.submit(Play())
+
+    def status(self) -> LabStatus:
+        """How it stands now."""
+        snapshot, recorder = self._session.runner.snapshot, self._recorder
+        if self._shown[0] is not snapshot.scenario:
+            self._shown = snapshot.scenario, encode_scenario(snapshot.scenario)
+        state = "stopped" if snapshot.status.failed else "running" if snapshot.playing else "paused"
+        return LabStatus(
+            name=snapshot.name,
+            title=snapshot.scenario.title or snapshot.name,
+            time=float(snapshot.latest.time[0]),
+            state=state,
+            link=self._shown[1],
+            recording=recorder.path,
+            problem=recorder.problem or "",
+            live=self._live,
+        )
+
+    def close(self) -> Path | None:
+        """End the lab; its run is kept in the file whose path this returns."""
+        last = self._recorder.path
+        with _quiet():
+            self._session.stop()
+        self._recorder.close()
+        return last
+
+
+def _quiet() -> contextlib.AbstractContextManager[object]:
+    """Keep viser's own banner to itself: what matters of it is said in this lab's words."""
+    return contextlib.redirect_stdout(StringIO())

@@ -1,0 +1,60 @@
+"""One lab for all visitors, in the server's own process."""
+
+import asyncio
+from pathlib import Path
+
+from flexlab.server.labs.lab_provider import Choice, Lab
+from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
+
+
+class SharedLab:
+    """The lab at `/lab`."""
+
+    def __init__(self, laboratory: RecordedLab):
+        self._laboratory = laboratory
+        self.path = "/lab"
+        self.visitors = 0
+
+    @property
+    def port(self) -> int:
+        """Of its own server on loopback."""
+        return self._laboratory.port
+
+    def status(self) -> LabStatus:
+        """How it stands."""
+        return self._laboratory.status()
+
+
+class SharedLabProvider:
+    """All visitors look at, and move, the same arms."""
+
+    is_private = False
+
+    def __init__(self, laboratory: RecordedLab):
+        self._laboratory = laboratory
+        self._place = SharedLab(laboratory)
+
+    async def enter(self, visitor: str, choice: Choice | None) -> Lab:
+        """The one lab, with what this visitor chose."""
+        if choice is not None:
+            self._laboratory.load(choice)
+        return self._place
+
+    def of_visitor(self, visitor: str) -> Lab | None:
+        """The one lab."""
+        return self._place
+
+    def ended(self, visitor: str, lab: str) -> str:
+        """It runs as long as the server does."""
+        return ""
+
+    def left(self, place: Lab) -> None:
+        """Nothing: it waits for the next visitor."""
+
+    def running(self) -> list[Lab]:
+        """The one lab."""
+        return [self._place]
+
+    async def close(self) -> Path | None:
+        """End it; returns its last recording."""
+        return await asyncio.to_thread(self._laboratory.close)

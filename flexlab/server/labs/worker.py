@@ -1,0 +1,155 @@
+"""A lab in a process of its own: what runs inside that process, and how the server holds it."""
+
+import contextlib
+import multiprocessing
+import signal
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from flexlab.errors import FlexlabError, LabError
+from flexlab.recording.live import LiveHub
+from flexlab.server.child_processes import leave_interrupts_to_the_server, without_interrupt
+from flexlab.server.labs.lab_provider import Choice
+from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
+
+STATUS_PERIOD = 1.0
+"""s between two reports of a worker."""
+START_TIME = 120.0
+"""s that a worker may take to open its lab: two on a warm machine, most of a minute if it must compile first."""
+STOP_TIME = 15.0
+"""s that a worker may take to close its recording before it is ended by force (the recording is then mended)."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What a worker is to open."""
+
+    choice: Choice
+    logs: Path
+    address: str
+    """Of the server."""
+    shadows: bool
+    viewer: str
+    """Page of a rerun viewer for its live data; empty: none."""
+
+
+@dataclass(frozen=True)
+class Ready:
+    """The lab is open on this port."""
+
+    port: int
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """The lab could not be opened."""
+
+    sentence: str
+
+
+def work(order: Order, pipe: Connection) -> None:
+    """The worker's life: open, report, follow, close. Ends when the server says so or is no more."""
+    leave_interrupts_to_the_server()
+    stopping = threading.Event()
+    signal.signal(signal.SIGTERM, lambda *_: stopping.set())
+    closing = contextlib.ExitStack()
+    try:
+        hub = LiveHub() if order.viewer else None
+        if hub is not None:
+            closing.callback(hub.close)
+        lab = RecordedLab(order.choice, order.logs, order.address, hub=hub, viewer=order.viewer, shadows=order.shadows)
+    except FlexlabError as error:
+        closing.close()
+        pipe.send(Refusal(str(error)))
+        return
+    try:
+        pipe.send(Ready(lab.port))
+        while not stopping.is_set():
+            pipe.send(lab.status())
+            if pipe.poll(STATUS_PERIOD):
+                choice = pipe.recv()
+                if choice is None:
+                    return
+                lab.load(choice)
+    except (EOFError, OSError):
+        pass  # The server is gone: the run is still to be closed properly.
+    finally:
+        lab.close()
+        closing.close()
+
+
+class Worker:
+    """The server's hold on one worker process. Blocking calls are marked; they belong on a thread."""
+
+    def __init__(self, order: Order, on_end: Callable[[], None]):
+        """Start the process. `on_end` is called, on a thread, when it is over for whatever reason."""
+        context = multiprocessing.get_context("spawn")
+        self._pipe, other = context.Pipe()
+        self._process = context.Process(target=work, args=(order, other), name="flexlab-lab", daemon=True)
+        with without_interrupt():
+            self._process.start()
+        other.close()
+        self._on_end = on_end
+        self._answered = threading.Event()
+        self._sending = threading.Lock()
+        self._answer: Ready | Refusal | None = None
+        self.status: LabStatus | None = None
+        """Its latest report."""
+        self._listener = threading.Thread(target=self._listen, name="flexlab-worker", daemon=True)
+        self._listener.start()
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid or 0
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs; negative: the signal that ended it."""
+        return self._process.exitcode
+
+    def wait_until_ready(self) -> int:
+        """The port of its lab. Blocks. Raises `LabError` if it does not open."""
+        if not self._answered.wait(START_TIME):
+            raise LabError(f"The lab did not open within {START_TIME:g} s: this machine is too busy. Try again later.")
+        if isinstance(self._answer, Ready):
+            return self._answer.port
+        if isinstance(self._answer, Refusal):
+            raise LabError(self._answer.sentence)
+        raise LabError(f"The lab ended while it was being opened (exit code {self.exit_code}): try again.")
+
+    def load(self, choice: Choice) -> None:
+        """Begin a run of another scenario."""
+        self._send(choice)
+
+    def stop(self) -> None:
+        """Close lab and recording, by force if that takes too long. Blocks."""
+        self._send(None)
+        self._process.join(STOP_TIME)
+        if self._process.is_alive():
+            self._process.kill()
+        self._listener.join()
+
+    def _send(self, word: Choice | None) -> None:
+        with self._sending:
+            try:
+                self._pipe.send(word)
+            except OSError:
+                pass  # It has just ended; the listener tells.
+
+    def _listen(self) -> None:
+        try:
+            while True:
+                word = self._pipe.recv()
+                if isinstance(word, LabStatus):
+                    self.status = word
+                else:
+                    self._answer = word
+                    self._answered.set()
+        except (EOFError, OSError):
+            self._process.join()
+            self._answered.set()
+            self._on_end()

@@ -1,0 +1,156 @@
+"""`/lab/`, `/s/<id>/` and the links that lead there."""
+
+import asyncio
+import secrets
+
+from aiohttp import hdrs, web
+
+from flexlab.errors import FlexlabError, LabError
+from flexlab.presets import load_preset, preset_names
+from flexlab.server.auth import is_opened_by_person, is_websocket, refuse
+from flexlab.server.labs.lab_provider import Choice, FullError, Lab
+from flexlab.server.pages.layout import message
+from flexlab.server.pages.markup import Markup
+from flexlab.server.pages.page_context import Context, context_of
+from flexlab.server.proxy import proxy_page, proxy_websocket
+from flexlab.server.scenario_links import decode_scenario, scenario_path
+from flexlab.server.settings import LOOPBACK
+
+VISITOR_BYTES = 18
+"""Randomness of the cookie by which a visitor finds their own lab again."""
+LINKED = "shared-scenario"
+"""Name of the runs of a scenario that came by a link."""
+NEW_LAB = Markup('<a class="button" href="/lab/">Open a new lab</a> <a class="button quiet" href="/runs">Runs</a>')
+NOT_YOURS = "This lab belongs to another browser, or was closed long ago. You can have one of your own."
+
+
+def add_lab_pages(router: web.UrlDispatcher) -> None:
+    """Routes of the lab."""
+    for path in ("/lab", "/lab/"):
+        router.add_get(path, lab)
+    router.add_get("/lab/{preset}", preset_link)
+    router.add_get("/lab/{preset}/", preset_link)
+    for path in ("/s/{lab}", "/s/{lab}/"):
+        router.add_get(path, private_lab)
+    router.add_get("/state/lab", shared_state)
+    router.add_get("/state/s/{lab}", private_state)
+
+
+async def lab(request: web.Request) -> web.StreamResponse:
+    """The shared lab, or the way to the visitor's own; `?scenario=` brings a scenario along."""
+    context = context_of(request)
+    if is_websocket(request):
+        place = context.places.of_visitor("")
+        if context.places.is_private or place is None:
+            raise web.HTTPNotFound
+        return await proxy_websocket(request, place)
+    if "scenario" in request.query:
+        return await _enter_by_link(request, Choice(decode_scenario(request.query["scenario"]), LINKED))
+    if context.places.is_private:
+        return await _enter_by_link(request, None)
+    if not request.path.endswith("/"):
+        raise web.HTTPSeeOther("/lab/" + (f"?{request.query_string}" if request.query_string else ""))
+    return await proxy_page(request, await context.places.enter("", None), "")
+
+
+async def preset_link(request: web.Request) -> web.StreamResponse:
+    """`/lab/<preset>`: that preset in the lab. Other names may be files of viser's page."""
+    name = request.match_info["preset"]
+    context = context_of(request)
+    if name not in await asyncio.to_thread(preset_names):
+        place = None if context.places.is_private else context.places.of_visitor("")
+        if place is not None and "." in name:
+            return await proxy_page(request, place, name)
+        try:
+            load_preset(name)
+        except FlexlabError as error:
+            return message("No such preset", str(error), 404)
+    scenario = await asyncio.to_thread(load_preset, name)
+    return await _enter_by_link(request, Choice(scenario, name))
+
+
+async def _enter_by_link(request: web.Request, choice: Choice | None) -> web.StreamResponse:
+    if not is_opened_by_person(request):
+        return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
+    return await enter_lab(request, choice)
+
+
+async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamResponse:
+    """Send the visitor on to the lab itself, so that a reload does not start the run anew."""
+    context = context_of(request)
+    visitor = request.cookies.get(context.visitor_cookie) or secrets.token_urlsafe(VISITOR_BYTES)
+    try:
+        place = await context.places.enter(visitor, choice)
+    except FullError as error:
+        return message("No free lab", str(error), 503, Markup('<a class="button" href="/lab/">Try again</a>'))
+    except LabError as error:
+        return message("The lab did not open", str(error), 503, NEW_LAB)
+    # What the page itself understands (its drawing settings) goes along.
+    query = request.rel_url.without_query_params("scenario").query_string
+    answer = web.Response(status=303, headers={hdrs.LOCATION: f"{place.path}/" + (f"?{query}" if query else "")})
+    if context.places.is_private:
+        # Lax, not strict: whoever follows a link from elsewhere should find their lab too.
+        answer.set_cookie(context.visitor_cookie, visitor, httponly=True, samesite="Lax", path="/")
+    return answer
+
+
+async def private_lab(request: web.Request) -> web.StreamResponse:
+    """A visitor's own lab."""
+    context, place = context_of(request), _own_place(request)
+    if place is None:
+        sentence = context.places.ended(_visitor(request), request.match_info["lab"])
+        if is_websocket(request):
+            raise web.HTTPGone if sentence else web.HTTPForbidden
+        return message("This lab is closed", sentence, 410, NEW_LAB) if sentence else message(
+            "Not your lab", NOT_YOURS, 403, NEW_LAB
+        )  # fmt: skip
+    if is_websocket(request):
+        return await proxy_websocket(request, place)
+    if not request.path.endswith("/"):
+        raise web.HTTPSeeOther(f"{place.path}/")
+    return await proxy_page(request, place, "")
+
+
+def _visitor(request: web.Request) -> str:
+    return request.cookies.get(context_of(request).visitor_cookie, "")
+
+
+def _own_place(request: web.Request) -> Lab | None:
+    """The private lab that this request names, if it is the visitor's own."""
+    context = context_of(request)
+    visitor = _visitor(request)
+    place = context.places.of_visitor(visitor) if context.places.is_private and visitor else None
+    return place if place is not None and place.path == f"/s/{request.match_info['lab']}" else None
+
+
+async def shared_state(request: web.Request) -> web.Response:
+    """How the shared lab stands, for the script in its page."""
+    context: Context = context_of(request)
+    place = None if context.places.is_private else context.places.of_visitor("")
+    if place is None:
+        raise web.HTTPNotFound
+    return _state(request, place)
+
+
+async def private_state(request: web.Request) -> web.Response:
+    """How a visitor's own lab stands."""
+    place = _own_place(request)
+    if place is not None:
+        return _state(request, place)
+    sentence = context_of(request).places.ended(_visitor(request), request.match_info["lab"])
+    return web.json_response({"open": False, "sentence": sentence or NOT_YOURS})
+
+
+def _state(request: web.Request, place: Lab) -> web.Response:
+    status = place.status()
+    return web.json_response(
+        {
+            "open": True,
+            "name": status.name,
+            "state": status.state,
+            "link": scenario_path(status.link),
+            # The viewer and its data are to be had on this machine only.
+            "live": status.live if request.remote in LOOPBACK else "",
+        },
+        headers={"Cache-Control": "no-store"},
+    )

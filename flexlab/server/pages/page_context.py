@@ -1,0 +1,51 @@
+"""What the pages of one server share."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import aiohttp
+from aiohttp import web
+
+from flexlab.server.comparison_jobs import Comparisons
+from flexlab.server.jobs import Jobs
+from flexlab.server.labs.lab_provider import LabProvider
+from flexlab.server.metric_jobs import Measuring
+from flexlab.server.replay_jobs import Replays
+from flexlab.server.settings import Settings
+
+
+@dataclass(frozen=True)
+class Context:
+    """One server."""
+
+    settings: Settings
+    port: int
+    """The public one, really taken."""
+    token: str | None
+    places: LabProvider
+    inside: aiohttp.ClientSession
+    """Calls to the labs on loopback."""
+    measuring: Measuring
+    jobs: Jobs
+    comparisons: Comparisons
+    replays: Replays
+    workshop: Path
+    """A folder for files that nobody keeps; gone when the server closes."""
+
+    @property
+    def token_cookie(self) -> str:
+        """Browsers keep cookies by host, not by port: two server of one machine must not sign each other out."""
+        return f"flexlab-token-{self.port}"
+
+    @property
+    def visitor_cookie(self) -> str:
+        """Who comes back to which private lab."""
+        return f"flexlab-visitor-{self.port}"
+
+
+CONTEXT = web.AppKey("context", Context)
+
+
+def context_of(request: web.Request) -> Context:
+    """The server that a request came to."""
+    return request.app[CONTEXT]

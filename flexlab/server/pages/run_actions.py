@@ -1,0 +1,120 @@
+"""What can be done with a recorded run: replay it, go on from it, have it as another file."""
+
+import asyncio
+import math
+import shutil
+import tempfile
+from pathlib import Path
+
+from aiohttp import hdrs, web
+
+from flexlab.errors import FlexlabError, RecordingError
+from flexlab.recording.store.run_index import RunRow, find_row
+from flexlab.server.auth import is_opened_by_person, refuse
+from flexlab.server.figure_jobs import figures_into
+from flexlab.server.pages.lab_pages import enter_lab
+from flexlab.server.pages.layout import message
+from flexlab.server.pages.markup import fill
+from flexlab.server.pages.page_context import context_of
+from flexlab.server.run_jobs import choice_at, export_into
+
+TABLES = {"csv": "CSV: a table as text", "parquet": "Parquet: a packed table", "npz": "NPZ: NumPy arrays"}
+FIGURES = {"png": "Figures 2–5 as PNG", "svg": "Figures 2–5 as SVG"}
+EXPORTS = TABLES | FIGURES
+"""What a run can be had as → in words."""
+PIECE = 1024 * 1024
+"""Bytes sent at once."""
+BACK = """<a class="button" href="/runs/{id}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>"""
+
+
+def add_run_actions(router: web.UrlDispatcher) -> None:
+    """Routes of actions on one run."""
+    router.add_post("/runs/{run}/replay", start_replay)
+    router.add_get("/runs/{run}/replay", replay_state)
+    router.add_post("/runs/{run}/continue", resume)
+    router.add_get("/runs/{run}/export", export)
+
+
+async def row_of(request: web.Request) -> RunRow:
+    """The run that the address names. Raises `RecordingError` if there is none."""
+    return await asyncio.to_thread(find_row, context_of(request).settings.logs, request.match_info["run"])
+
+
+def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:
+    return message(title, str(error), 422, fill(BACK, id=row.id))
+
+
+async def start_replay(request: web.Request) -> web.Response:
+    """Begin to simulate the run again; the run's page tells how it goes."""
+    row = await row_of(request)
+    context_of(request).replays.start(row)
+    raise web.HTTPSeeOther(f"/runs/{row.id}")
+
+
+async def replay_state(request: web.Request) -> web.Response:
+    """How the run's replay stands, for the script in its page."""
+    state = context_of(request).replays.state(await row_of(request))
+    if state is None:
+        raise web.HTTPNotFound
+    told = {"working": state.working, "sentence": state.sentence, "kind": state.kind}
+    return web.json_response(told, headers={hdrs.CACHE_CONTROL: "no-store"})
+
+
+async def resume(request: web.Request) -> web.StreamResponse:
+    """Open the lab at an instant of the run, with exactly its state."""
+    row = await row_of(request)
+    try:
+        time = read_time("time", (await request.post()).get("time"))
+        choice = await context_of(request).jobs.run(choice_at, row.path, time)
+    except FlexlabError as error:
+        return _problem("The lab cannot go on from there", row, error)
+    return await enter_lab(request, choice)
+
+
+async def export(request: web.Request) -> web.StreamResponse:
+    """The run, or a range of its time, as a file for other programs."""
+    if not is_opened_by_person(request):
+        return refuse(request, 403, "An export must be asked for by a person, not from inside another page.")
+    row, context = await row_of(request), context_of(request)
+    folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="export-", dir=context.workshop))
+    try:
+        kind = request.query.get("format", "")
+        if kind not in EXPORTS:
+            raise RecordingError(f"format = {kind[:20]!r} is not known: choose one of {', '.join(EXPORTS)}.")
+        start, end = (read_time(name, request.query.get(name)) for name in ("start", "end"))
+        work = figures_into if kind in FIGURES else export_into
+        file = await context.jobs.run(work, row.path, kind, start, end, folder)
+        return await _send(request, file)
+    except FlexlabError as error:
+        return _problem("Nothing was exported", row, error)
+    finally:
+        await asyncio.shield(asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True))
+
+
+async def _send(request: web.Request, path: Path) -> web.StreamResponse:
+    """A file as a download, all of it: when this returns, the file may go (aiohttp's own answer opens it later)."""
+    answer = web.StreamResponse()
+    answer.content_type = "application/octet-stream"
+    answer.content_length = path.stat().st_size
+    answer.headers[hdrs.CONTENT_DISPOSITION] = f'attachment; filename="{path.name}"'
+    answer.headers[hdrs.CACHE_CONTROL] = "no-store"
+    await answer.prepare(request)
+    if request.method != "HEAD":
+        with path.open("rb") as file:
+            while piece := await asyncio.to_thread(file.read, PIECE):
+                await answer.write(piece)
+    await answer.write_eof()
+    return answer
+
+
+def read_time(name: str, text: object) -> float | None:
+    """A time in s as it was typed; None for an empty field. Raises `RecordingError` for what is no number."""
+    if not isinstance(text, str) or not text.strip():
+        return None
+    try:
+        time = float(text)
+    except ValueError:
+        time = math.nan
+    if not math.isfinite(time):
+        raise RecordingError(f"{name} = {text.strip()[:20]!r} is no time: give a number of seconds, such as 1.5.")
+    return time

@@ -1,0 +1,149 @@
+"""Passes a lab's page and its websocket on to visitors. The lab itself is reachable from this machine only."""
+
+import asyncio
+import logging
+import socket
+
+import aiohttp
+from aiohttp import WSCloseCode, WSMsgType, hdrs, web
+
+from flexlab.server.labs.lab_provider import Lab
+from flexlab.server.pages.markup import fill
+from flexlab.server.pages.page_context import context_of
+
+LARGEST_MESSAGE = 16 * 1024 * 1024
+"""Bytes that a browser may send at once: files come in parts of 512 kB, a picture of the scene has a few million."""
+SOCKET_BUFFER = 64 * 1024
+"""Bytes that may wait in the kernel on either side: without this bound a slow visitor sees pictures half a minute old."""
+HEARTBEAT = 60.0
+"""s between two looks at whether a visitor is still there; one that does not answer for half of it is gone."""
+HTTP_PATIENCE = aiohttp.ClientTimeout(total=30.0)
+"""The lab's page is one file, read from memory."""
+LOOPBACK = "127.0.0.1"
+
+LAB_POLICY = (
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' ws://{host} wss://{host} "
+    "data: blob:; object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
+)
+"""viser unpacks its program, and a compiled part of it, inside the page. It may talk to this address and to nobody else."""
+
+ADDITION = """<link rel="stylesheet" href="/static/lab.css">
+<script src="/static/lab.js" data-state="{state}" defer></script>
+"""
+"""What the server adds to the lab's page: the way back, and a word when the lab is gone."""
+
+log = logging.getLogger(__name__)
+
+
+def inside_connector() -> aiohttp.TCPConnector:
+    """Connections to labs: any number, with small kernel buffers."""
+
+    def small(address: tuple) -> socket.socket:
+        family, kind, protocol, *_ = address
+        plug = socket.socket(family, kind, protocol)
+        plug.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BUFFER)
+        return plug
+
+    return aiohttp.TCPConnector(limit=0, socket_factory=small)
+
+
+async def proxy_page(request: web.Request, place: Lab, path: str) -> web.StreamResponse:
+    """The lab's page, or another file of it."""
+    if request.method not in ("GET", "HEAD"):
+        raise web.HTTPMethodNotAllowed(request.method, ("GET", "HEAD"))
+    inside = context_of(request).inside
+    try:
+        url = f"http://{LOOPBACK}:{place.port}/{path}"
+        async with inside.get(url, headers={hdrs.ACCEPT_ENCODING: "identity"}, timeout=HTTP_PATIENCE) as answer:
+            body = await answer.read()
+            status, kind = answer.status, answer.content_type
+    except (aiohttp.ClientError, TimeoutError):
+        raise web.HTTPBadGateway(reason="This lab does not answer: open it again from the start page") from None
+    if status != 200:
+        raise web.HTTPNotFound
+    response = web.Response(body=body, content_type=kind)
+    if kind == "text/html":
+        response = web.Response(body=_furnish(body, place), content_type=kind, charset="utf-8")
+    response.headers["Content-Security-Policy"] = LAB_POLICY.format(host=request.host)
+    response.headers["Cache-Control"] = "no-cache"
+    # The page is the same for as long as the lab runs, and nearly a megabyte: a reload need not fetch it again.
+    response.etag = f"{place.port}-{len(body)}"
+    if any(tag.value in ("*", response.etag.value) for tag in request.if_none_match or ()):
+        return web.Response(status=304, headers={hdrs.ETAG: response.headers[hdrs.ETAG]})
+    return response
+
+
+def _furnish(body: bytes, place: Lab) -> bytes:
+    head, mark, rest = body.rpartition(b"</head>")
+    addition = fill(ADDITION, state=f"/state{place.path}")
+    return head + addition.encode() + mark + rest if mark else body
+
+
+async def proxy_websocket(request: web.Request, place: Lab) -> web.StreamResponse:
+    """A visitor's live connection to the lab, for as long as both sides keep it."""
+    offered = [word.strip() for word in request.headers.get(hdrs.SEC_WEBSOCKET_PROTOCOL, "").split(",") if word.strip()]
+    inside = context_of(request).inside
+    try:
+        # No limit on what the lab sends, and no compression: its data hardly compress and must not wait.
+        up = await inside.ws_connect(
+            f"ws://{LOOPBACK}:{place.port}{place.path}", protocols=offered, max_msg_size=0, compress=0
+        )
+    except (aiohttp.ClientError, TimeoutError, OSError):
+        raise web.HTTPBadGateway(reason="This lab does not answer: open it again from the start page") from None
+    place.visitors += 1
+    try:
+        down = web.WebSocketResponse(
+            protocols=[up.protocol] if up.protocol else (),
+            max_msg_size=LARGEST_MESSAGE,
+            compress=False,
+            heartbeat=HEARTBEAT,
+        )
+        await down.prepare(request)
+        _bound_buffer(request)
+        await _first_of(_to_visitor(up, down), _to_lab(request, down, up))
+        await down.close(code=up.close_code or WSCloseCode.GOING_AWAY)
+        return down
+    finally:
+        place.visitors -= 1
+        context_of(request).places.left(place)
+        await up.close()
+
+
+async def _to_visitor(up: aiohttp.ClientWebSocketResponse, down: web.WebSocketResponse) -> None:
+    # Sending waits while the visitor is slow; reading then stops too, and the lab leaves out what is outdated.
+    async for message in up:
+        if message.type is WSMsgType.BINARY:
+            await down.send_bytes(message.data)
+        elif message.type is WSMsgType.TEXT:
+            await down.send_str(message.data)
+
+
+async def _to_lab(request: web.Request, down: web.WebSocketResponse, up: aiohttp.ClientWebSocketResponse) -> None:
+    async for message in down:
+        if message.type is WSMsgType.BINARY:
+            await up.send_bytes(message.data)
+        elif message.type is WSMsgType.TEXT:
+            log.warning("Refused a text message from %s: the lab speaks in bytes.", request.remote)
+            await down.close(code=WSCloseCode.UNSUPPORTED_DATA)
+            return
+        elif message.type is WSMsgType.ERROR:
+            break
+    if down.exception() is not None:
+        log.warning("Refused a message from %s: %s", request.remote, down.exception())
+
+
+async def _first_of(*works) -> None:
+    """Until one of the two directions ends; the other one is then of no use."""
+    tasks = [asyncio.create_task(work) for work in works]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def _bound_buffer(request: web.Request) -> None:
+    plug = request.transport.get_extra_info("socket") if request.transport is not None else None
+    if plug is not None:
+        plug.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SOCKET_BUFFER)

@@ -1,0 +1,82 @@
+"""What a front server is told when it is opened."""
+
+import math
+import socket
+from dataclasses import dataclass
+from pathlib import Path
+
+from flexlab.errors import LabError
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+"""Addresses that only this machine can reach."""
+WILDCARDS = ("0.0.0.0", "::", "")
+"""Hosts that stand for all addresses of this machine."""
+SOMEWHERE = ("192.0.2.1", 9)
+"""An address that nobody has (RFC 5737): asking for the way there sends nothing."""
+MOST_SESSIONS = 1000
+"""Private labs that may be asked for at once: far more than any machine can run."""
+SHORTEST_IDLE, LONGEST_IDLE = 1.0, 604_800.0
+"""s: from what lets a page be reloaded to a week."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Where to listen, where runs are kept, and whether visitors share one lab."""
+
+    logs: Path = Path("logs")
+    host: str = "127.0.0.1"
+    port: int = 8080
+    """0: any free one."""
+    token: str | None = None
+    """The word that opens the server; None: made up if the host is not loopback, otherwise not asked for."""
+    private: bool = False
+    """Whether each visitor gets a lab, and a process, of their own."""
+    max_sessions: int = 4
+    """Private labs at once."""
+    idle_time: float = 600.0
+    """s without an open page after which a private lab is closed."""
+    shadows: bool = True
+    """Whether the scene casts shadows; without a graphics card they cost most of the time."""
+    viewer: str = ""
+    """Page of a rerun viewer on this machine, for the live data of each lab; empty: no live data."""
+    most_bytes: float | None = None
+    """Over which the oldest runs that are not kept are deleted; None: never."""
+    most_days: float | None = None
+    """After which a run that is not kept is deleted; None: never."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.port <= 65535:
+            raise LabError(f"port = {self.port} is not a port number: choose 0 (any free one) to 65535.")
+        if not 1 <= self.max_sessions <= MOST_SESSIONS:
+            raise LabError(f"max-sessions = {self.max_sessions} is outside 1 to {MOST_SESSIONS}: choose within it.")
+        if not SHORTEST_IDLE <= self.idle_time <= LONGEST_IDLE:
+            raise LabError(
+                f"idle-time = {self.idle_time:g} s is outside {SHORTEST_IDLE:g} to {LONGEST_IDLE:.0f} s: choose within it."
+            )
+        limits = (("max-size", self.most_bytes, 1e9, "GB"), ("max-age", self.most_days, 1, "days"))
+        for name, limit, scale, unit in limits:
+            if limit is not None and not 0 < limit < math.inf:
+                raise LabError(
+                    f"{name} = {limit / scale:g} {unit} is no limit: give a number above 0, or leave it out."
+                )
+        if self.token is not None and len(self.token) < 8:
+            raise LabError("The token is too short to keep anybody out: give at least 8 characters.")
+
+    def public_host(self) -> str:
+        """How other browsers know this machine."""
+        return _own_address() if self.host in WILDCARDS else self.host
+
+    @property
+    def is_local(self) -> bool:
+        """Whether only this machine can reach the server."""
+        return self.host in LOOPBACK
+
+
+def _own_address() -> str:
+    """This machine's address in its network; its name where it has none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(SOMEWHERE)
+            return probe.getsockname()[0]
+        except OSError:
+            return socket.gethostname()

@@ -1,0 +1,83 @@
+// What the server adds to the lab's page: the way back, a link to share, and a word when the lab is gone.
+(() => {
+  const LOOK = 3000; // ms between two looks at whether the lab is still there
+  const stateAddress = document.currentScript.dataset.state;
+
+  function element(tag, properties = {}, ...children) {
+    const made = Object.assign(document.createElement(tag), properties);
+    made.append(...children);
+    return made;
+  }
+
+  const sentence = element("p");
+  const actions = element("p");
+  const word = element("div", { className: "server-word", hidden: true, role: "alert" },
+    element("div", {}, sentence, actions));
+
+  function say(text, ...buttons) {
+    if (!word.hidden && sentence.textContent === text) return;
+    sentence.textContent = text;
+    actions.replaceChildren(...buttons);
+    word.hidden = false;
+  }
+
+  const link = (href, text) => element("a", { href, textContent: text });
+  const button = (text, onclick) => element("button", { textContent: text, onclick });
+  const live = Object.assign(link("", "Live data"), { hidden: true, target: "_blank", rel: "noopener" });
+  let missed = 0;
+  let closed = false;
+  let sharing = false;
+
+  async function look() {
+    if (closed || document.hidden) return;
+    let answer;
+    try {
+      answer = await fetch(stateAddress, { cache: "no-store" });
+    } catch {
+      missed += 1;
+      if (missed > 1) say("The lab does not answer: flexlab was closed, or the connection is gone. Runs are kept. " +
+        "This page goes on by itself when the lab is back.");
+      return;
+    }
+    if (answer.status === 401) {
+      say("This lab asks for its token.", link("/", "Sign in"));
+      return;
+    }
+    missed = 0;
+    const state = answer.ok ? await answer.json() : { open: false, sentence: "This lab is closed." };
+    if (state.open) {
+      if (!sharing) word.hidden = true;
+      live.hidden = !state.live;
+      if (state.live) live.href = state.live;
+      return;
+    }
+    closed = true;
+    say(state.sentence, link("/lab/", "Open a new lab"), link("/runs", "Runs"), link("/", "Start page"));
+  }
+
+  async function share() {
+    const answer = await fetch(stateAddress, { cache: "no-store" });
+    const state = await answer.json();
+    if (!state.open) return look();
+    const address = new URL(state.link, location.href).href;
+    const shown = element("input", { value: address, readOnly: true });
+    const done = () => { sharing = false; word.hidden = true; };
+    const copy = async () => {
+      shown.select();
+      // Without https there is no clipboard but the old way.
+      try { await navigator.clipboard.writeText(address); } catch { document.execCommand("copy"); }
+      done();
+    };
+    sharing = true;
+    say("This link opens the lab with the scenario as it is now:", shown, button("Copy", copy), button("Close", done));
+    shown.select();
+  }
+
+  document.addEventListener("DOMContentLoaded", () => {
+    const bar = element("div", { id: "server-bar" }, link("/", "Start"), link("/runs", "Runs"), button("Share", share), live);
+    document.body.append(bar, word);
+    look();
+    setInterval(look, LOOK);
+    document.addEventListener("visibilitychange", look);
+  });
+})();

@@ -1,0 +1,23 @@
+// The viewer wants the recording's full address, which only the browser knows for sure.
+const viewer = document.getElementById("viewer");
+const recording = new URL(viewer.dataset.recording, location.href).href;
+viewer.src = `/viewer/?url=${encodeURIComponent(recording)}&hide_welcome_screen&renderer=webgl`;
+
+// While the run is being replayed, tell how it goes.
+const replay = document.getElementById("replay");
+const LOOK = 400; // ms between two looks
+
+async function look() {
+  let state = { working: true };
+  try {
+    const answer = await fetch(replay.dataset.address, { cache: "no-store" });
+    if (answer.ok) state = await answer.json();
+  } catch {
+    // The server may be busy, or gone: the viewer's page tells nothing about that, so neither does this.
+  }
+  if (state.sentence) replay.textContent = state.sentence;
+  replay.dataset.kind = state.kind ?? "";
+  if (state.working) setTimeout(look, LOOK);
+}
+
+if (replay?.dataset.working) look();

@@ -1,0 +1,70 @@
+"""Commands in words, for event lists and logs."""
+
+from typing import Any
+
+from flexlab.errors import ScenarioError
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import (
+    ChangeScenario,
+    Command,
+    LoadScenario,
+    Pause,
+    Play,
+    Pull,
+    Reset,
+    SetSpeed,
+    StepOnce,
+    Tap,
+)
+from flexlab.sim.world_state import Origin
+
+
+def command_text(command: Command) -> str:
+    """One line that says what a command does, with values and units."""
+    if isinstance(command, ChangeScenario):
+        return "; ".join(_change_text(path, value) for path, value in command.changes.items())
+    if isinstance(command, Pull):
+        if command.stiffness == 0:
+            return f"Let go of {_held(command)}"
+        x, y = command.target
+        along = command.position
+        where = f" at s = {along:.3f} m" if command.link is None else f", {along:.3f} m along it,"
+        return f"Pull {_held(command)}{where} to ({x:.3f}, {y:.3f}) m, {command.stiffness:g} N/m"
+    if isinstance(command, Tap):
+        x, y = command.impulse
+        return f"Tap the beam at s = {command.beam_position:.3f} m with ({x:.3g}, {y:.3g}) N·s"
+    if isinstance(command, LoadScenario):
+        return f"Load {command.name}" if command.origin is None else _resume_text(command.origin)
+    if isinstance(command, SetSpeed):
+        return f"Speed {command.speed:g} × real time"
+    if isinstance(command, StepOnce):
+        return f"Step {command.ticks} ms"
+    names: dict[type, str] = {Play: "Play", Pause: "Pause", Reset: "Reset"}
+    return names[type(command)]
+
+
+def _held(command: Pull) -> str:
+    if command.link is None:
+        return "the beam"
+    arm, link = command.link
+    return f"link {link} of the {'left' if arm == 1 else 'right'} arm"
+
+
+def _resume_text(origin: Origin) -> str:
+    return f"Go on from {origin.run} at t = {origin.time:.3f} s"
+
+
+def _change_text(path: str, value: Any) -> str:
+    try:
+        about = Scenario().about(path)
+    except ScenarioError:
+        return f"{path} = {_value_text(value)}"
+    return f"{about.title} {about.symbol} = {_value_text(value)}{about.unit_text()}".replace("  ", " ")
+
+
+def _value_text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, (tuple, list)):
+        return "(" + ", ".join(_value_text(item) for item in value) + ")"
+    return str(value)

@@ -1,0 +1,198 @@
+"""The benchmark measures what it says; how fast this machine is, no test may ask."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexlab import benchmarks
+from flexlab.benchmarks import precision, scaling, workers
+from flexlab.benchmarks.machine import this_machine, version_of
+from flexlab.benchmarks.measure import deflection_error, pose_error, try_out
+from flexlab.benchmarks.memory import Memory
+from flexlab.benchmarks.precision import ASKED_ERROR, GOALS, WorkPoint, mesh_precision, paper_costs, variant
+from flexlab.benchmarks.report import Goal, plain
+from flexlab.benchmarks.scaling import MESHES, fitted_exponent
+from flexlab.benchmarks.startup import Start, StartTimes, run_probe
+from flexlab.benchmarks.threads import ThreadWatch, time_in_queue
+from flexlab.benchmarks.workers import Round, WorkerScaling, locked_share
+from flexlab.errors import StudyError
+from flexlab.sim.simulate import simulate
+
+
+@pytest.mark.parametrize("slope", [0.5, 1.0, 2.0])
+def test_the_exponent_of_a_power_law_is_found(slope):
+    sizes = np.array([8, 16, 32, 64])
+    assert fitted_exponent(list(sizes), list(3e-6 * sizes**slope)) == pytest.approx(slope, abs=1e-12)
+
+
+def test_a_trial_gives_the_motion_and_its_cost():
+    trial = try_out(variant(2, "etdrk4", 5e-4), 0.02, 2)
+    run = simulate(variant(2, "etdrk4", 5e-4), 0.02)
+    assert trial.completed
+    assert np.array_equal(trial.samples.pose, run.pose[1:])
+    assert trial.step == 5e-4
+    assert trial.ms_per_second == pytest.approx(trial.us_per_step * 1e-3 / trial.step)
+    assert trial.real_time_factor == pytest.approx(1e3 / trial.ms_per_second)
+
+
+def test_a_run_that_stops_is_not_timed_for_ever():
+    far = variant(2).replace({"trajectory.center": (0.0, 5.0, 0.0)})
+    trial = try_out(far, 0.02, 2, least_time=1.0)
+    assert not trial.completed
+    assert len(trial.samples) == 0
+
+
+def test_errors_are_the_largest_differences():
+    fine, coarse = (try_out(variant(2, "etdrk4", step), 0.05, 1).samples for step in (1e-4, 1e-3))
+    assert pose_error(fine, fine) == deflection_error(fine, fine) == 0
+    assert pose_error(coarse, fine) == np.max(np.abs(coarse.pose - fine.pose)) > 0
+    assert deflection_error(coarse, fine) == np.max(np.abs(coarse.midspan_deflection - fine.midspan_deflection)) > 0
+
+
+def test_the_papers_run_keeps_the_asked_error_with_every_setting():
+    costs = paper_costs(0.1, 1)
+    assert [cost.step for cost in costs][:2] == [1e-3, 2e-3]
+    assert [cost.samples_at_1_khz for cost in costs] == [True, False, True]
+    for cost in costs:
+        assert 0 < cost.pose_error <= ASKED_ERROR
+        assert cost.ms_per_second > 0
+
+
+@pytest.fixture(scope="module")
+def coarse_mesh():
+    return mesh_precision(2, 0.1, 1)
+
+
+def rows(mesh, integrator: str) -> list[WorkPoint]:
+    return [point for point in mesh.points if point.integrator == integrator]
+
+
+def test_the_reference_is_converged(coarse_mesh):
+    smallest = min(point.pose_error for point in coarse_mesh.points if point.pose_error is not None)
+    assert coarse_mesh.reference_uncertainty < 1e-11
+    assert coarse_mesh.reference_uncertainty < 0.1 * smallest
+
+
+def test_the_table_shows_each_methods_order(coarse_mesh):
+    fourth = [point.pose_error for point in rows(coarse_mesh, "etdrk4")]
+    second = [point.pose_error for point in rows(coarse_mesh, "generalized-alpha")]
+    assert 8 < fourth[0] / fourth[1] < 24
+    assert all(3 < longer / shorter < 5 for longer, shorter in zip(second, second[1:], strict=False))
+    assert 1e-10 < fourth[0] < 1e-7 < second[0] < 1e-4
+
+
+def test_steps_that_are_unstable_are_rows_and_no_crash(coarse_mesh):
+    outcomes = [point.outcome for point in rows(coarse_mesh, "rk4")]
+    assert outcomes == ["unstable", "unstable", "measured"]
+    assert rows(coarse_mesh, "rk4")[0].ms_per_second is None
+
+
+def test_a_step_so_short_that_it_takes_too_long_is_shown_and_not_run(monkeypatch):
+    monkeypatch.setattr(precision, "STEPS", {"rk4": (1e-3,)})
+    points = mesh_precision(32, 0.05, 1).points
+    assert [point.outcome for point in points] == ["unstable", "too slow"]
+    assert points[-1].step < 1e-6
+    assert not points[-1].exact_enough
+
+
+def test_the_fastest_row_is_exact_enough(coarse_mesh):
+    fastest = coarse_mesh.fastest
+    assert fastest.exact_enough
+    assert all(fastest.ms_per_second <= point.ms_per_second for point in coarse_mesh.points if point.exact_enough)
+    vague = replace(coarse_mesh, points=[point for point in coarse_mesh.points if not point.exact_enough])
+    assert vague.fastest is None
+
+
+@pytest.mark.parametrize(("at_least", "met"), [(True, [False, True, True]), (False, [True, True, False])])
+def test_a_goal_is_met_up_to_its_limit(at_least, met):
+    assert [Goal("figure", value, "", 2.0, at_least).met for value in (1.0, 2.0, 3.0)] == met
+
+
+def test_results_become_plain_with_their_computed_values():
+    assert plain({"goals": [Goal("a", 1.0, "s", 2.0, False)]}) == {
+        "goals": [{"what": "a", "value": 1.0, "unit": "s", "limit": 2.0, "at_least": False, "met": True}]
+    }
+
+
+def test_waiting_for_a_core_is_taken_out_of_the_speed_up():
+    one = [Round(wall=2.0, cpu=1.0, undisturbed=1.0), Round(wall=1.0, cpu=1.0, undisturbed=1.0)]
+    two = [Round(wall=2.0, cpu=1.0, undisturbed=0.5), Round(wall=1.0, cpu=1.0, undisturbed=0.5)]
+    measured = WorkerScaling(80, one, two, 0.2)
+    assert (measured.wall_speed_up, measured.cores_received, measured.speed_up) == (1.0, 0.75, 2.0)
+    blind = [replace(each, undisturbed=None) for each in one], [replace(each, undisturbed=None) for each in two]
+    assert WorkerScaling(80, *blind, 0.2).speed_up == 1.0
+
+
+def test_most_of_a_run_holds_no_lock():
+    assert 0 <= locked_share() < 0.5
+
+
+def test_a_watched_thread_is_seen_and_never_lives_longer_than_the_clock_says():
+    import threading
+    import time
+
+    start = time.perf_counter()
+    with ThreadWatch("watched") as watch:
+        thread = threading.Thread(target=lambda: time.sleep(0.1), name="watched-1")
+        thread.start()
+        thread.join()
+    if time_in_queue(threading.get_native_id()) is None:
+        assert watch.undisturbed is None
+    else:
+        assert 0 <= watch.undisturbed <= time.perf_counter() - start
+    assert time_in_queue(0) is None
+
+
+def test_a_probe_that_fails_says_what_happened():
+    with pytest.raises(StudyError, match="no such thing"):
+        run_probe("raise SystemExit('no such thing')", {})
+
+
+def test_the_machine_is_described_in_one_line():
+    machine = this_machine()
+    assert machine.cores >= 1
+    assert "numba" in machine.text
+    assert "\n" not in machine.text
+    assert version_of("a-library-that-nobody-wrote") is None
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    """The least that still passes through everything."""
+    monkeypatch.setattr(
+        benchmarks, "QUICK", benchmarks.Plan(meshes=(2,), duration=0.05, repeats=1, rounds=1, cold=False)
+    )
+    monkeypatch.setattr(workers, "ROUND", 4)
+    monkeypatch.setattr(workers, "DURATION", 0.2)
+    monkeypatch.setattr(scaling, "LEAST_TIME", 0.0)
+
+
+@pytest.mark.usefixtures("tiny")
+def test_everything_is_measured_and_printed_as_json(capsys):
+    benchmarks.run_bench(as_json=True, quick=True)
+    report = json.loads(capsys.readouterr().out)
+    assert set(report) == {
+        "machine", "paper", "precision", "scaling", "workers", "start", "memory", "peers", "goals"
+    }  # fmt: skip
+    assert [mesh["elements"] for mesh in report["scaling"]["meshes"]] == list(MESHES)
+    assert report["precision"][0]["goal"] == GOALS[2]
+    assert report["precision"][0]["fastest"]["pose_error"] <= ASKED_ERROR
+    assert report["start"]["cold"] is None
+    assert report["peers"] is None
+    assert {"speed-up of two workers", "2 elements"} <= {goal["what"] for goal in report["goals"]}
+    if report["memory"] is not None:
+        assert 0.9 < report["memory"]["overhead"] < 1.5
+        assert report["memory"]["live_growth"] < 2e6
+
+
+@pytest.mark.usefixtures("tiny")
+def test_tables_are_printed_for_a_person(monkeypatch, capsys):
+    monkeypatch.setattr(benchmarks, "measure_memory", lambda: Memory(10_000_000, 11_000_000, 0))
+    warm = StartTimes(None, Start(1.0, 0.5, 1.2))
+    monkeypatch.setattr(benchmarks, "start_times", lambda cold: warm)
+    benchmarks.run_bench(as_json=False, quick=True)
+    text = capsys.readouterr().out
+    for words in ("ms per s", "etdrk4", "unstable", "speed-up", "warm", "1.10", "Goals"):
+        assert words in text

@@ -1,0 +1,111 @@
+"""Other engines are given the same system, and reproduce its motion."""
+
+import numpy as np
+import pytest
+
+from flexlab.benchmarks.peers import peer_comparison
+from flexlab.benchmarks.peers.bodies import make_bodies
+from flexlab.benchmarks.peers.motion import Motion
+from flexlab.benchmarks.peers.peer_comparison import PeerComparison, PeerRow, Setting, compare_peers, row_of
+from flexlab.benchmarks.peers.peer_law import joint_torque_law
+from flexlab.physics.plant import make_workspace
+from flexlab.presets import load_preset
+from flexlab.sim.build import build_beam
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+TICKS = 60
+"""The start's jerk, where engines differ most."""
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return World(load_preset("paper"))
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return simulate(load_preset("paper").replace({"simulation.step": 5e-5}), TICKS * 1e-3)
+
+
+def test_the_bodies_have_the_payloads_mass_inertia_and_frequencies(world):
+    bodies, payload = make_bodies(world.scenario), world.scenario.payload
+    sliding = sum(mode.inertia for mode in bodies.modes if mode.slides)
+    turning = sum(mode.inertia for mode in bodies.modes if not mode.slides)
+    last_links = 2 * world.scenario.left_arm.link_mass[2]
+    assert bodies.carrier.mass + sliding == pytest.approx(last_links + 1.0, rel=1e-12)
+    offset = bodies.middle - world.scenario.left_arm.link_center[2]
+    of_links = 2 * world.scenario.left_arm.inertia[2] + last_links * offset**2
+    assert bodies.carrier.inertia + turning == pytest.approx(of_links + 2.0 * payload.length**3 / 12, rel=1e-12)
+    omega = sorted(np.sqrt(mode.stiffness / mode.inertia) for mode in bodies.modes)
+    assert omega == pytest.approx(sorted(build_beam(payload).modes.omega), rel=1e-12)
+
+
+def test_the_bodies_have_the_papers_damping(world):
+    bodies, beam = make_bodies(world.scenario), build_beam(world.scenario.payload)
+    scale = np.array([mode.scale for mode in bodies.modes])
+    damping = bodies.damping / np.outer(scale, scale)
+    assert np.sort(np.linalg.eigvalsh(damping)) == pytest.approx(np.sort(np.linalg.eigvalsh(beam.modes.D)), rel=1e-9)
+
+
+def test_the_law_gives_the_engines_own_torques(world):
+    sample, tau = simulate(world.scenario, 0.02), np.zeros((2, 3))
+    k = len(sample) - 1
+    workspace = make_workspace(2, len(world.beam.modes.omega))
+    memory = sample.bound_estimates[k].copy()
+    code = joint_torque_law(
+        world.system, float(sample.time[k]), sample.pose[k].copy(), sample.pose_rate[k].copy(), memory, workspace, tau
+    )
+    assert code == 0
+    assert tau == pytest.approx(sample.joint_torque[k], rel=1e-12)
+
+
+def test_mujoco_moves_the_same(world, exact):
+    pytest.importorskip("mujoco")
+    from flexlab.benchmarks.peers.mujoco_model import simulate_mujoco
+
+    motion = simulate_mujoco(world, "rk4", 3, TICKS)
+    assert np.max(np.abs(motion.pose - exact.pose[1:])) < 1e-8
+    assert np.max(np.abs(motion.deflection - exact.midspan_deflection[1:])) < 1e-6
+    assert motion.cpu > 0
+    held = simulate_mujoco(world, "implicitfast", 20, TICKS)
+    assert np.max(np.abs(held.pose - exact.pose[1:])) < 1e-4
+
+
+def test_exudyn_moves_the_same(world, exact):
+    pytest.importorskip("exudyn")
+    from flexlab.benchmarks.peers.exudyn_model import simulate_exudyn
+
+    motion = simulate_exudyn(world, 3, TICKS, 1e-6)
+    assert np.max(np.abs(motion.pose - exact.pose[1:])) < peer_comparison.SAME_POSE
+    assert np.max(np.abs(motion.deflection - exact.midspan_deflection[1:])) < peer_comparison.SAME_DEFLECTION
+
+
+def test_another_motion_is_not_timed(world, exact):
+    def simulate_late(world: World, ticks: int) -> Motion:
+        return Motion(exact.pose[:-1], exact.midspan_deflection[:-1], 1e-9)
+
+    row = row_of(Setting("late", "", 1, simulate_late), world, exact)
+    assert not row.same_motion
+    assert row.ms_per_second is None
+
+
+def test_the_ratio_is_that_of_the_fastest_peer():
+    own = PeerRow("flexlab", "", 1e-3, 1e-9, 1e-9, 2.0)
+    rows = [PeerRow("a", "", 1e-3, 1e-9, 1e-9, 60.0), PeerRow("b", "", 1e-3, 1e-9, 1e-9, 30.0)]
+    rows.append(PeerRow("c", "", 1e-3, 1e-3, 1e-9, None))
+    assert PeerComparison(own, rows, {}).ratio == 15.0
+    assert PeerComparison(own, [], {}).ratio is None
+
+
+def test_a_peer_that_is_missing_or_fails_is_a_line_of_the_table(monkeypatch):
+    def fail(world: World, ticks: int) -> Motion:
+        raise RuntimeError("no license\ntrace")
+
+    settings = [Setting("nosuchengine", "", 1, fail), Setting("json", "", 1, fail), Setting("json", "", 2, fail)]
+    monkeypatch.setattr(peer_comparison, "peer_settings", lambda: settings)
+    result = compare_peers(0.02)
+    assert result.rows == []
+    assert result.missing["json"] == "failed: no license"
+    assert result.missing["nosuchengine"].startswith("not installed")
+    assert result.own.same_motion

@@ -1,0 +1,59 @@
+"""Real server with real labs behind them, and a real headless Chromium."""
+
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+from flexlab.presets import load_preset
+from flexlab.recording.headless import write_run
+from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.settings import Settings
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled() -> None:
+    """Compile the engine before the first lab, so that no test waits for it."""
+    World(load_preset("paper")).advance(2)
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished recording of half a second, of a day on which no server of the tests records."""
+    run = simulate(load_preset("paper"), duration=0.5, sample_period=0.001)
+    started = datetime(2025, 12, 31, 12, 0, 0).astimezone()
+    return write_run(run, tmp_path_factory.mktemp("recorded"), "paper", started)
+
+
+@pytest.fixture(scope="session")
+def front_server(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Iterator[FrontServer]:
+    """A server on loopback with the shared lab, used by all tests that do not change what others see."""
+    logs = tmp_path_factory.mktemp("logs")
+    for file in (recorded, recorded.with_suffix(".json")):
+        (logs / file.name).write_bytes(file.read_bytes())
+    with open_front_server(Settings(logs=logs, port=0, shadows=False), load_preset("paper"), "paper") as opened:
+        yield opened
+
+
+@pytest.fixture
+def open_another(tmp_path: Path) -> Iterator[Callable[..., FrontServer]]:
+    """Opens further server, and closes them after the test."""
+    servers: list[FrontServer] = []
+
+    def opened(**settings) -> FrontServer:
+        settings = {"logs": tmp_path / "logs", "port": 0, "shadows": False} | settings
+        servers.append(open_front_server(Settings(**settings), load_preset("paper"), "paper"))
+        return servers[-1]
+
+    yield opened
+    for front_server in servers:
+        front_server.close()
+
+
+@pytest.fixture
+def logs(front_server: FrontServer) -> Path:
+    """The logs folder of the shared server."""
+    return front_server.settings.logs

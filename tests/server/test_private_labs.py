@@ -1,0 +1,129 @@
+"""A lab for each visitor: found again, nobody else's, gone without harm to others."""
+
+import json
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from http_client import Answer, ask, upgrade, wait_until
+
+from flexlab.presets import load_preset
+from flexlab.recording.reader import read_recording
+from flexlab.recording.store.run_files import list_runs, run_state
+from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.settings import Settings
+
+
+class Visitor:
+    """Somebody with a browser of their own: keeps cookies."""
+
+    def __init__(self, front_server: FrontServer):
+        self.front_server = front_server
+        self.cookies: dict[str, str] = {}
+
+    def ask(self, path: str, **headers: str) -> Answer:
+        """One request."""
+        answer = ask(self.front_server.url, path, cookies=self.cookies, **headers)
+        self.cookies |= answer.cookies
+        return answer
+
+    def enter(self, path: str = "/lab/") -> str:
+        """The path of the lab that this visitor is sent to."""
+        answer = self.ask(path)
+        assert answer.status == 303, answer.text
+        return answer.headers["Location"]
+
+    @property
+    def place(self):
+        """What the server knows of this visitor's lab."""
+        return self.front_server.places.of_visitor(*self.cookies.values())
+
+
+@pytest.fixture(scope="module")
+def private(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
+    """A server with private labs."""
+    logs = tmp_path_factory.mktemp("private")
+    settings = Settings(logs, port=0, private=True, max_sessions=3, shadows=False, viewer="http://127.0.0.1:9/")
+    with open_front_server(settings, load_preset("paper"), "paper") as opened:
+        yield opened
+
+
+def state(visitor: Visitor, path: str) -> str:
+    return visitor.ask(f"/state{path.rstrip('/')}").text
+
+
+def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: FrontServer):
+    anna, ben = Visitor(private), Visitor(private)
+    first, second = anna.enter(), ben.enter("/lab/soft-beam")
+    assert first != second
+    assert anna.place.worker.pid not in (ben.place.worker.pid, os.getpid())
+    assert anna.enter() == first, "whoever comes back finds their lab again"
+    assert b'<div id="root">' in anna.ask(first).body
+    assert f'data-state="/state{first.rstrip("/")}"' in anna.ask(first).text
+    assert anna.ask(first.rstrip("/"), **upgrade()).status == 101
+
+    data = [json.loads(state(*lab))["live"] for lab in ((anna, first), (ben, second))]
+    assert all(link.startswith("http://127.0.0.1:9/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A") for link in data)
+    assert data[0] != data[1], "each lab has live data of its own"
+
+    assert ben.ask(first).status == 403
+    assert ben.ask(first.rstrip("/"), **upgrade()).status == 403
+    assert ask(private.url, first).status == 403
+    assert ask(private.url, "/lab", **upgrade()).status == 404
+    wait_until(lambda: '"name": "soft-beam"' in state(ben, second), "Ben sees the soft beam")
+    assert '"name": "paper"' in state(anna, first)
+    assert anna.enter("/lab/gravity") == first
+    wait_until(lambda: '"name": "gravity"' in state(anna, first), "Anna's lab shows gravity")
+    assert "2 of 3 labs in use" in anna.ask("/").text
+
+    run = wait_until(lambda: anna.place.status().time > 0.5 and anna.place.status().recording, "Anna's run is recorded")
+    ben_before = ben.place.status().time
+    os.kill(
+        ben.place.worker.pid, signal.SIGINT
+    )  # Ctrl-C in a terminal reaches every process; closing is the server's part
+    os.kill(anna.place.worker.pid, signal.SIGKILL)
+    told = wait_until(lambda: "ended unexpectedly (ended by signal 9)" in state(anna, first) and state(anna, first), "")
+    assert '"open": false' in told
+    page = anna.ask(first)
+    assert page.status == 410
+    assert "your run was kept" in page.text
+    assert "Open a new lab" in page.text
+    assert ben.ask(first).status == 403, "what became of Anna's lab is not for Ben"
+    wait_until(lambda: ben.place.status().time > ben_before + 0.5, "Ben's lab runs on")
+    assert ben.enter() == second
+    wait_until(lambda: run_state(run) == "recovered", "Anna's run is made whole")
+    assert len(read_recording(run).samples) > 100
+    assert anna.enter() not in (first, second), "Anna gets a new lab"
+
+
+def test_a_full_house_says_so_and_a_lab_that_nobody_watches_makes_room(open_another: Callable[..., FrontServer]):
+    front_server = open_another(private=True, max_sessions=1, idle_time=3.0)
+    anna, ben = Visitor(front_server), Visitor(front_server)
+    assert anna.ask("/lab/", Sec_Fetch_Dest="image").status == 403, "a foreign page cannot take labs unseen"
+    path = anna.enter()
+    full = ben.ask("/lab/")
+    assert full.status == 503
+    assert "No lab is free: 1 of 1 are taken" in full.text
+    wait_until(lambda: "closed after 3 s" in state(anna, path), "the idle lab is closed")
+    (run,) = list_runs(front_server.settings.logs)
+    wait_until(lambda: run_state(run) == "complete", "its run is kept whole")
+    assert read_recording(run).status.text
+    assert ben.enter() != path
+
+
+def test_closing_the_server_closes_every_lab_and_keeps_the_runs(tmp_path: Path):
+    front_server = open_front_server(
+        Settings(logs=tmp_path, port=0, private=True, shadows=False), load_preset("paper"), "paper"
+    )
+    visitor = Visitor(front_server)
+    visitor.enter()
+    pid = visitor.place.worker.pid
+    wait_until(lambda: visitor.place.status().recording, "a recording")
+    last = front_server.close()
+    (run,) = list_runs(tmp_path)
+    assert last == run
+    assert run_state(run) == "complete"
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)

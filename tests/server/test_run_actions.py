@@ -1,0 +1,255 @@
+"""What can be done with recorded runs, asked for without a browser: compare, replay, go on, export, import."""
+
+import io
+import json
+import shutil
+import zipfile
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from urllib.parse import urlencode
+
+import numpy as np
+import pytest
+from http_client import Answer, ask, wait_until
+from rerun.chunk import RrdReader
+
+from flexlab.analysis.replay import replay
+from flexlab.presets import load_preset
+from flexlab.recording.export import import_run
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+from flexlab.recording.store.run_files import list_runs, read_notes
+from flexlab.server import comparison_jobs
+from flexlab.server.front_server import FrontServer
+from flexlab.sim.simulate import simulate
+
+FORM = {"Content_Type": "application/x-www-form-urlencoded"}
+
+
+@pytest.fixture(scope="module")
+def softer(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of 0.3 s with half the stiffness."""
+    scenario = load_preset("paper").replace({"payload.bending_stiffness": 50.0})
+    started = datetime(2026, 1, 2, 3, 4, 5).astimezone()
+    return write_run(simulate(scenario, duration=0.3), tmp_path_factory.mktemp("softer"), "softer", started)
+
+
+@pytest.fixture
+def library(open_another: Callable[..., FrontServer], recorded: Path, softer: Path) -> FrontServer:
+    """A server with two finished runs."""
+    front_server = open_another()
+    for run in (recorded, softer):
+        shutil.copy(run, front_server.settings.logs / run.name)
+        shutil.copy(run.with_suffix(".json"), front_server.settings.logs / run.with_suffix(".json").name)
+    return front_server
+
+
+def post(front_server: FrontServer, path: str, **form: str) -> Answer:
+    return ask(front_server.url, path, "POST", urlencode(form).encode(), **FORM)
+
+
+def upload(front_server: FrontServer, name: str, content: bytes) -> Answer:
+    border = "border-of-the-test"
+    head = f'--{border}\r\nContent-Disposition: form-data; name="file"; filename="{name}"\r\n\r\n'
+    body = head.encode() + content + f"\r\n--{border}--\r\n".encode()
+    return ask(front_server.url, "/runs/import", "POST", body, Content_Type=f"multipart/form-data; boundary={border}")
+
+
+def test_two_runs_are_compared_in_tables_and_in_one_overlay(library: FrontServer, recorded: Path, softer: Path) -> None:
+    assert f'value="{softer.stem}" form="compare"' in ask(library.url, "/runs").text
+    page = ask(library.url, f"/compare?run={recorded.stem}&run={softer.stem}").text
+    assert '<th scope="row">Duration [s]</th><td class="number" title="">0.5</td>\n' in page
+    assert "−0.2</td>" in page
+    assert "Bending stiffness EI [N·m²]" in page
+    address = page.split('data-recording="')[1].split('"')[0]
+    overlay = ask(library.url, address)
+    assert overlay.status == 200
+    file = library.settings.logs / "overlay.out"
+    file.write_bytes(overlay.body)
+    assert {"/runs/A/error", "/runs/B/error"} <= {chunk.entity_path for chunk in RrdReader(file).stream()}
+    again = ask(library.url, f"/compare?run={recorded.stem}&run={softer.stem}").text
+    assert address in again, "a reload does not compare anew"
+
+
+@pytest.mark.parametrize(
+    ("query", "status", "says"),
+    [
+        ("", 400, "Choose 2 to 6 runs to compare: this address names 0."),
+        ("?run=a", 400, "this address names 1."),
+        ("?" + "&".join(f"run=r{number}" for number in range(7)), 400, "this address names 7."),
+        ("?run=../../etc/passwd&run=b", 404, "There is no run"),
+    ],
+)
+def test_what_cannot_be_compared_is_said(front_server: FrontServer, query: str, status: int, says: str) -> None:
+    answer = ask(front_server.url, f"/compare{query}")
+    assert (answer.status, says in answer.text) == (status, True)
+
+
+def test_overlays_are_bounded_and_gone_with_the_server(
+    library: FrontServer, recorded: Path, softer: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(comparison_jobs, "MOST_KEPT", 1)
+    one = ask(library.url, f"/compare?run={recorded.stem}&run={softer.stem}").text.split('data-recording="')[1]
+    two = ask(library.url, f"/compare?run={softer.stem}&run={recorded.stem}").text.split('data-recording="')[1]
+    assert ask(library.url, one.split('"')[0]).status == 404
+    assert ask(library.url, two.split('"')[0]).status == 200
+    (folder,) = {path.parent for path in library.workshop.glob("comparison-*.rrd")}
+    library.close()
+    assert not folder.exists()
+
+
+def test_a_replay_tells_its_finding_and_a_foreign_bit_is_found(
+    library: FrontServer, recorded: Path, softer: Path
+) -> None:
+    assert ask(library.url, f"/runs/{recorded.stem}/replay").status == 404
+    assert post(library, f"/runs/{recorded.stem}/replay").headers["Location"] == f"/runs/{recorded.stem}"
+    assert post(library, f"/runs/{recorded.stem}/replay").status == 303, "asked twice, it is still one replay"
+
+    def finding(run: str) -> dict | None:
+        state = json.loads(ask(library.url, f"/runs/{run}/replay").text)
+        return None if state["working"] else state
+
+    state = wait_until(lambda: finding(recorded.stem), "the replay is over")
+    assert (state["kind"], state["sentence"]) == ("good", "All 501 samples came out again, bit for bit.")
+    assert state["sentence"] in ask(library.url, f"/runs/{recorded.stem}").text
+    # A run whose scenario is not the one that made its samples.
+    run = simulate(load_preset("paper"), duration=0.1)
+    changed = type(run)(**vars(run) | {"scenario": run.scenario.replace({"payload.bending_stiffness": 99.0})})
+    other = write_run(changed, library.settings.logs, "other")
+    post(library, f"/runs/{other.stem}/replay")
+    state = wait_until(lambda: finding(other.stem), "the replay is over")
+    assert state["kind"] == "bad"
+    assert "differs first at t = 0 s in quasi_static_deflection" in state["sentence"]
+
+
+def test_the_lab_goes_on_from_an_instant_and_what_it_records_replays(library: FrontServer, recorded: Path) -> None:
+    original = read_recording(recorded)
+    answer = post(library, f"/runs/{recorded.stem}/continue", time="0.2")
+    assert (answer.status, answer.headers["Location"]) == (303, "/lab/")
+    wait_until(lambda: library.places.running()[0].status().time > 0.6, "the lab goes on from 0.2 s")
+    post(library, f"/runs/{recorded.stem}/continue")
+    wait_until(lambda: len(list_runs(library.settings.logs)) == 5, "a second run goes on from the end")
+    library.close()
+    runs = {read_recording(path).samples.time[0]: path for path in list_runs(library.settings.logs)[:2]}
+    assert set(runs) == {0.2, 0.5}
+    for begin, path in runs.items():
+        found = read_recording(path)
+        assert found.name == "paper"
+        assert read_notes(path)["changes"] == [f"Go on from {recorded.stem} at t = {begin:.3f} s"]
+        row = round(1000 * begin)
+        assert found.samples.pose[0].tobytes() == original.samples.pose[row].tobytes()
+        common = min(len(found.samples), 501 - row)
+        assert found.samples.joint_torque[:common].tobytes() == original.samples.joint_torque[row:][:common].tobytes()
+        assert replay(found).identical
+        assert read_notes(path)["begins"] == begin
+
+
+@pytest.mark.parametrize(
+    ("time", "says"),
+    [
+        ("0.6", "t = 0.6 s was not recorded: choose 0 to 0.5 s."),
+        ("-1", "t = -1 s was not recorded"),
+        ("soon", "time = &#x27;soon&#x27; is no time: give a number of seconds"),
+        ("nan", "is no time"),
+    ],
+)
+def test_a_time_to_go_on_from_outside_the_run_is_refused(
+    library: FrontServer, recorded: Path, time: str, says: str
+) -> None:
+    answer = post(library, f"/runs/{recorded.stem}/continue", time=time)
+    assert (answer.status, says in answer.text) == (422, True)
+    assert f'href="/runs/{recorded.stem}"' in answer.text
+    assert library.places.running()[0].status().name == "paper"
+
+
+def test_an_export_imported_again_is_the_run_bit_for_bit(library: FrontServer, softer: Path, tmp_path: Path) -> None:
+    kind = "parquet"
+    answer = ask(library.url, f"/runs/{softer.stem}/export?format={kind}")
+    assert answer.headers["Content-Disposition"] == f'attachment; filename="{softer.stem}.{kind}"'
+    assert len(answer.body) == int(answer.headers["Content-Length"])
+    taken = upload(library, f"{softer.stem}.{kind}", answer.body)
+    assert (taken.status, taken.headers["Location"]) == (303, f"/runs/{softer.stem}-2")
+    found, original = read_recording(library.settings.logs / f"{softer.stem}-2.rrd"), read_recording(softer)
+    for name in vars(original.samples):
+        assert getattr(found.samples, name).tobytes() == getattr(original.samples, name).tobytes(), name
+    assert (found.scenario, found.name, found.started) == (original.scenario, original.name, original.started)
+    assert "payload.bending_stiffness: 100 → 50" not in ask(library.url, "/runs").text, "softer is no preset"
+    assert "metrics" in read_notes(found.path)
+    # A range of time.
+    part = ask(library.url, f"/runs/{softer.stem}/export?format=csv&start=0.1&end=0.2")
+    path = tmp_path / "part.csv"
+    path.write_bytes(part.body)
+    run, _ = import_run(path)
+    assert (run.time[0], run.time[-1], len(run)) == (0.1, 0.2, 101)
+
+
+def test_figures_come_in_one_file(library: FrontServer, softer: Path) -> None:
+    answer = ask(library.url, f"/runs/{softer.stem}/export?format=svg&start=0.1")
+    assert "figures-svg.zip" in answer.headers["Content-Disposition"]
+    with zipfile.ZipFile(io.BytesIO(answer.body)) as archive:
+        names = archive.namelist()
+        assert [name.rpartition("-")[2] for name in names] == ["2.svg", "3.svg", "4.svg", "5.svg"]
+        assert all(archive.read(name).startswith(b"<?xml") for name in names)
+
+
+@pytest.mark.parametrize(
+    ("query", "says"),
+    [
+        ("format=xlsx", "format = &#x27;xlsx&#x27; is not known: choose one of csv, parquet, npz, png, svg."),
+        ("format=csv&start=2", "From 2 to 0.5 s there is no sample: choose times within 0 to 0.5 s"),
+        ("format=csv&end=inf", "end = &#x27;inf&#x27; is no time"),
+    ],
+)
+def test_what_cannot_be_exported_is_said(front_server: FrontServer, recorded: Path, query: str, says: str) -> None:
+    answer = ask(front_server.url, f"/runs/{recorded.stem}/export?{query}")
+    assert (answer.status, says in answer.text) == (422, True)
+
+
+def test_other_pages_cannot_make_the_server_work(front_server: FrontServer, recorded: Path) -> None:
+    for path in (f"/runs/{recorded.stem}/export?format=csv", f"/compare?run={recorded.stem}&run={recorded.stem}"):
+        assert ask(front_server.url, path, Sec_Fetch_Dest="image").status == 403
+    for path in (f"/runs/{recorded.stem}/replay", f"/runs/{recorded.stem}/continue", "/runs/import"):
+        assert ask(front_server.url, path, "POST", b"", Origin="http://evil.example").status == 403
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("run.rrd", b"RRF2" + b"garbage" * 99, "is damaged beyond repair"),
+        ("run.rrd", b"", "is empty"),
+        ("run.csv", b"a,b\n1,2\n", "run.csv is not a run exported by flexlab"),
+        ("run.npz", b"PK\x03\x04garbage", "run.npz is not a run exported by flexlab"),
+        ("../../run.parquet", b"PAR1", "run.parquet is not a run exported by flexlab"),
+        ("run.exe", b"MZ", "run.exe has no known format: choose a file that ends in .rrd, .csv, .parquet, .npz."),
+    ],
+)
+def test_an_upload_that_is_no_run_is_refused(front_server: FrontServer, name: str, content: bytes, says: str) -> None:
+    before = list_runs(front_server.settings.logs)
+    answer = upload(front_server, name, content)
+    assert (answer.status, says in answer.text) == (422, True), answer.text
+    assert list_runs(front_server.settings.logs) == before
+    assert not list(front_server.workshop.glob("upload-*"))
+
+
+def test_an_upload_without_a_file_and_one_that_is_too_large_are_refused(front_server: FrontServer) -> None:
+    assert "choose one first" in post(front_server, "/runs/import").text
+    assert "choose one first" in upload(front_server, "", b"").text
+    said = ask(front_server.url, "/runs/import", "POST", b"", Content_Type="multipart/form-data; boundary=b",
+               Content_Length="2000000000")  # fmt: skip
+    assert "This file is larger than 1 GB" in said.text
+
+
+def test_a_file_that_unpacks_into_more_than_fits_is_refused(front_server: FrontServer, tmp_path: Path) -> None:
+    # 8 GB of zeros in 8 MB.
+    path = tmp_path / "bomb.npz"
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("flexlab.npy", "w", force_zip64=True) as file,
+    ):
+        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (1_000_000_000,)})
+        for _ in range(8):
+            file.write(bytes(1_000_000))
+    answer = upload(front_server, path.name, path.read_bytes())
+    assert answer.status == 422
+    assert "more than 4 GB of memory" in answer.text

@@ -1,0 +1,63 @@
+"""A scenario travels in a link bit for bit; what is none is refused in a sentence."""
+
+import base64
+import json
+import zlib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexlab.errors import FlexlabError, PresetError, ScenarioError
+from flexlab.presets import load_preset, preset_names
+from flexlab.server.scenario_links import LONGEST_LINK, LONGEST_TEXT, decode_scenario, encode_scenario
+
+
+def packed(data: bytes) -> str:
+    return base64.urlsafe_b64encode(zlib.compress(data)).decode()
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_fits_into_a_link(name: str):
+    scenario = load_preset(name)
+    word = encode_scenario(scenario)
+    assert decode_scenario(word) == scenario
+    assert len(word) < LONGEST_LINK / 3
+
+
+@given(stiffness=st.floats(1.0, 1000.0), title=st.text(max_size=40))
+def test_numbers_keep_every_bit_and_texts_every_letter(stiffness: float, title: str):
+    scenario = load_preset("paper").replace({"payload.bending_stiffness": stiffness, "title": title})
+    assert decode_scenario(encode_scenario(scenario)) == scenario
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        "",
+        "nonsense",
+        "ä" * 8,
+        encode_scenario(load_preset("paper"))[:-5],
+        packed(b"{"),
+        packed(b"\xff\xfe"),
+        packed(b'{"payload": NaN}'),
+        packed(b"[" * 100_000),
+        packed(b" " * (LONGEST_TEXT + 1)),
+        "A" * (LONGEST_LINK + 1),
+    ],
+)
+def test_what_is_no_link_is_refused_in_a_sentence(word: str):
+    with pytest.raises(PresetError, match=r"copy it again"):
+        decode_scenario(word)
+
+
+@pytest.mark.parametrize("data", ["[]", "null", "3", '{"payload": {"length": -1}}', '{"evil": 1}'])
+def test_what_is_no_scenario_says_why(data: str):
+    with pytest.raises(ScenarioError):
+        decode_scenario(packed(json.dumps(json.loads(data)).encode()))
+
+
+@given(st.binary(max_size=200))
+def test_arbitrary_bytes_do_nothing_else(data: bytes):
+    with pytest.raises(FlexlabError):
+        decode_scenario(base64.urlsafe_b64encode(data).decode())

@@ -1,0 +1,146 @@
+"""What a person sees who opens the server in a real browser."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+from http_client import ARTIFACTS, PATIENCE, wait_until
+from PIL import Image
+from playwright.sync_api import Browser, Locator, Page
+
+from flexlab.recording.recorded_plots import GREEN, VERMILION
+from flexlab.server.front_server import FrontServer
+
+SCENE = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
+  && window.__viserTestpoints.rendererInfo.render.frame > 2"""
+
+
+MILLI = 1e3
+NEAR, SHARE = 24, 0.0005
+"""Colours that count as a curve's, and which share of the plots' place curves and legends have at least."""
+
+
+@contextmanager
+def window(browser: Browser, url: str, **options) -> Iterator[Page]:
+    """A browser window of its own (no cookies yet); fails on errors of a page and on a call to any other address."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, **options)
+    page = context.new_page()
+    strangers: list[str] = []
+    errors: list[str] = []
+
+    def note(address: str) -> None:
+        here = urlsplit(address)
+        if here.scheme not in ("data", "blob", "about") and here.netloc != urlsplit(url).netloc:
+            strangers.append(address)
+
+    # Of the context, not the page: frames and workers count too.
+    context.on("request", lambda request: note(request.url))
+    page.on("websocket", lambda plug: note(plug.url))
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    try:
+        page.goto(url)
+        yield page
+    finally:
+        context.close()
+    assert strangers == []
+    assert errors == []
+
+
+def picture(page: Page, name: str) -> Path:
+    """Keep a screenshot for people to look at."""
+    ARTIFACTS.mkdir(exist_ok=True)
+    path = ARTIFACTS / f"{name}.png"
+    page.screenshot(path=path)
+    return path
+
+
+def wait_for_plots(page: Page, name: str) -> None:
+    """Until the viewer in the page shows curves; keeps a picture."""
+    page.frame_locator("#viewer").locator("canvas").wait_for(timeout=MILLI * PATIENCE)
+
+    def plotted() -> bool:
+        image = np.asarray(Image.open(picture(page, name)).convert("RGB")).astype(int)
+        plots = image[:, 2 * image.shape[1] // 3 :]
+        return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (VERMILION, GREEN))
+
+    wait_until(plotted, "the viewer draws the plots")
+
+
+def test_from_the_start_page_into_the_lab(chromium: Browser, front_server: FrontServer):
+    with window(chromium, front_server.url) as page:
+        picture(page, "server-start")
+        page.get_by_role("link", name="Open the lab").click()
+        page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
+        assert front_server.places.running()[0].visitors == 1
+        page.get_by_role("button", name="Share").click()
+        link = page.locator(".server-word input").input_value()
+        assert link.startswith(f"{front_server.url}lab/?scenario=")
+        page.get_by_role("button", name="Close").click()
+        picture(page, "server-lab")
+        page.locator("#server-bar").get_by_role("link", name="Runs").click()
+        page.get_by_role("searchbox").wait_for()
+    wait_until(lambda: front_server.places.running()[0].visitors == 0, "the server knows that the visitor has left")
+
+
+def test_a_deep_link_shows_its_preset_and_the_page_tells_when_the_lab_is_gone(
+    chromium: Browser, open_another: Callable[..., FrontServer]
+):
+    front_server = open_another()
+    with window(chromium, f"{front_server.url}lab/soft-beam?fixedDpr=0.5") as page:
+        page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
+        assert urlsplit(page.url).path == "/lab/"
+        wait_until(lambda: "A soft beam" in page.locator("body").inner_text(), "the panel names the preset")
+        front_server.close()
+        page.get_by_text("The lab does not answer").wait_for(timeout=1000 * PATIENCE)
+        picture(page, "server-gone")
+
+
+def test_signing_in_by_the_printed_address(chromium: Browser, open_another: Callable[..., FrontServer]):
+    front_server = open_another(token="a-token-for-tests")
+    with window(chromium, f"http://127.0.0.1:{front_server.port}/lab/?fixedDpr=0.5") as page:
+        picture(page, "server-sign-in")
+        page.get_by_label("Token").fill("a-token-for-tests")
+        page.get_by_role("button", name="Open").click()
+        page.wait_for_url("**/lab/?fixedDpr=0.5")
+        page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
+
+
+def presets_of(rows: Locator) -> list[str]:
+    """The preset of each row of the library, from the top."""
+    return [next(name for name in ("alpha", "beta", "gamma") if name in text) for text in rows.all_inner_texts()]
+
+
+def test_the_library_finds_and_sorts(chromium: Browser, open_another: Callable[..., FrontServer], recorded: Path):
+    front_server = open_another()
+    for name in ("2026-01-01T00-00-00-alpha", "2026-01-02T00-00-00-beta", "2026-01-03T00-00-00-gamma"):
+        shutil.copy(recorded, front_server.settings.logs / f"{name}.rrd")
+    with window(chromium, f"{front_server.url}runs", color_scheme="dark") as page:
+        rows = page.locator("#runs tbody tr:visible")
+        page.get_by_role("searchbox").fill("ALPHA complete")
+        assert rows.count() == 1
+        page.get_by_role("searchbox").fill("2026-01-0")
+        page.get_by_role("columnheader", name="Preset").click()
+        assert presets_of(rows) == ["alpha", "beta", "gamma"]
+        page.get_by_role("columnheader", name="Preset").click()
+        assert presets_of(rows) == ["gamma", "beta", "alpha"]
+        page.get_by_role("searchbox").fill("nothing like this")
+        page.get_by_text("No run matches.").wait_for()
+        picture(page, "server-runs")
+        page.get_by_role("searchbox").fill("beta")
+        rows.get_by_role("link", name="Delete").click()
+        page.get_by_role("button", name="Delete").click()
+        page.get_by_role("searchbox").wait_for()
+    assert not (front_server.settings.logs / "2026-01-02T00-00-00-beta.rrd").exists()
+
+
+def test_a_run_opens_in_the_viewer_without_a_call_to_anybody_else(
+    chromium: Browser, open_another: Callable[..., FrontServer], recorded: Path
+):
+    # With a token, because the viewer sends no cookies: this is the harder case.
+    front_server = open_another(token="a-token-for-tests")
+    shutil.copy(recorded, front_server.settings.logs / recorded.name)
+    with window(chromium, front_server.address(f"/runs/{recorded.stem}")) as page:
+        wait_for_plots(page, "server-review")

@@ -1,0 +1,169 @@
+"""The pages of a server, asked for without a browser."""
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from http_client import ask, wait_until
+
+from flexlab.presets import load_preset, preset_names
+from flexlab.recording.store.run_files import read_notes
+from flexlab.server.front_server import FrontServer
+from flexlab.server.scenario_links import encode_scenario
+
+
+def test_the_start_page_names_every_preset_and_what_runs(front_server: FrontServer):
+    page = ask(front_server.url).text
+    for name in preset_names():
+        assert f'href="/lab/{name}"' in page
+    assert "is running (t = " in page
+    assert ask(front_server.url, "/static/style.css").headers["Content-Type"].startswith("text/css")
+
+
+def test_the_lab_s_page_is_passed_on_with_the_server_s_bar(front_server: FrontServer):
+    answer = ask(front_server.url, "/lab/", Accept_Encoding="gzip")
+    assert answer.status == 200
+    assert b'<div id="root">' in answer.body
+    assert b'src="/static/lab.js" data-state="/state/lab"' in answer.body
+    again = ask(front_server.url, "/lab/", If_None_Match=answer.headers["ETag"])
+    assert (again.status, again.body) == (304, b"")
+    assert ask(front_server.url, "/lab?fixedDpr=0.5").headers["Location"] == "/lab/?fixedDpr=0.5"
+
+
+def test_a_preset_link_loads_it_once_and_a_reload_leaves_it_alone(open_another: Callable[..., FrontServer]):
+    front_server = open_another()
+    answer = ask(front_server.url, "/lab/soft-beam?fixedDpr=0.5")
+    assert (answer.status, answer.headers["Location"]) == (303, "/lab/?fixedDpr=0.5")
+    wait_until(lambda: '"name": "soft-beam"' in ask(front_server.url, "/state/lab").text, "the lab shows the soft beam")
+    logs = front_server.settings.logs
+    ask(front_server.url, "/lab/")
+    ask(front_server.url, "/lab/soft-beam")
+    changed = load_preset("paper").replace({"payload.bending_stiffness": 33.0, "title": "Mine"})
+    ask(front_server.url, f"/lab/?scenario={encode_scenario(changed)}")
+    wait_until(lambda: "Mine is running" in ask(front_server.url).text, "the lab shows the scenario of the link")
+    assert f"/lab/?scenario={encode_scenario(changed)}" in ask(front_server.url, "/state/lab").text
+    assert len(list(logs.glob("*-soft-beam.rrd"))) == 1, "the same preset asked for again does not start anew"
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "says"),
+    [
+        ("/lab/sfot-beam", 404, "did you mean soft-beam?"),
+        ("/lab/?scenario=broken", 400, "copy it again"),
+        ("/runs/none", 404, "There is no run none"),
+        ("/runs/none.rrd", 404, "There is no run none"),
+        ("/runs/none/delete", 404, "There is no run none"),
+        ("/s/none/", 403, "You can have one of your own"),
+        ("/nowhere", 404, "There is no such page"),
+        ("/viewer/nothing.js", 404, "There is no such page"),
+        ("/assets/", 403, "not for visitors"),
+    ],
+)
+def test_a_wrong_address_is_answered_in_a_sentence(front_server: FrontServer, path: str, status: int, says: str):
+    answer = ask(front_server.url, path)
+    assert answer.status == status
+    assert says in answer.text
+    assert "Traceback" not in answer.text
+
+
+def test_texts_of_runs_and_scenarios_are_escaped(
+    open_another: Callable[..., FrontServer], recorded: Path, tmp_path: Path
+):
+    evil = "<script>alert(1)</script>"
+    front_server = open_another()
+    logs = front_server.settings.logs
+    shutil.copy(recorded, logs / "2026-01-01T00-00-00-x.rrd")
+    (logs / "2026-01-01T00-00-00-x.json").write_text(
+        '{"preset": "%s", "note": "%s", "tags": ["%s"], "metrics": {"%s": "%s"}, "changes": ["%s"]}' % ((evil,) * 6)
+    )
+    scenario = load_preset("paper").replace({"title": evil, "watch": evil})
+    ask(front_server.url, f"/lab/?scenario={encode_scenario(scenario)}")
+    wait_until(lambda: "&lt;script&gt;" in ask(front_server.url).text, "the start page shows the scenario's title")
+    for path in ("/", "/runs", "/runs/2026-01-01T00-00-00-x", "/runs/2026-01-01T00-00-00-x/delete"):
+        page = ask(front_server.url, path).text
+        assert "alert(1)" in page
+        assert "<script>alert" not in page
+    assert "&lt;img src=x&gt;" in ask(front_server.url, "/lab/%3Cimg%20src=x%3E").text
+
+
+def test_the_library_lists_serves_in_parts_and_notes(front_server: FrontServer, logs: Path, recorded: Path):
+    run = recorded.stem
+    page = ask(front_server.url, "/runs").text
+    assert f'href="/runs/{run}"' in page
+    assert "0.5 s" in page
+    assert "complete" in page
+    whole = ask(front_server.url, f"/runs/{run}.rrd")
+    assert whole.body == recorded.read_bytes()
+    part = ask(front_server.url, f"/runs/{run}.rrd", Range="bytes=10-19")
+    assert (part.status, part.body) == (206, whole.body[10:20])
+    form = "note=Rings+%3Cnicely%3E&tags=soft%2C+best%2C+soft&keep=on"
+    kind = "application/x-www-form-urlencoded"
+    saved = ask(front_server.url, f"/runs/{run}/notes", "POST", form.encode(), Content_Type=kind)
+    assert saved.status == 303
+    notes = read_notes(logs / recorded.name)
+    assert (notes["note"], notes["tags"], notes["keep"]) == ("Rings <nicely>", ["soft", "best"], True)
+    assert notes["preset"] == "paper"
+    assert "Rings &lt;nicely&gt;" in ask(front_server.url, "/runs").text
+    refused = ask(front_server.url, f"/runs/{run}/delete", "POST")
+    assert (refused.status, "marked to be kept" in refused.text) == (400, True)
+
+
+def test_deleting_asks_first_and_spares_the_run_that_is_being_recorded(
+    open_another: Callable[..., FrontServer], recorded: Path
+):
+    front_server = open_another()
+    logs = front_server.settings.logs
+    shutil.copy(recorded, logs / recorded.name)
+    running = wait_until(lambda: [file for file in logs.glob("*.rrd") if file.name != recorded.name], "a recording")[0]
+    assert "Delete this run?" in ask(front_server.url, f"/runs/{recorded.stem}/delete").text
+    assert (logs / recorded.name).exists()
+    assert ask(front_server.url, f"/runs/{recorded.stem}/delete", "POST").status == 303
+    assert not (logs / recorded.name).exists()
+    refused = ask(front_server.url, f"/runs/{running.stem}/delete", "POST")
+    assert "still being recorded" in refused.text
+    assert running.exists()
+    assert "still being recorded" in ask(front_server.url, f"/runs/{running.stem}").text
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [("empty", b"", "is empty"), ("garbage", b"garbage" * 99, "is not a rerun recording")],
+)
+def test_a_file_that_is_no_run_is_listed_and_explained(open_another, name: str, content: bytes, says: str):
+    front_server = open_another()
+    (front_server.settings.logs / f"{name}.rrd").write_bytes(content)
+    assert f'href="/runs/{name}"' in ask(front_server.url, "/runs").text
+    answer = ask(front_server.url, f"/runs/{name}")
+    assert (answer.status, says in answer.text) == (422, True)
+
+
+def test_runs_are_measured_when_somebody_looks(open_another: Callable[..., FrontServer], recorded: Path):
+    front_server = open_another()
+    file = front_server.settings.logs / "2026-01-01T00-00-00-paper.rrd"
+    shutil.copy(recorded, file)
+    assert "1 of them are being measured" in ask(front_server.url, "/runs").text
+    notes = wait_until(lambda: "metrics" in read_notes(file) and read_notes(file), "the run is measured")
+    value = notes["metrics"]["Peak vibration [mm]"]
+    assert value > 1
+    assert f"{value:.4g}</td>" in ask(front_server.url, "/runs").text
+    assert "Free vibration gone after [s]" in ask(front_server.url, f"/runs/{file.stem}").text
+
+
+def test_many_runs_are_listed(open_another: Callable[..., FrontServer], recorded: Path):
+    front_server = open_another()
+    for number in range(200):
+        file = front_server.settings.logs / f"2026-01-01T00-{number // 60:02}-{number % 60:02}-run.rrd"
+        shutil.copy(recorded, file)
+        shutil.copy(recorded.with_suffix(".json"), file.with_suffix(".json"))
+    page = ask(front_server.url, "/runs").text
+    assert len(re.findall(r'href="/runs/2026-01-01T', page)) >= 200
+
+
+def test_the_viewer_is_served_with_a_policy_that_names_this_address_only(front_server: FrontServer):
+    answer = ask(front_server.url, "/viewer/")
+    policy = dict(part.split(" ", 1) for part in answer.headers["Content-Security-Policy"].split("; "))
+    assert policy["connect-src"] == "'self' data: blob:"
+    assert "http" not in answer.headers["Content-Security-Policy"]
+    assert ask(front_server.url, "/viewer/re_viewer_bg.wasm", "HEAD").headers["Content-Type"] == "application/wasm"

@@ -1,0 +1,50 @@
+"""What a server can be told, and how it deletes old runs if it is told to."""
+
+import os
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+
+from flexlab.errors import LabError
+from flexlab.recording.store.run_files import list_runs, write_notes
+from flexlab.server.automatic_retention import delete_over_limits
+from flexlab.server.settings import Settings
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "says"),
+    [
+        ("idle_time", 0.5, "idle-time = 0.5 s is outside 1 to 604800 s: choose within it."),
+        ("idle_time", 1e9, "idle-time = 1e+09 s is outside 1 to 604800 s"),
+        ("idle_time", float("nan"), "idle-time = nan s is outside"),
+        ("most_bytes", -2e9, "max-size = -2 GB is no limit: give a number above 0, or leave it out."),
+        ("most_days", 0.0, "max-age = 0 days is no limit"),
+    ],
+)
+def test_a_setting_out_of_range_is_refused_in_a_sentence(field: str, value: float, says: str) -> None:
+    with pytest.raises(LabError, match=says.replace("+", r"\+")):
+        Settings(**{field: value})
+
+
+def test_the_address_for_others_is_one_of_this_machine() -> None:
+    assert Settings().public_host() == "127.0.0.1"
+    assert Settings(host="0.0.0.0").public_host() not in ("0.0.0.0", "")
+
+
+def test_runs_over_the_limits_go_oldest_first_and_kept_ones_stay(recorded: Path, tmp_path: Path) -> None:
+    for day in (1, 2, 3, 4):
+        run = tmp_path / f"2026-01-0{day}T00-00-00-paper.rrd"
+        shutil.copy2(recorded, run)
+        shutil.copy2(recorded.with_suffix(".json"), run.with_suffix(".json"))
+        at = time.time() - (10 - day) * 86400
+        os.utime(run, (at, at))
+    write_notes(tmp_path / "2026-01-01T00-00-00-paper.rrd", keep=True)
+    delete_over_limits(Settings(logs=tmp_path))
+    assert len(list_runs(tmp_path)) == 4, "without limits nothing goes"
+    delete_over_limits(Settings(logs=tmp_path, most_bytes=2.5 * recorded.stat().st_size))
+    assert [run.name[:10] for run in list_runs(tmp_path)] == ["2026-01-04", "2026-01-01"]
+    delete_over_limits(Settings(logs=tmp_path, most_days=1.0))
+    assert [run.name[:10] for run in list_runs(tmp_path)] == ["2026-01-01"]
+    assert len(list(tmp_path.iterdir())) == 2, "notes go with their runs"

@@ -114,7 +114,7 @@ class NumericField:
         try:
             self._lab_state.change({self._path: value[0] if same and isinstance(value, tuple) else value})
         except FlexlabError as error:
-            self._complain(f"{error} It stays at {_text(self._read(self._desk.intended))}.")
+            self._complain(f"{error} It stays at {_text(self._read(self._lab_state.intended))}.")
             return
         put(self._box, visible=value is not None)
         put(self._back, visible=value != self._usual())

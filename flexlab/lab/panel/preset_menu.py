@@ -33,7 +33,7 @@ class Presets:
         self.refresh()
         title, watch = self._lab_state.baseline.title, self._lab_state.baseline.watch
         mark = ' <span class="fl-badge">changed, not saved</span>' if self._lab_state.changed else ""
-        head = f'<div class="fl-title">{escaped(title or self._desk.name)}{mark}</div>'
+        head = f'<div class="fl-title">{escaped(title or self._lab_state.name)}{mark}</div>'
         self._text.content = f'<div class="fl">{head}{escaped(watch)}</div>'
 
     def _load(self, name: str) -> None:

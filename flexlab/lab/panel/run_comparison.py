@@ -42,7 +42,7 @@ class Comparing:
 
     def _keep(self) -> None:
         self._lab_state.kept = keep_run(self._runner)
-        self._lab_state.say(f"Kept {self._desk.kept.name}: change something, then press Reset.")
+        self._lab_state.say(f"Kept {self._lab_state.kept.name}: change something, then press Reset.")
         self._show(self._lab_state.snapshot)
 
     def _forget(self) -> None:

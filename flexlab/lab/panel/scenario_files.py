@@ -70,7 +70,7 @@ class ScenarioFiles:
         name, scenario = self.name.value, self._lab_state.intended
         if scenario.title == self._lab_state.baseline.title and name != self._lab_state.name:
             changes = ", ".join(f"{field_name(scenario, path)} {field_value(new)}" for path, _, new in self._changed())
-            scenario = scenario.replace({"title": name, "watch": f"From {self._desk.name}: {changes}."[:1200]})
+            scenario = scenario.replace({"title": name, "watch": f"From {self._lab_state.name}: {changes}."[:1200]})
         path = save_preset(scenario, name)
         self._lab_state.saved(scenario, name)
         self._on_saved()
@@ -80,11 +80,11 @@ class ScenarioFiles:
         return differences(self._lab_state.baseline, self._lab_state.intended)
 
     def _suggestion(self) -> str:
-        return f"my-{self._desk.name}"[:40]
+        return f"my-{self._lab_state.name}"[:40]
 
     def _download(self, event: Any) -> None:
         content = scenario_text(self._lab_state.intended).encode()
-        event.client.send_file_download(f"{self._desk.name}.json", content, save_immediately=True)
+        event.client.send_file_download(f"{self._lab_state.name}.json", content, save_immediately=True)
 
     def _offer_upload(self) -> None:
         with self._front_server:

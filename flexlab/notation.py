@@ -44,6 +44,7 @@ BEAM = (
     Symbol("L", "length", "beam length", "m", "()", "(1)"),
     Symbol("ρ", "rho", "mass per length", "kg/m", "()", "(5)"),
     Symbol("EI", "EI", "bending stiffness", "N·m²", "()", "(6)"),
+    Symbol("t_b", "thickness", "beam thickness", "m", "()", ""),
     Symbol("m", "m", "payload mass", "kg", "()", "(9)"),
     Symbol("I", "I", "payload inertia", "kg·m²", "()", "(9)"),
     Symbol("n", "n", "element count", "1", "()", "Section II"),
@@ -91,7 +92,7 @@ CONTROL = (
     Symbol("K", "K", "feedback gain", "N·s/m, N·m·s/rad", "(3,)", "(23)"),
     Symbol("ε", "epsilon", "boundary layer", "m/s", "()", "(23)"),
     Symbol("b̂", "b_hat", "bound estimates", "N, N/m, N·s²/m²", "(3,)", "(23)"),
-    Symbol("k_i", "k", "adaptation", "1", "(3,)", "(23)"),
+    Symbol("k_i", "k", "adaptation", "m/N, m³/N, m⁵/(N·s⁴)", "(3,)", "(23)"),
     Symbol("Ψ", "Psi", "what the beam does to the pose", FORCE, "(3,)", "(22)"),
 )
 """The controller of the paper."""

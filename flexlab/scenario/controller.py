@@ -5,13 +5,12 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from flexlab.quantities import Count, Number, OneOrThree, Part, Triple, quantity
+from flexlab.quantities import Count, Number, OneOrThree, Pair, Part, Triple, quantity
 
 
 class PayloadModel(Part):
     """What the controller believes of the payload: factors on the true values."""
 
-    bending_stiffness_factor: Number = quantity(1.0, title="Believed EI / true EI", unit="1", low=1e-3, high=1e3)
     linear_density_factor: Number = quantity(1.0, title="Believed ρ / true ρ", unit="1", low=1e-3, high=1e3)
     length_factor: Number = quantity(1.0, title="Believed L / true L", unit="1", low=1e-1, high=10)
 
@@ -23,13 +22,18 @@ class SensorNoise(Part):
     pose_rate: Triple = quantity(
         (0.0, 0.0, 0.0), title="Pose rate noise", symbol="σ_v", unit="m/s, m/s, rad/s", low=0, high=10
     )
-    strain: Number = quantity(0.0, title="Strain rate noise", symbol="σ_ε", unit="1/s", low=0, high=1)
+    strain: Number = quantity(0.0, title="Strain gauge noise", symbol="σ_ε", unit="1", low=0, high=1)
+    """Of each reading of each strain gauge; hᵀq̇ and gᵀq̇ come from the change of the readings over one control period."""
+    moment_rate: Pair = quantity(
+        (0.0, 0.0), title="Noise of measured hᵀq̇, gᵀq̇", symbol="σ_h", unit="kg·m/s, kg·m²/s", low=0, high=1e6
+    )
+    """White noise on the two rates themselves, for another sensor than gauges; what `strain` meant in scenarios until 0.1."""
     seed: Count = quantity(0, title="Seed", low=0, high=2**31 - 1)
 
     @property
     def active(self) -> bool:
         """Whether any noise is asked for."""
-        return any(self.pose) or any(self.pose_rate) or self.strain > 0
+        return any(self.pose) or any(self.pose_rate) or self.strain > 0 or any(self.moment_rate)
 
 
 class Controller(Part):
@@ -71,7 +75,7 @@ class AdaptiveSlidingMode(Controller):
         (10.0, 10.0, 10.0),
         title="Adaptation (k0, k1, k2)",
         symbol="k",
-        unit="1",
+        unit="m/N, m³/N, m⁵/(N·s⁴)",
         low=1e-6,
         high=1e12,
         slider=(0.1, 1000),

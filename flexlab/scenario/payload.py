@@ -63,6 +63,8 @@ class Payload(Part):
         slider=(1, 1000),
         logarithmic=True,
     )
+    thickness: Number = quantity(0.005, title="Thickness", symbol="t_b", unit="m", low=1e-5, high=1)
+    """Across the beam in the plane of its bending: what a strain gauge on its surface sees of the bending."""
     element_count: Count = quantity(
         2, title="Elements", symbol="n", unit="1", low=1, high=64, slider=(1, 64), live="projected"
     )

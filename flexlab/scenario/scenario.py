@@ -10,6 +10,7 @@ from flexlab.errors import ScenarioError
 from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, quantity
 from flexlab.scenario.arms import Arm
 from flexlab.scenario.controller import AdaptiveSlidingMode, Controller, Law
+from flexlab.scenario.earlier_versions import in_present_terms
 from flexlab.scenario.payload import Payload
 from flexlab.scenario.trajectory import SineTrajectory
 from flexlab.scenario.validation_errors import problem
@@ -125,7 +126,7 @@ def parse_scenario(data: Any) -> Scenario:
     if not isinstance(data, Mapping):
         raise ScenarioError([("", f"A scenario is a JSON object with named fields, not {type(data).__name__}.")])
     try:
-        return Scenario.model_validate(data)
+        return Scenario.model_validate(in_present_terms(data))
     except ValidationError as error:
         raise ScenarioError([problem(Scenario, item) for item in error.errors(include_url=False)]) from None
 

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlab.physics.strain_gauges import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam, build_beam, build_system
@@ -37,14 +38,24 @@ def _derive(scenario: Scenario, tick_period: float) -> Assembly:
     integrator, step = choose_step(scenario, system, beam)
     count, per_control = steps_per_tick(scenario, tick_period, step)
     law, noise = scenario.controller, scenario.controller.sensor_noise
-    # A strain gauge's noise reaches hᵀq̇ and gᵀq̇ in proportion to the loads they weigh.
-    strain = noise.strain * np.array([beam.matrices.m, beam.matrices.m * scenario.payload.length])
     sampling = Sampling(
         law.control_period or 0.0,
         max(per_control, 1),
         law.input_delay,
-        np.concatenate([noise.pose, noise.pose_rate, strain]).astype(float),
+        np.array([*noise.pose, *noise.pose_rate, *noise.moment_rate]),
+        gauge_noise(scenario, beam),
         noise.seed,
         np.zeros((law.input_delay + 1, len(scenario.arms), 3)),
     )
     return Assembly(beam, system, sampling, build_scheme(integrator, beam, tick_period / count), count, integrator)
+
+
+def gauge_noise(scenario: Scenario, beam: Beam) -> np.ndarray:
+    """`Sampling.gauge_noise` of a scenario, (2, gauges): σ_ε W / T_c; (2, 0) where nothing is noisy or nothing sampled."""
+    law, payload = scenario.controller, scenario.payload
+    if law.control_period is None or law.sensor_noise.strain == 0:
+        return np.zeros((2, 0))
+    places, weights = gauge_places(payload.length)
+    rows = strain_rows(places, payload.length, payload.thickness, payload.element_count, payload.boundary)
+    moments = load_moments(beam.matrices, payload.bending_stiffness, payload.thickness, weights, rows)
+    return np.ascontiguousarray(law.sensor_noise.strain / law.control_period * moments)

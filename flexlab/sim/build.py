@@ -59,12 +59,12 @@ def build_beam(payload: Payload) -> Beam:
     return Beam(matrices, beam_modes(omega, V, D), np.array([h @ h, h @ g, g @ g]))
 
 
-def _matrices(payload: Payload, length: float = 1, density: float = 1, stiffness: float = 1) -> BeamMatrices:
-    """Beam matrices with length, density and stiffness scaled by factors."""
+def _matrices(payload: Payload, length: float = 1, density: float = 1) -> BeamMatrices:
+    """Beam matrices with length and density scaled by factors."""
     return beam_matrices(
         payload.length * length,
         payload.linear_density * density,
-        payload.bending_stiffness * stiffness,
+        payload.bending_stiffness,
         payload.element_count,
         payload.boundary,
     )
@@ -149,9 +149,9 @@ def build_control(scenario: Scenario, beam: Beam) -> Control:
         slope = np.zeros(3)
         np.divide(feedback.position, feedback.velocity, out=slope, where=feedback.velocity > 0)
         adaptive = adaptive._replace(Lambda=slope)
-    factors = (model.length_factor, model.linear_density_factor, model.bending_stiffness_factor)
+    factors = (model.length_factor, model.linear_density_factor)
     believed, kappa = beam.matrices, beam.kappa
-    if factors != (1.0, 1.0, 1.0):
+    if factors != (1.0, 1.0):
         believed = _matrices(scenario.payload, *factors)
         loads = np.stack([believed.h, believed.g], axis=1)
         kappa = (loads.T @ np.linalg.solve(believed.M_q, loads))[[0, 0, 1], [0, 1, 1]]

@@ -17,6 +17,9 @@ from flexlab.physics.dynamics import configure_arms
 from flexlab.physics.plant import MEMORY
 from flexlab.sim.closed_loop import find_state, limit_torques
 
+BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
+"""First channels of the random numbers of hᵀq̇, gᵀq̇ and of the strain gauges; pose and pose rate have those before."""
+
 
 class Sampling(NamedTuple):
     """Constants and memory of sampled control."""
@@ -29,6 +32,9 @@ class Sampling(NamedTuple):
     """Input delay in samples."""
     noise: np.ndarray
     """Standard deviations of pose, pose rate and of hᵀq̇, gᵀq̇, (8,)."""
+    gauge_noise: np.ndarray
+    """What the change of each strain gauge's unit noise from reading to reading adds to the measured hᵀq̇ and gᵀq̇, kg·m/s
+    and kg·m²/s, (2, gauges); no gauges without strain noise."""
     seed: int
     line: np.ndarray
     """Torques on their way, oldest first, N·m, (delay + 1, arms, 3)."""
@@ -53,6 +59,25 @@ def gaussian(seed, instant, channel):
     return radius * np.cos(2 * np.pi * np.float64(second >> np.uint64(11)) * scale)
 
 
+@inlined
+def measure_beam(sampling, instant, truth, measured):
+    """hᵀq̇ and gᵀq̇ (2,) with their own noise and with that of strain gauges, which tell them by the change of their readings.
+
+    A reading is -½ t w''(s_j) plus white noise σ_ε. The moments hᵀq = Σ W_hj · reading_j (`physics.strain_gauges`), differenced
+    over T_c, have the noise Σ W_hj (n_j(k) - n_j(k-1)) / T_c: of standard deviation √2 σ_ε ‖W_h‖ / T_c, kg·m/s, and opposite
+    from one instant to the next, since each reading enters twice. Only the noise is modelled; the readings' own lag of
+    half a control period is not, so that without noise the law sees the true rates.
+    """
+    for a in range(2):
+        channel = BEAM_CHANNEL + a
+        measured[a] = truth[a] + sampling.noise[channel] * gaussian(sampling.seed, instant, channel)
+    for j in range(sampling.gauge_noise.shape[1]):
+        channel = GAUGE_CHANNEL + j
+        change = gaussian(sampling.seed, instant + 1, channel) - gaussian(sampling.seed, instant, channel)
+        measured[0] += sampling.gauge_noise[0, j] * change
+        measured[1] += sampling.gauge_noise[1, j] * change
+
+
 @compiled
 def control_instant(system, sampling, instant, t, y, ws):
     """Measure, run the law, queue its torques and hold those that are due; returns a fault code."""
@@ -64,8 +89,7 @@ def control_instant(system, sampling, instant, t, y, ws):
     for a in range(3):
         x[a] = y[a] + sampling.noise[a] * gaussian(sampling.seed, instant, a)
         v[a] = ws.velocity[a] + sampling.noise[3 + a] * gaussian(sampling.seed, instant, 3 + a)
-    for a in range(2):
-        beam[a] = ws.beam_rate[a] + sampling.noise[6 + a] * gaussian(sampling.seed, instant, 6 + a)
+    measure_beam(sampling, instant, ws.beam_rate, beam)
     code = configure_arms(plant, x, ws.seen, ws.fault)
     if code != 0:
         return code

@@ -10,7 +10,6 @@ from flexlab.sim.world import World
 FACTORS = {
     "controller.model.linear_density_factor": 2.0,
     "controller.model.length_factor": 0.6,
-    "controller.model.bending_stiffness_factor": 3.0,
 }
 
 

@@ -5,7 +5,8 @@ import pytest
 
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.sim.sampled_control import gaussian
+from flexlab.sim.assembly import build_assembly
+from flexlab.sim.sampled_control import gaussian, measure_beam
 from flexlab.sim.simulate import simulate
 
 COUNT = 20_000
@@ -42,7 +43,7 @@ def test_channels_instants_and_seeds_are_independent(numbers: np.ndarray):
 
 def noisy(seed: int = 1, **changes) -> Scenario:
     """The paper's law at 1 kHz with noisy sensors."""
-    noise = {"pose": [1e-5] * 3, "pose_rate": [1e-3] * 3, "strain": 1e-4, "seed": seed}
+    noise = {"pose": [1e-5] * 3, "pose_rate": [1e-3] * 3, "strain": 1e-6, "seed": seed}
     base = {"controller.control_period": 0.001, "controller.sensor_noise": noise}
     return load_preset("smooth-start").replace(base | changes)
 
@@ -103,7 +104,7 @@ def test_noise_on_the_rate_has_the_size_asked_for():
 
 def test_strain_noise_matters_to_vibration_damping_only(same_bits):
     """Only that law measures the beam."""
-    strain = {"controller.sensor_noise": {"strain": 0.01}}
+    strain = {"controller.sensor_noise": {"strain": 1e-5}}
     quiet = {"controller.sensor_noise": {}}
     same_bits(simulate(noisy(**strain), 0.1), simulate(noisy(**quiet), 0.1))
     kind = {"controller.kind": "vibration-damping"}
@@ -119,3 +120,53 @@ def test_the_truth_is_sampled_without_noise():
     moved = np.diff(run.pose, axis=0)
     mean_rate = (run.pose_rate[1:] + run.pose_rate[:-1]) / 2
     np.testing.assert_allclose(moved, 0.001 * mean_rate, rtol=0, atol=1e-6)
+
+
+def beam_readings(scenario: Scenario, count: int = 5000) -> np.ndarray:
+    """Measured hᵀq̇ and gᵀq̇ of a beam at rest, (count, 2)."""
+    sampling, still = build_assembly(scenario, 0.001).sampling, np.zeros(2)
+    seen = np.zeros((count, 2))
+    for instant in range(count):
+        measure_beam(sampling, instant, still, seen[instant])
+    return seen
+
+
+def test_strain_noise_is_that_of_differenced_readings():
+    """σ of hᵀq̇ in kg·m/s: √2 σ_ε ‖W‖/T_c with W by hand for the paper's beam on pins, and each reading counts twice."""
+    sigma, period, t = 2e-6, 0.002, 0.004
+    changes = {
+        "controller.kind": "vibration-damping",
+        "controller.control_period": period,
+        "controller.sensor_noise": {"strain": sigma},
+        "payload.thickness": t,
+    }
+    seen = beam_readings(load_preset("paper").replace(changes))
+    # hᵀq = ∫ ½ρ(s² - L²/4) w'' ds for a pinned beam: that is EI b'' for the uniform load; gᵀq likewise with ρ(s³/6 - sL²/24).
+    s = np.array([-1, -1, 1, 1]) * 0.125 + np.array([-1, 1, -1, 1]) * 0.125 / np.sqrt(3)
+    moments = np.array([0.5 * 2 * (s**2 - 0.0625), 2 * (s**3 / 6 - s * 0.25 / 24)])
+    expected = np.sqrt(2) * sigma / period * np.linalg.norm(2 / t * 0.125 * moments, axis=1)
+    # Two elements know the bending moment of a load to within its share that a broken line misses.
+    np.testing.assert_allclose(seen.std(axis=0), expected, rtol=0.12)
+    correlation = (seen[1:] * seen[:-1]).mean(axis=0) / seen.var(axis=0)
+    np.testing.assert_allclose(correlation, -0.5, atol=0.05)
+    assert np.abs(np.corrcoef(seen.T)[0, 1]) < 0.05
+
+
+def test_strain_noise_goes_with_the_strain_not_with_the_mesh():
+    """Twice the thickness, half the noise; eight elements, the same noise as thirty-two."""
+    base = {
+        "controller.kind": "vibration-damping",
+        "controller.control_period": 0.001,
+        "controller.sensor_noise": {"strain": 1e-6},
+    }
+    paper = load_preset("paper").replace(base)
+    thin, thick = (beam_readings(paper.replace({"payload.thickness": t}), 10) for t in (0.002, 0.004))
+    np.testing.assert_allclose(thin, 2 * thick, rtol=1e-9)
+    coarse, fine = (beam_readings(paper.replace({"payload.element_count": n}), 10) for n in (8, 32))
+    np.testing.assert_allclose(coarse, fine, rtol=0.05, atol=0.01 * np.abs(fine).max())
+
+
+def test_noise_of_the_rates_themselves_has_the_size_asked_for():
+    noise = {"controller.control_period": 0.001, "controller.sensor_noise": {"moment_rate": (2e-3, 3e-4)}}
+    seen = beam_readings(load_preset("paper").replace(noise))
+    np.testing.assert_allclose(seen.std(axis=0), [2e-3, 3e-4], rtol=0.05)

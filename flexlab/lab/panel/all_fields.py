@@ -39,10 +39,11 @@ GROUPS = (
         "controller.sensor_noise.pose",
         "controller.sensor_noise.pose_rate",
         "controller.sensor_noise.strain",
+        "payload.thickness",
+        "controller.sensor_noise.moment_rate",
         "controller.sensor_noise.seed",
     )),
     Group("What the controller believes", (
-        "controller.model.bending_stiffness_factor",
         "controller.model.linear_density_factor",
         "controller.model.length_factor",
     )),

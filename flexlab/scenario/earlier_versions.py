@@ -1,0 +1,49 @@
+"""Scenarios of earlier versions, read as they were meant: old files, and scenarios in old recordings.
+
+Until 0.1 `controller.model.bending_stiffness_factor` existed, which no law ever asked for, and `sensor_noise.strain` was a
+number in 1/s that reached hᵀq̇ and gᵀq̇ as σ m and σ m L, which no strain does. Everything that such a version wrote names
+the first field, and by that it is known.
+"""
+
+import logging
+from collections.abc import Mapping
+from typing import Any
+
+from flexlab.scenario.payload import Payload
+
+RETIRED = "bending_stiffness_factor"
+
+log = logging.getLogger(__name__)
+
+
+def in_present_terms(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Plain data of a scenario with the fields of today; says in the log what was left out although it was set."""
+    law = data.get("controller")
+    model = law.get("model") if isinstance(law, Mapping) else None
+    if not isinstance(law, Mapping) or not isinstance(model, Mapping) or RETIRED not in model:
+        return data
+    if model[RETIRED] != 1:
+        log.warning(
+            "controller.model.%s = %r is left out: no control law asks for the believed stiffness, so that it never had "
+            "an effect.",
+            RETIRED,
+            model[RETIRED],
+        )
+    present = {name: value for name, value in model.items() if name != RETIRED}
+    return {**data, "controller": {**law, "model": present, **_noise(law.get("sensor_noise"), data.get("payload"))}}
+
+
+def _noise(noise: Any, payload: Any) -> dict[str, Any]:
+    """Strain in 1/s as the noise of hᵀq̇ and gᵀq̇ that it was. What is not valid stays, for the validation to name it."""
+    if not isinstance(noise, Mapping) or "moment_rate" in noise or not noise.get("strain"):
+        return {}
+    payload = payload if isinstance(payload, Mapping) else {}
+    density, length, strain = (
+        payload.get("linear_density", Payload().linear_density),
+        payload.get("length", Payload().length),
+        noise["strain"],
+    )
+    if not all(isinstance(value, (int, float)) for value in (density, length, strain)):
+        return {}
+    mass = density * length
+    return {"sensor_noise": {**noise, "strain": 0.0, "moment_rate": (strain * mass, strain * (mass * length))}}

@@ -1,0 +1,68 @@
+"""Scenarios that an earlier version wrote mean today what they meant then."""
+
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexlab.analysis.replay import replay
+from flexlab.errors import ScenarioError
+from flexlab.presets import load_preset, scenario_text
+from flexlab.recording.reader import read_blocks, read_recording
+from flexlab.scenario import Scenario, parse_scenario
+
+
+def old(factor: Any = 1.0, strain: Any = 0.0) -> dict[str, Any]:
+    """The preset vibration-damping as version 0.1.0 wrote it."""
+    data = json.loads(scenario_text(load_preset("vibration-damping")))
+    del data["payload"]["thickness"], data["controller"]["sensor_noise"]["moment_rate"]
+    data["controller"]["model"]["bending_stiffness_factor"] = factor
+    data["controller"] |= {"control_period": 0.001}
+    data["controller"]["sensor_noise"]["strain"] = strain
+    return data
+
+
+def test_the_believed_stiffness_is_left_out_and_that_is_said(caplog: pytest.LogCaptureFixture):
+    with caplog.at_level(logging.WARNING):
+        assert parse_scenario(old()) == load_preset("vibration-damping").replace({"controller.control_period": 0.001})
+        assert not caplog.messages
+        assert parse_scenario(old(3.0)) == parse_scenario(old())
+    (sentence,) = caplog.messages
+    assert sentence.startswith("controller.model.bending_stiffness_factor = 3.0 is left out")
+    assert "bending_stiffness_factor" not in scenario_text(parse_scenario(old()))
+
+
+def test_the_old_strain_stays_the_noise_that_it_was():
+    noise = parse_scenario(old(strain=0.01)).controller.sensor_noise
+    assert (noise.strain, noise.moment_rate) == (0.0, (0.01 * 1.0, 0.01 * 0.5))
+
+
+def test_the_new_strain_is_a_strain():
+    new = load_preset("vibration-damping").replace(
+        {"controller.control_period": 0.001, "controller.sensor_noise.strain": 1e-6}
+    )
+    assert parse_scenario(json.loads(scenario_text(new))).controller.sensor_noise.strain == 1e-6
+    assert parse_scenario({"controller": {"kind": "pd", "model": {}}}).controller.sensor_noise.strain == 0
+
+
+def test_a_change_of_the_old_field_is_taken_and_changes_nothing():
+    paper = load_preset("paper")
+    assert paper.replace({"controller.model.bending_stiffness_factor": 2.0}) == paper
+
+
+@pytest.mark.parametrize("value", ["much", None, [1], {}])
+def test_what_is_not_valid_is_named_as_ever(value: Any):
+    data = old(strain=value if value else "much")
+    with pytest.raises(ScenarioError, match="strain"):
+        parse_scenario(data)
+    assert isinstance(parse_scenario(old(factor=value)), Scenario)
+
+
+def test_a_noisy_run_of_the_first_format_is_computed_again_bit_for_bit(root: Path):
+    path = root / "tests/recording/golden/format-1/sampled-control.rrd"
+    recording = read_recording(path, with_samples=False)
+    assert recording.scenario.controller.sensor_noise.moment_rate == (1e-6, 5e-7)
+    found = replay(recording, read_blocks(path))
+    assert found.identical, found.text

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from flexlab.analysis.run_summary import note_metrics
-from flexlab.cli.runs_listing import METRICS
+from flexlab.cli.runs_listing import COLUMNS
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.recording.store.run_files import list_runs, write_notes
@@ -69,6 +69,7 @@ def test_the_table_has_a_line_of_numbers_for_each_run(flexlab_command: Command, 
     assert "complete" in soft
     assert len(soft) == len(heading)
     assert "–" not in soft
+    assert "not settled" in soft
     assert below == "  gravity: 0 → 1"
     assert "  kept #thesis · my [b]best[/b] · gravity: 0 → 1" in others
     states = {line.split()[0]: line.split()[5 if line.split()[1] != "–" else 4] for line in others if line[0] != " "}
@@ -97,6 +98,16 @@ def test_words_and_fields_choose_and_order(flexlab_command: Command, logs: Path)
     assert names("--search", "gravity: 0", "--sort", "torque") == ["soft-beam", "paper"]
     assert names("--search", "gravity: 0", "--sort", "torque", "--reverse") == ["paper", "soft-beam"]
     assert names("--search", "nothing like it") == []
+
+
+def test_what_has_not_settled_comes_last_either_way(flexlab_command: Command, logs: Path):
+    write_notes(run_of(logs, "soft-beam"), metrics={"Vibration below 1 % after [s]": 0.25})
+    for words in ([], ["--reverse"]):
+        done = flexlab_command("logs", "--sort", "settled", "--search", "gravity: 0", *words)
+        assert [line.split()[0] for line in good(done).splitlines() if "complete" in line] == [
+            run_of(logs, "soft-beam").stem,
+            run_of(logs, "paper").stem,
+        ]
     assert "has the words 'zzz'" in flexlab_command("logs", "--search", "zzz").stderr
 
 
@@ -106,7 +117,7 @@ def test_all_is_told_of_one_run(flexlab_command: Command, logs: Path):
     assert row["duration [s]"] == 0.3
     assert row["size [B]"] == path.stat().st_size
     assert row["changes"] == ["gravity: 0 → 1"]
-    assert {title for title, _, _ in METRICS.values()} <= set(row["metrics"])
+    assert {column.key for column in COLUMNS.values()} == set(row["metrics"])
     text = good(flexlab_command("logs", path.stem))
     for title in row["metrics"]:
         assert title in text

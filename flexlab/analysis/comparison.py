@@ -2,15 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf, isnan
 from pathlib import Path
 
-from flexlab.analysis.metrics import MetricRow, MetricSums, RunMetrics, metric_rows
+from flexlab.analysis.metrics import MetricCollection, MetricRow, RunMetrics
 from flexlab.analysis.run_summary import scenario_differences
 from flexlab.recording.overlay import run_label, write_comparison
 from flexlab.recording.reader import Recording, read_blocks, read_recording
 
 Table = list[list[str]]
 """A line of headings, then rows."""
+
+SAME_LENGTH = 1e-9
+"""Runs whose durations differ by less are equally long, s: their sample instants are."""
 
 SAME = "All runs started from the same scenario."
 
@@ -21,6 +25,10 @@ class Comparison:
 
     recordings: tuple[Recording, ...]
     """Without their samples."""
+    duration: tuple[float, ...]
+    """Of each whole run, s."""
+    window: float
+    """The metrics speak of each run's first `window` seconds: as long as the shortest of them is."""
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
     settings: tuple[tuple[str, tuple[str, ...]], ...]
@@ -31,20 +39,24 @@ class Comparison:
         """A, B, C…"""
         return [run_label(number) for number in range(len(self.recordings))]
 
+    @property
+    def window_text(self) -> str:
+        """What the metrics speak of, in words."""
+        return f"of the first {self.window:.4g} s of each run"
+
     def run_table(self) -> Table:
         """Which run is which."""
         rows = [
-            [label, run.path.stem, run.scenario.title or run.name]
-            for label, run in zip(self.labels, self.recordings, strict=True)
+            [label, run.path.stem, f"{duration:.4g}", run.scenario.title or run.name]
+            for label, run, duration in zip(self.labels, self.recordings, self.duration, strict=True)
         ]
-        return [["", "run", "scenario"], *rows]
+        return [["", "run", "duration [s]", "scenario"], *rows]
 
     def metric_table(self) -> Table:
         """Each metric of each run, and how far it is from A's."""
         labels = self.labels
         rows = [
-            [f"{rows[0].title} [{rows[0].unit}]", *(f"{row.value:.4g}" for row in rows)]
-            + [f"{row.value - rows[0].value:+.3g}" for row in rows[1:]]
+            [rows[0].key, *(row.text for row in rows), *(difference_text(rows[0], row) for row in rows[1:])]
             for rows in self.metrics
         ]
         return [["metric", *labels, *(f"{label} - A" for label in labels[1:])], *rows]
@@ -57,7 +69,8 @@ class Comparison:
         """All of it as markdown."""
         heads, *settings = self.setting_table()
         settings = [[f"`{path}`", *values] for path, *values in settings]
-        parts = ["# Comparison", _markdown(self.run_table()), "## Metrics", _markdown(self.metric_table())]
+        parts = ["# Comparison", _markdown(self.run_table())]
+        parts += [f"## Metrics {self.window_text}", _markdown(self.metric_table())]
         parts += ["## Settings", _markdown([heads, *settings]) if settings else SAME]
         return "\n\n".join(parts) + "\n"
 
@@ -65,14 +78,20 @@ class Comparison:
 def compare(paths: Sequence[Path]) -> Comparison:
     """Read recordings and compare them. Raises `RecordingError`."""
     recordings = tuple(read_recording(path, with_samples=False) for path in paths)
-    metrics = [metric_rows(_metrics(path)) for path in paths]
+    whole = [_metrics(path) for path in paths]
+    durations = tuple(metrics.duration for metrics in whole)
+    window = min(durations, default=0.0)
+    metrics = [
+        (found if found.duration - window < SAME_LENGTH else _metrics(path, window)).rows
+        for path, found in zip(paths, whole, strict=True)
+    ]
     fields = {
         path
         for recording in recordings[1:]
         for path, _, _ in scenario_differences(recordings[0].scenario, recording.scenario)
     }
     settings = [(path, tuple(_value(recording, path) for recording in recordings)) for path in sorted(fields)]
-    return Comparison(recordings, tuple(zip(*metrics, strict=True)), tuple(settings))
+    return Comparison(recordings, durations, window, tuple(zip(*metrics, strict=True)), tuple(settings))
 
 
 def compare_into(paths: Sequence[Path], target: Path) -> Comparison:
@@ -85,11 +104,25 @@ def compare_into(paths: Sequence[Path], target: Path) -> Comparison:
     return comparison
 
 
-def _metrics(path: Path) -> RunMetrics:
-    sums = MetricSums()
+def difference_text(first: MetricRow, other: MetricRow) -> str:
+    """How far a metric is from the first run's; "–" where one of them has no value."""
+    difference = other.value - first.value
+    return "–" if isnan(difference) else f"{difference:+.3g}" if difference else "0"
+
+
+def _metrics(path: Path, seconds: float = inf) -> RunMetrics:
+    """Of a run, or of its first `seconds`; reads no further than that."""
+    collection = None
+    last = inf
     for block in read_blocks(path):
-        sums.add(block)
-    return sums.result()
+        if collection is None:
+            first = float(block.time[0])
+            last = first + seconds
+            collection = MetricCollection((first, last))
+        if block.time[0] > last:
+            break
+        collection.update(block)
+    return (collection or MetricCollection()).compute()
 
 
 def _value(recording: Recording, path: str) -> str:

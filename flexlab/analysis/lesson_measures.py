@@ -1,16 +1,14 @@
-"""What lessons measure in a run: frequencies, peaks, settling, jumps, and how they read in a sentence."""
+"""What lessons measure in a run: frequencies, peaks, jumps, and how they read in a sentence."""
 
 from functools import lru_cache
 
 import numpy as np
 
+from flexlab.analysis.metrics.run_metrics import between
 from flexlab.scenario import Payload
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
-
-SETTLED = 0.01
-"""Share of its peak under which a vibration counts as gone."""
 
 
 def first_frequency(payload: Payload) -> float:
@@ -34,13 +32,6 @@ def ring_frequency(samples: Samples) -> float:
     return float(hertz[np.argmax(np.where(hertz > 2, spectrum, 0))])
 
 
-def settling_time(samples: Samples) -> float:
-    """Time from the first sample until |vibration| stays under `SETTLED` of its peak, s."""
-    size = np.abs(samples.vibration)
-    above = np.nonzero(size > SETTLED * size.max())[0]
-    return float(samples.time[above[-1]] - samples.time[0]) if len(above) else 0.0
-
-
 def torque_jump(samples: Samples, control_period: float) -> float:
     """RMS change of the joint torques over one control period, the largest of all joints, N·m."""
     stride = max(1, round(control_period / tick(samples)))
@@ -51,12 +42,6 @@ def torque_jump(samples: Samples, control_period: float) -> float:
 def tick(samples: Samples) -> float:
     """The sample period, s; needs two samples or more."""
     return float(samples.time[-1] - samples.time[0]) / (len(samples) - 1)
-
-
-def between(samples: Samples, start: float, stop: float) -> Samples:
-    """The samples from `start` to `stop`, s, both included."""
-    first, end = np.searchsorted(samples.time, [start - 1e-9, stop + 1e-9])
-    return samples.slice(int(first), int(end))
 
 
 def newest(samples: Samples, seconds: float) -> Samples:

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from flexlab.analysis.metrics import MetricSums, metric_rows
+from flexlab.analysis.metrics import METRICS, MetricCollection
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_blocks, read_recording
@@ -21,12 +21,15 @@ DIGITS = 4
 """Significant digits of a metric in the notes: for reading, not for computing."""
 
 
+METRIC_KEYS = frozenset(column.key for metric in METRICS.values() for column in metric.columns)
+
+
 class MetricNotes:
     """The notes of one run, gathered while it is written or read (see `flexlab.recording.run_notes`)."""
 
     def __init__(self, name: str, scenario: Scenario):
         """`name`: the preset or file that `scenario`, the run's first, came from."""
-        self._sums = MetricSums()
+        self._metrics = MetricCollection()
         self._changes = preset_changes(name, scenario)
         self._events = 0
         self._begins = inf
@@ -34,7 +37,7 @@ class MetricNotes:
     def add(self, samples: Samples) -> None:
         """Take in a block (N >= 1)."""
         self._begins = min(self._begins, float(samples.time[0]))
-        self._sums.add(samples)
+        self._metrics.update(samples)
 
     def add_event(self, event: Event) -> None:
         """Take in an event; they come in order."""
@@ -49,14 +52,23 @@ class MetricNotes:
 
     def result(self) -> dict[str, Any]:
         """Metrics, what was changed against the preset, first instant and duration in s."""
-        metrics = self._sums.result()
-        values = {f"{row.title} [{row.unit}]": row.value for row in metric_rows(metrics)}
+        metrics = self._metrics.compute()
         return {
-            "metrics": {name: float(f"{value:.{DIGITS}g}") for name, value in values.items() if isfinite(value)},
+            "metrics": {row.key: _rounded(row.value) for row in metrics.rows},
             "changes": self._changes,
             "begins": self._begins if isfinite(self._begins) else 0.0,
             "duration": metrics.duration,
         }
+
+
+def _rounded(value: float) -> float | None:
+    """As JSON has it: None for what has no value."""
+    return float(f"{value:.{DIGITS}g}") if isfinite(value) else None
+
+
+def measured(metrics: Any) -> bool:
+    """Whether the notes on a run have all metrics of today: one that came later, or means something else now, is missing."""
+    return isinstance(metrics, dict) and METRIC_KEYS <= metrics.keys()
 
 
 def run_notes(info: RunInfo) -> MetricNotes:
@@ -89,7 +101,7 @@ def note_missing_metrics(logs: Path) -> int:
     """Do that for every finished run that has none yet, newest first; returns how many. Unreadable ones are passed over."""
     count = 0
     for path in list_runs(logs):
-        if "metrics" not in read_notes(path) and run_state(path) in ("complete", "recovered"):
+        if not measured(read_notes(path).get("metrics")) and run_state(path) in ("complete", "recovered"):
             try:
                 count += bool(note_metrics(path))
             except FlexlabError:

@@ -59,6 +59,8 @@ def _print(comparison: "Comparison") -> None:
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         for number, head in enumerate(heads):
             table.add_column(head, justify="right" if number and heads[0] else "left", overflow="fold")
+        if heads[0] == "metric":
+            output().print(f"Metrics {comparison.window_text}:")
         for row in rows:
             table.add_row(*map(Text, row))
         output().print(table)

@@ -5,6 +5,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flexlab.analysis.metrics import METRICS
+from flexlab.analysis.metrics import Column as MetricColumn
+from flexlab.analysis.metrics.noted import UNKNOWN, noted_text, noted_texts
 from flexlab.cli.console import note, output
 from flexlab.errors import StudyError
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
@@ -18,25 +21,16 @@ class Column(NamedTuple):
     text: Callable[[RunRow], str]
 
 
-METRICS = {
-    "rms-x": ("RMS error x [mm]", "RMS x", "mm"),
-    "rms-y": ("RMS error y [mm]", "RMS y", "mm"),
-    "peak-x": ("Peak error x [mm]", "peak x", "mm"),
-    "peak-y": ("Peak error y [mm]", "peak y", "mm"),
-    "settled": ("Free vibration gone after [s]", "settled", "s"),
-    "torque": ("Peak joint torque [N·m]", "torque", "N·m"),
-    "force": ("RMS internal force [N]", "RMS force", "N"),
-}
-"""Field → metric as the notes name it, heading, unit. In a narrow window the last ones have no room."""
+COLUMNS = {column.field: column for metric in METRICS.values() for column in metric.columns}
+"""Field → how a metric is shown."""
 
-FIELDS = ("started", "preset", "duration", "size", "state", *METRICS)
+FIELDS = ("started", "preset", "duration", "size", "state", *COLUMNS)
 """What the table can be sorted by."""
 
 CHANGES_SHOWN = 3
 """Of what was changed in a run, how many stand in the table."""
 
 GAP = "  "
-UNKNOWN = "–"
 
 
 def sorted_rows(rows: Sequence[RunRow], field: str, reverse: bool = False, search: str = "") -> list[RunRow]:
@@ -52,8 +46,9 @@ def sorted_rows(rows: Sequence[RunRow], field: str, reverse: bool = False, searc
 
 
 def _value(row: RunRow, field: str) -> Any:
-    if field in METRICS:
-        return row.metrics.get(METRICS[field][0])
+    if field in COLUMNS:
+        value = row.metrics.get(COLUMNS[field].key)
+        return value if isinstance(value, (int, float)) else None
     return getattr(row, field)
 
 
@@ -134,7 +129,9 @@ def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[Column], list[str]]
         Column("size", "", lambda row: size_text(row.size)),
         Column("state", "", state_word),
     ]
-    metrics = [Column(heading, unit, _metric_text(title)) for title, heading, unit in METRICS.values()]
+    # In a narrow window the last ones have no room.
+    listed = [column for column in COLUMNS.values() if column.listed]
+    metrics = [Column(column.heading, column.unit, _metric_text(column)) for column in listed]
     console = output()
     if not console.is_terminal:
         return columns + metrics, []
@@ -142,15 +139,11 @@ def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[Column], list[str]]
     while metrics and sum(_width(column, rows) + len(GAP) for column in metrics) > room + len(GAP):
         metrics.pop()
     shown = {column.heading for column in metrics}
-    return columns + metrics, [heading for _, heading, _ in METRICS.values() if heading not in shown]
+    return columns + metrics, [column.heading for column in listed if column.heading not in shown]
 
 
-def _metric_text(title: str) -> Callable[[RunRow], str]:
-    def text(row: RunRow) -> str:
-        value = row.metrics.get(title)
-        return f"{value:.4g}" if isinstance(value, (int, float)) else UNKNOWN
-
-    return text
+def _metric_text(column: MetricColumn) -> Callable[[RunRow], str]:
+    return lambda row: noted_text(column, row.metrics)
 
 
 def _width(column: Column, rows: Sequence[RunRow]) -> int:
@@ -183,7 +176,7 @@ def print_runs(rows: Sequence[RunRow]) -> None:
             ("duration", duration_text(row.duration)),
             ("size", size_text(row.size)),
             ("state", f"{state_word(row)}{f', {row.status}' if row.status else ''}{', kept' if row.kept else ''}"),
-            *((title, f"{value:.4g}") for title, value in row.metrics.items() if isinstance(value, (int, float))),
+            *((title, text) for title, text in noted_texts(row.metrics).items() if text != UNKNOWN),
             ("tags", ", ".join(row.tags)),
             ("note", row.note),
             *(("changed" if number == 0 else "", change) for number, change in enumerate(row.changes)),

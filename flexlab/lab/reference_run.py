@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlab.analysis.metrics import MetricRow, metric_rows, run_metrics
+from flexlab.analysis.metrics import MetricRow, run_metrics
 from flexlab.errors import LabError
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
@@ -55,14 +55,8 @@ def common_metrics(
     last = min(kept.span[1], float(samples.time[-1])) if len(samples) else -np.inf
     if last - first < TICK:
         return [], (0.0, 0.0)
-    pieces = [_between(kept.samples, first, last), _between(samples, first, last)]
-    ours, theirs = (metric_rows(run_metrics(piece)) for piece in pieces)
+    ours, theirs = (run_metrics(run, (first, last)).rows for run in (kept.samples, samples))
     return list(zip(ours, theirs, strict=True)), (first, last)
-
-
-def _between(samples: Samples, first: float, last: float) -> Samples:
-    rows = np.flatnonzero((samples.time > first - TICK / 2) & (samples.time < last + TICK / 2))
-    return samples.slice(int(rows[0]), int(rows[-1]) + 1)
 
 
 def differences(one: Scenario, other: Scenario) -> list[tuple[str, Any, Any]]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from flexlab.analysis.run_summary import note_missing_metrics
+from flexlab.analysis.run_summary import measured, note_missing_metrics
 from flexlab.recording.store.run_index import RunRow
 
 LOW_PRIORITY = 19
@@ -32,7 +32,7 @@ class Measuring:
 
     def look(self, rows: Sequence[RunRow]) -> int:
         """Start measuring if there is something new to measure; returns how many runs are still to be measured."""
-        missing = {row.id for row in rows if not row.metrics and row.state in ("complete", "recovered")}
+        missing = {row.id for row in rows if not measured(row.metrics) and row.state in ("complete", "recovered")}
         if self._process is not None and self._process.is_alive():
             return len(missing)
         # What could not be measured once is not tried again at every look.

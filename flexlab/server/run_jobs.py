@@ -36,6 +36,8 @@ class SettingRow:
 class ComparisonTables:
     """What a comparison's page says beside the curves."""
 
+    window: str
+    """What the metrics speak of, in words."""
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
     settings: tuple[SettingRow, ...]
@@ -49,7 +51,7 @@ def compare_runs(paths: tuple[Path, ...], target: Path) -> ComparisonTables:
     write_comparison(comparison.recordings, target, comparison.text())
     scenario = comparison.recordings[0].scenario
     settings = (SettingRow(_field_title(scenario, path), values) for path, values in comparison.settings)
-    return ComparisonTables(comparison.metrics, tuple(settings))
+    return ComparisonTables(comparison.window_text, comparison.metrics, tuple(settings))
 
 
 def check_size(path: Path) -> None:

@@ -8,6 +8,7 @@ from recording_helpers import plotted
 from rerun.chunk import RrdReader
 
 from flexlab.analysis.comparison import compare, compare_into
+from flexlab.analysis.metrics import run_metrics
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.headless import HeadlessRecording, write_run
@@ -57,8 +58,20 @@ def test_tables_say_what_differs(recording_file: Path, softer: Path) -> None:
     assert ("payload.bending_stiffness", ("100", "60")) in found.settings
     assert ("payload.damping", ("nodal", "modal")) in found.settings
     text = found.text()
-    assert "| Duration [s] | 1 | 0.5 | -0.5 |" in text
+    assert found.duration == (1.0, 0.5)
+    assert "## Metrics of the first 0.5 s of each run" in text
+    assert "| Duration [s] | 0.5 | 0.5 | 0 |" in text
     assert "| `payload.bending_stiffness` | 100 | 60 |" in text
+
+
+def test_runs_of_different_length_are_compared_over_what_both_have(
+    recording_file: Path, softer: Path, run: Run
+) -> None:
+    """The whole second of the longer run is not held against half a second of the shorter one."""
+    expected = run_metrics(run, (0.0, 0.5))
+    found = {rows[0].column.field: rows[0].value for rows in compare([recording_file, softer]).metrics}
+    assert found == {row.column.field: row.value for row in expected.rows}
+    assert found["rms-x"] > 1.2 * 1e3 * run_metrics(run).rms_error[0]
 
 
 def test_the_same_run_twice_differs_in_nothing(recording_file: Path) -> None:

@@ -4,6 +4,7 @@ import math
 
 import viser
 
+from flexlab.analysis.metrics import MetricRow
 from flexlab.errors import ScenarioError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.text import escaped, number
@@ -66,14 +67,19 @@ def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> s
     for old, new in rows[1:]:
         shown = change_text(100 * (new.value / old.value - 1) if old.value else math.nan)
         lines.append(
-            f"<tr><td>{escaped(old.title)} ({old.unit})</td><td>{number(old.value, 3)}</td>"
-            f"<td>{number(new.value, 3)}</td><td>{shown}</td></tr>"
+            f"<tr><td>{escaped(old.title)} ({old.unit})</td><td>{metric_text(old)}</td>"
+            f"<td>{metric_text(new)}</td><td>{shown}</td></tr>"
         )
     head = "<tr><th></th><th>kept</th><th>now</th><th>change</th></tr>"
     return (
         f'<div class="fl">Over t = {first:.2f} s to {last:.2f} s of both runs:'
         f'<table class="fl-table">{head}{"".join(lines)}</table>{settings}</div>'
     )
+
+
+def metric_text(row: MetricRow) -> str:
+    """A metric with three digits, or what stands for a missing one, as HTML."""
+    return escaped(row.column.missing) if math.isnan(row.value) else number(row.value, 3)
 
 
 def change_text(percent: float) -> str:

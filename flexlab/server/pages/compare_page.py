@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from aiohttp import hdrs, web
 
+from flexlab.analysis.comparison import difference_text
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.overlay import MOST_RUNS, run_label
 from flexlab.recording.store.run_files import SUFFIX
@@ -22,7 +23,7 @@ COMPARISON_PAGE = """<div class="side">
 <ul class="compared">
 {runs}
 </ul>
-<h2>Metrics</h2>
+<h2>Metrics <small>{window}</small></h2>
 {metrics}
 <h2>Settings</h2>
 {settings}
@@ -76,7 +77,14 @@ def _body(rows: Sequence[RunRow], tables: ComparisonTables, address: str) -> Mar
         for number, row in enumerate(rows)
     )  # fmt: skip
     settings = _settings(rows, tables) if tables.settings else SAME
-    return fill(COMPARISON_PAGE, runs=runs, metrics=_metrics(rows, tables), settings=settings, address=address)
+    return fill(
+        COMPARISON_PAGE,
+        runs=runs,
+        window=tables.window,
+        metrics=_metrics(rows, tables),
+        settings=settings,
+        address=address,
+    )
 
 
 def _metrics(rows: Sequence[RunRow], tables: ComparisonTables) -> Markup:
@@ -84,9 +92,8 @@ def _metrics(rows: Sequence[RunRow], tables: ComparisonTables) -> Markup:
     lines = []
     for metric in tables.metrics:
         first = metric[0]
-        values = [_number(row.value) for row in metric]
-        differences = [_difference(row.value - first.value) for row in metric[1:]]
-        lines.append((f"{first.title} [{first.unit}]", [*values, *differences]))
+        differences = [difference_text(first, row).replace("-", "−") for row in metric[1:]]
+        lines.append((first.key, [*(row.text for row in metric), *differences]))
     return _table([*labels, *(f"{label} − A" for label in labels[1:])], lines, "number")
 
 
@@ -114,14 +121,6 @@ def _table(heads: Sequence[str], lines: Sequence[tuple[str, Sequence[str]]], kin
         for title, values in lines
     )
     return fill(TABLE, head=head, rows=rows)
-
-
-def _number(value: float) -> str:
-    return "–" if value != value else f"{value:.4g}"
-
-
-def _difference(value: float) -> str:
-    return "–" if value != value else "0" if value == 0 else f"{value:+.3g}".replace("-", "−")
 
 
 async def overlay(request: web.Request) -> web.StreamResponse:

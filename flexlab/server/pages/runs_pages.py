@@ -4,6 +4,7 @@ import asyncio
 
 from aiohttp import hdrs, web
 
+from flexlab.analysis.metrics.noted import noted_texts
 from flexlab.errors import RecordingError
 from flexlab.recording.importing import IMPORTED
 from flexlab.recording.overlay import MOST_RUNS
@@ -210,7 +211,10 @@ def _details(row: RunRow) -> Markup:
     """Metrics, and what was changed against the preset."""
     if not row.metrics and not row.changes:
         return Markup("")
-    metrics = join(fill("<dt>{name}</dt><dd>{value}</dd>", name=name, value=row.metrics[name]) for name in row.metrics)
+    metrics = join(
+        fill("<dt>{name}</dt><dd>{value}</dd>", name=name, value=text)
+        for name, text in noted_texts(row.metrics).items()
+    )
     changes = join(fill("<li>{line}</li>", line=line) for line in row.changes)
     return fill(DETAILS, metrics=metrics, changes=changes)
 

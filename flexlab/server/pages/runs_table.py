@@ -2,19 +2,14 @@
 
 from collections.abc import Sequence
 
+from flexlab.analysis.metrics import METRICS
+from flexlab.analysis.metrics.noted import noted_text, noted_value
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
 from flexlab.server.pages.markup import Markup, fill, join
 
 COLUMNS = (("Started", "time"), ("Preset", "text"), ("Duration", "number"), ("Size", "number"), ("State", "text"))
-METRIC_COLUMNS = {
-    "RMS error x [mm]": ("RMS x", "mm"),
-    "RMS error y [mm]": ("RMS y", "mm"),
-    "Peak vibration [mm]": ("Vibration", "mm"),
-    "Free vibration gone after [s]": ("Settled", "s"),
-    "Peak joint torque [N·m]": ("Torque", "N·m"),
-    "RMS internal force [N]": ("Force", "N"),
-}
-"""Metric, as the notes name it → heading and unit: those of which a table has room; a run's own page has all."""
+METRIC_COLUMNS = [column for metric in METRICS.values() for column in metric.columns if column.listed]
+"""Those of which a table has room; a run's own page has all."""
 
 ROW = """<tr>{choose}
 <td data-key="{time}"><a href="/runs/{id}">{started}</a></td><td>{preset}{tags}</td>
@@ -37,7 +32,7 @@ def runs_table(rows: Sequence[RunRow], short: bool = False) -> Markup:
     """The table; the short one has no metrics, notes and actions."""
     columns = [(name, "", kind, name) for name, kind in COLUMNS]
     if not short:
-        columns += [(name, f"[{unit}]", "number", title) for title, (name, unit) in METRIC_COLUMNS.items()]
+        columns += [(_capital(c.heading), f"[{c.unit}]", "number", c.key) for c in METRIC_COLUMNS]
         columns += [
             ("Note, changes", "", "text", "Note, and what was changed against the preset"),
             ("", "", "text", ""),
@@ -73,13 +68,14 @@ def _row(row: RunRow, short: bool) -> Markup:
 
 
 def _more(row: RunRow) -> Markup:
-    values = [row.metrics.get(title) for title in METRIC_COLUMNS]
     metrics = join(
-        fill(METRIC, key=value, text=f"{value:.4g}") if isinstance(value, (int, float)) else _NONE for value in values
+        fill(METRIC, key=noted_value(column, row.metrics), text=noted_text(column, row.metrics))
+        for column in METRIC_COLUMNS
     )
     left = len(row.changes) - CHANGES_SHOWN
     changes = "; ".join(row.changes[:CHANGES_SHOWN]) + (f"; {left} more" if left > 0 else "")
     return fill(MORE, id=row.id, metrics=metrics, note=f"{row.note} " if row.note else "", changes=changes)
 
 
-_NONE = Markup('<td data-key="-1" class="number">–</td>')
+def _capital(heading: str) -> str:
+    return heading[0].upper() + heading[1:]

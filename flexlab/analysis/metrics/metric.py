@@ -1,0 +1,133 @@
+"""What a metric is: a class in a file of its own beside this one, registered, with a state that takes in samples and merges.
+
+The same code serves a stream and a whole run: `update` takes any piece of it, in any order, `merge` another metric's
+pieces, `compute` gives the number. To add one, copy `peak_torque.py`: tables, lists, notes, comparisons and the Python
+interface follow from its columns.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Self, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from flexlab.sim.samples import Samples
+
+
+@dataclass(frozen=True)
+class Column:
+    """How one number of a metric is shown."""
+
+    field: str
+    """Name on the command line, as in `--sort torque`."""
+    title: str
+    heading: str
+    """The title where there is little room."""
+    unit: str
+    """Of the number as it is shown."""
+    scale: float = 1.0
+    """Shown number over SI number."""
+    listed: bool = False
+    """Whether lists of runs have a column for it."""
+    missing: str = "–"
+    """What stands where the number is NaN."""
+
+    @property
+    def key(self) -> str:
+        """Title and unit, as notes and tables name it."""
+        return f"{self.title} [{self.unit}]"
+
+
+class Metric(ABC):
+    """One or a few numbers about a run. SI units; NaN where they have no value."""
+
+    name: ClassVar[str]
+    """In Python: `run.metrics.<name>`."""
+    place: ClassVar[int]
+    """In tables: smaller ones first."""
+    columns: ClassVar[tuple[Column, ...]]
+    """One per number of `compute`."""
+
+    @abstractmethod
+    def update(self, samples: "Samples") -> None:
+        """Take in a piece of a run (N >= 1)."""
+
+    @abstractmethod
+    def merge(self, other: Self) -> None:
+        """Take in what another one has taken in."""
+
+    @abstractmethod
+    def compute(self) -> tuple[float, ...]:
+        """One number per column, of all pieces so far; NaN of none."""
+
+
+METRICS: dict[str, type[Metric]] = {}
+"""Every metric by its name, in the order of tables."""
+
+
+MetricClass = TypeVar("MetricClass", bound=type[Metric])
+
+
+def register(metric: MetricClass) -> MetricClass:
+    """Class decorator: adds a metric to `METRICS`. Raises ValueError for a name, field or title that is taken."""
+    taken = {word for other in METRICS.values() for column in other.columns for word in (column.field, column.key)}
+    for word in (metric.name, *(word for column in metric.columns for word in (column.field, column.key))):
+        if word in METRICS or word in taken:
+            raise ValueError(f"the metric {metric.name} calls something {word!r}, and another one does, too")
+    METRICS[metric.name] = metric
+    ordered = sorted(METRICS.items(), key=lambda item: item[1].place)
+    METRICS.clear()
+    METRICS.update(ordered)
+    return metric
+
+
+class RootMeanSquare(Metric):
+    """Base of metrics √(mean of signal²) over all samples."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._squares = np.zeros(len(self.columns))
+
+    @abstractmethod
+    def signal(self, samples: "Samples") -> np.ndarray:
+        """What is squared, (N, columns)."""
+
+    def update(self, samples: "Samples") -> None:
+        """Take in a piece of a run."""
+        self._count += len(samples)
+        self._squares += np.sum(self.signal(samples) ** 2, axis=0)
+
+    def merge(self, other: Self) -> None:
+        """Take in what another one has taken in."""
+        self._count += other._count
+        self._squares += other._squares
+
+    def compute(self) -> tuple[float, ...]:
+        """The root of the mean square, a number per column."""
+        if self._count == 0:
+            return (np.nan,) * len(self.columns)
+        return tuple(map(float, np.sqrt(self._squares / self._count)))
+
+
+class Peak(Metric):
+    """Base of metrics that are the largest magnitude of a signal."""
+
+    def __init__(self) -> None:
+        self._peak = np.full(len(self.columns), -np.inf)
+
+    @abstractmethod
+    def signal(self, samples: "Samples") -> np.ndarray:
+        """Whose magnitude counts, (N, columns)."""
+
+    def update(self, samples: "Samples") -> None:
+        """Take in a piece of a run."""
+        self._peak = np.maximum(self._peak, np.max(np.abs(self.signal(samples)), axis=0))
+
+    def merge(self, other: Self) -> None:
+        """Take in what another one has taken in."""
+        self._peak = np.maximum(self._peak, other._peak)
+
+    def compute(self) -> tuple[float, ...]:
+        """The largest magnitude, a number per column."""
+        return tuple(float(peak) if peak != -np.inf else np.nan for peak in self._peak)

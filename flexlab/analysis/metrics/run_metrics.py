@@ -1,0 +1,150 @@
+"""All metrics of a run, or of a window of one, gathered from pieces and shown."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf, isnan
+from typing import TYPE_CHECKING, Any
+
+from flexlab.analysis.metrics.metric import METRICS, Column, Metric
+
+if TYPE_CHECKING:
+    from flexlab.sim.samples import Samples
+
+Window = tuple[float, float]
+"""First and last instant, s."""
+
+ROUNDING = 1e-9
+"""Of a window's limits, s: sample instants are products of whole numbers and periods."""
+
+
+@dataclass(frozen=True)
+class MetricRow:
+    """One line of a table of metrics, in units for people."""
+
+    column: Column
+    value: float
+    """In `column.unit`."""
+
+    @property
+    def title(self) -> str:
+        """What is measured."""
+        return self.column.title
+
+    @property
+    def unit(self) -> str:
+        """Of the value."""
+        return self.column.unit
+
+    @property
+    def key(self) -> str:
+        """Title and unit."""
+        return self.column.key
+
+    @property
+    def text(self) -> str:
+        """The value with four digits, or what stands for a missing one."""
+        return value_text(self.column, self.value)
+
+
+def value_text(column: Column, value: Any) -> str:
+    """A number of a table with four digits; the column's word where it is NaN, "–" for what is no number."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return "–"
+    return column.missing if isnan(value) else f"{value:.4g}"
+
+
+class RunMetrics:
+    """What the metrics say of the samples within `window`: `settling_time`, `peak_error`…, in SI units.
+
+    A metric of one number is a float, one of several a tuple; NaN where it has no value. `print` shows a table.
+    """
+
+    def __init__(self, window: Window | None, values: dict[str, tuple[float, ...]]):
+        """`window`: first and last instant, s; None without samples. `values`: numbers by the metrics' names."""
+        self.window = window
+        self._values = values
+
+    def __getattr__(self, name: str) -> Any:
+        values = self.__dict__.get("_values", {}).get(name)
+        if values is None:
+            raise AttributeError(f"there is no metric {name!r}: choose one of {', '.join(METRICS)}")
+        return values[0] if len(values) == 1 else values
+
+    def __dir__(self) -> Iterable[str]:
+        return [*super().__dir__(), *self._values]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, RunMetrics) and (self.window, self._values) == (other.window, other._values)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    @property
+    def rows(self) -> tuple[MetricRow, ...]:
+        """All numbers with titles and units for people (mm, mrad), in the order of a table."""
+        return tuple(
+            MetricRow(column, column.scale * value)
+            for name, values in self._values.items()
+            for column, value in zip(METRICS[name].columns, values, strict=True)
+        )
+
+    @property
+    def window_text(self) -> str:
+        """The window in words."""
+        return "no samples" if self.window is None else f"t = {self.window[0]:g} s to {self.window[1]:g} s"
+
+    def __repr__(self) -> str:
+        numbers = ", ".join(f"{row.column.field} {row.text} {row.unit}" for row in self.rows if row.column.listed)
+        return f"<RunMetrics of {self.window_text}: {numbers}>"
+
+    def __str__(self) -> str:
+        width = max(len(row.key) for row in self.rows)
+        return "\n".join([f"Over {self.window_text}:", *(f"  {row.key:<{width}}  {row.text}" for row in self.rows)])
+
+
+class MetricCollection:
+    """All metrics at once, gathered in pieces of any order, so that hours of a run need no more memory than seconds."""
+
+    def __init__(self, window: Window = (-inf, inf)):
+        """`window`: which samples count, s."""
+        self._window = window
+        self._span: Window | None = None
+        self._metrics: dict[str, Metric] = {name: metric() for name, metric in METRICS.items()}
+
+    def update(self, samples: "Samples") -> None:
+        """Take in a piece of the run; what of it lies outside the window does not count."""
+        first, last = self._window
+        samples = between(samples, first, last)
+        if len(samples) == 0:
+            return
+        self._widen((float(samples.time[0]), float(samples.time[-1])))
+        for metric in self._metrics.values():
+            metric.update(samples)
+
+    def merge(self, other: "MetricCollection") -> None:
+        """Take in what another collection has taken in."""
+        if other._span is None:
+            return
+        self._widen(other._span)
+        for name, metric in self._metrics.items():
+            metric.merge(other._metrics[name])
+
+    def _widen(self, span: Window) -> None:
+        own = self._span or span
+        self._span = (min(own[0], span[0]), max(own[1], span[1]))
+
+    def compute(self) -> RunMetrics:
+        """The metrics of all pieces so far."""
+        return RunMetrics(self._span, {name: metric.compute() for name, metric in self._metrics.items()})
+
+
+def run_metrics(samples: "Samples", window: Window = (-inf, inf)) -> RunMetrics:
+    """The metrics of a run, or of what of it lies within a window, s."""
+    collection = MetricCollection(window)
+    collection.update(samples)
+    return collection.compute()
+
+
+def between(samples: "Samples", first: float, last: float) -> "Samples":
+    """The samples from `first` to `last`, s, both included; their times must rise."""
+    start, stop = samples.time.searchsorted([first - ROUNDING, last + ROUNDING])
+    return samples if stop - start == len(samples) else samples.slice(int(start), int(stop))

@@ -1,0 +1,171 @@
+"""Metrics: each says what it means, from a stream as from a whole run, over the window that it names."""
+
+import numpy as np
+import pytest
+
+from flexlab.analysis.lesson_checks import check_lesson
+from flexlab.analysis.metrics import METRICS, Column, MetricCollection, register, run_metrics
+from flexlab.analysis.metrics.metric import Peak
+from flexlab.analysis.metrics.noted import noted_text, noted_value
+from flexlab.analysis.metrics.settling_time import SettlingTime, settling_time
+from flexlab.presets import load_preset
+from flexlab.sim.samples import Run, Samples
+from flexlab.sim.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return simulate(load_preset("paper"), 1.0)
+
+
+def test_metrics_of_the_papers_run_are_those_of_the_model(run: Run) -> None:
+    found = run_metrics(run)
+    np.testing.assert_allclose(found.peak_error, (1.674e-2, 1.704e-2, 7.005e-3), rtol=1e-3)
+    assert found.peak_torque == pytest.approx(638.890, abs=0.01)
+    assert found.rms_error[0] == pytest.approx(np.sqrt(np.mean(run.tracking_error[:, 0] ** 2)), rel=1e-12)
+    force = run.internal_force[:, 0]
+    assert found.rms_internal_force == pytest.approx(np.sqrt(np.mean(np.sum(force[:, :2] ** 2, axis=1))), rel=1e-12)
+    assert found.rms_internal_moment == pytest.approx(np.sqrt(np.mean(force[:, 2] ** 2)), rel=1e-12)
+    assert found.peak_vibration == np.abs(run.vibration).max()
+    assert found.window == (0.0, 1.0)
+    assert found.duration == 1.0
+    assert all(np.isfinite(row.value) for row in found.rows)
+    assert len({row.title for row in found.rows}) == len(found.rows)
+
+
+def test_the_papers_ring_is_gone_when_the_paper_says(run: Run) -> None:
+    """'At about t = 0.5 s': the last instant over one per cent of the peak."""
+    assert run_metrics(run).settling_time == pytest.approx(0.47, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_pieces_in_any_order_and_merged_collections_give_the_same(run: Run, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    cuts = np.concatenate([[0], np.sort(random.choice(np.arange(1, len(run)), 6, replace=False)), [len(run)]])
+    collections = [MetricCollection() for _ in range(3)]
+    for number in random.permutation(7):
+        collections[number % 3].update(run.slice(int(cuts[number]), int(cuts[number + 1])))
+    whole, (first, *others) = run_metrics(run), collections
+    for other in others:
+        first.merge(other)
+    first.merge(MetricCollection())
+    assert first.compute().window == whole.window
+    for row, expected in zip(first.compute().rows, whole.rows, strict=True):
+        assert row.value == pytest.approx(expected.value, rel=1e-12)
+
+
+def test_only_what_lies_within_the_window_counts(run: Run) -> None:
+    found = run_metrics(run, (0.25, 0.5))
+    assert found.window == (0.25, 0.5)
+    assert found == run_metrics(run.slice(250, 501))
+    stream = MetricCollection((0.25, 0.5))
+    for first in range(0, 1001, 100):
+        stream.update(run.slice(first, first + 100))
+    assert stream.compute().rms_error == pytest.approx(found.rms_error, rel=1e-12)
+    assert "t = 0.25 s to 0.5 s" in str(found)
+    assert "\n" not in repr(found)
+
+
+def test_a_run_without_samples_has_no_metrics_and_no_error(run: Run) -> None:
+    found = run_metrics(run.slice(0, 0))
+    assert found.window is None
+    assert np.isnan(found.peak_torque)
+    assert np.isnan(found.settling_time)
+    assert found.duration == 0
+
+
+def test_an_unknown_metric_is_named_with_those_there_are(run: Run) -> None:
+    with pytest.raises(AttributeError, match="no metric 'energy': choose one of duration, rms_error"):
+        _ = run_metrics(run).energy
+
+
+# The settling time.
+
+TIME = np.arange(2001) * 0.001
+RING = np.exp(-TIME / 0.1) * np.cos(2 * np.pi * 500 * TIME)
+
+
+def test_settling_of_a_known_signal() -> None:
+    """A ring that falls by e each 0.1 s goes below 1 % of its peak for good after 0.1 · ln 100 = 0.4605 s."""
+    assert settling_time(TIME, RING) == pytest.approx(0.1 * np.log(100), abs=2e-3)
+    assert settling_time(TIME + 7.0, 5 * RING) == pytest.approx(0.1 * np.log(100), abs=2e-3)
+
+
+def test_no_vibration_is_settled_from_the_start() -> None:
+    assert settling_time(TIME, np.zeros(2001)) == 0
+    assert settling_time(TIME, 1e-12 * np.random.default_rng(0).normal(size=2001)) == 0
+
+
+@pytest.mark.parametrize("hertz", [0.5, 1.0, 5.0, 44.4, 400.0])
+def test_what_goes_on_has_not_settled_wherever_it_is_cut(hertz: float) -> None:
+    signal = np.sin(2 * np.pi * hertz * TIME)
+    for stop in range(1200, 2001, 7):
+        assert np.isnan(settling_time(TIME[:stop], signal[:stop])), stop
+
+
+def test_a_ring_that_is_cut_short_has_not_settled() -> None:
+    assert np.isnan(settling_time(TIME[:461], RING[:461]))
+    assert settling_time(TIME[:500], RING[:500]) == settling_time(TIME, RING)
+
+
+def test_settling_told_from_pieces_is_that_of_the_whole() -> None:
+    random = np.random.default_rng(5)
+    time = np.arange(5000) * 0.001
+    signal = np.exp(-3 * time) * np.cos(300 * time) + 0.001 * random.normal(size=len(time))
+    pieces, others = SettlingTime(), SettlingTime()
+    for number, rows in enumerate(random.permutation(np.split(np.arange(len(time)), 50))):
+        (pieces if number % 3 else others).add(time[rows], signal[rows])
+    pieces.merge(others)
+    loud = np.flatnonzero(np.abs(signal) > 0.01 * np.max(np.abs(signal)))
+    assert pieces.compute()[0] == settling_time(time, signal) == time[loud[-1]]
+    assert len(pieces._time) < 500
+
+
+def test_lesson_library_and_python_say_the_same() -> None:
+    damped = simulate(load_preset("vibration-damping"), 1.0)
+    seconds = run_metrics(damped).settling_time
+    verdict = check_lesson("vibration", damped.scenario, damped)
+    assert f"fell to one per cent within {seconds:.2f} s" in verdict.sentence
+
+
+def test_a_lesson_does_not_call_a_ring_settled_that_goes_on() -> None:
+    scenario = load_preset("paper").replace({"payload.damping.coefficient": 0.0})
+    verdict = check_lesson("vibration", scenario, simulate(scenario, 1.0))
+    assert not verdict.done
+    assert "still over one per cent after a second" in verdict.sentence
+
+
+def test_what_has_no_value_is_said_and_sorts_last() -> None:
+    (column,) = SettlingTime.columns
+    assert column.key == "Vibration below 1 % after [s]"
+    texts = [noted_text(column, noted) for noted in ({column.key: 0.4689}, {column.key: None}, {}, {column.key: "x"})]
+    assert texts == ["0.4689", "not settled", "–", "–"]
+    assert noted_value(column, {column.key: 9e9}) < noted_value(column, {column.key: None}) < noted_value(column, {})
+
+
+# One file each.
+
+
+def test_a_metric_is_added_in_one_place(run: Run) -> None:
+    """A registered class: tables, windows, notes and Python have it; a name that is taken is refused."""
+
+    class Lowest(Peak):
+        """How far from the axis the payload's centre comes, m."""
+
+        name, place = "farthest", 25
+        columns = (Column("farthest", "Farthest", "far", "m"),)
+
+        def signal(self, samples: Samples) -> np.ndarray:
+            """y, (N, 1)."""
+            return samples.pose[:, 1:2]
+
+    register(Lowest)
+    try:
+        found = run_metrics(run, (0.0, 0.5))
+        assert found.farthest == run.pose[:501, 1].max()
+        assert [row.title for row in found.rows].index("Farthest") == 7
+        assert "Farthest [m]" in str(found)
+        with pytest.raises(ValueError, match="farthest"):
+            register(Lowest)
+    finally:
+        del METRICS["farthest"]

@@ -8,6 +8,7 @@ import math
 import numbers
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
@@ -46,6 +47,7 @@ def quantity(default: Any = ..., *, title: str, **description: Any) -> Any:
     return Field(default, title=title, json_schema_extra={"quantity": Quantity(title, **description).__dict__})
 
 
+@cache
 def describe(model: type[BaseModel], name: str) -> Quantity:
     """The `Quantity` of field `name` of `model` (a bare one with the field's title if it was declared without)."""
     field = model.model_fields[name]

@@ -97,12 +97,14 @@ def find_velocities(plant, y, ws):
 
 
 @compiled
-def inertia_at(plant, pose, ws):
-    """Fill ws.S with S for a straight beam at a pose (3,); returns a fault code."""
-    code = configure_arms(plant, pose, ws.arm, ws.fault)
-    if code == 0:
-        rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
-    return code
+def inertias_at(plant, poses, ws, found):
+    """Fill found (k, 3, 3) with S for a straight beam at the poses (k, 3) that the arms can take; returns how many."""
+    count = 0
+    for k in range(len(poses)):
+        if configure_arms(plant, poses[k], ws.arm, ws.fault) == 0:
+            rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, found[count])
+            count += 1
+    return count
 
 
 @compiled

@@ -98,7 +98,8 @@ class Scenario(Part):
 
         A changed `kind` (damping, controller) drops the fields that the new kind does not have.
         """
-        data = self.model_dump()
+        # Parts that nothing touches go in as they are: they have been validated, and a slider sends many changes.
+        data = dict(self)
         for path, value in changes.items():
             _set(data, path, value)
         return parse_scenario(data)
@@ -135,8 +136,10 @@ def _set(data: dict[str, Any], path: str, value: Any) -> None:
     *parents, name = path.split(".")
     for parent in parents:
         inner = data.get(parent)
-        if not isinstance(inner, dict):
+        if not isinstance(inner, (Part, dict)):
             raise ScenarioError([(path, f"{path} is not a scenario field here: check the name.")])
+        # A copy, one level deep: what the caller or the old scenario holds stays as it is.
+        inner = data[parent] = dict(inner)
         data = inner
     if name == "kind" and data.get("kind") != value:
         common = set(Controller.model_fields) if "model" in data else set()

@@ -1,5 +1,10 @@
-"""Everything that is derived from a scenario once and then only used: kernel constants, integrator, sampling."""
+"""Everything that is derived from a scenario and then only used: kernel constants, integrator, sampling.
 
+Each part is a pure function of a part of the scenario, so one that is known from before may be taken as it is: a gain costs
+a gain, and live, headless and replayed runs have the same bits whatever they knew.
+"""
+
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -7,48 +12,85 @@ import numpy as np
 from flexlab.physics.strain_gauges import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
-from flexlab.sim.build import Beam, build_beam, build_system
+from flexlab.sim.build import Beam, build_beam, build_control, build_plant, build_trajectory
 from flexlab.sim.closed_loop import System
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.sampled_control import Sampling
-from flexlab.sim.step_size import build_scheme, choose_step, steps_per_tick
+from flexlab.sim.step_size import Rates, build_scheme, choose_step, find_rates, free_beam_rate, steps_per_tick
 
 
 class Assembly(NamedTuple):
     """What is derived from a scenario and a tick period."""
 
+    scenario: Scenario
     beam: Beam
+    free_rate: float
+    """As `step_size.free_beam_rate`, 1/s."""
     system: System
+    rates: Rates
     sampling: Sampling
     scheme: Scheme
+    step: float
+    """Integration step, s."""
     step_count: int
     """Integration steps per tick."""
     integrator: str
 
 
-def build_assembly(scenario: Scenario, tick_period: float) -> Assembly:
-    """Derive everything from a scenario; raises `ScenarioError`."""
+def build_assembly(scenario: Scenario, tick_period: float, known: Sequence[Assembly] = ()) -> Assembly:
+    """Derive everything from a scenario; raises `ScenarioError`. Parts of `known` assemblies are shared where they fit."""
     with one_blas_thread():
-        return _derive(scenario, tick_period)
+        return _derive(scenario, tick_period, known)
 
 
-def _derive(scenario: Scenario, tick_period: float) -> Assembly:
-    beam = build_beam(scenario.payload)
-    system = build_system(scenario, beam)
-    integrator, step = choose_step(scenario, system, beam)
+def _derive(scenario: Scenario, tick_period: float, known: Sequence[Assembly]) -> Assembly:
+    same_beam = [old for old in known if old.scenario.payload == scenario.payload]
+    if same_beam:
+        beam, free_rate = same_beam[0].beam, same_beam[0].free_rate
+    else:
+        beam = build_beam(scenario.payload)
+        free_rate = free_beam_rate(beam)
+    system, rates = _close_loop(scenario, beam, free_rate, same_beam[:1])
+    integrator, step = choose_step(scenario, system, beam, rates)
     count, per_control = steps_per_tick(scenario, tick_period, step)
+    dt = tick_period / count
+    schemes = [old.scheme for old in same_beam if (old.integrator, old.step) == (integrator, dt)]
+    scheme = schemes[0] if schemes else build_scheme(integrator, beam, dt)
+    sampling = _build_sampling(scenario, beam, per_control)
+    return Assembly(scenario, beam, free_rate, system, rates, sampling, scheme, dt, count, integrator)
+
+
+def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequence[Assembly]) -> tuple[System, Rates]:
+    """Plant, law and path, with motors off until a sampled controller first acts; `known`: assemblies of the same beam."""
+    plant = control = trajectory = rates = None
+    for old in known:
+        if old.scenario.trajectory == scenario.trajectory:
+            trajectory = old.system.trajectory
+        if old.scenario.controller == scenario.controller:
+            control = old.system.control
+        if old.scenario.arms == scenario.arms:
+            plant = old.system.plant._replace(gravity=scenario.gravity)
+            rates = old.rates if trajectory is not None else None
+    system = System(
+        plant or build_plant(scenario, beam),
+        control or build_control(scenario, beam),
+        trajectory or build_trajectory(scenario),
+        np.zeros((len(scenario.arms), 3)),
+    )
+    return system, rates or find_rates(beam, system, free_rate)
+
+
+def _build_sampling(scenario: Scenario, beam: Beam, steps_per_period: int) -> Sampling:
     law, noise = scenario.controller, scenario.controller.sensor_noise
-    sampling = Sampling(
+    return Sampling(
         law.control_period or 0.0,
-        max(per_control, 1),
+        max(steps_per_period, 1),
         law.input_delay,
         np.array([*noise.pose, *noise.pose_rate, *noise.moment_rate]),
         gauge_noise(scenario, beam),
         noise.seed,
         np.zeros((law.input_delay + 1, len(scenario.arms), 3)),
     )
-    return Assembly(beam, system, sampling, build_scheme(integrator, beam, tick_period / count), count, integrator)
-
 
 def gauge_noise(scenario: Scenario, beam: Beam) -> np.ndarray:
     """`Sampling.gauge_noise` of a scenario, (2, gauges): σ_ε W / T_c; (2, 0) where nothing is noisy or nothing sampled."""

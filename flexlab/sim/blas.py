@@ -6,6 +6,7 @@ One thread also keeps the bits of a result independent of how many cores the mac
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 from threadpoolctl import ThreadpoolController
@@ -15,13 +16,19 @@ _users = 0
 _limit: Any = None
 
 
+@cache
+def _libraries() -> ThreadpoolController:
+    """The BLAS libraries of this process, looked for once (1 ms), when numpy and scipy have loaded theirs."""
+    return ThreadpoolController()
+
+
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Hold BLAS to one thread until the last of the concurrent users has left."""
     global _users, _limit
     with _lock:
         if _users == 0:
-            _limit = ThreadpoolController().limit(limits=1, user_api="blas")
+            _limit = _libraries().limit(limits=1, user_api="blas")
         _users += 1
     try:
         yield

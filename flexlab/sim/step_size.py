@@ -2,12 +2,13 @@
 
 import math
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
 from flexlab.control.law import COMPUTED_TORQUE, PROPORTIONAL_DERIVATIVE, VIBRATION_DAMPING
 from flexlab.errors import ScenarioError
-from flexlab.physics.dynamics import inertia_at
+from flexlab.physics.dynamics import inertias_at
 from flexlab.physics.plant import make_workspace
 from flexlab.scenario import Scenario
 from flexlab.sim.build import Beam, desired_at
@@ -58,25 +59,39 @@ SMALLEST_COMMON_STEP = 1e-6
 """Shortest step that aligning samples with control instants may force, s."""
 
 
-def inertias(system: System) -> list[np.ndarray]:
-    """S (3, 3) at `POSES_TRIED` desired poses of the first period, as far as the arms can take them."""
+class Rates(NamedTuple):
+    """What bounds the step and no gain changes: inertias on the way, and the beam's rates with arms that give way."""
+
+    S: np.ndarray
+    """The pose's inertia at up to `POSES_TRIED` desired poses, (k, 3, 3)."""
+    beam: float
+    """As `beam_rate`, 1/s."""
+    coupling: float
+    """As `coupling_rate`, 1/s."""
+
+
+def find_rates(beam: Beam, system: System, free_rate: float) -> Rates:
+    """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s."""
+    S = inertias(system)
+    return Rates(S, beam_rate(free_rate, system, S), coupling_rate(beam, S))
+
+
+def inertias(system: System) -> np.ndarray:
+    """S at `POSES_TRIED` desired poses of the first period, as far as the arms can take them, (k, 3, 3)."""
     plant = system.plant
     frequency = max(float(np.max(system.trajectory.frequency)), 1e-3)
     workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
-    found = []
-    for k in range(POSES_TRIED):
-        pose = desired_at(system.trajectory, k / (POSES_TRIED * frequency))[0]
-        if inertia_at(plant, pose, workspace) == 0:
-            found.append(workspace.S.copy())
-    return found
+    poses = np.array([desired_at(system.trajectory, k / (POSES_TRIED * frequency))[0] for k in range(POSES_TRIED)])
+    found = np.zeros((POSES_TRIED, 3, 3))
+    return found[: inertias_at(plant, poses, workspace, found)]
 
 
-def _largest(S: list[np.ndarray], numerator: np.ndarray) -> float:
+def _largest(S: np.ndarray, numerator: np.ndarray) -> float:
     """Largest eigenvalue magnitude of S⁻¹ numerator over all S."""
-    return max((float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(s, numerator))))) for s in S), default=0.0)
+    return float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(S, numerator[None]))), initial=0.0))
 
 
-def control_rate(system: System, S: list[np.ndarray]) -> float:
+def control_rate(system: System, S: np.ndarray) -> float:
     """Fastest rate of the closed loop's rigid part, 1/s: the largest eigenvalue of S⁻¹(damping gain), plus Λ.
 
     Stiffness alone counts with its frequency, vibration gains with the rate at which they take from hᵀq̇ and gᵀq̇.
@@ -92,20 +107,31 @@ def control_rate(system: System, S: list[np.ndarray]) -> float:
     return _largest(S, np.diag(gain)) + extra
 
 
-def beam_rate(beam: Beam, system: System, S: list[np.ndarray]) -> float:
-    """Fastest rate of the beam, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ), raised by the arms' giving way.
+def free_beam_rate(beam: Beam) -> float:
+    """Fastest rate of the beam with its grips held, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ)."""
+    omega, D, starts = beam.modes.omega, beam.modes.D, beam.modes.block_start
+    fastest = 0.0
+    for size in sorted(set(np.diff(starts).tolist())):
+        blocks = starts[:-1][np.diff(starts) == size]
+        L = np.zeros((len(blocks), 2 * size, 2 * size))
+        for block, low in zip(L, blocks, strict=True):
+            own = slice(low, low + size)
+            block[:size, size:], block[size:, :size] = np.diag(omega[own]), -np.diag(omega[own])
+            block[size:, size:] = -D[own, own]
+        fastest = max(fastest, float(np.max(np.abs(np.linalg.eigvals(L)))))
+    return fastest
+
+
+def beam_rate(free_rate: float, system: System, S: np.ndarray) -> float:
+    """Fastest rate of the beam, 1/s: `free_rate`, that of `free_beam_rate`, raised by the arms' giving way.
 
     Grips that give way add C S⁻¹Cᵀ to the inverse mass, and with it at most its largest eigenvalue to ω².
     """
-    omega, D = beam.modes.omega, beam.modes.D
-    n = len(omega)
-    L = np.block([[np.zeros((n, n)), np.diag(omega)], [-np.diag(omega), -D]])
     hh, hg, gg = system.plant.kappa
-    coupling = _largest(S, _in_pose(hh, hg, gg))
-    return float(np.max(np.abs(np.linalg.eigvals(L)))) * math.sqrt(1 + coupling)
+    return free_rate * math.sqrt(1 + _largest(S, _in_pose(hh, hg, gg)))
 
 
-def coupling_rate(beam: Beam, system: System, S: list[np.ndarray]) -> float:
+def coupling_rate(beam: Beam, S: np.ndarray) -> float:
     """Norm of the modes' coupling through grips that give way, 1/s: the largest eigenvalue of S⁻¹(CᵀΩC), C = (h, g)."""
     C = np.stack([beam.modes.V.T @ beam.matrices.h, beam.modes.V.T @ beam.matrices.g])
     (hh, hg), (_, gg) = (C * beam.modes.omega) @ C.T
@@ -117,13 +143,12 @@ def _in_pose(hh: float, hg: float, gg: float) -> np.ndarray:
     return np.array([[hh, 0, hg], [0, hh, hg], [hg, hg, gg]])
 
 
-def choose_step(scenario: Scenario, system: System, beam: Beam) -> tuple[str, float]:
+def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) -> tuple[str, float]:
     """Integrator and longest step, s, that accuracy, stability and the scenario's wishes give.
 
     Raises `ScenarioError` for a wished step that is unstable.
     """
-    simulation, S = scenario.simulation, inertias(system)
-    beam_speed, control_speed = beam_rate(beam, system, S), control_rate(system, S)
+    simulation, beam_speed, control_speed = scenario.simulation, rates.beam, control_rate(system, rates.S)
     integrator = simulation.integrator
     if integrator == "auto":
         # Only a beam so slow that rk4 resolves all its modes saves by not propagating them exactly.
@@ -132,7 +157,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam) -> tuple[str, fl
     stable = STABILITY_LIMIT / beam_speed if integrator == "rk4" else math.inf
     if simulation.step is None:
         ease = (simulation.accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
-        coupling, fades = coupling_rate(beam, system, S), float(np.max(np.diag(beam.modes.D))) / 2 > RINGING_DECAY
+        coupling, fades = rates.coupling, float(np.max(np.diag(beam.modes.D))) / 2 > RINGING_DECAY
         limit = COUPLING_LIMIT if fades else RINGING_LIMIT
         coupled = max(COUPLED_STEP, ease * limit / coupling) if coupling > 0 else math.inf
         if integrator == "rk4":

@@ -3,7 +3,7 @@
 Same scenario and same commands at the same ticks give the same bits, whatever the sizes of the blocks it is advanced by.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -25,7 +25,7 @@ from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.termination import DEFLECTION_LIMIT, pose_fault, runtime_fault
-from flexlab.sim.workspace_check import check_trajectory
+from flexlab.sim.workspace_check import check_trajectory, same_reach
 from flexlab.sim.world_state import WorldState
 
 RESTARTING = ("payload.length", "left_arm", "right_arm", "initial")
@@ -45,14 +45,11 @@ class World:
         self.tick = 0
         self._assembly = build_assembly(self.scenario, tick_period)
         self._y = np.zeros(state_size(len(self._assembly.beam.modes.omega)))
-        self._workspace = self._new_workspace()
+        self._workspace = _workspace_for(self._assembly)
         self.status = Status("running", "Running.")
         fault = self._start()
         if fault is not None:
             self.status = fault
-
-    def _new_workspace(self) -> Workspace:
-        return make_workspace(len(self.scenario.arms), len(self._assembly.beam.modes.omega))
 
     def _start(self) -> Status | None:
         """Set the state at t = 0; returns the fault that forbids it."""
@@ -91,7 +88,7 @@ class World:
     @property
     def step(self) -> float:
         """The integration step in use, s."""
-        return self.tick_period / self._assembly.step_count
+        return self._assembly.step
 
     @property
     def integrator(self) -> str:
@@ -185,25 +182,26 @@ class World:
             first_is_present,
         )
 
-    def apply(self, command: WorldCommand) -> bool:
+    def apply(self, command: WorldCommand, known: Sequence[Assembly] = ()) -> bool:
         """Carry out a command at the present instant; returns whether a new run begins.
 
         It does when the change cannot be taken on in motion (the world starts anew, at t = 0) or when the beam's coordinates
         get another meaning (another mesh or boundary; time goes on). Raises `ScenarioError` (and changes nothing) for values
-        that are not valid or a motion that cannot be reached.
+        that are not valid or a motion that cannot be reached. `known`: assemblies whose parts need no deriving where they fit;
+        the result is the same without them.
         """
         assembly, payload = self._assembly, self.scenario.payload
         if isinstance(command, ChangeScenario):
-            return self._change(command.changes)
+            return self._change(command.changes, known)
         if isinstance(command, Pull):
             apply_pull(assembly.system.plant, self.scenario, assembly.beam, command)
         else:
             apply_tap(payload, assembly.beam, self._y, command)
         return False
 
-    def _change(self, changes: Mapping[str, Any]) -> bool:
+    def _change(self, changes: Mapping[str, Any], known: Sequence[Assembly]) -> bool:
         scenario = _keep_phase(self.scenario, changes, self.time)
-        fault = check_trajectory(scenario)
+        fault = None if same_reach(self.scenario, scenario) else check_trajectory(scenario)
         if fault is not None:
             raise ScenarioError([("trajectory", fault.text)])
         if any(path.startswith(RESTARTING) for path in changes) or len(scenario.arms) != len(self.scenario.arms):
@@ -213,12 +211,30 @@ class World:
             vars(self).update(vars(anew))
             return True
         reshaped = not _same_mesh(self.scenario, scenario)
-        self._carry_over(scenario, build_assembly(scenario, self.tick_period))
+        self._take_on(scenario, build_assembly(scenario, self.tick_period, [*known, self._assembly]))
         return reshaped
 
+    def _take_on(self, scenario: Scenario, assembly: Assembly) -> None:
+        """Go on with a new assembly: coordinates and velocities stay."""
+        old = self._assembly
+        starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
+        held = self.observe().joint_torque[0] if starts_sampling else old.system.held_torque
+        if assembly.beam is old.beam:
+            self._y[ETA + 2 * len(old.beam.modes.omega) :] = np.nan  # as in `_set_motion`
+            self._workspace.desired_time[0] = np.nan
+        else:
+            self._carry_over(scenario, assembly)
+        assembly.system.held_torque[:] = assembly.sampling.line[:] = held
+        if not starts_sampling:
+            kept = min(len(assembly.sampling.line), len(old.sampling.line))
+            assembly.sampling.line[-kept:] = old.sampling.line[-kept:]
+        self.scenario, self._assembly = scenario, assembly
+        if starts_sampling:
+            self._act_at_start()
+
     def _carry_over(self, scenario: Scenario, assembly: Assembly) -> None:
-        """Go on with new assembly: coordinates and velocities stay, momenta follow."""
-        old, plant = self._assembly, self._assembly.system.plant
+        """The motion in another beam's coordinates: momenta follow."""
+        plant = self._assembly.system.plant
         n = plant.modal.shape[1]
         find_velocities(plant, self._y, self._workspace)
         rate, eta_dot = self._workspace.velocity.copy(), self._workspace.eta_dot.copy()
@@ -230,18 +246,9 @@ class World:
         y[:ETA] = self._y[:ETA]
         assembly.system.plant.pull[:] = plant.pull
         set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
-        starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
-        held = self.observe().joint_torque[0] if starts_sampling else old.system.held_torque
-        assembly.system.held_torque[:] = assembly.sampling.line[:] = held
-        if not starts_sampling:
-            kept = min(len(assembly.sampling.line), len(old.sampling.line))
-            assembly.sampling.line[-kept:] = old.sampling.line[-kept:]
-        self.scenario, self._assembly, self._y = scenario, assembly, y
-        self._workspace = self._new_workspace()
+        self._assembly, self._y, self._workspace = assembly, y, _workspace_for(assembly)
         eta, eta_dot = _to_modes(assembly.beam, q), _to_modes(assembly.beam, q_dot)
         self._set_motion(y[:3].copy(), rate, eta, eta_dot)
-        if starts_sampling:
-            self._act_at_start()
 
     def state(self) -> WorldState:
         """A copy of all that changes with time."""
@@ -270,8 +277,12 @@ class World:
         self._assembly.sampling.line[:] = state.torque_line
         self._assembly.system.plant.pull[:] = state.pull
         set_pull_row(self._assembly.system.plant, self.scenario.payload, self._assembly.beam)
-        self._workspace = self._new_workspace()
+        self._workspace = _workspace_for(self._assembly)
         self.status = Status("running", "Running.")
+
+
+def _workspace_for(assembly: Assembly) -> Workspace:
+    return make_workspace(len(assembly.system.plant.arms), len(assembly.beam.modes.omega))
 
 
 def _to_modes(beam: Beam, q: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ Nodal coordinates q are (deflection, slope) per node, left to right, in the fram
 boundary holds at zero are left out.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -66,13 +67,24 @@ def curvature_functions(xi: float, length: float) -> np.ndarray:
     return np.array([12 * xi - 6, length * (6 * xi - 4), 6 - 12 * xi, length * (6 * xi - 2)]) / length**2
 
 
+@cache
 def free_coordinates(element_count: int, boundary: str) -> np.ndarray:
-    """Indices into the 2 (n + 1) nodal coordinates that the boundary leaves free."""
+    """Indices into the 2 (n + 1) nodal coordinates that the boundary leaves free (read-only)."""
     last = 2 * element_count
     left, right = boundary.split("-")
     held = {"pinned": [0], "clamped": [0, 1], "free": []}
     fixed = held[left] + [last + k for k in held[right]]
-    return np.setdiff1d(np.arange(last + 2), fixed)
+    free = np.setdiff1d(np.arange(last + 2), fixed)
+    free.flags.writeable = False
+    return free
+
+
+@cache
+def gauss_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points in [-1, 1] and weights of Gauss quadrature, (count,) each, read-only: an eigenproblem to find."""
+    points, weights = np.polynomial.legendre.leggauss(count)
+    points.flags.writeable = weights.flags.writeable = False
+    return points, weights
 
 
 def shape_row(s: float, length: float, element_count: int, boundary: str, derivative: int = 0) -> np.ndarray:
@@ -89,7 +101,7 @@ def beam_matrices(length: float, rho: float, EI: float, element_count: int, boun
     """Assemble the finite-element integrals (Eqs. 5, 6) for n equal elements, exactly, by Gauss quadrature."""
     n = element_count
     l = length / n  # noqa: E741
-    points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    points, weights = gauss_rule(GAUSS_POINTS)
     xi, weights = (points + 1) / 2, rho * weights * l / 2
     N = np.array([shape_functions(x, l) for x in xi])
     M_element, h_element, first_moment = (N.T * weights) @ N, weights @ N, (weights * xi * l) @ N
@@ -108,7 +120,7 @@ def beam_matrices(length: float, rho: float, EI: float, element_count: int, boun
 def _curvature_rows(length: float, EI: float, n: int) -> np.ndarray:
     """sqrt(EI weight) N'' at the two Gauss points of each element, (2n, 2n + 2): exact, as N'' is linear."""
     l = length / n  # noqa: E741
-    points, weights = np.polynomial.legendre.leggauss(2)
+    points, weights = gauss_rule(2)
     element_rows = np.array([curvature_functions((x + 1) / 2, l) for x in points])
     element_rows *= np.sqrt(EI * weights * l / 2)[:, None]
     rows = np.zeros((2 * n, 2 * n + 2))

@@ -92,6 +92,7 @@ def _build_sampling(scenario: Scenario, beam: Beam, steps_per_period: int) -> Sa
         np.zeros((law.input_delay + 1, len(scenario.arms), 3)),
     )
 
+
 def gauge_noise(scenario: Scenario, beam: Beam) -> np.ndarray:
     """`Sampling.gauge_noise` of a scenario, (2, gauges): σ_ε W / T_c; (2, 0) where nothing is noisy or nothing sampled."""
     law, payload = scenario.controller, scenario.payload

@@ -211,30 +211,12 @@ class World:
             vars(self).update(vars(anew))
             return True
         reshaped = not _same_mesh(self.scenario, scenario)
-        self._take_on(scenario, build_assembly(scenario, self.tick_period, [*known, self._assembly]))
+        self._carry_over(scenario, build_assembly(scenario, self.tick_period, [self._assembly, *known]))
         return reshaped
 
-    def _take_on(self, scenario: Scenario, assembly: Assembly) -> None:
-        """Go on with a new assembly: coordinates and velocities stay."""
-        old = self._assembly
-        starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
-        held = self.observe().joint_torque[0] if starts_sampling else old.system.held_torque
-        if assembly.beam is old.beam:
-            self._y[ETA + 2 * len(old.beam.modes.omega) :] = np.nan  # as in `_set_motion`
-            self._workspace.desired_time[0] = np.nan
-        else:
-            self._carry_over(scenario, assembly)
-        assembly.system.held_torque[:] = assembly.sampling.line[:] = held
-        if not starts_sampling:
-            kept = min(len(assembly.sampling.line), len(old.sampling.line))
-            assembly.sampling.line[-kept:] = old.sampling.line[-kept:]
-        self.scenario, self._assembly = scenario, assembly
-        if starts_sampling:
-            self._act_at_start()
-
     def _carry_over(self, scenario: Scenario, assembly: Assembly) -> None:
-        """The motion in another beam's coordinates: momenta follow."""
-        plant = self._assembly.system.plant
+        """Go on with a new assembly: coordinates and velocities stay, momenta follow."""
+        old, plant = self._assembly, self._assembly.system.plant
         n = plant.modal.shape[1]
         find_velocities(plant, self._y, self._workspace)
         rate, eta_dot = self._workspace.velocity.copy(), self._workspace.eta_dot.copy()
@@ -242,13 +224,25 @@ class World:
         if not _same_mesh(self.scenario, scenario):
             q = project_beam(self.scenario.payload, scenario.payload, assembly.beam.matrices.M_q, q)
             q_dot = project_beam(self.scenario.payload, scenario.payload, assembly.beam.matrices.M_q, q_dot)
-        y = np.zeros(state_size(len(assembly.beam.modes.omega)))
-        y[:ETA] = self._y[:ETA]
-        assembly.system.plant.pull[:] = plant.pull
-        set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
-        self._assembly, self._y, self._workspace = assembly, y, _workspace_for(assembly)
+        starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
+        held = self.observe().joint_torque[0] if starts_sampling else old.system.held_torque
+        assembly.system.held_torque[:] = assembly.sampling.line[:] = held
+        if not starts_sampling:
+            kept = min(len(assembly.sampling.line), len(old.sampling.line))
+            assembly.sampling.line[-kept:] = old.sampling.line[-kept:]
+        self.scenario, self._assembly = scenario, assembly
+        if assembly.beam is not old.beam:
+            assembly.system.plant.pull[:] = plant.pull
+            set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
+            y = np.zeros(state_size(len(assembly.beam.modes.omega)))
+            y[:ETA] = self._y[:ETA]
+            self._y, self._workspace = y, _workspace_for(assembly)
+        self._workspace.desired_time[0] = np.nan
+        # The same arithmetic even where only a gain changed: the first recordings were made with it.
         eta, eta_dot = _to_modes(assembly.beam, q), _to_modes(assembly.beam, q_dot)
-        self._set_motion(y[:3].copy(), rate, eta, eta_dot)
+        self._set_motion(self._y[:3].copy(), rate, eta, eta_dot)
+        if starts_sampling:
+            self._act_at_start()
 
     def state(self) -> WorldState:
         """A copy of all that changes with time."""

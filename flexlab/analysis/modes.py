@@ -1,24 +1,29 @@
-"""Vibration modes of the payload, and poles of the whole closed loop near a pose."""
+"""Vibration modes of the payload, and poles of the whole closed loop about its rest point."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from flexlab.errors import ScenarioError, StudyError
-from flexlab.physics.dynamics import set_momenta
-from flexlab.physics.plant import ETA, P, X, make_workspace, state_size
+from flexlab.analysis.disk_margin import DiskMargin, find_disk_margin
+from flexlab.analysis.linearization import Linearization, linearize_loop
+from flexlab.analysis.loop_poles import NEUTRAL, find_poles
+from flexlab.analysis.loop_probe import LoopProbe
+from flexlab.analysis.pole_table import PoleRow, modes_text, pole_rows
+from flexlab.analysis.rest_point import find_rest
+from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
-from flexlab.sim.build import build_beam, build_system
-from flexlab.sim.closed_loop import rates
+from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.build import build_beam
 from flexlab.sim.termination import pose_fault
 
-DIFFERENCE = 1e-6
-"""Step of the central differences, in units of each coordinate: the laws are smooth, so that 1e-10 of relative error stays."""
+POSE, MEMORY, ON_THEIR_WAY = "pose", "law's memory", "torques on their way"
+"""What a pole can be of, besides the beam's modes."""
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Modes in ascending frequency; n_m modes, n_q nodal coordinates, arrays read-only."""
+    """Modes in ascending frequency; n_m modes, n_q nodal coordinates, arrays read-only. `print` shows a table."""
 
     frequency: np.ndarray
     """Undamped frequencies of the beam with its grips held, Hz, (n_m,)."""
@@ -31,9 +36,23 @@ class Modes:
     angular_participation: np.ndarray
     """Share of the payload's inertia that moves with a mode when the virtual link turns, (n_m,)."""
     pose: np.ndarray
-    """The pose of the linearisation, (3,)."""
+    """Where the loop rests while the pose asked for is held (weight may pull it down), m, m, rad, (3,)."""
     poles: np.ndarray
-    """Poles of arms, beam and control law linearised at `pose`, 1/s, complex, by magnitude, (2 n_m + 6,)."""
+    """Poles of arms, beam and control law about that rest point, 1/s, complex, by magnitude, (poles,).
+
+    2 n_m + 6, and those of the law's memory that moves in the first order. With a control period T_c: of the map over one
+    period, log(z)/T_c, so that frequencies fold at 1/(2 T_c); torques on their way are part of it.
+    """
+    pole_origin: tuple[str, ...]
+    """What each pole is of: "pose", "beam mode 3", "law's memory" or "torques on their way", (poles,)."""
+    control_period: float | None
+    """T_c, s; None: a continuous law."""
+    input_delay: int
+    """Samples by which torques come late."""
+    note: str
+    """What there is to know about the poles, as a sentence; why there are none, if there are none."""
+    linearization: Linearization | None = field(repr=False, compare=False)
+    """What the poles are of; None without a rest point."""
 
     @property
     def pole_frequency(self) -> np.ndarray:
@@ -45,71 +64,104 @@ class Modes:
         """-Re/|pole|: 1 for a decay without oscillation, negative for an unstable pole."""
         return -self.poles.real / np.maximum(np.abs(self.poles), np.finfo(float).tiny)
 
+    @property
+    def growth(self) -> float:
+        """The largest real part of the poles, 1/s: how fast the loop runs away, if positive. NaN without poles."""
+        return float(self.poles.real.max()) if len(self.poles) else float("nan")
+
+    @property
+    def unstable(self) -> bool:
+        """Whether some pole grows by more than `loop_poles.NEUTRAL`."""
+        return bool(np.any(self.poles.real > NEUTRAL))
+
+    @cached_property
+    def disk_margin(self) -> DiskMargin | None:
+        """How much all motors' gain and phase may change; None without poles."""
+        if self.linearization is None:
+            return None
+        with one_blas_thread():
+            return find_disk_margin(self.linearization, self.poles)
+
+    def pole_rows(self, most: int | None = None) -> list[PoleRow]:
+        """One row for each pole or conjugate pair: those that grow first, then by magnitude; `most`: rows at most."""
+        return pole_rows(self.poles, self.pole_origin, most)
+
+    def __str__(self) -> str:
+        return modes_text(self)
+
 
 def modes(scenario: Scenario, pose: tuple[float, float, float] | None = None) -> Modes:
-    """Modes of the payload, and poles of the closed loop at rest at `pose` (None: the trajectory's centre).
+    """Modes of the payload, and poles of the closed loop while `pose` (None: the trajectory's centre) is held.
 
-    The linearisation holds the target at that pose with b̂ = 0 and continuous control. Raises `ScenarioError` for a
-    scenario that is not valid and `StudyError` for a pose that an arm cannot take.
+    The loop is linearised about its rest point, with the law's memory as at its start or, where it moves, as it comes to
+    rest. Without a rest point there are no poles, and `note` says why. Raises `ScenarioError` for a scenario that is not
+    valid and `StudyError` for a pose that an arm cannot take.
     """
-    scenario = scenario.replace({})
-    at = np.array(scenario.trajectory.center if pose is None else pose, dtype=float)
-    if at.shape != (3,) or not np.all(np.isfinite(at)):
-        raise StudyError(f"pose = {pose!r} is not usable: give three numbers, x and y in m and θ in rad.")
-    fault = pose_fault(scenario, at, 0.0, "the pose of the linearisation")
-    if fault is not None:
-        raise StudyError(fault.text)
+    with one_blas_thread():
+        return _modes(scenario.replace({}), pose)
+
+
+def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes:
+    at = check_pose(scenario, pose)
     beam = build_beam(scenario.payload)
     order = np.argsort(beam.modes.omega)
     omega, V = beam.modes.omega[order], beam.modes.V[:, order]
     h, g = V.T @ beam.matrices.h, V.T @ beam.matrices.g
+    try:
+        linear, note = linearize_at(scenario, at), ""
+    except StudyError as error:
+        linear, note = None, str(error)
+    poles = np.zeros(0, dtype=complex)
+    origin: tuple[str, ...] = ()
+    if linear is not None:
+        found = find_poles(linear)
+        rank = np.argsort(order)
+        names = [POSE, *(f"beam mode {rank[k] + 1}" for k in range(len(omega))), MEMORY, ON_THEIR_WAY]
+        poles, origin = found.value, tuple(names[k] for k in np.argmax(found.share, axis=1))
+        note = _drift_note(linear)
     result = Modes(
         frequency=omega / (2 * np.pi),
         damping_ratio=np.diag(beam.modes.D)[order] / (2 * omega),
         shape=V,
         lateral_participation=h**2 / beam.matrices.m,
         angular_participation=g**2 / beam.matrices.I,
-        pose=at,
-        poles=closed_loop_poles(scenario, at),
+        pose=at if linear is None else linear.rest.motion.x.copy(),
+        poles=poles,
+        pole_origin=origin,
+        control_period=scenario.controller.control_period,
+        input_delay=scenario.controller.input_delay,
+        note=note,
+        linearization=linear,
     )
     for array in vars(result).values():
-        array.flags.writeable = False
+        if isinstance(array, np.ndarray):
+            array.flags.writeable = False
     return result
 
 
-def closed_loop_poles(scenario: Scenario, pose: np.ndarray) -> np.ndarray:
-    """Eigenvalues of the closed loop about rest at a pose, 1/s, complex, by magnitude, (2 n_m + 6,)."""
-    still = {
-        "trajectory.center": tuple(pose),
-        "trajectory.amplitude": (0.0, 0.0, 0.0),
-        "controller.control_period": None,
-        "controller.input_delay": 0,
-        "controller.sensor_noise": {},
-        "controller.torque_limit": None,
-    }
+def check_pose(scenario: Scenario, pose: tuple[float, float, float] | None) -> np.ndarray:
+    """The pose to hold, (3,); raises `StudyError` for one that is no pose or that an arm cannot take."""
     try:
-        scenario = scenario.replace(still)
-    except ScenarioError as error:
-        raise StudyError(str(error)) from None
-    beam = build_beam(scenario.payload)
-    system, n = build_system(scenario, beam), len(beam.modes.omega)
-    workspace = make_workspace(len(scenario.arms), n)
-    y = np.zeros(state_size(n))
-    y[X : X + 3] = pose
-    # The beam's own sag under weight, so that the linearisation is about rest.
-    y[ETA : ETA + n] = -scenario.gravity * np.cos(pose[2]) * (beam.modes.V.T @ beam.matrices.h) / beam.modes.omega**2
-    set_momenta(system.plant, y, np.zeros(3), np.zeros(n), workspace)
-    index = np.r_[X : X + 3, P : P + 3, ETA : ETA + 2 * n]
-    # Beam coordinates enter as ωη: their columns then have the size of the others and eigenvalues lose no digits.
-    scale = np.r_[np.ones(6), 1 / beam.modes.omega, np.ones(n)]
-    A = np.empty((len(index), len(index)))
-    upper, lower = np.zeros_like(y), np.zeros_like(y)
-    for column, (at, size) in enumerate(zip(index, scale, strict=True)):
-        for target, sign in ((upper, 1), (lower, -1)):
-            moved = y.copy()
-            moved[at] += sign * DIFFERENCE * size
-            workspace.desired_time[0] = np.nan
-            rates(system, 0.0, moved, workspace, target, True)
-        A[:, column] = (upper[index] - lower[index]) / (2 * DIFFERENCE * scale)
-    poles = np.linalg.eigvals(A)
-    return poles[np.argsort(np.abs(poles), kind="stable")]
+        at = np.array(scenario.trajectory.center if pose is None else pose, dtype=float)
+    except (TypeError, ValueError):
+        at = np.zeros(0)
+    if at.shape != (3,) or not np.all(np.isfinite(at)):
+        raise StudyError(f"pose = {pose!r} is not usable: give three numbers, x and y in m and θ in rad.")
+    fault = pose_fault(scenario, at, 0.0, "the pose of the linearisation")
+    if fault is not None:
+        raise StudyError(fault.text)
+    return at
+
+
+def linearize_at(scenario: Scenario, pose: np.ndarray) -> Linearization:
+    """The loop linearised about where it rests while `pose` (3,) is held; raises `StudyError` if it rests nowhere."""
+    probe = LoopProbe(scenario)
+    return linearize_loop(probe, find_rest(probe, pose))
+
+
+def _drift_note(linear: Linearization) -> str:
+    if not linear.rest.drifting:
+        return ""
+    return (
+        "The law's memory never comes to rest here (its estimates go on growing): poles with its values at the start."
+    )

@@ -55,7 +55,9 @@ class ModeStudy:
     def _compute(self, scenario: Scenario) -> None:
         try:
             with one_blas_thread():
-                self.result, self.problem = modes(scenario), ""
+                result = modes(scenario)
+                _ = result.disk_margin  # worked out here, not by the thread that draws the panel
+                self.result, self.problem = result, ""
         except FlexlabError as error:
             self.problem = str(error)
         except Exception as error:

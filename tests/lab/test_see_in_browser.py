@@ -73,7 +73,7 @@ def test_modes_are_told_and_shown(page: LabPage) -> None:
     page.open_tab("Modes")
     page.wait_for_text("44.60")
     page.wait_for_text("sideways, 81 %")
-    page.wait_for_text("Arms, beam and controller together")
+    page.wait_for_text("Poles of the continuous loop")
     page.choose("Mode", "2")
     page.press("Start in it")
     wait_until(lambda: page.snapshot.run_number > 1, "a new run")

@@ -1,9 +1,13 @@
 """The mode table, and ways to see one mode: slow motion, a run that starts in it, its shape animated."""
 
+import math
+
 import numpy as np
 import viser
 
+from flexlab.analysis.disk_margin import DiskMargin, Margin
 from flexlab.analysis.modes import Modes
+from flexlab.analysis.pole_table import PoleRow, sampling_text
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.mode_computation import ModeStudy, peak_deflection
@@ -14,6 +18,8 @@ from flexlab.sim.commands import SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 
+MOST_POLES = 6
+"""Rows of poles: the growing ones first."""
 MOST_MODES = 8
 """Rows of the table and choices of the menu: higher modes are seen by nobody."""
 SEEN_AT = 2.0
@@ -111,7 +117,11 @@ class ModePanel:
 
 
 def table_html(result: Modes) -> str:
-    """The beam's modes, and the closed loop's poles that oscillate, as tables."""
+    """The beam's modes, the closed loop's poles and its margins, as tables."""
+    return f'<div class="fl">{_beam_html(result)}{_poles_html(result)}{_margin_html(result.disk_margin)}</div>'
+
+
+def _beam_html(result: Modes) -> str:
     rows = []
     for k in range(min(len(result.frequency), MOST_MODES)):
         sideways, turning = 100 * result.lateral_participation[k], 100 * result.angular_participation[k]
@@ -123,17 +133,61 @@ def table_html(result: Modes) -> str:
             moved = f"turning, {turning:.0f} %"
         ratio = number(100 * float(result.damping_ratio[k]), 2)
         rows.append(f"<tr><td>{k + 1}</td><td>{result.frequency[k]:.2f}</td><td>{ratio}</td><td>{moved}</td></tr>")
-    beam = (
+    return (
+        '<div class="fl-title">Beam with its grips held</div>'
         '<table class="fl-table"><tr><th>mode</th><th>f (Hz)</th><th>ζ (%)</th><th>excited by grips moving</th></tr>'
         f"{''.join(rows)}</table>"
     )
-    frequency, ratio = result.pole_frequency, result.pole_damping_ratio
-    swinging = [k for k in range(len(frequency)) if result.poles[k].imag > 0][:4]
-    loop = "".join(f"<tr><td>{frequency[k]:.2f}</td><td>{number(100 * float(ratio[k]), 2)}</td></tr>" for k in swinging)
-    poles = (
-        '<div class="fl-title">Arms, beam and controller together</div>'
-        f'<table class="fl-table"><tr><th>f (Hz)</th><th>ζ (%)</th></tr>{loop}</table>'
-        if loop
-        else ""
+
+
+def _poles_html(result: Modes) -> str:
+    note = f'<div class="fl-line">{escaped(result.note)}</div>' if result.note else ""
+    if not len(result.poles):
+        return f'<div class="fl-title">Arms, beam and controller together</div>{note}'
+    kind = "sampled" if result.control_period is not None else "continuous"
+    sampling = (
+        sampling_text(result.control_period, result.input_delay) if kind == "sampled" else "controller continuous"
     )
-    return f'<div class="fl"><div class="fl-title">Beam with its grips held</div>{beam}{poles}</div>'
+    rows = result.pole_rows()
+    # What grows, then what swings: poles of the pose alone fade without being seen.
+    seen = [row for row in rows if row.verdict == "grows" or row.frequency > 0]
+    cells = "".join(_pole_html(row) for row in seen[:MOST_POLES])
+    alarm = ""
+    if result.unstable:
+        rate = number(result.growth, 3)
+        alarm = f'<div class="fl-box fl-error">Unstable: small motions grow at {rate} 1/s.</div>'
+    return (
+        f'<div class="fl-title">Poles of the {kind} loop</div><div class="fl-dim">{sampling}</div>{alarm}'
+        '<table class="fl-table"><tr><th>f (Hz)</th><th>ζ (%)</th><th>rate (1/s)</th><th>of</th></tr>'
+        f"{cells}</table>{note}"
+    )
+
+
+def _pole_html(row: PoleRow) -> str:
+    frequency = f"{row.frequency:.2f}" if row.frequency else "–"
+    rate, ratio = number(row.rate, 3), number(100 * row.damping_ratio, 2)
+    grows = row.verdict == "grows"
+    mark, rate = (' class="fl-bad"', f"{rate} grows") if grows else ("", rate)
+    return f"<tr{mark}><td>{frequency}</td><td>{ratio}</td><td>{rate}</td><td>{escaped(row.origin)}</td></tr>"
+
+
+def _margin_html(margin: DiskMargin | None) -> str:
+    if margin is None:
+        return ""
+    rows = "".join(
+        f"<tr><td>{who}</td><td>{_margin_text(of)}</td></tr>"
+        for who, of in (("all alike", margin.alike), ("each its own way", margin.each))
+    )
+    return (
+        '<div class="fl-title">How much the motors may deviate</div>'
+        f'<table class="fl-table"><tr><th>motors</th><th>gain and phase together</th></tr>{rows}</table>'
+    )
+
+
+def _margin_text(margin: Margin) -> str:
+    low, high = margin.gain
+    if margin.alpha == 0:
+        return '<span class="fl-bad">none: unstable</span>'
+    if not math.isfinite(high):
+        return "any"
+    return f"× {number(low, 2)} to × {number(high, 2)}, ±{margin.phase:.0f}°"

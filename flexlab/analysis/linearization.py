@@ -1,0 +1,132 @@
+"""A scenario's loop, linearised about its rest point: M p̈ + C ṗ + K p = B τ for the plant, and the law's answer to it.
+
+Coordinates p = (x, η): pose (m, m, rad) and modal coordinates (m·kg^½). At rest all velocity terms are of second order, so
+that mass, damping and stiffness describe the plant exactly; joint torques τ are what a motor holds, and u = 𝒥ᵀτ turns with
+the pose: that part of the stiffness is in K.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlab.analysis.loop_probe import LoopProbe
+from flexlab.analysis.rest_point import RestPoint
+
+POSE_STEP = 1e-4
+"""Step of the differences of fourth order in pose and pose rate (m, rad, m/s, rad/s): 1e-12 of a law's gains is lost."""
+KINK = 0.1
+"""Slope over change common to both sides below which a memory's rate counts as having a kink at rest, and no slope."""
+LAYER_SHARE = 1e-2
+"""Part of a boundary layer that a step may cross: inside, a sliding-mode law is smooth."""
+
+
+class Plant(NamedTuple):
+    """Arms and beam under held joint torques; n = 3 + n_m coordinates."""
+
+    mass: np.ndarray
+    """M, (n, n), symmetric."""
+    damping: np.ndarray
+    """C, (n, n)."""
+    stiffness: np.ndarray
+    """K, (n, n), symmetric."""
+    input: np.ndarray
+    """B = [Σ𝒥ᵀ; 0], joint torques to generalised forces, (n, arms · 3)."""
+
+
+class Law(NamedTuple):
+    """δτ and the memory's change for small changes; rows: joint torques (arms · 3), then memory."""
+
+    motion: np.ndarray
+    """By (x, η, ẋ, η̇), (rows, 2 n)."""
+    memory: np.ndarray
+    """By the law's memory, (rows, memory)."""
+    desired: np.ndarray
+    """By (x_d, ẋ_d, ẍ_d), (rows, 9)."""
+
+
+class Linearization(NamedTuple):
+    """Plant and law about a rest point."""
+
+    probe: LoopProbe
+    rest: RestPoint
+    plant: Plant
+    law: Law
+
+    @property
+    def torque_count(self) -> int:
+        """Motors: arms · 3."""
+        return self.plant.input.shape[1]
+
+    @property
+    def omega(self) -> np.ndarray:
+        """Frequencies of the beam with its grips held, rad/s, (n_m,)."""
+        return self.probe.beam.modes.omega
+
+
+def linearize_loop(probe: LoopProbe, rest: RestPoint) -> Linearization:
+    """Linearise plant and law about a rest point."""
+    return Linearization(probe, rest, _plant(probe, rest), _law(probe, rest))
+
+
+def first_order(plant: Plant) -> tuple[np.ndarray, np.ndarray]:
+    """A (2n, 2n) and B (2n, arms · 3) of the state (x, η, ẋ, η̇)."""
+    n = len(plant.mass)
+    accelerations = np.linalg.solve(plant.mass, np.hstack([-plant.stiffness, -plant.damping, plant.input]))
+    A = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), accelerations[:, : 2 * n]])
+    return A, np.vstack([np.zeros_like(plant.input), accelerations[:, 2 * n :]])
+
+
+def _plant(probe: LoopProbe, rest: RestPoint) -> Plant:
+    n = 3 + probe.mode_count
+    still, idle = probe.momenta(rest.motion), np.zeros_like(rest.torque)
+
+    def force(step: np.ndarray) -> np.ndarray:
+        return probe.forces(rest.motion.moved(step), rest.torque)
+
+    unit = np.eye(2 * n)
+    mass = np.stack([probe.momenta(rest.motion.moved(unit[n + k])) - still for k in range(n)], axis=1)
+    # Forces are linear in the beam's coordinates and in all rates at rest: a unit step differs by no truncation.
+    stiffness = [-_fourth_order(force, unit[k], POSE_STEP) for k in range(3)]
+    stiffness += [-_central(force, unit[k], 1.0) for k in range(3, n)]
+    damping = [-_central(force, unit[n + k], 1.0) for k in range(n)]
+    free = probe.forces(rest.motion, idle)
+    torques = [probe.forces(rest.motion, torque) - free for torque in np.eye(len(rest.torque))]
+    return Plant(mass, np.stack(damping, axis=1), np.stack(stiffness, axis=1), np.stack(torques, axis=1))
+
+
+def _law(probe: LoopProbe, rest: RestPoint) -> Law:
+    n, count = 3 + probe.mode_count, len(rest.memory)
+    size = POSE_STEP
+    layer = getattr(probe.scenario.controller, "boundary_layer", None)
+    if layer is not None:
+        slope = float(np.max(getattr(probe.scenario.controller, "sliding_slope", 1.0)))
+        size = min(size, LAYER_SHARE * layer / (1 + slope))
+
+    def answer(step: np.ndarray) -> np.ndarray:
+        motion, memory, desired = np.split(step, [2 * n, 2 * n + count])
+        asked = rest.desired + desired.reshape(3, 3)
+        return np.concatenate(probe.answer(rest.motion.moved(motion), rest.memory + memory, asked))
+
+    slopes, at_rest = [], answer(np.zeros(2 * n + count + 9))
+    for k, direction in enumerate(np.eye(2 * n + count + 9)):
+        of_beam, of_memory = k < 2 * n and k % n >= 3, 2 * n <= k < 2 * n + count
+        step = 1.0 if of_memory else size
+        slope = (_central if of_beam or of_memory else _fourth_order)(answer, direction, step)
+        kink = (answer(step * direction) + answer(-step * direction) - 2 * at_rest) / (2 * step)
+        # A memory that is driven by a norm, as b̂ is by ‖s‖, moves alike to both sides: it has a kink there and no slope.
+        flat = np.abs(slope) < KINK * np.abs(kink)
+        flat[: len(rest.torque)] = False
+        slopes.append(np.where(flat, 0.0, slope))
+    return Law(*np.split(np.stack(slopes, axis=1), [2 * n, 2 * n + count], axis=1))
+
+
+def _central(function: Callable[[np.ndarray], np.ndarray], direction: np.ndarray, size: float) -> np.ndarray:
+    """Derivative along a unit direction by central differences."""
+    step = size * direction
+    return (function(step) - function(-step)) / (2 * size)
+
+
+def _fourth_order(function: Callable[[np.ndarray], np.ndarray], direction: np.ndarray, size: float) -> np.ndarray:
+    """Derivative along a unit direction by central differences of order 4."""
+    return (4 * _central(function, direction, size) - _central(function, direction, 2 * size)) / 3

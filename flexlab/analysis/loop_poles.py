@@ -1,0 +1,131 @@
+"""Poles of a linearised loop: of the differential equations, or of one control period where the controller is sampled.
+
+A sampled loop is the map from one control instant to the next. Between instants the plant moves by the exact exponential of
+its equations under held joint torques; at an instant the law answers what it measures, and its torques join those on their
+way. An eigenvalue z of that map is the pole log(z)/T_c.
+"""
+
+from typing import NamedTuple, cast
+
+import numpy as np
+from scipy.linalg import eig, expm
+
+from flexlab.analysis.linearization import Linearization, first_order
+
+DEADBEAT = 1e-5
+"""|z| below which what a period leaves is rounding: such poles belong to torques that reach nothing any more."""
+NEUTRAL = 1e-3
+"""Growth, 1/s, below which a pole counts as standing still: less than 4 % in a minute, and above all rounding."""
+
+
+class LoopMap(NamedTuple):
+    """A linear loop over the state (x, Ωη, ẋ, η̇, memory, torques on their way)."""
+
+    matrix: np.ndarray
+    """Of dz/dt (1/s), or of z one control period later."""
+    period: float | None
+    """T_c, s; None: continuous."""
+    kept_memory: np.ndarray
+    """Which of the law's memory states are part of it: those that change in the first order."""
+
+
+class Poles(NamedTuple):
+    """Poles by magnitude."""
+
+    value: np.ndarray
+    """1/s, complex, (poles,)."""
+    share: np.ndarray
+    """How much pose, each beam mode, the law's memory and the torques on their way take part in each, columns in this
+    order, each row adds up to 1, (poles, n_m + 3)."""
+
+
+def beam_scale(linear: Linearization) -> np.ndarray:
+    """Factors on (x, η, ẋ, η̇) that make its parts alike in size: ωη beside η̇, (2 n,)."""
+    n = linear.probe.mode_count
+    return np.concatenate([np.ones(3), linear.omega, np.ones(3 + n)])
+
+
+def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """A and B of the scaled state under generalised forces on the pose (3,): of dz/dt, or over a period of held forces."""
+    A, _ = first_order(linear.plant)
+    n = len(linear.plant.mass)
+    force = np.vstack([np.zeros((n, 3)), np.linalg.solve(linear.plant.mass, np.eye(n)[:, :3])])
+    scale = beam_scale(linear)
+    A, force = A * scale[:, None] / scale, force * scale[:, None]
+    if period is None:
+        return A, force
+    return hold(A, force, period)
+
+
+def hold(A: np.ndarray, B: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """State and input matrix over `period` s of dz/dt = A z + B u with u held, by one matrix exponential."""
+    n, inputs = B.shape
+    whole = np.zeros((n + inputs, n + inputs))
+    whole[:n, :n], whole[:n, n:] = A, B
+    over = expm(period * whole)
+    return over[:n, :n], over[:n, n:]
+
+
+def kept_memory(linear: Linearization) -> np.ndarray:
+    """Indices of memory states that change in the first order; none of a law whose memory never rests.
+
+    b̂ at rest with s = 0 is the known case: ‖s‖ has no slope there, b̂ stays what it is, and its neutral poles are left out.
+    """
+    torques = linear.torque_count
+    rows = np.hstack([linear.law.motion, linear.law.memory])[torques:]
+    if linear.rest.drifting:
+        return np.zeros(0, dtype=int)
+    return np.flatnonzero(np.any(rows != 0, axis=1))
+
+
+def loop_map(linear: Linearization) -> LoopMap:
+    """Plant and law closed into one loop, with the scenario's control period and input delay."""
+    law, torques = linear.law, linear.torque_count
+    controller = linear.probe.original.controller
+    period, kept = controller.control_period, kept_memory(linear)
+    A, B = held_plant(linear, period)
+    # Torques reach the plant as the three forces on the pose; what arms press against one another reaches nothing.
+    to_pose = linear.plant.input[:3]
+    answer = np.hstack([to_pose @ law.motion[:torques] / beam_scale(linear), to_pose @ law.memory[:torques, kept]])
+    rows = torques + kept
+    memory = np.hstack([law.motion[rows] / beam_scale(linear), law.memory[np.ix_(rows, kept)]])
+    states, k = len(A), len(kept)
+    if period is None:
+        matrix = np.vstack([np.hstack([A, np.zeros((states, k))]) + B @ answer, memory])
+        return LoopMap(matrix, None, kept)
+    delay = controller.input_delay
+    matrix = np.zeros((states + k + 3 * delay,) * 2, dtype=answer.dtype)
+    own = states + k
+    matrix[:states, :states] = A
+    matrix[states:own, :own] = memory + np.eye(k, own, states)
+    if delay == 0:
+        matrix[:states, :own] += B @ answer
+        return LoopMap(matrix, period, kept)
+    matrix[:states, own : own + 3] = B
+    matrix[own:-3, own + 3 :] = np.eye(3 * (delay - 1))
+    matrix[-3:, :own] = answer
+    return LoopMap(matrix, period, kept)
+
+
+def find_poles(linear: Linearization) -> Poles:
+    """Poles of the loop; of a sampled one without those whose torques are gone within a period."""
+    loop = loop_map(linear)
+    value, left, right = cast(tuple[np.ndarray, ...], eig(loop.matrix, left=True, right=True))
+    share = _participation(left, right)
+    groups = np.zeros((len(value), linear.probe.mode_count + 3))
+    n = linear.probe.mode_count
+    own = 2 * (3 + n) + len(loop.kept_memory)
+    groups[:, 0] = share[:, :3].sum(axis=1) + share[:, 3 + n : 6 + n].sum(axis=1)
+    groups[:, 1 : 1 + n] = share[:, 3 : 3 + n] + share[:, 6 + n : 6 + 2 * n]
+    groups[:, 1 + n], groups[:, 2 + n] = share[:, 6 + 2 * n : own].sum(axis=1), share[:, own:].sum(axis=1)
+    if loop.period is not None:
+        there = np.abs(value) > DEADBEAT
+        value, groups = np.log(value[there].astype(complex)) / loop.period, groups[there]
+    order = np.argsort(np.abs(value), kind="stable")
+    return Poles(value[order], groups[order])
+
+
+def _participation(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """|l_i r_i| of each eigenvalue (rows) and state, adding up to 1: independent of the states' units."""
+    product = np.abs(left.conj() * right).T
+    return product / np.maximum(product.sum(axis=1, keepdims=True), np.finfo(float).tiny)

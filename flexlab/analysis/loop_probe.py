@@ -1,0 +1,135 @@
+"""The engine's kernels as plain functions of a small displacement: what every linearisation here is made of.
+
+Nothing is derived a second time: masses, forces and the law's answer come from the kernels that the simulation runs.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlab.errors import ScenarioError, StudyError
+from flexlab.physics.dynamics import set_momenta
+from flexlab.physics.plant import ETA, MEMORY, P, X, make_workspace, state_size
+from flexlab.scenario import Scenario
+from flexlab.sim.build import build_beam, build_system
+from flexlab.sim.closed_loop import rates
+from flexlab.sim.sampled_control import Sampling, control_instant
+
+PROBE_PERIOD = 1e-3
+"""Control period, s, of the probed law where the scenario has none: the law's answer at an instant does not depend on it."""
+
+
+class Motion(NamedTuple):
+    """Where the plant is and how it moves; n_m modes."""
+
+    x: np.ndarray
+    """Pose, (3,)."""
+    eta: np.ndarray
+    """Modal coordinates, m·kg^½, (n_m,)."""
+    v: np.ndarray
+    """Pose rate, (3,)."""
+    eta_dot: np.ndarray
+    """(n_m,)."""
+
+    def moved(self, step: np.ndarray) -> "Motion":
+        """Displaced by `step` (2 (3 + n_m),) in the order of the fields."""
+        n = len(self.eta)
+        parts = np.split(step, [3, 3 + n, 6 + n])
+        return Motion(*(old + part for old, part in zip(self, parts, strict=True)))
+
+
+class LoopProbe:
+    """Plant and law of a scenario, to be asked at any motion. Raises `StudyError` where an arm cannot go."""
+
+    def __init__(self, scenario: Scenario):
+        """`scenario`: valid; its noise, limits, delay and path are left out."""
+        self.original = scenario
+        """The scenario as it was given."""
+        period = scenario.controller.control_period
+        still = {
+            "controller.control_period": period or PROBE_PERIOD,
+            "controller.input_delay": 0,
+            "controller.sensor_noise": {},
+            "controller.torque_limit": None,
+        }
+        try:
+            scenario = scenario.replace(still)
+        except ScenarioError as error:
+            raise StudyError(str(error)) from None
+        self.scenario = scenario
+        self.beam = build_beam(scenario.payload)
+        self.system = build_system(scenario, self.beam)
+        self.arm_count, self.mode_count = len(scenario.arms), len(self.beam.modes.omega)
+        self.size = 2 * (3 + self.mode_count)
+        """Length of a displacement of a `Motion`."""
+        # A continuous law's memory moves by its rate: over a period of 1 s, the difference is the rate itself.
+        self._sampling = Sampling(
+            period=period or 1.0,
+            steps=1,
+            delay=0,
+            noise=np.zeros(8),
+            gauge_noise=np.zeros((2, 0)),
+            seed=0,
+            line=np.zeros((1, self.arm_count, 3)),
+        )
+        self._workspace = make_workspace(self.arm_count, self.mode_count)
+        self._y = np.zeros(state_size(self.mode_count))
+        self.start_memory = self._y[MEMORY : MEMORY + 3].copy()
+        """The law's memory at the start of a run, (memory,)."""
+
+    def at_rest(self, pose: np.ndarray) -> Motion:
+        """No motion, straight beam."""
+        nothing = np.zeros(self.mode_count)
+        return Motion(np.array(pose, dtype=float), nothing, np.zeros(3), nothing.copy())
+
+    def momenta(self, motion: Motion) -> np.ndarray:
+        """(P, π) of a motion, (3 + n_m,)."""
+        self._set(motion)
+        n = self.mode_count
+        return np.concatenate([self._y[P : P + 3], self._y[ETA + n : ETA + 2 * n]])
+
+    def forces(self, motion: Motion, torque: np.ndarray) -> np.ndarray:
+        """(Ṗ, π̇) under held joint torques (arms · 3,), N·m; (3 + n_m,)."""
+        self._set(motion)
+        self.system.held_torque[:] = torque.reshape(-1, 3)
+        dy, n = np.zeros_like(self._y), self.mode_count
+        self._check(rates(self.system, 0.0, self._y, self._workspace, dy, True))
+        return np.concatenate([dy[P : P + 3], dy[ETA + n : ETA + 2 * n]])
+
+    def answer(self, motion: Motion, memory: np.ndarray, desired: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Joint torques (arms · 3,) that the law computes at an instant, and what its memory changes by, (memory,).
+
+        `desired`: x_d, ẋ_d, ẍ_d (3, 3). The change is per control period; per second for a continuous law.
+        """
+        self._aim(desired)
+        self._set(motion)
+        own = self._y[MEMORY : MEMORY + len(memory)]
+        own[:] = memory
+        self._check(control_instant(self.system, self._sampling, 0, 0.0, self._y, self._workspace))
+        return self._sampling.line[0].ravel().copy(), own - memory
+
+    def task_inputs(self, motion: Motion) -> np.ndarray:
+        """𝒥ᵀ of all arms: joint torques (arms · 3,) to the arms' inputs u_i (arms · 3,), (arms · 3, arms · 3)."""
+        columns = []
+        for torque in np.eye(3 * self.arm_count):
+            self.forces(motion, torque)
+            columns.append(self._workspace.u.ravel().copy())
+        return np.stack(columns, axis=1)
+
+    def _set(self, motion: Motion) -> None:
+        n = self.mode_count
+        self._y[X : X + 3], self._y[ETA : ETA + n] = motion.x, motion.eta
+        self._check(set_momenta(self.system.plant, self._y, motion.v, motion.eta_dot, self._workspace))
+
+    def _aim(self, desired: np.ndarray) -> None:
+        """Make the path's value, rate and acceleration at t = 0 those of `desired`: a sine of 1 rad/s has all three free."""
+        path, (x, v, a) = self.system.trajectory, desired
+        path.center[:], path.amplitude[:], path.phase[:] = x + a, np.hypot(v, a), np.arctan2(-a, v)
+        path.frequency[:] = 1 / (2 * np.pi)
+
+    def _check(self, code: int) -> None:
+        if code != 0:
+            pose = ", ".join(f"{value:.4g}" for value in self._y[X : X + 3])
+            raise StudyError(
+                f"An arm cannot take the pose ({pose}) m, m, rad: choose one farther inside its workspace."
+            )

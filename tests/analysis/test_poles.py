@@ -1,0 +1,275 @@
+"""Poles against the simulation itself: one control period by differences, growth, and which loops are stable."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.linear import open_loop_matrices
+from threadpoolctl import threadpool_limits
+
+from flexlab.analysis.linearization import Linearization
+from flexlab.analysis.loop_poles import NEUTRAL, find_poles, loop_map
+from flexlab.analysis.modes import Modes, modes
+from flexlab.errors import StudyError
+from flexlab.physics.plant import DISSIPATED, WORK
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+HELD = {"trajectory.amplitude": (0.0, 0.0, 0.0)}
+
+
+def fine(n: int = 8, period: float | None = 1e-3, delay: int = 1, **changes) -> Scenario:
+    """Active damping of an undamped beam of n elements, k_v = 100, that holds its pose."""
+    return load_preset("vibration-damping").replace(
+        {
+            **HELD,
+            "payload.element_count": n,
+            "payload.damping.kind": "modal",
+            "payload.damping.ratio": 0.0,
+            "controller.control_period": period,
+            "controller.input_delay": delay,
+            **changes,
+        }
+    )
+
+
+def start_in(scenario: Scenario, weights: np.ndarray, size: float = 1e-6) -> Scenario:
+    """The scenario begun with a little of each mode."""
+    q = modes(scenario).shape[:, : len(weights)] @ weights
+    return scenario.replace({"initial.beam_coordinates": tuple(size * q), "initial.pose_rate": (0.0, 0.0, 0.0)})
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_blas_thread():
+    """Small matrices: idle BLAS threads would spin on the cores of other tests."""
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
+def linear_of(found: Modes) -> Linearization:
+    assert found.linearization is not None
+    return found.linearization
+
+
+def test_delayed_rate_feedback_feeds_the_third_mode():
+    """The case that a continuous analysis calls stable: the 400 Hz mode grows, as fast as the simulation shows."""
+    scenario = fine()
+    found = modes(scenario)
+    row = found.pole_rows()[0]
+    assert row.origin == "beam mode 3"
+    assert row.frequency == pytest.approx(401, abs=1)
+    assert row.rate == found.growth == pytest.approx(2.65, rel=0.05)
+    assert found.unstable
+    run = simulate(start_in(scenario, np.array([0.0, 0.0, 1.0])), 1.5)
+    energy = run.kinetic_energy + run.elastic_energy
+    measured = np.polyfit(run.time[500:], np.log(energy[500:]), 1)[0] / 2
+    assert measured == pytest.approx(found.growth, rel=0.005)
+    continuous = modes(fine(period=None, delay=0))
+    assert not continuous.unstable
+    assert np.abs(continuous.poles.real + 4.80).min() < 0.01
+
+
+APART = (30.0, 45.0, 70.0)
+"""Slopes that keep the poles apart: a repeated one would be known to half the digits only."""
+GAINS = {"controller.position_gain": (900.0, 1600.0, 2500.0), "controller.velocity_gain": (60.0, 90.0, 130.0)}
+POSE_STEP, MOMENTUM_STEP, TORQUE_STEP = 1e-6, 1e-4, 1e-2
+"""m, kg·m/s and N·m: what each does within a period is of one size."""
+LOOPS = [
+    ("vibration-damping", 0, {"controller.sliding_slope": APART}),
+    ("vibration-damping", 1, {"controller.sliding_slope": APART}),
+    ("pd", 0, {"gravity": 9.81, "controller.model.linear_density_factor": 0.4}),
+    ("computed-torque", 3, {"gravity": 9.81, "controller.model.linear_density_factor": 1.7, **GAINS}),
+    ("none", 2, {}),
+]
+
+
+@pytest.mark.parametrize(("law", "delay", "changes"), LOOPS)
+def test_the_map_is_one_simulated_period(law: str, delay: int, changes: dict):
+    """Eigenvalues of the simulation of one control period, differenced in all of its states, are those of the map."""
+    scenario = load_preset("vibration-damping").replace(
+        {**HELD, "trajectory.center": (0.1, 0.7, 0.2), "controller.kind": law, **changes}
+        | {"controller.control_period": 2e-3, "controller.input_delay": delay, "simulation.step": 1e-5}
+    )
+    found = modes(scenario)
+    rest = linear_of(found).rest
+    world = World(scenario.replace({"initial.pose": tuple(rest.motion.x)}), 2e-3)
+    state, n = world.state(), len(rest.motion.eta)
+    y = state.y.copy()
+    first = len(y) - (3 * n + 3)
+    y[first : first + n] = rest.motion.eta
+    line = np.broadcast_to(rest.torque.reshape(-1, 3), state.torque_line.shape).copy()
+    index = np.r_[0:6, first : first + 2 * n]
+    assert first > max(WORK, DISSIPATED)
+
+    def advanced(step: np.ndarray) -> np.ndarray:
+        moved, torques = y.copy(), line + TORQUE_STEP * step[len(index) :].reshape(line.shape)
+        moved[index] += size * step[: len(index)]
+        world.restore(replace(state, y=moved, torque_line=torques, held_torque=torques[0].copy()))
+        world.advance(1)
+        after = world.state()
+        return np.concatenate([after.y[index] / size, after.torque_line.ravel() / TORQUE_STEP])
+
+    size = np.repeat([POSE_STEP, MOMENTUM_STEP, POSE_STEP, MOMENTUM_STEP], [3, 3, n, n])
+    unit = np.eye(len(index) + line.size)
+    still = advanced(np.zeros(len(unit)))[: len(index)] * size
+    assert np.abs(still - y[index]).max() < 1e-9
+    simulated = np.linalg.eigvals(np.stack([(advanced(e) - advanced(-e)) / 2 for e in unit], axis=1))
+    own = np.linalg.eigvals(loop_map(linear_of(found)).matrix)
+    for z in own[np.abs(own) > 0.05]:
+        assert np.abs(simulated - z).min() < (2e-4 if law == "none" else 1e-6)
+    for z in simulated[np.abs(simulated) > 0.05]:
+        assert np.abs(own - z).min() < (2e-4 if law == "none" else 1e-6)
+
+
+def random_cell(seed: int) -> Scenario:
+    """Gain, period, delay, damping and mesh at random, begun with a little of every mode."""
+    rng = np.random.default_rng(seed)
+    scenario = fine(
+        n=int(rng.integers(2, 13)),
+        period=float(rng.choice([2.5e-4, 5e-4, 1e-3, 2e-3, 4e-3])),
+        delay=int(rng.integers(0, 4)),
+        **{
+            "payload.damping.ratio": float(rng.choice([0.0005, 0.002, 0.005, 0.02])),
+            "controller.lateral_vibration_gain": float(10 ** rng.uniform(0.5, 2.5)),
+            "controller.angular_vibration_gain": float(rng.choice([0.0, 10 ** rng.uniform(2, 3.5)])),
+            "controller.feedback_gain": float(10 ** rng.uniform(1.5, 3.3)),
+        },
+    )
+    return start_in(scenario, rng.normal(size=4), 1e-7)
+
+
+def grows(scenario: Scenario, growth: float) -> bool:
+    """Whether the simulation does, over the time that a rate of this size takes to show."""
+    duration = min(40.0, 0.3 + 5 / abs(growth))
+    run = simulate(scenario, duration)
+    if run.status.failed:
+        return True
+    energy = run.kinetic_energy + run.elastic_energy
+    half, part = len(energy) // 2, max(len(energy) // 10, 1)
+    return bool(energy[-part:].mean() > energy[half - part : half].mean())
+
+
+@pytest.mark.parametrize("seed", [1, 4, 6, 10, 13, 16])
+def test_random_loops_are_stable_or_not_as_simulated(seed: int):
+    scenario = random_cell(seed)
+    found = modes(scenario)
+    assert grows(scenario, found.growth) == found.unstable, str(found)
+
+
+def test_a_wrong_mass_moves_the_rest_point_to_where_the_simulation_comes_to_rest():
+    scenario = load_preset("gravity").replace(
+        {**HELD, "controller.kind": "pd", "controller.model.linear_density_factor": 0.3}
+    )
+    found = modes(scenario)
+    assert 1e-4 < scenario.trajectory.center[1] - found.pose[1] < 1e-2
+    np.testing.assert_allclose(simulate(scenario, 5.0).pose[-1], found.pose, rtol=0, atol=1e-9)
+
+
+def test_estimates_that_grow_for_ever_are_named():
+    """Under weight and with a wrong mass b̂ never rests: the poles are those of the law as it starts."""
+    scenario = load_preset("gravity").replace({"controller.model.linear_density_factor": 0.5})
+    found = modes(scenario)
+    assert "never comes to rest" in found.note
+    assert not found.unstable
+    assert len(found.poles) == 2 * len(found.frequency) + 6
+
+
+def test_no_rest_point_is_said():
+    """Without motors nothing holds the weight: modes of the beam, no poles, and why."""
+    found = modes(load_preset("gravity").replace({"controller.kind": "none"}))
+    assert len(found.frequency) == 4
+    assert len(found.poles) == 0
+    assert not found.unstable
+    assert "no rest point" in found.note
+    assert found.note in str(found)
+    assert found.disk_margin is None
+
+
+def test_limits_and_noise_leave_the_poles_alone():
+    plain, rough = (
+        modes(fine(2, **more))
+        for more in ({}, {"controller.torque_limit": (1.0, 1.0, 1.0), "controller.sensor_noise.pose": (0.1, 0.1, 0.1)})
+    )
+    np.testing.assert_array_equal(plain.poles, rough.poles)
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_poles_are_those_of_an_independent_linearisation(gravity: float):
+    """Masses, forces and torques from positions of points (`reference.linear`); the law by hand: u = Ḡ - P e - D ė."""
+    scenario = load_preset("gravity").replace(
+        {**HELD, "trajectory.center": (0.05, 0.7, 0.1), "gravity": gravity}
+        | {"controller.kind": "pd", "payload.element_count": 3, "payload.damping.coefficient": 0.02}
+    )
+    found = modes(scenario)
+    law, rest = scenario.controller, linear_of(found).rest
+    q = linear_of(found).probe.beam.modes.V @ rest.motion.eta
+    M, C, K, weight_slope = open_loop_matrices(scenario, np.concatenate([rest.motion.x, q]))
+    # The law carries the arms' weight at every pose; held torques would not: its slope stands in for theirs.
+    K[:3, :3] += np.diag(np.full(3, law.position_gain)) - weight_slope
+    C[:3, :3] += np.diag(np.full(3, law.velocity_gain))
+    n = len(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [np.linalg.solve(M, -K), np.linalg.solve(M, -C)]])
+    expected = np.linalg.eigvals(A)
+    assert len(expected) == len(found.poles)
+    for pole in found.poles:
+        assert np.abs(expected - pole).min() < 1e-6 * abs(pole)
+
+
+def test_print_is_a_table():
+    text = str(modes(fine()))
+    assert "Poles of the sampled loop, sampled at 1 ms, torques 1 sample late" in text
+    assert "GROWS   beam mode 3" in text
+    assert "UNSTABLE: small motions grow at 2.65 1/s." in text
+    assert "44.43" in text
+    quiet = str(modes(load_preset("paper")))
+    assert "Poles of the continuous loop" in quiet
+    assert "GROWS" not in quiet
+    assert "45.54" in quiet
+
+
+@pytest.mark.parametrize("pose", [(0.0, 9.0, 0.0), (0.0, float("nan"), 0.0), (1.0, 2.0), "up"])
+def test_poses_out_of_reach_are_refused_in_a_sentence(pose):
+    with pytest.raises(StudyError, match=r"reach|three numbers"):
+        modes(load_preset("paper"), pose)
+
+
+def test_motors_within_the_disk_margin_keep_the_loop_stable():
+    """Every motor's gain anywhere within its range; one factor for all, complex, right up to the margin and not beyond."""
+    found = modes(load_preset("paper").replace({"controller.control_period": 2e-3, "controller.input_delay": 1}))
+    linear, margin = linear_of(found), found.disk_margin
+    assert margin is not None
+
+    def worst(factors: np.ndarray) -> float:
+        motion, memory = linear.law.motion.astype(complex), linear.law.memory.astype(complex)
+        count = linear.torque_count
+        motion[:count] *= factors[:, None]
+        memory[:count] *= factors[:, None]
+        changed = linear._replace(law=linear.law._replace(motion=motion, memory=memory))
+        return float(np.abs(np.linalg.eigvals(loop_map(changed).matrix)).max())
+
+    rng = np.random.default_rng(3)
+    low, high = margin.each.gain
+    assert all(worst(rng.choice([low, high], linear.torque_count)) < 1 for _ in range(40))
+    sizes = []
+    for share in (0.99, 1.02):
+        turns = share * margin.alike.alpha * np.exp(1j * np.linspace(0, 2 * np.pi, 90))
+        sizes.append(max(worst(np.full(linear.torque_count, (1 + d / 2) / (1 - d / 2))) for d in turns))
+    assert sizes[0] < 1 < sizes[1]
+
+
+def test_an_unstable_loop_has_no_margin():
+    margin = modes(fine()).disk_margin
+    assert margin is not None
+    assert margin.alike.alpha == margin.each.alpha == 0
+
+
+def test_free_arms_stand_still_and_take_any_gain():
+    """Motors off: the pose's six poles are neutral, no factor on a torque of nothing matters."""
+    found = modes(load_preset("paper").replace({"controller.kind": "none"}))
+    assert np.sum(np.abs(found.poles) < NEUTRAL) == 6
+    assert find_poles(linear_of(found)).value.shape == found.poles.shape
+    assert not found.unstable
+    assert found.disk_margin is not None
+    assert found.disk_margin.each.alpha == pytest.approx(2)

@@ -1,0 +1,56 @@
+"""The mode table says which loop its poles are of, marks what grows, and shows the margins."""
+
+import re
+
+import pytest
+
+from flexlab.analysis.modes import modes
+from flexlab.lab.mode_computation import ModeStudy
+from flexlab.lab.panel.mode_table import MOST_POLES, table_html
+from flexlab.presets import load_preset
+
+SAMPLED = {
+    "payload.element_count": 8,
+    "payload.damping.kind": "modal",
+    "payload.damping.ratio": 0.0,
+    "controller.control_period": 1e-3,
+    "controller.input_delay": 1,
+}
+
+
+def test_unstable_poles_are_marked_in_words_and_colour():
+    text = table_html(modes(load_preset("vibration-damping").replace(SAMPLED)))
+    assert "Poles of the sampled loop" in text
+    assert "sampled at 1 ms, torques 1 sample late" in text
+    assert "Unstable: small motions grow at 2.65 1/s." in text
+    assert re.search(r'<tr class="fl-bad"><td>400.99</td><td>−0.11</td><td>2.65 grows</td><td>beam mode 3</td>', text)
+    assert "none: unstable" in text
+    assert len(re.findall(r"<tr", text.split("Poles of")[1].split("</table>")[0])) == 1 + MOST_POLES
+
+
+def test_a_stable_loop_shows_its_margins():
+    text = table_html(modes(load_preset("paper")))
+    assert "Poles of the continuous loop" in text
+    assert "grows" not in text
+    assert "45.54" in text
+    assert re.search(r"all alike</td><td>× 0.\d+ to × \d\.\d, ±\d+°", text)
+
+
+def test_a_loop_without_rest_point_says_so_and_keeps_the_beams_modes():
+    text = table_html(modes(load_preset("gravity").replace({"controller.kind": "none"})))
+    assert "no rest point" in text
+    assert "Beam with its grips held" in text
+
+
+@pytest.mark.parametrize("change", [{"controller.control_period": 2e-3}, {"gravity": 5.0}])
+def test_the_study_follows_the_scenario(change: dict):
+    study, scenario = ModeStudy(), load_preset("paper")
+    study.ask(scenario)
+    study.stop()
+    before = study.result
+    study.ask(scenario.replace(change))
+    study.stop()
+    assert study.problem == ""
+    assert study.result is not before
+    assert study.result is not None
+    assert study.result.disk_margin is not None

@@ -135,6 +135,12 @@ def set_momenta(plant, y, velocity, eta_dot, ws):
 
 
 @inlined
+def beam_is_held(plant):
+    """Whether a hand pulls at the beam itself."""
+    return plant.pull[3] != 0 and plant.pull[HELD_ARM] < 0
+
+
+@inlined
 def pull_force(plant, y, c, s):
     """Force (x, y), N, of the spring at the beam, and the deflection w(s) of the pulled point, m."""
     n = plant.modal.shape[1]
@@ -175,7 +181,8 @@ def pull_on_link(plant, terms, y, c, s, force):
 def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     """Fill ẋ, Ṗ, η̇, π̇ and the powers of dy, after `find_velocities`, C̄_i and the inputs u (arms, 3) are known.
 
-    `whole`: the complete derivative. Otherwise without the beam's linear part, (η̇, π̇) - (π, -Ω²η - Dπ).
+    `whole`: the complete derivative. Otherwise without the beam's linear part, (η̇, π̇) - (π, -Ω²η - Dπ), and without the
+    loss, unless a hand holds the beam: along the linear flow it has a closed form.
     """
     n = plant.modal.shape[1]
     c, s = ws.arm.trig[0], ws.arm.trig[1]
@@ -194,11 +201,12 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     dy[P + 1] -= plant.m * g
     dy[P + 2] += g * s * w_bar - w * w_bar * v2 - w_bar_rate * v1
 
-    damping_force(plant, ws.eta_dot, ws.damping_force)
     lift = w * v1 + g * c
     dissipation = 0.0
-    for k in range(n):
-        dissipation += ws.eta_dot[k] * ws.damping_force[k]
+    if whole or beam_is_held(plant):
+        damping_force(plant, ws.eta_dot, ws.damping_force)
+        for k in range(n):
+            dissipation += ws.eta_dot[k] * ws.damping_force[k]
     if whole:
         for k in range(n):
             dy[ETA + k] = ws.eta_dot[k]
@@ -230,16 +238,17 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
 
 
 @inlined
-def acceleration(plant, y, w_bar, w_bar_rate, u, ws, result):
+def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
     """ẍ (3,) from Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`.
 
-    Leaves in ws.restoring what gives η̈ = -restoring - A21 ẍ, and in ws.hand what a hand on a link does.
+    `beam_rate` (n_m,): the η̇ that damping acts on. Leaves in ws.restoring what gives η̈ = -restoring - A21 ẍ, and in ws.hand
+    what a hand on a link does.
     """
     n = plant.modal.shape[1]
     c, s = ws.arm.trig[0], ws.arm.trig[1]
     v, g = ws.velocity, plant.gravity
     w = v[2]
-    damping_force(plant, ws.eta_dot, ws.damping_force)
+    damping_force(plant, beam_rate, ws.damping_force)
     f1 = f2 = pull_turn = 0.0
     for i in range(len(u)):
         for a in range(3):

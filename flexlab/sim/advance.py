@@ -1,9 +1,13 @@
 """The engine's inner loop: whole ticks of equal steps, one sample row per tick, no allocation, no global lock."""
 
+import numpy as np
+
 from flexlab.compiled import compiled, inlined
 from flexlab.physics.arm import NOT_A_NUMBER
 from flexlab.physics.plant import BEND, DISSIPATED, ETA
 from flexlab.sim.closed_loop import rates
+from flexlab.sim.integrators.beam_flow import end_flow, meet_acceleration
+from flexlab.sim.integrators.etdrk4 import FREE
 from flexlab.sim.integrators.scheme import ETDRK4
 from flexlab.sim.integrators.step import integrate
 from flexlab.sim.outputs import write_sample
@@ -48,13 +52,21 @@ def advance(
     dt = tick_period / step_count
     row = 0 if first_is_present else -1
     done = j = 0
+    n = system.plant.modal.shape[1]
+    true_rate = y[ETA + 2 * n + 3 :]
+    flows, stepped = scheme.kind == ETDRK4 and scheme.flow.shape[1] > 0, False
     while True:
         start = (tick + done) * tick_period
         t = start + j * dt
         code = rates(system, t, y, ws, ws.stage[0], scheme.kind != ETDRK4)
+        if code == 0 and flows and stepped:
+            end_flow(system.plant, scheme.flow, dt, ws.stage[FREE], y, ws)
+            if j == 0:
+                meet_acceleration(system.plant, scheme.flow, y, ws)
         if j == 0:
             if code == 0 and row >= 0:
-                write_sample(system, t, y, ws, rows[row])
+                known = flows and np.isfinite(true_rate[0])
+                write_sample(system, t, y, true_rate if known else ws.eta_dot, ws, rows[row])
                 if done > 0 and not largest_deflection(system.plant, y) < deflection_limit:
                     code = BENT
             if code != 0 and done > 0:
@@ -66,6 +78,7 @@ def advance(
                 return done, code
             for i in range(len(y)):
                 good[i] = y[i]
+        stepped = True
         if code == 0:
             code = integrate(system, scheme, t, dt, y, ws)
         if code == 0 and diverged(y):

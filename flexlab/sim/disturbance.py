@@ -77,3 +77,4 @@ def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None
     y[P : P + 2] += command.impulse
     y[P + 2] += command.beam_position * across - deflection * along
     y[ETA + n : ETA + 2 * n] += shape * across
+    y[ETA + 2 * n :] = np.nan  # what integrators noted of rates and accelerations holds no longer

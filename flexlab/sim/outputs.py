@@ -36,12 +36,12 @@ AT_LIMIT = 1e-9
 
 
 @inlined
-def write_sample(system, t, y, ws, row):
-    """Write the sample of state y at time t into `row`, after `rates` at the same instant."""
+def write_sample(system, t, y, beam_rate, ws, row):
+    """Write the sample of state y at time t into `row`, after `rates` at the same instant; beam_rate (n_m,): η̇."""
     plant = system.plant
     c, s = ws.arm.trig[0], ws.arm.trig[1]
     x_ddot = row[ACCELERATION : ACCELERATION + 3]
-    acceleration(plant, y, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
+    acceleration(plant, y, beam_rate, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
     row[TIME] = t
     sliding_variable(system.control.adaptive.Lambda, y[0:3], ws.velocity, ws.desired, row[SLIDING : SLIDING + 3])
     for a in range(3):
@@ -58,7 +58,7 @@ def write_sample(system, t, y, ws, row):
             force[i, 2, a] = ws.u[i, a]
             if abs(force[i, 1, a]) >= (1 - AT_LIMIT) * system.control.torque_limit[a]:
                 row[SATURATED] = 1.0
-    _observe_beam(plant, y, ws, row)
+    _observe_beam(plant, y, beam_rate, row)
     lateral = c * x_ddot[1] - s * x_ddot[0] + plant.gravity * c
     row[QUASI_STATIC] = plant.compliance[0] * lateral + plant.compliance[1] * x_ddot[2]
     row[KINETIC] = kinetic_energy(y, ws.velocity, ws.eta_dot)
@@ -68,7 +68,7 @@ def write_sample(system, t, y, ws, row):
 
 
 @inlined
-def _observe_beam(plant, y, ws, row):
+def _observe_beam(plant, y, beam_rate, row):
     """Write q, q̇ and the mid-span deflection."""
     n_q, n = plant.V.shape
     first = ARMS + PER_ARM * len(plant.arms)
@@ -76,7 +76,7 @@ def _observe_beam(plant, y, ws, row):
         q = rate = 0.0
         for k in range(n):
             q += plant.V[j, k] * y[ETA + k]
-            rate += plant.V[j, k] * ws.eta_dot[k]
+            rate += plant.V[j, k] * beam_rate[k]
         row[first + j], row[first + n_q + j] = q, rate
     middle = 0.0
     for k in range(n):

@@ -13,6 +13,7 @@ from flexlab.physics.plant import make_workspace
 from flexlab.scenario import Scenario
 from flexlab.sim.build import Beam, desired_at
 from flexlab.sim.closed_loop import System
+from flexlab.sim.integrators.beam_flow import ROWS
 from flexlab.sim.integrators.etdrk4 import beam_operators
 from flexlab.sim.integrators.generalized_alpha import effective_inverse
 from flexlab.sim.integrators.rk4 import STABILITY_LIMIT
@@ -215,10 +216,11 @@ def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple
 def build_scheme(integrator: str, beam: Beam, dt: float) -> Scheme:
     """The integrator's constants for step dt."""
     modes = beam.modes
-    operators, inverse, coupling = np.zeros((5, 0)), np.zeros((0, 0)), np.zeros((2, 0))
+    operators, inverse, coupling, flow = np.zeros((5, 0)), np.zeros((0, 0)), np.zeros((2, 0)), np.zeros((ROWS, 0))
+    loads = np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g])
     if integrator == "etdrk4":
-        operators = beam_operators(modes.omega, modes.D, modes.block_start, dt)
+        operators, flow = beam_operators(modes.omega, modes.D, modes.block_start, loads, dt)
     elif integrator == "generalized-alpha":
         inverse = effective_inverse(modes.omega, modes.D, modes.block_start, dt)
-        coupling = np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g]) @ inverse
-    return Scheme(NAMES[integrator], operators, inverse, coupling)
+        coupling = loads @ inverse
+    return Scheme(NAMES[integrator], operators, inverse, coupling, flow)

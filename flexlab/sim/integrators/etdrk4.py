@@ -17,9 +17,13 @@ import numpy as np
 from flexlab.compiled import inlined, inlined_sums
 from flexlab.physics.plant import ETA
 from flexlab.sim.closed_loop import rates
+from flexlab.sim.integrators.beam_flow import MIDDLE, begin_flow, flow_rows, note_grips
 
 HALF_EXP, HALF_PHI1, HALF_PHI2, PHI2, PHI3 = range(5)
 """e^{hL/2}, ½h φ1(½hL), h φ2(½hL), h φ2(hL), h φ3(hL): rows of `Scheme.operators`."""
+
+FREE = 7
+"""Row of `Workspace.stage` that after a step holds e^{hL} y + h φ1(hL) N1: the beam had nothing changed for it."""
 
 TAYLOR_TERMS = 18
 """Enough for φ functions to double precision where the norm is at most 1/2."""
@@ -63,22 +67,29 @@ def _factorial(k: int) -> float:
     return float(np.prod(np.arange(1, k + 1, dtype=float)))
 
 
-def beam_operators(omega: np.ndarray, damping: np.ndarray, block_start: np.ndarray, dt: float) -> np.ndarray:
-    """The matrix functions of the beam's linear part for step dt, in the layout of `Scheme.operators`."""
-    pieces = []
+def beam_operators(
+    omega: np.ndarray, damping: np.ndarray, block_start: np.ndarray, loads: np.ndarray, dt: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix functions of the beam's linear part for step dt, as `Scheme.operators`, and `Scheme.flow`.
+
+    loads: Vᵀh and Vᵀg, (2, n_m).
+    """
+    pieces, flows = [], []
     for low, high in zip(block_start[:-1], block_start[1:], strict=True):
-        own = omega[low:high]
+        own, D = omega[low:high], damping[low:high, low:high]
         k = len(own)
         # In (ωη, π) the undamped part is skew: its powers keep their size and the doubling loses no digits.
         L = np.zeros((2 * k, 2 * k))
-        L[:k, k:], L[k:, :k], L[k:, k:] = np.diag(own), -np.diag(own), -damping[low:high, low:high]
+        L[:k, k:], L[k:, :k], L[k:, k:] = np.diag(own), -np.diag(own), -D
         scale = np.concatenate([own, np.ones(k)])
         half = phi_functions(L * (dt / 2))
         exp_half, phi1_half, phi2_half, _ = half
-        _, _, phi2, phi3 = doubled(*half)
-        functions = (exp_half, dt / 2 * phi1_half, dt * phi2_half, dt * phi2, dt * phi3)
+        full = doubled(*half)
+        functions = (exp_half, dt / 2 * phi1_half, dt * phi2_half, dt * full[2], dt * full[3])
         pieces.append(np.stack([(F * scale / scale[:, None]).ravel() for F in functions]))
-    return np.ascontiguousarray(np.concatenate(pieces, axis=1))
+        flows.append(flow_rows(own, D, loads[:, low:high], full, dt))
+    flow = np.concatenate(flows, axis=1) if np.any(damping) else np.zeros((len(flows[0]), 0))
+    return np.ascontiguousarray(np.concatenate(pieces, axis=1)), np.ascontiguousarray(flow)
 
 
 @inlined_sums
@@ -104,11 +115,11 @@ def add_product(block_start, n, operator, z, out):
 def next_stage(starts, n, operators, stage, dt, y, ws):
     """From N1..N(stage + 1) in ws.stage, the next stage's state in ws.stage[5], or after the last one the new y.
 
-    ws.stage[4] keeps a, ws.stage[7] keeps e^{hL} y + h φ1(hL) N1.
+    ws.stage[4] keeps a, ws.stage[FREE] e^{hL} y + h φ1(hL) N1.
     """
     end = ETA + 2 * n
     N1, N2, N3, N4 = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3]
-    a, z, d, whole = ws.stage[4], ws.stage[5], ws.stage[6], ws.stage[7]
+    a, z, d, whole = ws.stage[4], ws.stage[5], ws.stage[6], ws.stage[FREE]
     if stage == 0:
         for i in range(ETA, end):
             whole[i] = 0.0
@@ -148,12 +159,18 @@ def next_stage(starts, n, operators, stage, dt, y, ws):
 
 @inlined
 def etdrk4_step(system, operators, t, dt, y, ws):
-    """Advance y by dt in place, after its rates are in ws.stage[0]; returns a fault code."""
+    """Advance y by dt in place, after its rates are in ws.stage[0]; returns a fault code.
+
+    What `beam_flow.end_flow` needs stays in the workspace.
+    """
     starts, n = system.plant.block_start, system.plant.modal.shape[1]
+    begin_flow(system.plant, y, ws)
     for stage in range(4):
         if stage > 0:
             code = rates(system, t + (dt if stage == 3 else dt / 2), ws.stage[5], ws, ws.stage[stage], False)
             if code != 0:
                 return code
+        if stage == 2:
+            note_grips(system.plant, ws, MIDDLE)
         next_stage(starts, n, operators, stage, dt, y, ws)
     return 0

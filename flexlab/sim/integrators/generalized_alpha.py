@@ -132,7 +132,7 @@ def generalized_alpha_step(system, scheme, t, dt, y, ws):
             code = find_state(system, instant, z, ws)
             if code != 0:
                 return code
-        acceleration(plant, state, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
+        acceleration(plant, state, ws.eta_dot, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
         if stage == CORRECTIONS:
             momentum_rates(plant, z, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, late_rate, True)
             for a in range(3):

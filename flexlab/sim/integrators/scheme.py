@@ -20,3 +20,5 @@ class Scheme(NamedTuple):
     """generalized-alpha: inverse of the beam's effective mass, block diagonal, (n_m, n_m)."""
     coupling: np.ndarray
     """generalized-alpha: that inverse times Vᵀh and Vᵀg, (2, n_m)."""
+    flow: np.ndarray
+    """etdrk4 of a damped beam: the rows of `beam_flow`, (15, n_m); (15, 0) where nothing is damped."""

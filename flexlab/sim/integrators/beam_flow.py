@@ -1,0 +1,149 @@
+"""The beam's exact motion over a step on grips whose acceleration is linear in time: its true rates and its loss.
+
+A Runge-Kutta sum knows η̇ = π - h v2 - g ω to the order of the step; damping multiplies what it does not know by D, up to
+10⁹ 1/s, so that a force Dη̇ or a power η̇ᵀDη̇ made from it means nothing for modes that are damped faster than the step. In
+the frame of the virtual link the beam is linear, with b = (v̇2 + ω v1 + gravity cos θ, ω̇) and C = (h, g):
+
+    η̈ + Dη̇ + Ω²η = f - C b(s),   b = b0 + b1 s,   f: centrifugal force, constant over the step.
+
+b follows from the velocities at a step's beginning, middle and end (the first two moments of v̇2 and ω̇, so that the loss has
+the order of Simpson's rule). With η* = Ω⁻²(f - C b) and E(s) = ½|η̇|² + ½(η - η*)ᵀΩ²(η - η*) the loss of that motion is
+
+    ∫η̇ᵀDη̇ ds = E(0) - E(h) - b1ᵀCᵀΩ⁻²(Δη̇ + DΔη),
+
+whatever the stiffness of a mode: no mode is too fast for it. It is not the defect of the balance of energies: nothing in it
+comes from the new state that the integrator finds.
+
+Where a sample is taken, b gets the quadratic part q (6 (s/h)² - 6 s/h + 1) with which it ends at the acceleration that the
+sample's own rates give: fast damped modes follow the present acceleration, and a line through a step ends beside it.
+"""
+
+import numpy as np
+
+from flexlab.compiled import inlined
+from flexlab.physics.dynamics import acceleration, beam_is_held, solve_symmetric
+from flexlab.physics.plant import DISSIPATED, ETA, OMEGA2, G, H
+
+ROWS = 15
+"""Rows of `Scheme.flow`: for lateral, then angular b: η and η̇ at the step's end under b = 1, then under b = s."""
+DAMPED, CURVED, CURVED_FORCE, FAST = 8, 10, 12, 14
+"""Further rows, two each: DΩ⁻²h and DΩ⁻²g; η̇ at the step's end under b = 6 (s/h)² - 6 s/h + 1, and D times that, both for
+fast modes only. Last: 1 for a fast mode, else 0."""
+
+FAST_DAMPING = 3.0
+"""Step times D of a mode from which on the flow knows its η̇ better than the integrator, which has the higher order."""
+
+SAVED = 9
+"""Row of `Workspace.stage` that keeps η, η̇ and f of a step's beginning, and at its end the grips' motion."""
+START, MIDDLE = -6, -3
+"""Where in that row v2, ω and the part of b that is no derivative, ω v1 + gravity cos θ, stand for these instants."""
+
+
+def flow_rows(
+    omega: np.ndarray, damping: np.ndarray, loads: np.ndarray, phi: tuple[np.ndarray, ...], dt: float
+) -> np.ndarray:
+    """Part of `Scheme.flow` (15, k) of one block: its ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
+    k = len(omega)
+    rows = np.zeros((ROWS, k))
+    _, phi1, phi2, phi3 = phi
+    rows[FAST] = dt * np.diag(damping) > FAST_DAMPING
+    curved = dt * (12 * phi3 - 6 * phi2 + phi1)
+    for direction, load in enumerate(loads):
+        rows[CURVED + direction] = rows[FAST] * (curved[k:, k:] @ -load)
+        rows[CURVED_FORCE + direction] = damping @ rows[CURVED + direction]
+        for power, function in enumerate((dt * phi1, dt**2 * phi2)):
+            answer = function[:, k:] @ -load
+            rows[4 * direction + 2 * power] = answer[:k] / omega
+            rows[4 * direction + 2 * power + 1] = answer[k:]
+        rows[DAMPED + direction] = damping @ (load / omega**2)
+    return rows
+
+
+@inlined
+def note_grips(plant, ws, at):
+    """Keep the grips' lateral and angular velocity and ω v1 + gravity cos θ."""
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    v, kept = ws.velocity, ws.stage[SAVED]
+    kept[at] = c * v[1] - s * v[0]
+    kept[at + 1] = v[2]
+    kept[at + 2] = v[2] * (c * v[0] + s * v[1]) + plant.gravity * c
+
+
+@inlined
+def begin_flow(plant, y, ws):
+    """Keep what the flow needs of a step's beginning, after `find_state`."""
+    n = plant.modal.shape[1]
+    kept, w = ws.stage[SAVED], ws.velocity[2]
+    note_grips(plant, ws, START)
+    lift = kept[START + 2]
+    for k in range(n):
+        kept[k], kept[n + k] = y[ETA + k], ws.eta_dot[k]
+        kept[2 * n + k] = w * w * y[ETA + k] - plant.modal[H, k] * lift
+
+
+@inlined
+def end_flow(plant, flow, dt, free, y, ws):
+    """Add the loss of the step that ends in y and note η̇ and b of its end behind the state, after `find_state` of y.
+
+    `free`: (η, π) at the step's end had the grips kept their velocity.
+    """
+    n = plant.modal.shape[1]
+    kept, rate, b = ws.stage[SAVED], y[ETA + 2 * n + 3 :], y[ETA + 2 * n : ETA + 2 * n + 2]
+    if beam_is_held(plant):
+        for k in range(n):
+            rate[k] = np.nan
+        return
+    c, s, v = ws.arm.trig[0], ws.arm.trig[1], ws.velocity
+    v2, w, lift = c * v[1] - s * v[0], v[2], v[2] * (c * v[0] + s * v[1]) + plant.gravity * c
+    first, middle, lift_0 = kept[START], kept[MIDDLE], kept[START + 2]
+    lateral = (v2 - first) / dt + (lift + 4 * kept[MIDDLE + 2] - 5 * lift_0) / 6
+    lateral_slope = 4 * (first - 2 * middle + v2) / dt**2 + (lift - lift_0) / dt
+    turn = (w - kept[START + 1]) / dt
+    turn_slope = 4 * (kept[START + 1] - 2 * kept[MIDDLE + 1] + w) / dt**2
+    b[0], b[1] = lateral + dt / 2 * lateral_slope + kept[START + 2], turn + dt / 2 * turn_slope
+    lateral, turn = lateral - dt / 2 * lateral_slope, turn - dt / 2 * turn_slope
+    loss = 0.0
+    for k in range(n):
+        h, g, stiffness = plant.modal[H, k], plant.modal[G, k], plant.modal[OMEGA2, k]
+        eta = free[ETA + k] + lateral * flow[0, k] + lateral_slope * flow[2, k] + turn * flow[4, k]
+        eta += turn_slope * flow[6, k]
+        rate[k] = free[ETA + n + k] - h * first - g * kept[START + 1]
+        rate[k] += lateral * flow[1, k] + lateral_slope * flow[3, k] + turn * flow[5, k] + turn_slope * flow[7, k]
+        slope = h * lateral_slope + g * turn_slope
+        u_0 = kept[k] - (kept[2 * n + k] - h * lateral - g * turn) / stiffness
+        u_1 = eta - kept[k] + dt * slope / stiffness
+        gain = rate[k] - kept[n + k]
+        loss -= gain * (kept[n + k] + gain / 2) + stiffness * u_1 * (u_0 + u_1 / 2) + slope / stiffness * gain
+        loss -= (lateral_slope * flow[DAMPED, k] + turn_slope * flow[DAMPED + 1, k]) * (eta - kept[k])
+        if flow[FAST, k] == 0:
+            rate[k] = ws.eta_dot[k]
+    y[DISSIPATED] += loss
+
+
+@inlined
+def meet_acceleration(plant, flow, y, ws):
+    """Give the noted η̇ the curved part of b, after `end_flow` of the same instant."""
+    n = plant.modal.shape[1]
+    b, rate, x_ddot, across = y[ETA + 2 * n : ETA + 2 * n + 2], y[ETA + 2 * n + 3 :], ws.stage[8, 0:3], ws.stage[8, 3:6]
+    if not np.isfinite(rate[0]):
+        return
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    acceleration(plant, y, rate, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
+    missed, missed_turn = c * x_ddot[1] - s * x_ddot[0] + plant.gravity * c - b[0], x_ddot[2] - b[1]
+    hh = hg = gh = gg = 0.0
+    for k in range(n):
+        h, g, on_h, on_g = plant.modal[H, k], plant.modal[G, k], flow[CURVED_FORCE, k], flow[CURVED_FORCE + 1, k]
+        hh, hg, gh, gg = hh + h * on_h, hg + h * on_g, gh + g * on_h, gg + g * on_g
+    # What a unit of q changes of the acceleration itself, through the force Dη̇ on the grips: S⁻¹ of (h, g)ᵀ(Dη̇).
+    across[0], across[1], across[2] = -s, c, 0.0
+    solve_symmetric(ws.S, across)
+    W_hh, W_gh = c * across[1] - s * across[0], across[2]
+    across[0], across[1], across[2] = 0.0, 0.0, 1.0
+    solve_symmetric(ws.S, across)
+    W_gg = across[2]
+    m00, m01 = 1 - W_hh * hh - W_gh * gh, -W_hh * hg - W_gh * gg
+    m10, m11 = -W_gh * hh - W_gg * gh, 1 - W_gh * hg - W_gg * gg
+    determinant = m00 * m11 - m01 * m10
+    q, q_turn = (m11 * missed - m01 * missed_turn) / determinant, (m00 * missed_turn - m10 * missed) / determinant
+    for k in range(n):
+        rate[k] += q * flow[CURVED, k] + q_turn * flow[CURVED + 1, k]

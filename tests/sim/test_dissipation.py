@@ -1,0 +1,44 @@
+"""Loss and damping forces of a beam whose modes are damped much faster than the automatic step."""
+
+import numpy as np
+import pytest
+
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.build import nodal_damping_matrix
+from flexlab.sim.samples import Samples
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+DURATION = 0.1
+
+
+def damped(boundary: str, element_count: int, damping: dict, **changes) -> Scenario:
+    """The paper's jerk with another beam."""
+    preset = load_preset("single-arm" if boundary == "clamped-free" else "paper")
+    beam = {"boundary": boundary, "element_count": element_count, "damping": damping}
+    return preset.replace({f"payload.{name}": value for name, value in beam.items()} | changes)
+
+
+def unaccounted(samples: Samples) -> float:
+    """Largest error of the energy balance over the loss."""
+    gained = samples.total_energy - samples.total_energy[0]
+    return float(np.abs(gained - samples.input_work + samples.dissipated_energy).max() / samples.dissipated_energy[-1])
+
+
+def test_the_loss_is_what_damping_takes_from_the_rates():
+    """∫q̇ᵀDq̇ from samples that resolve everything, without any balance of energies."""
+    scenario = damped("pinned-pinned", 2, {"kind": "stiffness", "coefficient": 2e-3})
+    world = World(scenario.replace({"simulation.step": 2e-7}), 2e-7)
+    fine = world.run(100_000)
+    D = nodal_damping_matrix(world.beam)
+    power = np.einsum("ti,ij,tj->t", fine.beam_rates, D, fine.beam_rates)
+    loss = np.sum((power[1:] + power[:-1]) / 2) * 2e-7
+    coarse = simulate(scenario, 0.02)
+    assert loss == pytest.approx(fine.dissipated_energy[-1], rel=1e-5)
+    assert coarse.dissipated_energy[-1] == pytest.approx(loss, rel=1e-3)
+
+
+def test_an_undamped_beam_loses_nothing():
+    run = simulate(damped("pinned-pinned", 4, {"kind": "modal", "ratio": 0.0}), DURATION)
+    assert np.all(run.dissipated_energy == 0)

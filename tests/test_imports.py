@@ -11,6 +11,8 @@ LAYERS = {
     "notation": 0,
     "compiled": 0,
     "assets": 0,
+    "log_limits": 0,
+    "sockets": 0,
     "quantities": 0,
     "scenario": 1,
     "presets": 1,

@@ -81,8 +81,9 @@ def command(
     name, scenario = find_scenario(preset)
     from flexlab.cli.warmup import warm_up
     from flexlab.recording.store.run_files import check_folder
-    from flexlab.server.front_server import TOKEN_BYTES, listen, open_front_server
-    from flexlab.server.settings import Settings
+    from flexlab.server.front_server import open_front_server
+    from flexlab.server.settings import SECRET_BYTES, Settings
+    from flexlab.sockets import listen
 
     most_bytes = None if max_size is None else max_size * GIGABYTE
     settings = Settings(
@@ -90,7 +91,7 @@ def command(
     )
     if not settings.is_local and token is None:
         # Made up here, so that a page opened while compiling can turn into the lab.
-        settings = replace(settings, token=secrets.token_urlsafe(TOKEN_BYTES))
+        settings = replace(settings, token=secrets.token_urlsafe(SECRET_BYTES))
     # Before compiling, which takes long.
     check_folder(logs)
     listen(host, port).close()

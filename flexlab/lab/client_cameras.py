@@ -8,15 +8,20 @@ import viser
 
 from flexlab.errors import LabError
 from flexlab.lab.scene.camera_views import VIEWS, Window, shot
+from flexlab.log_limits import limited
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 
+STANDING = ""
+"""View of a camera that stays where it is, and is the person's own."""
 STILL = 1e-3
 """A camera this near to where it was put counts as not moved by the person, m."""
 TELEPHONE_WIDTH = 576
 """Windows narrower than this, px, get viser's layout for telephones: a sheet over the lower half of the picture."""
 SAME_ASPECT = 0.02
 """Changes of width over height below this do not move the camera."""
+
+log = limited(__name__)
 
 
 def _near(one: np.ndarray, other: np.ndarray) -> bool:
@@ -59,7 +64,12 @@ class ClientCameras:
         with self._lock:
             watches = [watch for watch in self._watches.values() if watch.view == "Follow"]
         for watch in watches:
-            self._aim(watch, snapshot)
+            try:
+                self._aim(watch, snapshot)
+            except Exception:
+                # One browser's camera is that browser's affair: everybody else's picture goes on.
+                log.exception("the camera of browser %s cannot follow: it stays where it is", watch.client.client_id)
+                watch.view = STANDING
 
     async def _greet(self, client: viser.ClientHandle) -> None:
         watch = _Watch(client, client.camera.image_width < TELEPHONE_WIDTH)
@@ -71,7 +81,7 @@ class ClientCameras:
             put_back = watch.view == VIEWS[0] and _near(camera.position, self._server.initial_camera.position)
             stands = watch.put_at is None or _near(camera.position, watch.put_at)
             reshaped = abs(camera.aspect - watch.aspect) > SAME_ASPECT
-            if watch.view != "Follow" and (put_back or (stands and reshaped)):
+            if watch.view not in ("Follow", STANDING) and (put_back or (stands and reshaped)):
                 self._aim(watch, self._runner.snapshot)
 
         client.camera.on_update(reshape)

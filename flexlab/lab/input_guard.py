@@ -1,63 +1,234 @@
-"""Stands between browsers and viser's widgets: what is not a plausible new value of a widget goes no further.
+"""Stands between browsers and viser: what the page would not say, or cannot mean, goes no further.
 
-viser writes whatever a browser sends into its own state, names of attributes included, and hands it to all other browsers
-before any callback can look at it. So the check must come before viser's own handler.
+viser writes whatever a browser sends into its own state, names of attributes included, keeps some of it for every browser to
+come, and does both before any callback of ours can look. So each raw message is checked before viser reads it: its type, the
+type and range of every field, that what it names is there, and how much and how often one browser sends.
 """
 
+import asyncio
 import logging
 import math
+import time
+from collections import OrderedDict
+from dataclasses import dataclass, field
 from typing import Any
 
-import viser
-from viser import _messages
-
+from flexlab.lab.browser_messages import (
+    CommandTriggerMessage,
+    FileTransferPart,
+    FileTransferStartUpload,
+    GuiButtonHoldMessage,
+    GuiUpdateMessage,
+    Heard,
+    Refused,
+    SceneNodeClickMessage,
+    SceneNodeDragMessage,
+    Unreadable,
+    ViewerCameraMessage,
+    decode,
+)
 from flexlab.lab.lab_state import LabState
+from flexlab.lab.viser_internals import (
+    GuardedServer,
+    Verdict,
+    find_input,
+    forget_acknowledgements,
+    input_state,
+    is_command,
+    on_disconnect,
+    scene_instances,
+    show_true_value,
+)
+from flexlab.log_limits import limited
 
 LONGEST_INPUT = 10_000
 """Characters of a text that a browser may send into a widget."""
 LARGEST_UPLOAD = 1_000_000
 """Bytes of a file that a browser may send: a scenario has a few thousand."""
+SMALLEST_PART = 100_000
+"""Bytes: the page cuts a file into larger parts, so no file has more parts than this gives."""
+MOST_UPLOADS = 4
+"""Files of one browser whose parts are to come, or whose acknowledgements viser still keeps."""
 
-log = logging.getLogger(__name__)
+RATE, BURST = 100.0, 300.0
+"""Messages a second, and at once, of one browser: its page sends at most some 40 a second. What comes faster waits."""
+BYTES_PER_MESSAGE = 10_000
+"""A longer message counts as several."""
+PRESS_COST = 10.0
+"""What a key, a button or a menu counts: 10 a second, and 30 at once, are more than fingers do."""
+
+log: logging.Logger = limited(__name__)
 
 
-def guard_inputs(server: viser.ViserServer, lab_state: LabState) -> None:
-    """Refuse widget updates and uploads that are not plausible, with a sentence on the screen."""
-    interface, gui = server._websock_server, server.gui
-    update, start_upload = gui._handle_gui_updates, gui._handle_file_transfer_start
-    interface.unregister_handler(_messages.GuiUpdateMessage, update)
-    interface.unregister_handler(_messages.FileTransferStartUpload, start_upload)
+@dataclass
+class _Upload:
+    """A file whose parts are to come."""
 
-    async def guarded_update(client_id: Any, message: Any) -> None:
-        handle = gui._gui_input_handle_from_uuid.get(message.uuid)
-        if handle is None:
+    source: str
+    size: int
+    part_count: int
+    parts: set[int] = field(default_factory=set)
+    received: int = 0
+
+
+@dataclass
+class _Browser:
+    """What is remembered of one browser while it is connected."""
+
+    credit: float = BURST
+    counted_at: float = field(default_factory=time.monotonic)
+    refused: int = 0
+    uploads: "OrderedDict[str, _Upload]" = field(default_factory=OrderedDict)
+
+    def wait_for_turn(self, cost: float) -> float:
+        """s that a message of this cost must wait."""
+        now = time.monotonic()
+        self.credit = min(BURST, self.credit + RATE * (now - self.counted_at)) - cost
+        self.counted_at = now
+        return max(-self.credit / RATE, 0.0)
+
+
+class InputGuard:
+    """The check of one server's messages. For the server's event loop only."""
+
+    def __init__(self) -> None:
+        self._browsers: dict[int, _Browser] = {}
+        self._server: GuardedServer | None = None
+        self._lab_state: LabState | None = None
+        self.refused = 0
+        """Messages refused so far, of all browsers."""
+
+    def watch(self, server: GuardedServer, lab_state: LabState) -> None:
+        """Begin: until now nothing passes but where browsers look from."""
+        on_disconnect(server, self._forget)
+        self._lab_state = lab_state
+        self._server = server
+
+    async def check(self, client: int, raw: Any) -> Verdict:
+        """What becomes of a message. A browser that sends too much waits, and nobody else does."""
+        browser = self._browsers.setdefault(client, _Browser())
+        try:
+            message = decode(raw)
+            cost = 1.0 + len(raw) / BYTES_PER_MESSAGE + self._possible(client, browser, message)
+            problem = None
+        except Refused as refused:
+            cost, problem = 1.0 + len(raw) / BYTES_PER_MESSAGE, refused
+        wait = browser.wait_for_turn(cost)
+        if wait > 0.0:
+            await asyncio.sleep(wait)
+        if problem is None:
+            return "pass"
+        self._refuse(client, browser, problem)
+        return "hang up" if isinstance(problem, Unreadable) else "drop"
+
+    def _refuse(self, client: int, browser: _Browser, problem: Refused) -> None:
+        browser.refused += 1
+        self.refused += 1
+        if browser.refused == 1:
+            log.warning("Refused a message of browser %s (further ones are counted): %s.", client, problem)
+        if problem.told and self._lab_state is not None:
+            self._lab_state.say(problem.told, "error")
+
+    def _forget(self, client: int) -> None:
+        browser = self._browsers.pop(client, None)
+        if browser is None:
             return
-        problem = _problem(handle, message.updates)
-        if problem:
-            lab_state.say(problem, "error")
-            _show_truth(handle, message)
-            return
-        await update(client_id, message)
+        if browser.uploads and self._server is not None:
+            forget_acknowledgements(self._server, browser.uploads)
+        if browser.refused:
+            log.warning("Refused %s messages of browser %s, which has left.", browser.refused, client)
 
-    def guarded_upload(client_id: Any, message: Any) -> None:
-        size = message.size_bytes
-        if not isinstance(size, int) or not 0 <= size <= LARGEST_UPLOAD:
-            lab_state.say(f"This file has {size} bytes, over {LARGEST_UPLOAD}: that is not a scenario file.", "error")
-            return
-        start_upload(client_id, message)
+    def _possible(self, client: int, browser: _Browser, message: Heard) -> float:
+        """What the message counts beside its length. Raises `Refused` if it names what is not there, or cannot be meant."""
+        server = self._server
+        if isinstance(message, ViewerCameraMessage):
+            return 0.0
+        if server is None:
+            raise Refused("the lab is not open yet")
+        if isinstance(message, GuiUpdateMessage):
+            return _check_update(server, client, message)
+        if isinstance(message, GuiButtonHoldMessage):
+            handle = find_input(server, client, message.uuid)
+            if handle is None or not input_state(handle)[2]:
+                raise Refused("it holds a button that is not there")
+        elif isinstance(message, CommandTriggerMessage):
+            if not is_command(server, client, message.uuid):
+                raise Refused("it names a command that is not there")
+            return PRESS_COST
+        elif isinstance(message, FileTransferStartUpload):
+            self._start_upload(server, client, browser, message)
+            return PRESS_COST
+        elif isinstance(message, FileTransferPart):
+            _take_part(browser, message)
+        else:
+            _check_touch(server, message)
+        return 0.0
 
-    interface.register_handler(_messages.GuiUpdateMessage, guarded_update)
-    interface.register_handler(_messages.FileTransferStartUpload, guarded_upload)
+    def _start_upload(
+        self, server: GuardedServer, client: int, browser: _Browser, message: FileTransferStartUpload
+    ) -> None:
+        if find_input(server, client, message.source_component_uuid) is None:
+            raise Refused("it uploads to a button that is not there")
+        if message.size_bytes > LARGEST_UPLOAD:
+            told = f"This file has {message.size_bytes} bytes, over {LARGEST_UPLOAD}: that is not a scenario file."
+            raise Refused("its file is too large", told)
+        if message.part_count > 1 + message.size_bytes // SMALLEST_PART:
+            raise Refused("its file has more parts than bytes to fill them")
+        if any(message.transfer_uuid in other.uploads for other in self._browsers.values()):
+            raise Refused("its transfer has begun already")
+        if sum(len(upload.parts) < upload.part_count for upload in browser.uploads.values()) >= MOST_UPLOADS:
+            raise Refused("too many of its files are not complete")
+        browser.uploads[message.transfer_uuid] = _Upload(
+            message.source_component_uuid, message.size_bytes, message.part_count
+        )
+        over = [word for word, upload in browser.uploads.items() if len(upload.parts) >= upload.part_count]
+        if len(over) > MOST_UPLOADS:
+            forget_acknowledgements(server, over[:-1])
+            for word in over[:-1]:
+                del browser.uploads[word]
+
+
+def _take_part(browser: _Browser, message: FileTransferPart) -> None:
+    upload = browser.uploads.get(message.transfer_uuid)
+    if upload is None or message.source_component_uuid != upload.source:
+        raise Refused("it is a part of no file that was announced")
+    if message.part_index in upload.parts or message.part_index >= upload.part_count:
+        raise Refused("it is a part that was not announced, or came before")
+    if upload.received + len(message.content) > upload.size:
+        raise Refused("its parts have more bytes than the file was to have")
+    upload.parts.add(message.part_index)
+    upload.received += len(message.content)
+
+
+def _check_touch(server: GuardedServer, message: SceneNodeClickMessage | SceneNodeDragMessage) -> None:
+    instances = scene_instances(server, message.name)
+    if instances is None:
+        raise Refused("it touches what is not in the picture")
+    if instances and (message.instance_index is None or message.instance_index >= instances):
+        raise Refused("it touches an instance that is not in the picture")
+
+
+def _check_update(server: GuardedServer, client: int, message: GuiUpdateMessage) -> float:
+    handle = find_input(server, client, message.uuid)
+    if handle is None:
+        raise Refused("it changes a control that is not there")
+    problem = _problem(handle, message.updates)
+    if problem:
+        if "value" in message.updates:
+            show_true_value(handle)
+        raise Refused("its value cannot be meant", problem)
+    _, _, is_button, options = input_state(handle)
+    return PRESS_COST if is_button or options is not None else 0.0
 
 
 def _problem(handle: Any, updates: Any) -> str:
     """Why an update cannot be meant, as a sentence; empty if it can."""
-    label = getattr(handle._impl.props, "label", "") or "this control"
+    label, present, is_button, options = input_state(handle)
     if not isinstance(updates, dict) or set(updates) != {"value"}:
         return f"{label}: the browser sent something that is not a value. Nothing was changed."
-    present, new = handle._impl.value, updates["value"]
+    new = updates["value"]
     kept = "Nothing was changed."
-    if isinstance(present, bool) or handle._impl.is_button:
+    if isinstance(present, bool) or is_button:
         return "" if isinstance(new, bool) else f"{label}: needs on or off. {kept}"
     if isinstance(present, (int, float)):
         return _number_problem(label, new, kept)
@@ -70,7 +241,6 @@ def _problem(handle: Any, updates: Any) -> str:
             return f"{label}: needs a text. {kept}"
         if len(new) > LONGEST_INPUT:
             return f"{label}: a text of {len(new)} characters is too long, at most {LONGEST_INPUT}. {kept}"
-        options = getattr(handle._impl.props, "options", None)
         if options is not None and new not in options:
             return f"{label}: {new[:40]!r} is not one of its options: choose one from the menu. {kept}"
         return ""
@@ -82,10 +252,3 @@ def _number_problem(label: str, new: Any, kept: str) -> str:
         shown = "text" if isinstance(new, str) else "NaN or infinite" if isinstance(new, float) else type(new).__name__
         return f"{label}: needs a finite number, not {shown}. {kept}"
     return ""
-
-
-def _show_truth(handle: Any, message: Any) -> None:
-    """Put the refused value right in the browser that sent it."""
-    if isinstance(message.updates, dict) and "value" in message.updates:
-        truth = {"value": handle._impl.value}
-        handle._impl.gui_api._websock_interface.queue_message(_messages.GuiUpdateMessage(message.uuid, truth))

@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import logging
 import threading
 import time
 from collections.abc import Callable, Coroutine, Mapping
@@ -13,6 +12,7 @@ from flexlab.errors import FlexlabError, LabError, ScenarioError
 from flexlab.lab.reference_run import ReferenceRun, differences
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
+from flexlab.log_limits import limited
 from flexlab.physics.plant import ON_BEAM
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -30,7 +30,7 @@ CATCH_UP_TIME = 1.0
 STIFFNESS = 3
 """Index in `WorldState.pull`."""
 
-log = logging.getLogger(__name__)
+log = limited(__name__)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """The drawing thread: brings the newest snapshot to the screen, 30 times a second, plots and readouts every third time."""
 
-import logging
 import threading
 import time
 
@@ -12,6 +11,7 @@ from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.plots.plots import Plots
 from flexlab.lab.scene.scene import Scene
+from flexlab.log_limits import limited
 from flexlab.sim.runner import Runner
 
 FRAME_TIME = 1 / 30
@@ -19,7 +19,7 @@ FRAME_TIME = 1 / 30
 READOUT_EVERY = 3
 """Pictures per update of plots and readouts: 10 Hz, as fast as numbers can be read."""
 
-log = logging.getLogger(__name__)
+log = limited(__name__)
 
 
 class RenderLoop:

@@ -2,11 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
-import viser
-
 from flexlab.errors import LabError
 from flexlab.lab.client_cameras import ClientCameras
-from flexlab.lab.input_guard import guard_inputs
+from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.panel.guide_panel import Guide
@@ -16,6 +14,7 @@ from flexlab.lab.plots.plots import Plots
 from flexlab.lab.render_loop import RenderLoop
 from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.scene import Scene
+from flexlab.lab.viser_internals import GuardedServer
 from flexlab.lab.viser_server import open_server
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Consumer, Runner
@@ -33,6 +32,7 @@ class Session:
     `consumers` get every sample and event (a recorder, say). `recording` gives the sentence that the panel shows about
     the recording, `link` the address that opens a scenario in another browser. `port` 0 takes any free port. `shadows`
     costs a slow graphics card most of its time. With an `origin` the first run goes on from there.
+    With a `secret` the page answers only a server in front of it that sends it along.
     """
 
     def __init__(
@@ -48,18 +48,21 @@ class Session:
         recording: Callable[[], str] = lambda: "",
         link: Callable[[Scenario], str] | None = None,
         origin: Origin | None = None,
+        secret: str = "",
     ):
         self._scenario, self._host, self._port = scenario, host, port
         self._shadows, self._recording, self._link = shadows, recording, link
-        self._origin = origin
+        self._origin, self._secret = origin, secret
+        self.guard = InputGuard()
+        """Looks at every message of a browser; counts those that it refuses."""
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin)
-        self._server: viser.ViserServer | None = None
+        self._server: GuardedServer | None = None
         self._lab_state: LabState | None = None
         self._study = ModeStudy()
         self._drawing: RenderLoop | None = None
 
     @property
-    def server(self) -> viser.ViserServer:
+    def server(self) -> GuardedServer:
         """The running server; raises `LabError` before `start` and after `stop`."""
         if self._server is None:
             raise LabError("This lab is not running: start it first.")
@@ -85,7 +88,7 @@ class Session:
 
     def start(self) -> None:
         """Serve the page and start the simulation. Raises `LabError`, and leaves nothing running, if it cannot."""
-        self._server = open_server(self._host, self._port, "flexlab")
+        self._server = open_server(self._host, self._port, "flexlab", self.guard, self._secret)
         try:
             self._drawing = self._furnish(self._server)
             self.runner.start()
@@ -111,7 +114,7 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def _furnish(self, server: viser.ViserServer) -> RenderLoop:
+    def _furnish(self, server: GuardedServer) -> RenderLoop:
         """Fill the server's page."""
         lab_state = self._lab_state = LabState(self.runner, self._origin)
         touch = Picking(lab_state)
@@ -120,7 +123,6 @@ class Session:
         panel = Panel(
             server.gui, lab_state, self.runner, self._study, touch, cameras.choose, self._recording, self._link
         )
-        guard_inputs(server, lab_state)
         board = server.gui.add_panel()
         plots = Plots(server.gui, board, self._scenario, lab_state.view.plot_window)
         with board.add_tab("Guide"):
@@ -133,4 +135,5 @@ class Session:
         server.initial_camera.fov = FIELD_OF_VIEW
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position
+        self.guard.watch(server, lab_state)
         return RenderLoop(server, self.runner, lab_state, scene, cameras, panel, plots, guide)

@@ -1,66 +1,65 @@
-"""A viser server as the lab needs it: on the asked port or not at all, no way out to the internet, slow readers bounded."""
+"""A viser server as the lab needs it: on the asked port or not at all, for callers who may come, slow readers bounded."""
 
-import socket
-from collections.abc import Callable
+import hmac
+from urllib.parse import urlsplit
 
 import viser
+from websockets.http11 import Request
 
-from flexlab.errors import LabError
+from flexlab.lab.browser_messages import LARGEST_MESSAGE
+from flexlab.lab.input_guard import InputGuard
+from flexlab.lab.viser_internals import GuardedServer, bound_buffer
+from flexlab.log_limits import limited
+from flexlab.sockets import LOOPBACK, listen
 
-SEND_BUFFER = 64 * 1024
-"""Bytes that may wait in the kernel for one browser: without this bound a slow one shows pictures 36 s old."""
+SECRET_HEADER = "Flexlab-Proxy"
+"""In which a server in front of the lab shows that it is that server."""
+
+LIBRARY_LOGS = ("websockets.server", "asyncio")
+"""Logs of libraries in which a visitor could write lines without end."""
 
 
-class LocalServer(viser.ViserServer):
-    """A server that never opens viser's tunnel through an outside machine, whatever a browser asks."""
+def open_server(host: str, port: int, label: str, guard: InputGuard, secret: str = "") -> GuardedServer:
+    """A running server on `host`:`port` (0: any free one); raises `LabError` if it cannot have exactly that.
 
-    def request_share_url(self, verbose: bool = True) -> str | None:
-        """Refused: always None."""
-        return None
+    With a `secret` it answers only requests that carry it; without one, only what comes from its own page.
+    """
+    for name in LIBRARY_LOGS:
+        limited(name)
+    plug = listen(host, port)
+    address = plug.getsockname()[1]
 
+    def admission(request: Request) -> str:
+        return _knows(request, secret) if secret else _own_page(request, host, address)
 
-def open_server(host: str, port: int, label: str) -> LocalServer:
-    """A running server on `host`:`port` (0: any free port); raises `LabError` if it cannot have exactly that."""
-    _check_free(host, port)
-    server = LocalServer(host=host, port=port, label=label, verbose=False)
-    # viser takes the next port when another program got in between.
-    if port and server.get_port() != port:
-        server.stop()
-        raise LabError(_busy(port))
+    try:
+        server = GuardedServer(plug, label, admission, guard.check, LARGEST_MESSAGE)
+    except BaseException:
+        plug.close()
+        raise
     server.gui.configure_theme(show_logo=False, show_share_button=False)
-    server.on_client_connect(_bound_buffer(server))
+
+    async def bound(client: viser.ClientHandle) -> None:
+        bound_buffer(server, client)
+
+    server.on_client_connect(bound)
     return server
 
 
-def _check_free(host: str, port: int) -> None:
-    if not 0 <= port <= 65535:
-        raise LabError(f"port = {port} is not a port number: choose 0 (any free one) to 65535.")
-    try:
-        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        with socket.socket(family, socket.SOCK_STREAM) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind((host, port))
-    except socket.gaierror:
-        raise LabError(f"host = {host!r} is not an address of this machine: use 127.0.0.1 or 0.0.0.0.") from None
-    except PermissionError:
-        raise LabError(f"port {port} needs special rights on this machine: choose one above 1023.") from None
-    except OSError as error:
-        if "in use" in str(error).lower():
-            raise LabError(_busy(port)) from None
-        raise LabError(f"{host}:{port} cannot be opened ({error.strerror}): choose another host or port.") from None
+def _knows(request: Request, secret: str) -> str:
+    given = request.headers.get_all(SECRET_HEADER)
+    if len(given) == 1 and hmac.compare_digest(given[0].encode("utf-8", "replace"), secret.encode()):
+        return ""
+    return "This is the inside of a lab: open it by the address that flexlab printed."
 
 
-def _busy(port: int) -> str:
-    return f"port {port} is in use by another program: choose another one (0 takes any free port) or stop that program."
-
-
-def _bound_buffer(server: viser.ViserServer) -> Callable:
-    async def bound(client: viser.ClientHandle) -> None:
-        # viser offers no way to the socket; without it nothing breaks but a slow browser's picture lags.
-        connection = server._websock_server._live_connections.get(client.client_id)
-        transport = getattr(connection, "transport", None)
-        plug = transport.get_extra_info("socket") if transport is not None else None
-        if plug is not None:
-            plug.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-
-    return bound
+def _own_page(request: Request, host: str, port: int) -> str:
+    """Another site's page must not drive the lab through a visitor's browser, nor under a name that points here."""
+    named = request.headers.get_all("Host")
+    name = urlsplit(f"//{named[0]}").hostname if len(named) == 1 else None
+    if host in LOOPBACK and name not in LOOPBACK:
+        return "This lab is open to this machine only: use 127.0.0.1."
+    origins = request.headers.get_all("Origin")
+    if any(urlsplit(origin).netloc.lower() != named[0].lower() for origin in origins):
+        return "This came from a page of another site."
+    return ""

@@ -13,7 +13,7 @@ from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.markup import fill, join
 from flexlab.server.pages.page_context import Context, context_of
-from flexlab.server.settings import LOOPBACK
+from flexlab.sockets import LOOPBACK
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 

@@ -6,7 +6,6 @@ import logging
 import secrets
 import shutil
 import socket
-import sys
 import tempfile
 import threading
 from collections.abc import Callable
@@ -31,12 +30,9 @@ from flexlab.server.metric_jobs import Measuring
 from flexlab.server.pages.page_context import Context
 from flexlab.server.proxy import inside_connector
 from flexlab.server.replay_jobs import Replays
-from flexlab.server.settings import WILDCARDS, Settings
+from flexlab.server.settings import SECRET_BYTES, WILDCARDS, Settings
+from flexlab.sockets import BACKLOG, listen
 
-TOKEN_BYTES = 18
-"""Randomness of a made-up token."""
-BACKLOG = 128
-"""Connections that may wait to be answered: a class that opens the page at once."""
 CLOSING_TIME = 1.0
 """s that open pages get when the server closes: a lab's page never ends by itself."""
 
@@ -154,7 +150,7 @@ def open_front_server(
     check_folder(settings.logs)
     plug = listen(settings.host, settings.port)
     try:
-        token = settings.token or (None if settings.is_local else secrets.token_urlsafe(TOKEN_BYTES))
+        token = settings.token or (None if settings.is_local else secrets.token_urlsafe(SECRET_BYTES))
         choice = Choice(scenario, name)
         port = plug.getsockname()[1]
         # Without the token, which is for its owner to hand out: whoever follows the link is asked for it.
@@ -169,6 +165,7 @@ def open_front_server(
             viewer=settings.viewer,
             on_problem=on_problem,
             shadows=settings.shadows,
+            secret=secrets.token_urlsafe(SECRET_BYTES),
         )
         try:
             return FrontServer(settings, port, token, SharedLabProvider(laboratory), plug)
@@ -183,34 +180,3 @@ def open_front_server(
 def base_address(host: str, port: int) -> str:
     """Of a web server, without a path."""
     return f"http://{f'[{host}]' if ':' in host else host}:{port}"
-
-
-def listen(host: str, port: int) -> socket.socket:
-    """A socket on exactly this host and port (0: any free one). Raises `LabError` with the reason if it is not to be had."""
-    try:
-        family, kind, protocol, _, address = socket.getaddrinfo(
-            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        )[0]
-        plug = socket.socket(family, kind, protocol)
-    except OSError:
-        raise LabError(f"host = {host!r} is not an address of this machine: use 127.0.0.1 or 0.0.0.0.") from None
-    try:
-        if sys.platform == "win32":  # Windows would otherwise share a taken port.
-            plug.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
-        else:
-            plug.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        plug.bind(address)
-        # Listening at once makes a second lab on the same port fail now, not when the first page is asked for.
-        plug.listen(BACKLOG)
-        plug.setblocking(False)
-    except PermissionError:
-        plug.close()
-        raise LabError(f"port {port} needs special rights on this machine: choose one above 1023.") from None
-    except OSError as error:
-        plug.close()
-        if "in use" in str(error).lower() or getattr(error, "winerror", None) == 10048:
-            raise LabError(
-                f"port {port} is in use by another program: choose another one (0 takes any free port) or stop that program."
-            ) from None
-        raise LabError(f"{host}:{port} cannot be opened ({error.strerror}): choose another host or port.") from None
-    return plug

@@ -1,18 +1,18 @@
 """Passes a lab's page and its websocket on to visitors. The lab itself is reachable from this machine only."""
 
 import asyncio
-import logging
 import socket
 
 import aiohttp
 from aiohttp import WSCloseCode, WSMsgType, hdrs, web
 
+from flexlab.lab.browser_messages import LARGEST_MESSAGE
+from flexlab.lab.viser_server import SECRET_HEADER
+from flexlab.log_limits import limited
 from flexlab.server.labs.lab_provider import Lab
 from flexlab.server.pages.markup import fill
 from flexlab.server.pages.page_context import context_of
 
-LARGEST_MESSAGE = 16 * 1024 * 1024
-"""Bytes that a browser may send at once: files come in parts of 512 kB, a picture of the scene has a few million."""
 SOCKET_BUFFER = 64 * 1024
 """Bytes that may wait in the kernel on either side: without this bound a slow visitor sees pictures half a minute old."""
 HEARTBEAT = 60.0
@@ -32,7 +32,7 @@ ADDITION = """<link rel="stylesheet" href="/static/lab.css">
 """
 """What the server adds to the lab's page: the way back, and a word when the lab is gone."""
 
-log = logging.getLogger(__name__)
+log = limited(__name__)
 
 
 def inside_connector() -> aiohttp.TCPConnector:
@@ -54,7 +54,8 @@ async def proxy_page(request: web.Request, place: Lab, path: str) -> web.StreamR
     inside = context_of(request).inside
     try:
         url = f"http://{LOOPBACK}:{place.port}/{path}"
-        async with inside.get(url, headers={hdrs.ACCEPT_ENCODING: "identity"}, timeout=HTTP_PATIENCE) as answer:
+        headers = {hdrs.ACCEPT_ENCODING: "identity", SECRET_HEADER: place.secret}
+        async with inside.get(url, headers=headers, timeout=HTTP_PATIENCE) as answer:
             body = await answer.read()
             status, kind = answer.status, answer.content_type
     except (aiohttp.ClientError, TimeoutError):
@@ -86,7 +87,11 @@ async def proxy_websocket(request: web.Request, place: Lab) -> web.StreamRespons
     try:
         # No limit on what the lab sends, and no compression: its data hardly compress and must not wait.
         up = await inside.ws_connect(
-            f"ws://{LOOPBACK}:{place.port}{place.path}", protocols=offered, max_msg_size=0, compress=0
+            f"ws://{LOOPBACK}:{place.port}{place.path}",
+            protocols=offered,
+            max_msg_size=0,
+            compress=0,
+            headers={SECRET_HEADER: place.secret},
         )
     except (aiohttp.ClientError, TimeoutError, OSError):
         raise web.HTTPBadGateway(reason="This lab does not answer: open it again from the start page") from None

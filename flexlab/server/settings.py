@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flexlab.errors import LabError
+from flexlab.sockets import LOOPBACK
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-"""Addresses that only this machine can reach."""
 WILDCARDS = ("0.0.0.0", "::", "")
 """Hosts that stand for all addresses of this machine."""
 SOMEWHERE = ("192.0.2.1", 9)
 """An address that nobody has (RFC 5737): asking for the way there sends nothing."""
+SECRET_BYTES = 18
+"""Randomness of a word that is made up."""
 MOST_SESSIONS = 1000
 """Private labs that may be asked for at once: far more than any machine can run."""
 SHORTEST_IDLE, LONGEST_IDLE = 1.0, 604_800.0

@@ -13,6 +13,7 @@ from flexlab.lab.plots.envelope import Envelope
 from flexlab.lab.plots.plot_signals import Limit, Plot
 from flexlab.lab.ranges import Range
 from flexlab.lab.reference_run import ReferenceRun
+from flexlab.lab.viser_internals import send_plot_data
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 
@@ -61,12 +62,6 @@ def compact(time: np.ndarray, lines: Sequence[np.ndarray], spacing: float) -> tu
     """The columns of a chart in half the bytes; `time`, `spacing` s apart, only while that leaves it exact to a tenth."""
     narrow = np.spacing(np.float32(np.abs(time).max())) < 0.1 * spacing
     return (time.astype(np.float32) if narrow else time, *(line.astype(np.float32) for line in lines))
-
-
-def send(handle: viser.GuiUplotHandle, columns: tuple[np.ndarray, ...]) -> None:
-    """Show new data in a chart, as they are: by assignment viser would blow every number up to eight bytes."""
-    handle._impl.props.data = columns
-    handle._queue_update("data", columns)
 
 
 class Chart:
@@ -126,7 +121,7 @@ class Chart:
         if np.isfinite(kept).any():
             extent = max(extent, float(np.nanmax(np.abs(kept))))
         self._range.fit(extent)
-        send(self._handle, self._data())
+        send_plot_data(self._handle, self._data())
 
     def _kept_lines(self) -> np.ndarray:
         """The kept run's lines over the present window, (signals, P); without a kept run (0, 0)."""

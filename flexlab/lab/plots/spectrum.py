@@ -5,7 +5,8 @@ import viser
 from viser import uplot
 
 from flexlab.lab import colors
-from flexlab.lab.plots.chart import HEIGHT, X_AXIS_SIZE, axis, compact, send, signal_series
+from flexlab.lab.plots.chart import HEIGHT, X_AXIS_SIZE, axis, compact, signal_series
+from flexlab.lab.viser_internals import send_plot_data
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
@@ -72,7 +73,7 @@ class Spectrum:
     def update(self, scenario: Scenario, samples: Samples) -> None:
         """Show the spectrum of `samples`."""
         self._mark_modes(scenario)
-        send(self._handle, self._data(samples))
+        send_plot_data(self._handle, self._data(samples))
 
     def _mark_modes(self, scenario: Scenario) -> None:
         if self._scenario is not None and self._scenario.payload == scenario.payload:

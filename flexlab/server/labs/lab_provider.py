@@ -58,6 +58,11 @@ class Lab(Protocol):
         """Of its own server on loopback."""
         ...
 
+    @property
+    def secret(self) -> str:
+        """The word without which that server answers nobody."""
+        ...
+
     def status(self) -> LabStatus:
         """How it stands."""
         ...

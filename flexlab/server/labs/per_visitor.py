@@ -15,7 +15,7 @@ from flexlab.recording.repair import finish
 from flexlab.server.labs.lab_provider import Choice, FullError, Lab
 from flexlab.server.labs.recorded_lab import LabStatus
 from flexlab.server.labs.worker import Order, Worker
-from flexlab.server.settings import Settings
+from flexlab.server.settings import SECRET_BYTES, Settings
 
 ID_BYTES = 12
 """Randomness in the path of a lab."""
@@ -41,6 +41,7 @@ class PrivateLab:
     def __init__(self, lab: str, visitor: str, worker: Worker, choice: Choice):
         self.lab, self.visitor, self.worker = lab, visitor, worker
         self.path = f"/s/{lab}"
+        self.secret = worker.secret
         self.port = 0
         self.visitors = 0
         self.seen = time.monotonic()
@@ -101,7 +102,14 @@ class PrivateLabs:
             with contextlib.suppress(RuntimeError):  # The server itself is closed already.
                 loop.call_soon_threadsafe(self._over, lab)
 
-        order = Order(choice, self._settings.logs, self._address, self._settings.shadows, self._settings.viewer)
+        order = Order(
+            choice,
+            self._settings.logs,
+            self._address,
+            self._settings.shadows,
+            self._settings.viewer,
+            secrets.token_urlsafe(SECRET_BYTES),
+        )
         place = PrivateLab(lab, visitor, await asyncio.to_thread(Worker, order, tell), choice)
         self._places[lab] = place
         try:

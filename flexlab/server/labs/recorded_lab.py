@@ -1,7 +1,6 @@
 """One lab with its recorder, put together: the page on a loopback port, every run into the logs folder."""
 
 import contextlib
-import logging
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
@@ -24,16 +23,6 @@ def recording_text(recorder: Recorder) -> str:
     return "" if recorder.path is None else f"Recording to {recorder.path.name}"
 
 
-def _in_one_line(record: logging.LogRecord) -> bool:
-    """viser closes a connection whose message it cannot read; tell that, without the path through its code."""
-    error = record.exc_info[1] if record.exc_info else None
-    if error is not None and record.getMessage() == "connection handler failed":
-        record.msg, record.args = "Refused a message that the lab cannot read (%s).", (type(error).__name__,)
-        record.levelno, record.levelname = logging.WARNING, "WARNING"
-        record.exc_info = None
-    return True
-
-
 class RecordedLab:
     """A session and its recorder, opened and closed together."""
 
@@ -47,13 +36,15 @@ class RecordedLab:
         viewer: str = "",
         on_problem: Callable[[str], None] | None = None,
         shadows: bool = True,
+        secret: str = "",
     ):
         """Start it. Raises `FlexlabError`, and leaves nothing running, if it cannot.
 
         `address`: of the server, for links that open a scenario. `hub` gets live data, which `viewer` is a page for.
+        `secret`: the word without which the lab's own port answers nobody.
         """
+        self.secret = secret
         self._live = viewer_link(viewer, hub.url) if hub is not None and viewer else ""
-        logging.getLogger("websockets.server").addFilter(_in_one_line)
         self._recorder = recorder = Recorder(logs, hub, on_problem=on_problem, start_notes=run_notes)
         self._shown: tuple[Scenario | None, str] = (None, "")
         try:
@@ -66,6 +57,7 @@ class RecordedLab:
                 recording=lambda: recording_text(recorder),
                 link=lambda scenario: address + scenario_path(encode_scenario(scenario)),
                 origin=choice.origin,
+                secret=secret,
             )
             with _quiet():
                 self._session.start()

@@ -20,6 +20,11 @@ class SharedLab:
         """Of its own server on loopback."""
         return self._laboratory.port
 
+    @property
+    def secret(self) -> str:
+        """The word without which that server answers nobody."""
+        return self._laboratory.secret
+
     def status(self) -> LabStatus:
         """How it stands."""
         return self._laboratory.status()

@@ -34,6 +34,8 @@ class Order:
     shadows: bool
     viewer: str
     """Page of a rerun viewer for its live data; empty: none."""
+    secret: str
+    """The word without which the lab's own port answers nobody."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,15 @@ def work(order: Order, pipe: Connection) -> None:
         hub = LiveHub() if order.viewer else None
         if hub is not None:
             closing.callback(hub.close)
-        lab = RecordedLab(order.choice, order.logs, order.address, hub=hub, viewer=order.viewer, shadows=order.shadows)
+        lab = RecordedLab(
+            order.choice,
+            order.logs,
+            order.address,
+            hub=hub,
+            viewer=order.viewer,
+            shadows=order.shadows,
+            secret=order.secret,
+        )
     except FlexlabError as error:
         closing.close()
         pipe.send(Refusal(str(error)))
@@ -92,6 +102,7 @@ class Worker:
         with without_interrupt():
             self._process.start()
         other.close()
+        self.secret = order.secret
         self._on_end = on_end
         self._answered = threading.Event()
         self._sending = threading.Lock()

@@ -14,7 +14,7 @@ from flexlab.server.pages.markup import Markup
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
-from flexlab.server.settings import LOOPBACK
+from flexlab.sockets import LOOPBACK
 
 VISITOR_BYTES = 18
 """Randomness of the cookie by which a visitor finds their own lab again."""

@@ -1,0 +1,179 @@
+"""What the lab's page may say: every message that it uses, with the type and range of each field. Nothing else is heard."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+LARGEST_MESSAGE = 1_200_000
+"""Bytes: the page sends files in parts of 512 kB, everything else in a few hundred bytes."""
+FARTHEST = 1e9
+"""m, or pixels: no place that a person points at, or looks from, is farther away."""
+LEAST_DIRECTION = 1e-6
+"""Length of a direction below which it shows nowhere."""
+
+MAPS = frozenset((*range(0x80, 0x90), 0xDE, 0xDF))
+"""First bytes of what has fields, in MessagePack."""
+
+Identifier = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
+NodeName = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
+Words = Annotated[str, msgspec.Meta(max_length=255)]
+Pixels = Annotated[int, msgspec.Meta(ge=1, le=100_000)]
+Angle = Annotated[float, msgspec.Meta(gt=0, lt=math.pi)]
+Distance = Annotated[float, msgspec.Meta(gt=0)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=1_000_000_000)]
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
+Modifier = Literal["cmd/ctrl", "alt", "shift", "cmd/ctrl+alt", "cmd/ctrl+shift", "alt+shift", "cmd/ctrl+alt+shift"]
+
+
+class BrowserMessage(msgspec.Struct, frozen=True, tag_field="type", forbid_unknown_fields=True):
+    """A message of viser's page, named as there."""
+
+
+class ViewerCameraMessage(BrowserMessage, frozen=True, tag=True):
+    """Where a browser looks from."""
+
+    wxyz: tuple[float, float, float, float]
+    position: Triple
+    fov: Angle
+    near: Distance
+    far: Distance
+    image_height: Pixels
+    image_width: Pixels
+    look_at: Triple
+    up_direction: Triple
+
+
+class GuiUpdateMessage(BrowserMessage, frozen=True, tag=True):
+    """A person changed a widget. What its value may be depends on the widget."""
+
+    uuid: Identifier
+    updates: dict[str, Any]
+
+
+class GuiButtonHoldMessage(BrowserMessage, frozen=True, tag=True):
+    """A person holds a button down."""
+
+    uuid: Identifier
+    frequency: float
+
+
+class CommandTriggerMessage(BrowserMessage, frozen=True, tag=True):
+    """A key, or a line of the palette of commands."""
+
+    uuid: Identifier
+
+
+class FileTransferStartUpload(BrowserMessage, frozen=True, tag=True):
+    """A file is to come."""
+
+    source_component_uuid: Identifier
+    transfer_uuid: Identifier
+    filename: Words
+    mime_type: Words
+    part_count: Count
+    size_bytes: Count
+
+
+class FileTransferPart(BrowserMessage, frozen=True, tag=True):
+    """A part of a file."""
+
+    source_component_uuid: Identifier
+    transfer_uuid: Identifier
+    part_index: Count
+    content: bytes
+
+
+class SceneNodeClickMessage(BrowserMessage, frozen=True, tag=True):
+    """A click on something in the picture."""
+
+    name: NodeName
+    instance_index: Count | None
+    ray_origin: Triple
+    ray_direction: Triple
+    screen_pos: Pair
+    modifier: Modifier | None
+    owner: Literal[""] = ""
+
+
+class SceneNodeDragMessage(BrowserMessage, frozen=True, tag=True):
+    """Something in the picture is being dragged."""
+
+    phase: Literal["start", "update", "end"]
+    name: NodeName
+    instance_index: Count | None
+    start_position: Triple
+    start_screen_pos: Pair
+    end_position: Triple
+    end_screen_pos: Pair
+    button: Literal["left", "middle", "right"]
+    modifier: Modifier | None
+    owner: Literal[""] = ""
+
+
+Heard = (
+    ViewerCameraMessage
+    | GuiUpdateMessage
+    | GuiButtonHoldMessage
+    | CommandTriggerMessage
+    | FileTransferStartUpload
+    | FileTransferPart
+    | SceneNodeClickMessage
+    | SceneNodeDragMessage
+)
+"""All that is heard."""
+
+_DECODER = msgspec.msgpack.Decoder(Heard)
+
+
+class Refused(Exception):
+    """A message that goes no further; the text says why, for the log. `told`: a sentence for the screen, or nothing."""
+
+    def __init__(self, why: str, told: str = ""):
+        self.told = told
+        super().__init__(why)
+
+
+class Unreadable(Refused):
+    """What is not even a message: whoever sends it is no page of the lab."""
+
+
+def decode(raw: Any) -> Heard:
+    """The message in what a browser sent. Raises `Refused` for what is no such message, or not a possible one."""
+    if not isinstance(raw, bytes) or not raw or raw[0] not in MAPS:
+        raise Unreadable("it has no fields")
+    try:
+        message = _DECODER.decode(raw)
+    except msgspec.ValidationError as error:
+        raise Refused(_shown(error)) from None
+    except (msgspec.MsgspecError, RecursionError, ValueError) as error:
+        raise Unreadable(_shown(error)) from None
+    if not all(abs(number) <= FARTHEST for number in _places(message)):
+        raise Refused(f"{type(message).__name__} has a number that is not finite, or over {FARTHEST:g}")
+    if isinstance(message, ViewerCameraMessage):
+        _check_camera(message)
+    return message
+
+
+def _shown(error: Exception) -> str:
+    """A reason of the decoder for the log, where it can quote what a browser sent."""
+    return ascii(str(error)[:200])[1:-1]
+
+
+def _places(message: Heard) -> Iterator[float]:
+    """The numbers of a message's fields, vectors included; NaN compares false with everything."""
+    for name in message.__struct_fields__:
+        value = getattr(message, name)
+        if isinstance(value, tuple):
+            yield from value
+        elif isinstance(value, (int, float)):
+            yield value
+
+
+def _check_camera(camera: ViewerCameraMessage) -> None:
+    sight = math.dist(camera.look_at, camera.position)
+    for vector in (camera.wxyz, camera.up_direction, (sight,)):
+        if math.hypot(*vector) < LEAST_DIRECTION:
+            raise Refused("ViewerCameraMessage has a direction without length")

@@ -1,0 +1,208 @@
+"""Every use of what viser does not promise, in one place. `tests/lab/test_viser_contract.py` says when viser has changed."""
+
+import functools
+import socket
+import threading
+from collections.abc import Awaitable, Callable, Collection, Iterator
+from contextlib import contextmanager
+from typing import Any, Literal
+
+import viser
+import websockets.asyncio.server
+from viser import _messages
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+VERSION = "1.1"
+"""Of viser, whose internals these are."""
+SEND_BUFFER = 64 * 1024
+"""Bytes that may wait in the kernel for one browser: without this bound a slow one shows pictures 36 s old."""
+OPENING_TIME = 5.0
+"""s that a browser may take for the handshake."""
+GOODBYE_TIME = 0.3
+"""s that browsers get to say goodbye when the lab closes; viser alone waits six for one that hangs."""
+MOST_WAITING = 4
+"""Messages of one browser that wait to be read."""
+
+Admission = Callable[[Request], str]
+"""Why a request is not let in, as a sentence; empty if it is."""
+Verdict = Literal["pass", "drop", "hang up"]
+Check = Callable[[int, Any], Awaitable[Verdict]]
+"""(client id, raw message) → what becomes of it. May wait: then that one browser waits."""
+UNREADABLE = 1011
+"""Websocket code with which a browser is left that does not speak the page's language."""
+
+_OPENING = threading.Lock()
+
+
+class GuardedServer(viser.ViserServer):
+    """A viser server on a socket of ours, whose every request and message is looked at before viser sees it.
+
+    It never opens viser's tunnel through an outside machine, whatever a browser asks.
+    """
+
+    def __init__(self, plug: socket.socket, label: str, admission: Admission, check: Check, largest_message: int):
+        """`largest_message`: bytes that a browser may send at once; more ends its connection."""
+        self._check = check
+        with _serving_on(plug, admission, functools.partial(_GuardedConnection, self), largest_message):
+            super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label=label, verbose=False)
+
+    async def verdict(self, connection: ServerConnection, raw: Any) -> Verdict:
+        """What becomes of a message that came over a connection."""
+        return await self._check(client_of(self, connection), raw)
+
+    def stop(self) -> None:
+        """Close the page. Browsers get a goodbye; one that does not read it is not waited for."""
+        loop = self._websock_server._background_event_loop
+        if loop is not None and not loop.is_closed():
+            loop.call_soon_threadsafe(loop.call_later, GOODBYE_TIME, self._cut)
+        super().stop()
+
+    def _cut(self) -> None:
+        for connection in list(self._websock_server._live_connections.values()):
+            connection.transport.abort()
+
+    def request_share_url(self, verbose: bool = True) -> str | None:
+        """Refused: always None."""
+        return None
+
+
+class _GuardedConnection(ServerConnection):
+    """What viser reads messages from: it is given those only that pass."""
+
+    def __init__(self, owner: GuardedServer, *arguments: Any, **options: Any):
+        super().__init__(*arguments, **options)
+        self._owner = owner
+
+    async def recv(self, decode: bool | None = None) -> Any:
+        """The next message that passes."""
+        while True:
+            raw = await super().recv(decode)
+            verdict = await self._owner.verdict(self, raw)
+            if verdict == "pass":
+                return raw
+            if verdict == "hang up":
+                await self.close(UNREADABLE, "This is no message of the lab's page.")
+
+
+@contextmanager
+def _serving_on(plug: socket.socket, admission: Admission, connection: Any, largest: int) -> Iterator[None]:
+    """While this is open, viser's server listens on `plug` and answers whom `admission` lets in.
+
+    viser opens its socket by itself, on the next free port if need be, and asks nobody who may come.
+    """
+    original: Any = websockets.asyncio.server.serve
+
+    def serve(handler: Any, host: Any, port: Any, *, process_request: Any, **options: Any) -> Any:
+        def look(at: ServerConnection, request: Request) -> Response | None:
+            sentence = admission(request)
+            return at.respond(403, f"{sentence}\n") if sentence else process_request(at, request)
+
+        options |= {
+            "create_connection": connection,
+            "max_size": largest,
+            "max_queue": MOST_WAITING,
+            "open_timeout": OPENING_TIME,
+        }
+        return original(handler, sock=plug, process_request=look, **options)
+
+    with _OPENING:
+        websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]
+        try:
+            yield
+        finally:
+            websockets.asyncio.server.serve = original
+
+
+def client_of(server: viser.ViserServer, connection: ServerConnection) -> int:
+    """The client whose connection this is; -1 once it is gone."""
+    live = server._websock_server._live_connections
+    return next((client for client, present in list(live.items()) if present is connection), -1)
+
+
+def on_disconnect(server: viser.ViserServer, tell: Callable[[int], None]) -> None:
+    """Hear of every connection that ends, also of one that never became a client."""
+
+    async def gone(connection: Any) -> None:
+        tell(connection.client_id)
+
+    server._websock_server.on_client_disconnect(gone)
+
+
+def bound_buffer(server: viser.ViserServer, client: viser.ClientHandle) -> None:
+    """Let little wait in the kernel for a browser. viser offers no way to the socket; without it only the picture lags."""
+    connection = server._websock_server._live_connections.get(client.client_id)
+    transport = getattr(connection, "transport", None)
+    plug = transport.get_extra_info("socket") if transport is not None else None
+    if plug is not None:
+        plug.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+
+
+def find_input(server: viser.ViserServer, client: int, uuid: str) -> Any:
+    """The widget of this uuid, of all browsers or of one; None if there is none, or if it takes no input."""
+    for gui in _interfaces(server, client):
+        handle = gui._gui_input_handle_from_uuid.get(uuid)
+        if handle is not None and not handle._impl.removed:
+            return handle
+    return None
+
+
+def is_command(server: viser.ViserServer, client: int, uuid: str) -> bool:
+    """Whether there is a command (a key, or a line of the palette) of this uuid."""
+    return any(uuid in gui._command_handle_from_uuid for gui in _interfaces(server, client))
+
+
+def _interfaces(server: viser.ViserServer, client: int) -> list[Any]:
+    own = server.get_clients().get(client)
+    return [server.gui] if own is None else [server.gui, own.gui]
+
+
+def input_state(handle: Any) -> tuple[str, Any, bool, Collection[str] | None]:
+    """(label, value, whether it is a button, options of a menu or None) of a widget."""
+    props = handle._impl.props
+    return (
+        getattr(props, "label", "") or "this control",
+        handle._impl.value,
+        handle._impl.is_button,
+        getattr(props, "options", None),
+    )
+
+
+def show_true_value(handle: Any) -> None:
+    """Send a widget's value to the browsers again, which believe another one."""
+    update = _messages.GuiUpdateMessage(handle._impl.uuid, {"value": handle._impl.value})
+    handle._impl.gui_api._websock_interface.queue_message(update)
+
+
+def scene_instances(server: viser.ViserServer, name: str) -> int | None:
+    """How many instances a node of the scene has: 0 for one that is no batch, None if there is no such node."""
+    handle = server.scene._handle_from_node_name.get(name)
+    if handle is None:
+        return None
+    positions = getattr(handle._impl.props, "batched_positions", None)
+    return 0 if positions is None else len(positions)
+
+
+def forget_acknowledgements(server: viser.ViserServer, transfers: Collection[str]) -> None:
+    """Drop the acknowledgements of uploads that are over: viser keeps them all, for every browser to come."""
+    acknowledgement = _messages.FileTransferPartAck
+    server._websock_server.get_message_buffer().remove_from_buffer(
+        lambda message: isinstance(message, acknowledgement) and message.transfer_uuid in transfers
+    )
+
+
+def send_plot_data(handle: viser.GuiUplotHandle, columns: tuple[Any, ...]) -> None:
+    """Show new data in a chart, as they are: by assignment viser would blow every number up to eight bytes."""
+    handle._impl.props.data = columns
+    handle._queue_update("data", columns)
+
+
+def message_fields(name: str) -> dict[str, Any]:
+    """Field → declared type of a message of viser's page; empty if viser has no such message."""
+    from viser.infra._messages import get_type_hints_cached, wire_field_names
+
+    message = getattr(_messages, name, None)
+    if message is None:
+        return {}
+    hints = get_type_hints_cached(message)
+    return {field: hints[field] for field in wire_field_names(message)}

@@ -1,0 +1,44 @@
+"""Listening on exactly the address that was asked for, or saying in one sentence why not."""
+
+import socket
+import sys
+
+from flexlab.errors import LabError
+
+BACKLOG = 128
+"""Connections that may wait to be answered: a class that opens the page at once."""
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+"""Addresses that only this machine can reach."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A listening socket on exactly this host and port (0: any free one). Raises `LabError` with the reason if it cannot."""
+    if not 0 <= port <= 65535:
+        raise LabError(f"port = {port} is not a port number: choose 0 (any free one) to 65535.")
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        plug = socket.socket(family, kind, protocol)
+    except OSError:
+        raise LabError(f"host = {host!r} is not an address of this machine: use 127.0.0.1 or 0.0.0.0.") from None
+    try:
+        if sys.platform == "win32":  # Windows would otherwise share a taken port.
+            plug.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
+        else:
+            plug.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        plug.bind(address)
+        # Listening at once makes a second lab on the same port fail now, not when the first page is asked for.
+        plug.listen(BACKLOG)
+        plug.setblocking(False)
+    except PermissionError:
+        plug.close()
+        raise LabError(f"port {port} needs special rights on this machine: choose one above 1023.") from None
+    except OSError as error:
+        plug.close()
+        if "in use" in str(error).lower() or getattr(error, "winerror", None) == 10048:
+            raise LabError(
+                f"port {port} is in use by another program: choose another one (0 takes any free port) or stop that program."
+            ) from None
+        raise LabError(f"{host}:{port} cannot be opened ({error.strerror}): choose another host or port.") from None
+    return plug

@@ -1,0 +1,239 @@
+"""One browser that means harm: everybody else's lab goes on, nothing of it is kept, and the log stays short."""
+
+import http.client
+import logging
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from lab_page import wait_until
+from raw_browser import CAMERA, RawBrowser, widget
+
+from flexlab.lab.session import Session
+
+NESTED: Any = []
+for _ in range(600):
+    NESTED = [NESTED]
+
+
+def upload_button(session: Session) -> str:
+    return widget(session, "Open a file")._impl.uuid
+
+
+def start(session: Session, transfer: Any, **changes: Any) -> dict[str, Any]:
+    return {
+        "type": "FileTransferStartUpload",
+        "source_component_uuid": upload_button(session),
+        "transfer_uuid": transfer,
+        "filename": "x.json",
+        "mime_type": "application/json",
+        "part_count": 2,
+        "size_bytes": 10,
+        **changes,
+    }
+
+
+def part(session: Session, transfer: Any, **changes: Any) -> dict[str, Any]:
+    return {
+        "type": "FileTransferPart",
+        "source_component_uuid": upload_button(session),
+        "transfer_uuid": transfer,
+        "part_index": 0,
+        "content": b"12345",
+        **changes,
+    }
+
+
+def a_fresh_visitor_sees_a_moving_lab(session: Session) -> None:
+    """The page comes, and simulated time goes on."""
+    with RawBrowser(session) as browser:
+        assert len(browser.receive(20)) > 1000
+        before = float(session.runner.snapshot.latest.time[0])
+        wait_until(lambda: float(session.runner.snapshot.latest.time[0]) > before + 0.1, "time goes on", 20)
+        counter = session.server._websock_server._broadcast_buffer.message_counter
+        wait_until(
+            lambda: session.server._websock_server._broadcast_buffer.message_counter > counter + 10, "it is drawn", 20
+        )
+
+
+def test_an_acknowledgement_that_cannot_be_sent_never_comes_to_be(session: Session) -> None:
+    with RawBrowser(session) as browser:
+        browser.send(start(session, "t"))
+        browser.send(part(session, "t", source_component_uuid=NESTED))
+        wait_until(lambda: session.guard.refused == 2, "start and part are refused", 20)
+        browser.send(start(session, "t", part_count=2, size_bytes=150_000))
+        browser.send(part(session, "t", source_component_uuid=NESTED))
+        wait_until(lambda: session.guard.refused == 3, "the part is refused", 20)
+        a_fresh_visitor_sees_a_moving_lab(session)
+        browser.receive(20)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"image_height": 0},
+        {"image_width": -1},
+        {"image_height": "high"},
+        {"position": [1.0, 2.0]},
+        {"position": [math.nan, 0.0, 1.0]},
+        {"look_at": [0.0, 0.0, 5.0]},
+        {"up_direction": [0.0, 0.0, 0.0]},
+        {"up_direction": [math.nan, 0.0, 1.0]},
+        {"wxyz": [0.0, 0.0, 0.0, 0.0]},
+        {"fov": 0.0},
+        {"fov": math.inf},
+        {"near": -1.0},
+        {"more": 1},
+    ],
+    ids=str,
+)
+def test_a_camera_that_cannot_be_is_refused(session: Session, changes: dict[str, Any]) -> None:
+    with RawBrowser(session) as browser:
+        clients = wait_until(session.server.get_clients, "it is a client", 20)
+        (client,) = clients.values()
+        truth = client.camera.image_height, client.camera.position.tolist()
+        browser.send(CAMERA | changes)
+        wait_until(lambda: session.guard.refused == 1, "it is refused", 20)
+        assert (client.camera.image_height, client.camera.position.tolist()) == truth
+
+
+def test_a_camera_that_fails_is_that_browsers_affair(session: Session, caplog: pytest.LogCaptureFixture) -> None:
+    with RawBrowser(session) as bad, RawBrowser(session):
+        wait_until(lambda: len(session.server.get_clients()) == 2, "both are clients", 20)
+        bad.update(widget(session, "Follow"), {"value": True})
+        client = min(session.server.get_clients().values(), key=lambda client: client.client_id)
+        # As if viser itself had let it through.
+        client.camera._state.up_direction = np.zeros(3)
+        time.sleep(1.0)
+        a_fresh_visitor_sees_a_moving_lab(session)
+    assert not [record for record in caplog.records if record.getMessage() == "drawing failed"]
+
+
+def test_parts_of_a_file_never_exceed_what_was_announced(session: Session) -> None:
+    with RawBrowser(session) as browser:
+        browser.send(start(session, "many", part_count=20, size_bytes=100))
+        browser.send(start(session, "t", part_count=2, size_bytes=150_000))
+        wait_until(lambda: session.guard.refused == 1, "twenty parts for 100 bytes are refused", 20)
+        for index in range(20):
+            browser.send(part(session, "t", part_index=index % 2, content=bytes(1_000_000)))
+        wait_until(lambda: session.guard.refused == 21, "every part is refused", 60)
+        kept = session.server.gui._current_file_upload_states.values()
+        assert [state["transferred_bytes"] for state in kept] == [0]
+    wait_until(lambda: not session.server.gui._current_file_upload_states, "nothing of it is kept", 20)
+
+
+def test_marks_of_forms_are_not_kept_for_those_who_come_later(session: Session) -> None:
+    buffer = session.server._websock_server._broadcast_buffer
+    with RawBrowser(session) as browser:
+        for number in range(60):
+            browser.send({"type": "GuiFormDirtyMessage", "uuid": f"{number}" + "x" * 100_000})
+        wait_until(lambda: session.guard.refused == 60, "all are refused", 60)
+    kept = [message for message in buffer.message_from_id.values() if type(message).__name__ == "GuiFormDirtyMessage"]
+    assert kept == []
+
+
+def test_acknowledgements_go_with_the_uploads_that_they_were_for(session: Session) -> None:
+    buffer = session.server._websock_server._broadcast_buffer
+
+    def kept() -> int:
+        messages = list(buffer.message_from_id.values())
+        return sum(type(message).__name__ == "FileTransferPartAck" for message in messages)
+
+    with RawBrowser(session) as browser:
+        for number in range(8):
+            button = upload_button(session)
+            browser.send(start(session, f"t{number}", part_count=0, size_bytes=0))
+            wait_until(lambda known=button: upload_button(session) != known, "the file was taken", 20)
+        assert 1 <= kept() <= 5
+    wait_until(lambda: kept() == 0, "with the browser the last one goes", 20)
+
+
+UNHASHABLE: dict[str, Callable[[Session], dict[str, Any]]] = {
+    "update": lambda _: {"type": "GuiUpdateMessage", "uuid": [], "updates": {"value": 1}},
+    "updates": lambda _: {"type": "GuiUpdateMessage", "uuid": "x", "updates": [1]},
+    "deep": lambda _: {"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": NESTED}},
+    "command": lambda _: {"type": "CommandTriggerMessage", "uuid": {}},
+    "hold": lambda _: {"type": "GuiButtonHoldMessage", "uuid": [[]], "frequency": 1.0},
+    "hold NaN": lambda session: {
+        "type": "GuiButtonHoldMessage",
+        "uuid": widget(session, "Step")._impl.uuid,
+        "frequency": math.nan,
+    },
+    "upload": lambda session: start(session, []),
+    "upload of bytes": lambda session: start(session, "t", size_bytes=-1),
+    "click": lambda _: {"type": "SceneNodeClickMessage", "name": [], "instance_index": None},
+    "type": lambda _: {"type": []},
+    "no type": lambda _: {},
+    "unknown type": lambda _: {"type": "NoSuchMessage"},
+    "share": lambda _: {"type": "ShareUrlRequest"},
+    "render": lambda _: {"type": "GetRenderResponseMessage", "payload": b"x" * 1000, "render_uuid": "x"},
+    "to the browser": lambda _: {"type": "RunJavascriptMessage", "source": "alert(1)"},
+}
+
+
+@pytest.mark.parametrize("kind", UNHASHABLE)
+def test_what_no_page_sends_is_counted_and_logged_once(
+    session: Session, kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING)
+    message = UNHASHABLE[kind](session)
+    with RawBrowser(session) as browser:
+        wait_until(session.server.get_clients, "it is a client", 20)
+        for _ in range(20):
+            browser.send(message)
+        wait_until(lambda: session.guard.refused == 20, "all are refused", 20)
+        assert session.server.get_clients(), "it is still connected"
+    assert len([record for record in caplog.records if "Refused a message" in record.getMessage()]) <= 1
+    assert not [record for record in caplog.records if record.exc_info]
+
+
+def test_touching_needs_something_that_is_there(session: Session) -> None:
+    drag = {
+        "type": "SceneNodeDragMessage",
+        "phase": "start",
+        "name": "/grab",
+        "instance_index": None,
+        "start_position": [0.0, 0.5, 0.0],
+        "start_screen_pos": [0.5, 0.5],
+        "end_position": [0.0, 0.5, 0.0],
+        "end_screen_pos": [0.5, 0.5],
+        "button": "left",
+        "modifier": None,
+        "owner": "",
+    }
+    bad = ({"name": "/none"}, {"end_position": [math.inf, 0, 0]}, {"owner": "1"}, {"modifier": "fn"}, {"phase": "x"})
+    with RawBrowser(session) as browser:
+        for changes in bad:
+            browser.send(drag | changes)
+        wait_until(lambda: session.guard.refused == len(bad), "all are refused", 20)
+        browser.send(drag)
+        wait_until(lambda: session.lab_state.pulled is not None, "a proper one pulls", 20)
+
+
+def test_a_storm_from_one_browser_waits_and_the_watcher_goes_on(session: Session) -> None:
+    with RawBrowser(session) as browser, RawBrowser(session) as watcher:
+        wait_until(lambda: len(session.server.get_clients()) == 2, "both are clients", 20)
+        reset = widget(session, "Reset")
+        run = session.runner.snapshot.run_number
+        for _ in range(300):
+            browser.update(reset, {"value": True})
+        before = time.monotonic()
+        time.sleep(3.0)
+        runs = session.runner.snapshot.run_number - run
+        assert runs <= 30 + 12 * (time.monotonic() - before), "30 at once, then ten a second"
+        assert watcher.receive(20)
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [{"Origin": "http://evil.example"}, {"Host": "evil.example"}, {"Origin": "null"}],
+    ids=str,
+)
+def test_a_lab_without_a_server_in_front_hears_its_own_page_only(session: Session, headers: dict[str, str]) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", session.port, timeout=30)
+    connection.request("GET", "/", headers=headers)
+    assert connection.getresponse().status == 403
+    connection.close()

@@ -1,0 +1,96 @@
+"""What the lab relies on in viser without viser promising it. A failure here says what to look at after an update."""
+
+import re
+import types
+import typing
+from pathlib import Path
+
+import msgspec
+import pytest
+import viser
+from lab_page import wait_until
+from raw_browser import CAMERA, RawBrowser, widget
+
+import flexlab.lab
+from flexlab.lab import browser_messages
+from flexlab.lab.session import Session
+from flexlab.lab.viser_internals import VERSION, client_of, find_input, is_command, message_fields, scene_instances
+
+MESSAGES = typing.get_args(browser_messages.Heard)
+
+
+def plain(kind: typing.Any) -> str:
+    """A declared type without our limits, in one spelling."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin is typing.Annotated:
+        return plain(arguments[0])
+    if origin in (typing.Union, types.UnionType):
+        return " | ".join(sorted(map(plain, arguments)))
+    if origin is typing.Literal:
+        return " | ".join(sorted({type(item).__name__ for item in arguments}))
+    if origin is not None:
+        return f"{origin.__name__}[{', '.join(map(plain, arguments))}]"
+    return getattr(kind, "__name__", str(kind))
+
+
+def test_viser_is_the_version_whose_internals_are_known() -> None:
+    assert viser.__version__.startswith(f"{VERSION}."), (
+        f"viser is {viser.__version__}, but lab/viser_internals.py knows {VERSION}: read viser's infra/_infra.py, _gui_api.py "
+        "and _scene_api.py again, make this file pass, then raise VERSION and the limit in pyproject.toml."
+    )
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.__name__)
+def test_a_message_has_the_fields_that_we_check(message: type[msgspec.Struct]) -> None:
+    theirs = {name: plain(kind) for name, kind in message_fields(message.__name__).items()}
+    ours = {name: plain(kind) for name, kind in typing.get_type_hints(message, include_extras=True).items()}
+    if message.__name__ == "FileTransferPart":
+        theirs["source_component_uuid"] = "str"  # None stands in messages to the browser only.
+    assert theirs == ours, (
+        f"viser's {message.__name__} has changed: bring lab/browser_messages.py in line, and look whether its "
+        "handlers now do more with it."
+    )
+
+
+def test_only_one_file_uses_what_viser_does_not_promise() -> None:
+    folder = Path(flexlab.lab.__file__).parent
+    private = re.compile(r"viser\._|from viser import _|\._impl\b|_websock|_handle_from|_queue_update|viser\.infra")
+    guilty = [
+        f"{file.relative_to(folder)}:{number}"
+        for file in folder.rglob("*.py")
+        if file.name != "viser_internals.py"
+        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1)
+        if private.search(line)
+    ]
+    assert not guilty, f"move this into lab/viser_internals.py: {', '.join(guilty)}"
+
+
+def test_every_message_passes_the_guard_before_viser_reads_it(session: Session) -> None:
+    with RawBrowser(session) as browser:
+        wait_until(session.server.get_clients, "the browser is a client", 20)
+        before = session.guard.refused
+        browser.send({"type": "ShareUrlRequest"})
+        wait_until(
+            lambda: session.guard.refused == before + 1,
+            "viser no longer reads messages by the connection's recv(): the guard is not asked (viser_internals)",
+            20,
+        )
+
+
+def test_clients_widgets_commands_and_nodes_are_found(session: Session) -> None:
+    with RawBrowser(session) as browser:
+        server = session.server
+        wait_until(server.get_clients, "the browser is a client", 20)
+        (connection,) = server._websock_server._live_connections.values()
+        (client,) = server.get_clients()
+        assert client_of(server, connection) == client, "viser keeps its connections otherwise (client_of)"
+        uuid = widget(session, "Reset")._impl.uuid
+        assert find_input(server, client, uuid) is not None, "viser keeps its widgets otherwise (find_input)"
+        command = next(iter(server.gui._command_handle_from_uuid))
+        assert is_command(server, client, command), "viser keeps its commands otherwise (is_command)"
+        assert scene_instances(server, "/grab") == 0, "viser keeps its scene otherwise (scene_instances)"
+        assert scene_instances(server, "/nothing") is None
+        assert any((scene_instances(server, name) or 0) > 1 for name in server.scene._handle_from_node_name), (
+            "viser names the places of batched meshes otherwise (scene_instances)"
+        )
+        browser.send(CAMERA)

@@ -50,6 +50,7 @@ BEAM = (
     Symbol("n", "n", "element count", "1", "()", "Section II"),
     Symbol("N", "N", "shape functions", "1, m", "(n_q,)", "(4)"),
     Symbol("w", "w", "deflection", "m", "()", "(3)"),
+    Symbol("w_qs", "quasi_static_deflection", "quasi-static deflection", "m", "()", ""),
     Symbol("q", "q", "beam coordinates", "m, rad", "(n_q,)", "(3)"),
     Symbol("q̇", "q_dot", "beam rates", "m/s, rad/s", "(n_q,)", "(8)"),
     Symbol("h", "h", "lateral coupling", "kg, kg·m", "(n_q,)", "(9)"),

@@ -14,6 +14,7 @@ LAYERS = {
     "log_limits": 0,
     "sockets": 0,
     "quantities": 0,
+    "signal": 0,
     "scenario": 1,
     "presets": 1,
     "guide": 1,
@@ -24,8 +25,7 @@ LAYERS = {
     "lab": 5,
     "analysis": 5,
     "benchmarks": 6,
-    "api": 6,
-    "": 6,  # flexlab/__init__.py, the names of the Python interface
+    "": 6,  # flexlab/__init__.py, the Python interface
     "server": 7,
     "cli": 8,
     "__main__": 9,

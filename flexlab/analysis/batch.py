@@ -3,15 +3,14 @@
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
 from typing import Any
-
-import numpy as np
 
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.blas import one_blas_thread
-from flexlab.sim.samples import Run, Samples, Status
+from flexlab.sim.row_layout import empty_samples
+from flexlab.sim.samples import Run, Status
+from flexlab.sim.signals import own_signals
 from flexlab.sim.simulate import sample_count, simulate
 
 MOST_WORKERS = 256
@@ -56,24 +55,5 @@ def _with_bar(results: Any, total: int) -> Any:
 
 
 def _invalid(scenario: Scenario, reason: str) -> Run:
-    arms, n_q = len(scenario.arms), scenario.payload.coordinate_count
-    shapes: dict[str, tuple[int, ...]] = {
-        "beam_coordinates": (0, n_q),
-        "beam_rates": (0, n_q),
-        **dict.fromkeys(("joint_angle", "joint_torque", "arm_input", "internal_force"), (0, arms, 3)),
-        **dict.fromkeys(_THREE_VALUED, (0, 3)),
-    }
-    signals = {field.name: np.zeros(shapes.get(field.name, (0,))) for field in fields(Samples)}
-    return Run(**signals, scenario=scenario, status=Status("invalid", reason))
-
-
-_THREE_VALUED = (
-    "pose",
-    "pose_rate",
-    "pose_acceleration",
-    "desired_pose",
-    "tracking_error",
-    "sliding_variable",
-    "bound_estimates",
-    "moving_force",
-)
+    nothing = empty_samples(len(scenario.arms), scenario.payload.coordinate_count, own_signals(scenario))
+    return Run(**nothing.signals(), scenario=scenario, status=Status("invalid", reason))

@@ -31,7 +31,7 @@ SECONDS = 30.0
 
 UNADAPTED_ERROR = 1.46e-3
 """RMS position error that the preset weak-feedback settles at, m (a test measures it)."""
-UNDAMPED_TIME = 0.47
+UNDAMPED_TIME = 0.44
 """Settling time of the preset paper, s (a test measures it)."""
 
 RINGING = 2e-5

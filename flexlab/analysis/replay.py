@@ -3,16 +3,18 @@
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from flexlab.errors import StudyError
 from flexlab.recording.documents import package_version
 from flexlab.recording.reader import Recording
+from flexlab.recording.store.formats import FORMAT
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
 from flexlab.sim.samples import Samples
+from flexlab.sim.signals import TABLE
 from flexlab.sim.world import World
 from flexlab.sim.world_state import WorldState
 
@@ -52,22 +54,39 @@ class Replay:
 def replay(recording: Recording, blocks: Iterable[Samples] | None = None) -> Replay:
     """Simulate the run again and compare every signal of every recorded sample bit for bit.
 
+    Of a recording of an older format: the signals that it has and that meant then what they mean today.
+
     `blocks`: the recorded samples in the order of time, where `recording` was read without them. Raises `StudyError` if the
     recording's commands cannot be carried out again.
     """
     repetition, done = Repetition(recording), 0
+    absent: frozenset[str] = frozenset()
     for block in (recording.samples,) if blocks is None else blocks:
         for first in range(0, len(block), BLOCK_TICKS):
             recorded = block.slice(first, first + BLOCK_TICKS)
-            compared, difference = _compare(recorded, repetition.samples_until(float(recorded.time[-1])))
+            again = repetition.samples_until(float(recorded.time[-1]))
+            compared, difference = _compare(recorded, again, recording.compared)
             done += compared
+            absent |= recorded.absent
             if difference is not None:
                 return Replay(done, difference, _difference_text(recording, difference))
             if compared < len(recorded):
                 late = float(recorded.time[compared])
                 difference = Difference(late, "time", late, np.nan)
                 return Replay(done, difference, f"The replay stopped at t = {late:g} s, before the recording's end.")
-    return Replay(done, None, f"All {done} samples came out again, bit for bit.")
+    return Replay(done, None, f"All {done} samples came out again, bit for bit.{_left_out(recording, absent)}")
+
+
+def _left_out(recording: Recording, absent: frozenset[str]) -> str:
+    """What an older version recorded otherwise or not at all, as a sentence; empty if there is nothing of the kind."""
+    names = sorted(absent | (TABLE.keys() - recording.compared))
+    if not names:
+        return ""
+    version = recording.properties.get("flexlab_version")
+    return (
+        f" It was recorded by flexlab {version} in format {recording.format}: all that both have was compared, "
+        f"without {', '.join(names)}."
+    )
 
 
 class Repetition:
@@ -93,14 +112,17 @@ class Repetition:
             yield world.advance(min(stop - world.tick, BLOCK_TICKS))
 
 
-def _compare(recorded: Samples, repeated: Iterable[Samples]) -> tuple[int, Difference | None]:
-    """(how many samples were compared, the first difference); of what is repeated, what was not recorded is left out."""
+def _compare(recorded: Samples, repeated: Iterable[Samples], compared: frozenset[str]) -> tuple[int, Difference | None]:
+    """(how many samples were compared, the first difference); of what is repeated, what was not recorded is left out.
+
+    `compared`: the table's signals to look at; a law's own are all looked at.
+    """
     done = 0
     for again in repeated:
         # A gap: samples dropped, a disk that was full.
         rows = np.searchsorted(recorded.time, again.time)
         there = (rows < len(recorded)) & (recorded.time[np.minimum(rows, len(recorded) - 1)] == again.time)
-        difference = _first_difference(_rows(recorded, rows[there]), _rows(again, there))
+        difference = _first_difference(recorded.take(rows[there]), again.take(there), compared)
         done += int(np.count_nonzero(there))
         if difference is not None:
             return done, difference
@@ -167,21 +189,20 @@ def carry_out(world: World, command: WorldCommand) -> None:
         raise StudyError("The recording goes on after a change of structure, which begins a new run: it is not whole.")
 
 
-def _rows(samples: Samples, chosen: np.ndarray) -> Samples:
-    return Samples(**{field.name: getattr(samples, field.name)[chosen] for field in fields(Samples)})
-
-
-def _first_difference(recorded: Samples, again: Samples) -> Difference | None:
+def _first_difference(recorded: Samples, again: Samples, compared: frozenset[str]) -> Difference | None:
     """The earliest row that differs in any bit, and the first signal in it that does."""
     found: tuple[int, str] | None = None
-    for field in fields(Samples):
-        one, other = getattr(recorded, field.name), getattr(again, field.name)
+    present = again.signals()
+    for name, one in recorded.signals().items():
+        if name not in present or (name in TABLE and name not in compared):
+            continue
+        other = present[name]
         if one.shape != other.shape:
-            return Difference(float(recorded.time[0]), field.name, np.nan, np.nan)
+            return Difference(float(recorded.time[0]), name, np.nan, np.nan)
         unlike = _bits(one) != _bits(other)
         rows = np.flatnonzero(unlike.any(axis=1))
         if len(rows) and (found is None or rows[0] < found[0]):
-            found = (int(rows[0]), field.name)
+            found = (int(rows[0]), name)
     if found is None:
         return None
     row, name = found
@@ -199,6 +220,7 @@ def _difference_text(recording: Recording, difference: Difference) -> str:
     made = recording.properties
     return (
         f"The replay differs first at t = {difference.time:g} s in {difference.signal}: recorded {difference.recorded!r}, "
-        f"now {difference.replayed!r}. It was recorded by flexlab {made.get('flexlab_version')} with numpy "
-        f"{made.get('numpy_version')} on {made.get('machine')}; this is flexlab {package_version()} with numpy {np.__version__}."
+        f"now {difference.replayed!r}. It was recorded by flexlab {made.get('flexlab_version')} (format {recording.format}) "
+        f"with numpy {made.get('numpy_version')} on {made.get('machine')}; this is flexlab {package_version()} "
+        f"(format {FORMAT}) with numpy {np.__version__}."
     )

@@ -55,7 +55,10 @@ class Plant(NamedTuple):
     V: np.ndarray
     """Modal to nodal coordinates, (n_q, n_m)."""
     compliance: np.ndarray
-    """Mid-span deflection per unit of lateral and of angular acceleration, -N(0)K_F⁻¹h and -N(0)K_F⁻¹g, (2,)."""
+    """Mid-span deflection per unit of lateral and of angular acceleration, -N(0)K_F⁻¹h and -N(0)K_F⁻¹g, (2,).
+
+    Of all modes of the mesh, however few are kept.
+    """
     pull: np.ndarray
     """A hand's spring: position on what it holds, m, target x, target y, stiffness, arm, link, (6,).
 

@@ -10,10 +10,8 @@ import rerun as rr
 
 from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, plot_signals
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.store.formats import FORMAT, OLDEST_READER
 from flexlab.scenario import Scenario
-
-FORMAT = 1
-"""Number of the layout of a recording: entities, properties, blocks."""
 
 
 def parameters_text(scenario: Scenario, name: str, factor: float) -> str:
@@ -47,6 +45,7 @@ def run_properties(info: RunInfo) -> rr.AnyValues:
     """What a listing of recordings shows: where the run came from and what wrote it."""
     values: dict[str, Any] = {
         "format": FORMAT,
+        "oldest_reader": OLDEST_READER,
         "preset": info.name,
         "title": info.scenario.title,
         "started": info.started.isoformat(timespec="seconds"),

@@ -8,7 +8,7 @@ import csv
 import json
 import warnings
 import zipfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -19,13 +19,14 @@ import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.recording.commands_json import command_to_json
+from flexlab.recording.commands_json import command_from_json, command_to_json
 from flexlab.recording.documents import these_versions
 from flexlab.recording.reader import Recording
 from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.state_json import state_json
+from flexlab.recording.store.formats import FORMAT, Changes, migrate
 from flexlab.recording.store.run_files import replacing
-from flexlab.recording.table_columns import from_columns, to_columns
+from flexlab.recording.table_columns import Column, from_columns, table_columns, to_columns
 from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.samples import Run, Samples, Status
@@ -65,12 +66,28 @@ def export_recording(
         "events": [_event_values(event) for event in recording.events],
     }
     samples = (recording.samples,) if blocks is None else blocks
-    return _export(recording.scenario, recording.status, samples, path, start, end, recording.properties | about)
+    later = Changes(recording.scenario, recording.events).scenarios
+    return _export(recording.scenario, recording.status, samples, path, start, end, recording.properties | about, later)
+
+
+def _batches(pieces: Iterable[Samples], scenario: Scenario, later: Iterable[Scenario]) -> Iterator[Columns]:
+    """The columns of each piece: the same ones of all, and none of what was not recorded."""
+    columns: list[Column] = []
+    for piece in pieces:
+        columns = columns or [c for c in table_columns(scenario, later) if c.signal not in piece.absent]
+        yield to_columns(piece, columns)
 
 
 def _event_values(event: Event) -> dict[str, Any]:
     command = None if event.command is None else json.loads(command_to_json(event.command))
     return {"time": event.time, "text": event.text, "level": event.level, "command": command}
+
+
+def event_from_values(values: Mapping[str, Any]) -> Event:
+    """An event of an exported run's metadata. Raises ValueError, KeyError or TypeError for anything else."""
+    command = values["command"]
+    known = None if command is None else command_from_json(json.dumps(command))
+    return Event(float(values["time"]), str(values["text"]), known, str(values["level"]))
 
 
 def export_run(run: Run, path: Path, start: float | None = None, end: float | None = None) -> Path:
@@ -86,19 +103,21 @@ def _export(
     start: float | None,
     end: float | None,
     about: Mapping[str, Any],
+    later: Iterable[Scenario] = (),
 ) -> Path:
     write, _ = _format(path)
     metadata = {
         **these_versions(),
         "seed": scenario.controller.sensor_noise.seed,
         **about,
+        "format": FORMAT,
         "status": [str(status), status.text, status.time],
         "scenario": scenario.model_dump(mode="json"),
     }
-    batches = (to_columns(batch, scenario) for batch in larger_blocks(within(blocks, start, end), BATCH_ROWS))
+    pieces = larger_blocks(within(blocks, start, end), BATCH_ROWS)
     try:
         with replacing(path) as draft:
-            write(draft, batches, json.dumps(metadata, ensure_ascii=False))
+            write(draft, _batches(pieces, scenario, later), json.dumps(metadata, ensure_ascii=False))
     except OSError as error:
         raise RecordingError(f"{path} cannot be written ({error.strerror or error}): choose another place.") from None
     return path
@@ -112,14 +131,15 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
         metadata = json.loads(text)
         scenario = parse_scenario(metadata["scenario"])
         samples = from_columns(columns, scenario)
+        events = [event_from_values(event) for event in metadata.get("events", ())]
+        samples = migrate(samples, metadata.get("format", 1), lambda: Changes(scenario, events))
         name, sentence, time = metadata["status"]
     except FileNotFoundError:
         raise RecordingError(f"There is no file {path}: check the name.") from None
     except _UNREADABLE as error:
         reason = str(error).split("\n")[0]
         raise RecordingError(f"{path} is not a run exported by flexlab ({reason}).") from None
-    signals = {name: getattr(samples, name) for name in Samples.__dataclass_fields__}
-    return Run(**signals, scenario=scenario, status=Status(name, sentence, time)), metadata
+    return Run(**samples.signals(), scenario=scenario, status=Status(name, sentence, time)), metadata
 
 
 def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:

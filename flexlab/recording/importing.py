@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from flexlab.errors import RecordingError
-from flexlab.recording.commands_json import command_from_json
 from flexlab.recording.documents import these_versions
-from flexlab.recording.export import FORMATS, import_run
+from flexlab.recording.export import FORMATS, event_from_values, import_run
 from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
@@ -78,7 +77,7 @@ def _take_table(path: Path, logs: Path) -> Path:
     if len(run) == 0:
         raise RecordingError(f"{path.name} has no samples: there is nothing to take in.")
     try:
-        info, events = _info(run, metadata), [_event(values) for values in metadata.get("events", [])]
+        info, events = _info(run, metadata), [event_from_values(values) for values in metadata.get("events", [])]
     except (ValueError, KeyError, TypeError) as error:
         raise RecordingError(f"{path.name} was not exported by this version of flexlab ({error}).") from None
     recording = HeadlessRecording(logs, info)
@@ -108,12 +107,6 @@ def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
 
 def _state(values: Mapping[str, Any] | None) -> WorldState | None:
     return None if values is None else state_from_json(json.dumps(values))
-
-
-def _event(values: Mapping[str, Any]) -> Event:
-    command = values["command"]
-    known = None if command is None else command_from_json(json.dumps(command))
-    return Event(float(values["time"]), str(values["text"]), known, str(values["level"]))
 
 
 def _write(recording: HeadlessRecording, run: Run, events: list[Event]) -> None:

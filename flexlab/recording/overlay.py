@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import rerun as rr
@@ -111,7 +110,7 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
         for signal in signals:
             values = scalars(signal.values(block))
             send_columns(stream, f"runs/{label}/{signal.entity}", block.time, [values])
-        drawn = Samples(**{name: getattr(block, name)[::stride] for name in Samples.__dataclass_fields__})
+        drawn = block.take(slice(None, None, stride))
         for entity, columns in moving_shapes(scenario, drawn, factor):
             send_columns(stream, f"runs/{label}/{entity}", drawn.time, columns)
         yield
@@ -122,7 +121,7 @@ def _from_zero(blocks: Iterable[Samples]) -> Iterator[Samples]:
     first = None
     for block in blocks:
         first = block.time[0] if first is None else first
-        yield replace(block, time=block.time - first)
+        yield block.having(time=block.time - first)
 
 
 def _shade(color: tuple[int, int, int], number: int) -> tuple[int, int, int]:

@@ -1,25 +1,25 @@
 """Reads a recording back: exact samples, scenario, events, and how the run ended. Torn files are read up to the tear."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from flexlab.errors import RecordingError, ScenarioError
 from flexlab.recording.commands_json import command_from_json
-from flexlab.recording.documents import FORMAT
 from flexlab.recording.rrd_rows import Rows, read_rows, rows_in_order
-from flexlab.recording.sample_codec import decode_block, join_blocks
+from flexlab.recording.sample_codec import decode_with_format, join_blocks
 from flexlab.recording.state_json import state_from_json
+from flexlab.recording.store.formats import Changes, migrate, readable, same_meaning
 from flexlab.recording.store.run_files import State, run_state
 from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.sim.row_layout import row_length, rows_to_samples
+from flexlab.sim.row_layout import empty_samples
 from flexlab.sim.samples import Run, Samples, Status
+from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world_state import WorldState
 
@@ -43,7 +43,7 @@ class Recording:
     start: WorldState | None
     """The world's state at the first sample; None: the scenario's own start."""
     samples: Samples
-    """Everything recorded, in SI units, bit for bit."""
+    """Everything recorded, in SI units, bit for bit; of an older format, with today's meaning (see `compared`)."""
     events: tuple[Event, ...]
     """In the order in which they took effect; commands are there to be replayed."""
     status: Status
@@ -58,10 +58,19 @@ class Recording:
     """Versions and circumstances."""
 
     @property
+    def format(self) -> int:
+        """Number of the format that it was written in."""
+        return int(self.properties["format"])
+
+    @property
+    def compared(self) -> frozenset[str]:
+        """The table's signals that meant, when this was written, what they mean today."""
+        return same_meaning(self.format)
+
+    @property
     def run(self) -> Run:
         """Samples, scenario and status as `flexlab.simulate` gives them."""
-        signals = {name: getattr(self.samples, name) for name in Samples.__dataclass_fields__}
-        return Run(**signals, scenario=self.scenario, status=self.status)
+        return Run(**self.samples.signals(), scenario=self.scenario, status=self.status)
 
 
 def read_recording(path: Path | str, with_samples: bool = True) -> Recording:
@@ -78,8 +87,10 @@ def read_blocks(path: Path | str) -> Iterator[Samples]:
 
     Raises `RecordingError` as `read_recording` does.
     """
-    for _, values in rows_in_order(Path(path), "/exact/samples"):
-        yield _block(Path(path), values)
+    path = Path(path)
+    history = cache(lambda: _changes(read_recording(path, with_samples=False)))
+    for _, values in rows_in_order(path, "/exact/samples"):
+        yield _block(path, values, history)
 
 
 def read_range(path: Path | str, start: float | None = None, end: float | None = None) -> Samples:
@@ -113,7 +124,7 @@ def _properties(path: Path, rows: Rows) -> dict[str, Any]:
     properties = _values(rows, PROPERTIES + "run")
     if "format" not in properties or "scenario" not in properties:
         raise RecordingError(f"{path} is a rerun recording, but not one of flexlab's: it has no scenario.")
-    if properties["format"] > FORMAT:
+    if not readable(properties):
         raise RecordingError(
             f"{path} was written by flexlab {properties['flexlab_version']}, which is newer than this one: update flexlab."
         )
@@ -143,8 +154,13 @@ def _assemble(path: Path, rows: Rows) -> Recording:
         events = [_event(record) for record in sorted(records, key=lambda record: record["number"])]
     except (ValueError, KeyError, TypeError) as error:
         raise _strange(path, properties, error) from None
-    blocks = [_block(path, values) for _, values in rows.get("/exact/samples", [])]
-    samples = join_blocks(blocks) if blocks else _no_samples(scenario)
+    history = cache(lambda: Changes(scenario, events))
+    blocks = [_block(path, values, history) for _, values in rows.get("/exact/samples", [])]
+    samples = (
+        join_blocks(blocks)
+        if blocks
+        else empty_samples(len(scenario.arms), scenario.payload.coordinate_count, own_signals(scenario))
+    )
     status = Status(end.get("status", "running"), end.get("text", "The recording breaks off."), end.get("time_s", 0.0))
     return Recording(
         path=path,
@@ -162,19 +178,19 @@ def _assemble(path: Path, rows: Rows) -> Recording:
     )
 
 
-def _block(path: Path, values: dict[str, Any]) -> Samples:
+def _changes(recording: Recording) -> Changes:
+    return Changes(recording.scenario, recording.events)
+
+
+def _block(path: Path, values: dict[str, Any], history: Callable[[], Changes]) -> Samples:
     try:
-        return decode_block(values["data"])
+        samples, written_in = decode_with_format(values["data"])
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
+    return migrate(samples, written_in, history)
 
 
 def _event(record: dict[str, Any]) -> Event:
     command = record["command"]
     known = None if command is None else command_from_json(json.dumps(command))
     return Event(record["time"], record["text"], known, record["level"])
-
-
-def _no_samples(scenario: Scenario) -> Samples:
-    arms = len(scenario.arms)
-    return rows_to_samples(np.zeros((0, row_length(arms, scenario.payload.coordinate_count))), arms)

@@ -98,7 +98,7 @@ class RunWriter:
             count = np.floor(np.concatenate([[self._last_drawn], late]) / interval)
             chosen = np.flatnonzero(np.diff(count) > 0)
         self._last_drawn = float(samples.time[-1]) + 0.5 * self.info.sample_period
-        return Samples(**{name: getattr(samples, name)[chosen] for name in Samples.__dataclass_fields__})
+        return samples.take(chosen)
 
     def write_event(self, event: Event) -> None:
         """Write an event; a change of the scenario also moves what is drawn from then on."""

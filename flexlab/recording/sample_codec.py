@@ -13,12 +13,12 @@ import json
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import fields
 from math import prod
 
 import numpy as np
 
 from flexlab.errors import RecordingError
+from flexlab.recording.store import formats
 from flexlab.sim.samples import Samples
 
 DIFFERENCES = 3
@@ -28,23 +28,22 @@ COMPRESSION = 1
 """zlib level: 6 saves 2 % and costs half as much again."""
 
 FORMAT = 1
-"""Number of this layout."""
+"""Number of this layout of bytes; what the signals mean is the recording's format, which each block says too."""
 
 DERIVED: dict[str, Callable[[dict[str, np.ndarray]], np.ndarray]] = {
     "tracking_error": lambda signals: signals["pose"] - signals["desired_pose"],
 }
 """Signals left out of a block when this gives them back bit for bit, which is checked each time."""
 
-_SIGNALS = tuple(field.name for field in fields(Samples))
-
 
 def encode_block(samples: Samples) -> bytes:
     """All signals of a block of samples (N >= 1) as bytes."""
-    signals = {name: np.asarray(getattr(samples, name), np.float64) for name in _SIGNALS}
-    derived = [name for name, formula in DERIVED.items() if signals[name].tobytes() == formula(signals).tobytes()]
+    signals = {name: np.asarray(signal, np.float64) for name, signal in samples.signals().items()}
+    derived = [name for name in signals if name in DERIVED and _follows(name, signals)]
     kept = {name: signal for name, signal in signals.items() if name not in derived}
     header = {
         "format": FORMAT,
+        "recording_format": formats.FORMAT,
         "rows": len(samples),
         "signals": [[name, list(signal.shape[1:])] for name, signal in kept.items()],
         "derived": derived,
@@ -60,7 +59,15 @@ def encode_block(samples: Samples) -> bytes:
 
 
 def decode_block(data: bytes) -> Samples:
-    """The samples that `encode_block` was given, read-only. Raises `RecordingError` for bytes that are none."""
+    """The samples that `encode_block` was given, read-only. Raises `RecordingError` for bytes that are none.
+
+    A block names its signals: one that it lacks is absent, one that this version does not know is kept.
+    """
+    return decode_with_format(data)[0]
+
+
+def decode_with_format(data: bytes) -> tuple[Samples, int]:
+    """As `decode_block`, with the format of the recording, on which the meaning of the signals depends."""
     try:
         header, planes = _unpack(data)
         rows, signals = header["rows"], header["signals"]
@@ -79,12 +86,20 @@ def decode_block(data: bytes) -> Samples:
         found[name].flags.writeable = False
         first += width
     for name in header["derived"]:
-        found[name] = DERIVED[name](found)
-        found[name].flags.writeable = False
-    missing = [name for name in _SIGNALS if name not in found]
-    if missing:
-        raise RecordingError(f"The recording has no signal {missing[0]}: it was written by another version of flexlab.")
-    return Samples(**{name: found[name] for name in _SIGNALS})
+        # A newer version may leave out more than this one can restore: that is then absent.
+        if name in DERIVED:
+            found[name] = DERIVED[name](found)
+            found[name].flags.writeable = False
+    if "time" not in found:
+        raise RecordingError("A block of exact samples has no times: the recording is damaged.")
+    return Samples(**found), header.get("recording_format", 1)
+
+
+def _follows(name: str, signals: dict[str, np.ndarray]) -> bool:
+    try:
+        return signals[name].tobytes() == DERIVED[name](signals).tobytes()
+    except KeyError:  # What it would follow from was not recorded.
+        return False
 
 
 def _unpack(data: bytes) -> tuple[dict, memoryview]:
@@ -97,16 +112,22 @@ def _unpack(data: bytes) -> tuple[dict, memoryview]:
 
 
 def join_blocks(blocks: list[Samples]) -> Samples:
-    """Blocks end to end. Beam coordinates of a coarser mesh are filled up with NaN to the width of the finest."""
-    joined = {}
-    for name in _SIGNALS:
-        parts = [getattr(block, name) for block in blocks]
-        widest = max(part.shape[1:] for part in parts)
-        whole = np.full((sum(map(len, parts)), *widest), np.nan)
+    """Blocks end to end. Beam coordinates of a coarser mesh are filled up with NaN to the width of the finest.
+
+    So is a signal that some blocks do not have: one of a law that was not always at work.
+    """
+    joined: dict[str, np.ndarray] = {}
+    rows = sum(map(len, blocks))
+    every = [block.signals() for block in blocks]
+    for name in dict.fromkeys(name for signals in every for name in signals):
+        widest = max(signals[name].shape[1:] for signals in every if name in signals)
+        whole = np.full((rows, *widest), np.nan)
         first = 0
-        for part in parts:
-            whole[(slice(first, first + len(part)), *map(slice, part.shape[1:]))] = part
-            first += len(part)
+        for block, signals in zip(blocks, every, strict=True):
+            if name in signals:
+                part = signals[name]
+                whole[(slice(first, first + len(part)), *map(slice, part.shape[1:]))] = part
+            first += len(block)
         whole.flags.writeable = False
         joined[name] = whole
     return Samples(**joined)

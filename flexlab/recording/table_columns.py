@@ -1,41 +1,15 @@
 """Every signal of `Samples` as named columns with units, for tables, and back."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexlab.scenario import Scenario
+from flexlab.signal import ARM, COORDINATE, Axis, Signal
 from flexlab.sim.geometry import held_columns
 from flexlab.sim.samples import Samples
-
-POSE, RATE, ACCELERATION = ("m", "m", "rad"), ("m/s", "m/s", "rad/s"), ("m/s²", "m/s²", "rad/s²")
-FORCE = ("N", "N", "N·m")
-AXES = ("x", "y", "theta")
-SIDES = ("left", "right")
-
-_BY_AXIS = {
-    "pose": POSE,
-    "pose_rate": RATE,
-    "pose_acceleration": ACCELERATION,
-    "desired_pose": POSE,
-    "tracking_error": POSE,
-    "sliding_variable": RATE,
-    "moving_force": FORCE,
-}
-_BY_ARM_AND_AXIS = {"arm_input": FORCE, "internal_force": FORCE}
-_BY_ARM_AND_JOINT = {"joint_angle": "rad", "joint_torque": "N·m"}
-_BY_NODE = {"beam_coordinates": ("m", "rad"), "beam_rates": ("m/s", "rad/s")}
-_SINGLE = {
-    "time": "s",
-    "midspan_deflection": "m",
-    "quasi_static_deflection": "m",
-    "kinetic_energy": "J",
-    "elastic_energy": "J",
-    "gravity_energy": "J",
-    "input_work": "J",
-    "dissipated_energy": "J",
-    "saturated": "1",
-}
+from flexlab.sim.signals import TABLE, known_signals, own_signals
 
 
 @dataclass(frozen=True)
@@ -50,56 +24,69 @@ class Column:
     """Which entry of one row of that field; () if it is a number."""
 
 
-def table_columns(scenario: Scenario) -> tuple[Column, ...]:
-    """All columns of a run of `scenario`, in the order of the fields of `Samples`."""
+def table_columns(scenario: Scenario, later: Iterable[Scenario] = ()) -> tuple[Column, ...]:
+    """All columns of a run of `scenario`, in the order of the table of signals, then the law's own.
+
+    `later`: the scenarios that changes made of it, whose laws may have other signals of their own.
+    """
+    own = {signal.name: signal for each in (scenario, *later) for signal in own_signals(each)}
     return tuple(
-        Column(f"{'_'.join([signal, *part])} [{unit}]", signal, index)
-        for signal in Samples.__dataclass_fields__
-        for part, unit, index in _parts(signal, scenario)
+        Column(f"{'_'.join([signal.name, *words])} [{unit}]", signal.name, index)
+        for signal in (*TABLE.values(), *own.values())
+        for words, unit, index in _parts(signal, scenario)
     )
 
 
-def _parts(signal: str, scenario: Scenario) -> list[tuple[list[str], str, tuple[int, ...]]]:
-    """(words, unit, index) of each entry of a signal."""
-    sides = list(enumerate(SIDES[: len(scenario.arms)]))
-    if signal in _SINGLE:
-        return [([], _SINGLE[signal], ())]
-    if signal in _BY_AXIS:
-        return [([axis], unit, (i,)) for i, (axis, unit) in enumerate(zip(AXES, _BY_AXIS[signal], strict=True))]
-    if signal == "bound_estimates":
-        return [([str(i)], unit, (i,)) for i, unit in enumerate(("N", "N/m", "N·s²/m²"))]
-    if signal in _BY_ARM_AND_AXIS:
-        units = _BY_ARM_AND_AXIS[signal]
-        return [([side, axis], units[i], (arm, i)) for arm, side in sides for i, axis in enumerate(AXES)]
-    if signal in _BY_ARM_AND_JOINT:
-        unit = _BY_ARM_AND_JOINT[signal]
-        return [([side, str(joint + 1)], unit, (arm, joint)) for arm, side in sides for joint in range(3)]
-    units = _BY_NODE[signal]
-    nodal = range(2 * (scenario.payload.element_count + 1))
-    free = [coordinate for coordinate in nodal if coordinate not in held_columns(scenario.payload)]
-    kinds = ("deflection", "slope")
-    return [([f"node{c // 2}", kinds[c % 2]], units[c % 2], (i,)) for i, c in enumerate(free)]
+def _parts(signal: Signal, scenario: Scenario) -> list[tuple[tuple[str, ...], str, tuple[int, ...]]]:
+    """(words, unit, index) of each entry of one row of a signal."""
+    parts: list[tuple[tuple[str, ...], str, tuple[int, ...]]] = [((), signal.units[0], ())]
+    for axis in signal.axes:
+        parts = [
+            (words + label, signal.units[kind % len(signal.units)], (*index, place))
+            for words, _, index in parts
+            for place, (label, kind) in enumerate(_labels(axis, scenario))
+        ]
+    return parts
 
 
-def to_columns(samples: Samples, scenario: Scenario) -> dict[str, np.ndarray]:
-    """Name → values (N,) of every column."""
+def _labels(axis: Axis, scenario: Scenario) -> list[tuple[tuple[str, ...], int]]:
+    """(words, number of the unit) of each entry along an axis."""
+    if axis == COORDINATE:
+        nodal = range(2 * (scenario.payload.element_count + 1))
+        held = held_columns(scenario.payload)
+        return [((f"node{c // 2}", axis.labels[c % 2]), c % 2) for c in nodal if c not in held]
+    labels = axis.labels[: len(scenario.arms)] if axis == ARM else axis.labels
+    return [((label,), number) for number, label in enumerate(labels)]
+
+
+def to_columns(samples: Samples, columns: Sequence[Column]) -> dict[str, np.ndarray]:
+    """Name → values (N,) of every column; NaN for what these samples do not have."""
+    nothing = np.full(len(samples), np.nan)
+    own = samples.own
     return {
-        column.name: np.ascontiguousarray(getattr(samples, column.signal)[(slice(None), *column.index)])
-        for column in table_columns(scenario)
+        column.name: np.ascontiguousarray(samples[column.signal][(slice(None), *column.index)])
+        if column.signal in TABLE or column.signal in own
+        else nothing
+        for column in columns
     }
 
 
 def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
-    """The samples that `to_columns` was given, read-only. Raises KeyError for a column that is missing."""
-    columns = table_columns(scenario)
-    count = len(values[columns[0].name])
+    """The samples that `to_columns` was given, read-only. Raises KeyError if there is no column of times.
+
+    A signal whose columns are not all there is absent.
+    """
+    known = [(signal, _parts(signal, scenario)) for signal in known_signals().values()]
     signals: dict[str, np.ndarray] = {}
-    for column in columns:
-        shape = [
-            1 + max(c.index[axis] for c in columns if c.signal == column.signal) for axis in range(len(column.index))
-        ]
-        signal = signals.setdefault(column.signal, np.empty((count, *shape)))
-        signal[(slice(None), *column.index)] = values[column.name]
-    for signal in signals.values():
-        signal.flags.writeable = False
+    for signal, parts in known:
+        names = [f"{'_'.join([signal.name, *words])} [{unit}]" for words, unit, _ in parts]
+        if parts and all(name in values for name in names):
+            shape = tuple(1 + max(index[axis] for _, _, index in parts) for axis in range(len(signal.axes)))
+            array = np.empty((len(values[names[0]]), *shape))
+            for name, (_, _, index) in zip(names, parts, strict=True):
+                array[(slice(None), *index)] = values[name]
+            array.flags.writeable = False
+            signals[signal.name] = array
+    if "time" not in signals:
+        raise KeyError("time [s]")
     return Samples(**signals)

@@ -10,8 +10,8 @@ from flexlab.sim.integrators.beam_flow import end_flow, meet_acceleration
 from flexlab.sim.integrators.etdrk4 import FREE
 from flexlab.sim.integrators.scheme import ETDRK4
 from flexlab.sim.integrators.step import integrate
-from flexlab.sim.outputs import write_sample
 from flexlab.sim.sampled_control import control_instant
+from flexlab.sim.signals import write_sample
 
 DIVERGED, BENT = NOT_A_NUMBER, 4
 """Fault codes of the loop besides those of `physics.arm`: not a number or runaway; deflection as large as the beam."""

@@ -1,7 +1,5 @@
 """States between two samples, for slow motion: what is drawn moves smoothly although samples are a millisecond apart."""
 
-from dataclasses import fields
-
 import numpy as np
 
 from flexlab.sim.samples import Samples
@@ -15,9 +13,10 @@ def interpolate(before: Samples, after: Samples, fraction: float) -> Samples:
     if fraction >= 1 or len(before) == 0 or before.beam_coordinates.shape != after.beam_coordinates.shape:
         return after
     signals = {}
-    for field in fields(Samples):
-        a, b = getattr(before, field.name), getattr(after, field.name)
-        signals[field.name] = a + fraction * (b - a)
+    earlier, later = before.signals(), after.signals()
+    for name, b in later.items():
+        a = earlier.get(name, b)
+        signals[name] = a + fraction * (b - a)
     span = float(after.time[0] - before.time[0])
     for position, rate in (("pose", "pose_rate"), ("beam_coordinates", "beam_rates")):
         ends = [getattr(sample, name) for sample in (before, after) for name in (position, rate)]

@@ -1,50 +1,51 @@
-"""Where each signal of `Samples` stands in a row that the kernel writes."""
+"""Where each signal of `Samples` stands in a row that the kernel writes (see `sim.signals`)."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
+from flexlab.signal import ARM, Signal
 from flexlab.sim.samples import Samples
+from flexlab.sim.signals import ARMS, COLUMN, OF_EACH_ARM, OF_THE_BEAM, PER_ARM, PER_SAMPLE
 
-TIME, POSE, RATE, ACCELERATION, DESIRED, ERROR, SLIDING, ESTIMATES, MOVING = 0, 1, 4, 7, 10, 13, 16, 19, 22
-MIDSPAN, QUASI_STATIC, KINETIC, ELASTIC, GRAVITY, WORK, DISSIPATION, SATURATED = 25, 26, 27, 28, 29, 30, 31, 32
-ARMS = 33
-"""First column of the arms; each has joint angle, joint torque, input and internal force, three columns each."""
-PER_ARM = 12
+TIME, POSE = COLUMN["time"], COLUMN["pose"]
 
 
-def row_length(arm_count: int, coordinate_count: int) -> int:
-    """Columns of one sample: fixed signals, arms, q and q̇."""
-    return ARMS + PER_ARM * arm_count + 2 * coordinate_count
+def row_length(arm_count: int, coordinate_count: int, own: Sequence[Signal] = ()) -> int:
+    """Columns of one sample. `own`: the law's own signals."""
+    beam = len(OF_THE_BEAM) * coordinate_count
+    return ARMS + PER_ARM * arm_count + beam + sum(signal.fixed_size for signal in own)
 
 
-def rows_to_samples(rows: np.ndarray, arm_count: int) -> Samples:
-    """Read-only views of the signals in rows (N, row_length)."""
+def rows_to_samples(rows: np.ndarray, arm_count: int, own: Sequence[Signal] = ()) -> Samples:
+    """Read-only views of the signals in rows (N, row length). `own`: the law's own signals."""
     rows = rows.view()
     rows.flags.writeable = False
-    arms = rows[:, ARMS : ARMS + PER_ARM * arm_count].reshape(len(rows), arm_count, 4, 3)
-    beam = rows[:, ARMS + PER_ARM * arm_count :]
-    n_q = beam.shape[1] // 2
-    return Samples(
-        time=rows[:, TIME],
-        pose=rows[:, POSE : POSE + 3],
-        pose_rate=rows[:, RATE : RATE + 3],
-        pose_acceleration=rows[:, ACCELERATION : ACCELERATION + 3],
-        desired_pose=rows[:, DESIRED : DESIRED + 3],
-        beam_coordinates=beam[:, :n_q],
-        beam_rates=beam[:, n_q:],
-        tracking_error=rows[:, ERROR : ERROR + 3],
-        sliding_variable=rows[:, SLIDING : SLIDING + 3],
-        bound_estimates=rows[:, ESTIMATES : ESTIMATES + 3],
-        joint_angle=arms[:, :, 0],
-        joint_torque=arms[:, :, 1],
-        arm_input=arms[:, :, 2],
-        internal_force=arms[:, :, 3],
-        moving_force=rows[:, MOVING : MOVING + 3],
-        midspan_deflection=rows[:, MIDSPAN],
-        quasi_static_deflection=rows[:, QUASI_STATIC],
-        kinetic_energy=rows[:, KINETIC],
-        elastic_energy=rows[:, ELASTIC],
-        gravity_energy=rows[:, GRAVITY],
-        input_work=rows[:, WORK],
-        dissipated_energy=rows[:, DISSIPATION],
-        saturated=rows[:, SATURATED],
-    )
+    count, width = rows.shape
+    beam = ARMS + PER_ARM * arm_count
+    last = width - sum(signal.fixed_size for signal in own)
+    n_q = (last - beam) // len(OF_THE_BEAM)
+    arms = rows[:, ARMS:beam].reshape(count, arm_count, PER_ARM)
+    signals = {s.name: _part(rows, s, COLUMN[s.name]) for s in PER_SAMPLE}
+    for signal in OF_EACH_ARM:
+        signals[signal.name] = _part(arms, signal, COLUMN[signal.name])
+    for number, signal in enumerate(OF_THE_BEAM):
+        signals[signal.name] = rows[:, beam + number * n_q : beam + (number + 1) * n_q]
+    for signal in own:
+        signals[signal.name] = _part(rows, signal, last)
+        last += signal.fixed_size
+    return Samples(**signals)
+
+
+def _part(rows: np.ndarray, signal: Signal, first: int) -> np.ndarray:
+    """A signal's columns of the last axis, in its own shape."""
+    inner = tuple(len(axis.labels) for axis in signal.axes if axis != ARM)
+    if not inner:
+        return rows[..., first]
+    part = rows[..., first : first + signal.fixed_size]
+    return part if len(inner) == 1 else part.reshape(*part.shape[:-1], *inner)
+
+
+def empty_samples(arm_count: int, coordinate_count: int, own: Sequence[Signal] = ()) -> Samples:
+    """Samples of no instant."""
+    return rows_to_samples(np.zeros((0, row_length(arm_count, coordinate_count, own))), arm_count, own)

@@ -12,7 +12,6 @@ import numpy as np
 
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario
-from flexlab.sim import row_layout
 from flexlab.sim.command_text import command_text
 from flexlab.sim.commands import (
     ChangeScenario,
@@ -30,6 +29,7 @@ from flexlab.sim.history import History
 from flexlab.sim.interpolation import interpolate
 from flexlab.sim.pacing import FASTEST, SLOWEST, Pacing
 from flexlab.sim.samples import Samples, Status
+from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK, Event, Snapshot
 from flexlab.sim.world import World
 from flexlab.sim.world_state import Origin, WorldState
@@ -230,7 +230,7 @@ class Runner:
         self._run_number += 1
         self._dropped = 0
         self._events.clear()
-        self._history = History(world.row_length, len(world.scenario.arms))
+        self._history = History(world.row_length, len(world.scenario.arms), own_signals(world.scenario))
         self._latest = self._previous = world.observe()
         self._pacing.restart(self._clock(), world.time)
         for consumer in self._consumers:
@@ -261,8 +261,8 @@ class Runner:
         """Samples to history, snapshot and consumers."""
         if len(rows) == 0:
             return
-        self._history.append(rows)
-        samples = row_layout.rows_to_samples(rows, len(self._world.scenario.arms))
+        self._history.append(rows, own_signals(self._world.scenario))
+        samples = self._world.to_samples(rows)
         self._previous = samples.slice(len(rows) - 2, len(rows) - 1) if len(rows) > 1 else self._latest
         self._latest = samples.slice(len(rows) - 1, len(rows))
         speed = self._pacing.actual_speed()

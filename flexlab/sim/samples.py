@@ -1,79 +1,82 @@
 """What the engine hands out: blocks of samples, one row per instant, read-only, SI units."""
 
-from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexlab.scenario import Scenario
+from flexlab.signal import ARM, COORDINATE, signal_lines
+from flexlab.sim.signals import DERIVED, TABLE, Signals, table
 
 
-@dataclass(frozen=True)
-class Samples:
-    """Signals of a run on the instants `time` (N,). Shapes for `arms` arms and n_q beam coordinates."""
+@table
+class Samples(Signals):
+    """Read-only arrays of the instants `time` (N,): the signals that they were given, by name.
 
-    time: np.ndarray
-    """t, s, (N,): exactly k · sample period."""
-    pose: np.ndarray
-    """x = (x0, y0, θ), m, m, rad, (N, 3)."""
-    pose_rate: np.ndarray
-    """ẋ, m/s, m/s, rad/s, (N, 3)."""
-    pose_acceleration: np.ndarray
-    """ẍ, m/s², m/s², rad/s², (N, 3)."""
-    desired_pose: np.ndarray
-    """x_d, m, m, rad, (N, 3)."""
-    beam_coordinates: np.ndarray
-    """q, nodal deflections (m) and slopes (rad), left to right, (N, n_q)."""
-    beam_rates: np.ndarray
-    """q̇, m/s and rad/s, (N, n_q)."""
-    tracking_error: np.ndarray
-    """e = x - x_d, m, m, rad, (N, 3)."""
-    sliding_variable: np.ndarray
-    """s, m/s, m/s, rad/s, (N, 3)."""
-    bound_estimates: np.ndarray
-    """b̂0, b̂1, b̂2, (N, 3)."""
-    joint_angle: np.ndarray
-    """Relative joint angles, rad, (N, arms, 3)."""
-    joint_torque: np.ndarray
-    """τ, N·m, (N, arms, 3)."""
-    arm_input: np.ndarray
-    """u = 𝒥ᵀτ, N, N, N·m, (N, arms, 3)."""
-    internal_force: np.ndarray
-    """F, Eqs. (13)-(15), N, N, N·m, (N, arms, 3)."""
-    moving_force: np.ndarray
-    """f/arms, each arm's equal share of what moves the payload, N, N, N·m, (N, 3)."""
-    midspan_deflection: np.ndarray
-    """w(0, t), m, (N,)."""
-    quasi_static_deflection: np.ndarray
-    """The part of w(0, t) that the rigid motion's inertial load bends, m, (N,)."""
-    kinetic_energy: np.ndarray
-    """Of arms and payload, J, (N,)."""
-    elastic_energy: np.ndarray
-    """½ qᵀ K_F q, J, (N,)."""
-    gravity_energy: np.ndarray
-    """Potential energy of weight, zero at y = 0, J, (N,)."""
-    input_work: np.ndarray
-    """∫ power of motors and of pulls, J, (N,)."""
-    dissipated_energy: np.ndarray
-    """∫ q̇ᵀ D q̇, J, (N,)."""
-    saturated: np.ndarray
-    """Whether any joint torque stands at its limit, 1 or 0, (N,)."""
+    A signal that was not recorded is absent: it reads as NaN, and `absent` names it. Signals that no row of the table has
+    (a law's own, or a newer version's) are attributes like the others, and `own` holds them.
+    """
+
+    def __init__(self, **signals: np.ndarray):
+        vars(self).update(signals)
 
     def __len__(self) -> int:
         return len(self.time)
 
-    @property
-    def vibration(self) -> np.ndarray:
-        """w(0, t) less its quasi-static part: the part that can be driven to zero, m, (N,)."""
-        return self.midspan_deflection - self.quasi_static_deflection
+    def __repr__(self) -> str:
+        span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "no instants"
+        return f"{type(self).__name__}({len(self)} samples, {span})"
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> np.ndarray:
+            signals = vars(self)
+            if name not in TABLE or "time" not in signals:
+                known = ", ".join([*TABLE, *DERIVED, *(n for n in signals if n not in TABLE)])
+                raise AttributeError(f"samples have no signal {name}: there are {known}.", name=name, obj=self)
+            shape = TABLE[name].shape(*self._sizes())
+            return np.broadcast_to(np.nan, (len(self), *shape))
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A signal by its name."""
+        return getattr(self, name)
+
+    def _sizes(self) -> tuple[int, int]:
+        """How many arms and beam coordinates there are, told from the signals that are present."""
+        shapes = {
+            axis: array.shape[1 + place]
+            for name, array in self.signals().items()
+            if name in TABLE
+            for place, axis in enumerate(TABLE[name].axes)
+        }
+        return shapes.get(ARM, 0), shapes.get(COORDINATE, 0)
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """All signals that are present, by name: those of the table in its order, then own ones."""
+        present = {name: vars(self)[name] for name in TABLE if name in vars(self)}
+        return present | self.own
 
     @property
-    def total_energy(self) -> np.ndarray:
-        """Kinetic, elastic and gravity energy together, J, (N,)."""
-        return self.kinetic_energy + self.elastic_energy + self.gravity_energy
+    def own(self) -> dict[str, np.ndarray]:
+        """The signals that no row of the table has."""
+        return {n: array for n, array in vars(self).items() if n not in TABLE and isinstance(array, np.ndarray)}
+
+    @property
+    def absent(self) -> frozenset[str]:
+        """The rows of the table that were not recorded."""
+        return frozenset(name for name in TABLE if name not in vars(self))
+
+    def having(self, **signals: np.ndarray) -> "Samples":
+        """The same samples with some signals replaced or added."""
+        return Samples(**{**self.signals(), **signals})
+
+    def take(self, rows: Any) -> "Samples":
+        """The samples that an index of the first axis chooses: a slice, or an array of numbers or of truth values."""
+        return Samples(**{name: array[rows] for name, array in self.signals().items()})
 
     def slice(self, start: int, stop: int) -> "Samples":
         """Rows start..stop as a block of its own (views, read-only like their source)."""
-        return Samples(**{f.name: getattr(self, f.name)[start:stop] for f in fields(Samples)})
+        return self.take(slice(start, stop))
 
 
 class Status(str):
@@ -97,12 +100,28 @@ class Status(str):
         return self not in ("running", "finished")
 
 
-@dataclass(frozen=True)
+@table
 class Run(Samples):
-    """A finished simulation: all samples, the scenario it started from and how it ended.
+    """A finished simulation: all samples, the `scenario` it started from, and as `status` how it ended.
 
     A failed run holds the good samples up to the failure.
     """
 
     scenario: Scenario
     status: Status
+
+    def __init__(self, *, scenario: Scenario, status: Status, **signals: np.ndarray):
+        super().__init__(**signals)
+        vars(self).update(scenario=scenario, status=status)
+
+
+_LIST = f"""
+
+    Arrays on the N instants, of `arms` arms and n_q beam coordinates (SI units; the second half follows from the first):
+
+{signal_lines(TABLE.values())}
+
+{signal_lines(DERIVED.values())}
+"""
+for _part in (Samples, Run):
+    _part.__doc__ = f"{(_part.__doc__ or '').rstrip()}{_LIST}"

@@ -3,13 +3,11 @@
 import math
 import numbers
 from collections.abc import Sequence
-from dataclasses import fields
 
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
-from flexlab.sim import row_layout
 from flexlab.sim.commands import WorldCommand
-from flexlab.sim.samples import Run, Samples, Status
+from flexlab.sim.samples import Run, Status
 from flexlab.sim.world import World
 
 LONGEST_RUN = 50_000_000
@@ -49,9 +47,7 @@ def simulate(
     status = world.status
     if not status.failed:
         status = Status("finished", f"Finished at t = {world.time:g} s.", world.time)
-    samples = row_layout.rows_to_samples(rows[:done], len(world.scenario.arms))
-    signals = {field.name: getattr(samples, field.name) for field in fields(Samples)}
-    return Run(**signals, scenario=scenario, status=status)
+    return Run(**world.to_samples(rows[:done]).signals(), scenario=scenario, status=status)
 
 
 def _tick_at(time: float, sample_period: float) -> int:

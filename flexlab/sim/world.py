@@ -23,6 +23,7 @@ from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row
 from flexlab.sim.projection import project_beam
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
+from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.termination import DEFLECTION_LIMIT, pose_fault, runtime_fault
 from flexlab.sim.workspace_check import check_trajectory, same_reach
@@ -112,18 +113,23 @@ class World:
 
     def observe(self) -> Samples:
         """The sample of the present instant (N = 1); of a failed start: the pose alone, the rest zero."""
-        return row_layout.rows_to_samples(self.observe_rows(), len(self.scenario.arms))
+        return self.to_samples(self.observe_rows())
 
     def observe_rows(self) -> np.ndarray:
-        """As `observe`, as a row (1, row length) in the layout of `sim.columns`."""
+        """As `observe`, as a row (1, row length) in the layout of `sim.row_layout`."""
         rows = self.new_rows(1)
         self._observe(rows[0])
         return rows
 
     @property
     def row_length(self) -> int:
-        """Columns of a sample row: changes with arms and mesh only."""
-        return row_layout.row_length(len(self.scenario.arms), self._assembly.beam.modes.V.shape[0])
+        """Columns of a sample row: changes with arms, mesh and the law's own signals only."""
+        own = own_signals(self.scenario)
+        return row_layout.row_length(len(self.scenario.arms), self._assembly.beam.modes.V.shape[0], own)
+
+    def to_samples(self, rows: np.ndarray) -> Samples:
+        """Views of the signals in rows (N, row length) of this world."""
+        return row_layout.rows_to_samples(rows, len(self.scenario.arms), own_signals(self.scenario))
 
     def _observe(self, row: np.ndarray) -> None:
         self._advance(row[None], first_is_present=True)
@@ -139,10 +145,10 @@ class World:
 
         Fewer than `ticks` rows mean that the world stopped: `status` says why, and the state is the last good one.
         """
-        return row_layout.rows_to_samples(self.advance_rows(ticks), len(self.scenario.arms))
+        return self.to_samples(self.advance_rows(ticks))
 
     def advance_rows(self, ticks: int) -> np.ndarray:
-        """As `advance`, as rows (ticks done, row length) in the layout of `sim.columns`."""
+        """As `advance`, as rows (ticks done, row length) in the layout of `sim.row_layout`."""
         rows = self.new_rows(0 if self.status.failed else ticks)
         return rows[: self.fill(rows)]
 
@@ -151,7 +157,7 @@ class World:
         rows = self.new_rows(1 if self.status.failed else ticks + 1)
         self._observe(rows[0])
         done = self.fill(rows[1:])
-        return row_layout.rows_to_samples(rows[: done + 1], len(self.scenario.arms))
+        return self.to_samples(rows[: done + 1])
 
     def fill(self, rows: np.ndarray) -> int:
         """Move by one tick per row of rows (ticks, row length), writing the samples there; returns the ticks done."""
@@ -200,7 +206,7 @@ class World:
         return False
 
     def _change(self, changes: Mapping[str, Any], known: Sequence[Assembly]) -> bool:
-        scenario = _keep_phase(self.scenario, changes, self.time)
+        scenario = keep_phase(self.scenario, changes, self.time)
         fault = None if same_reach(self.scenario, scenario) else check_trajectory(scenario)
         if fault is not None:
             raise ScenarioError([("trajectory", fault.text)])
@@ -290,7 +296,7 @@ def _same_mesh(one: Scenario, other: Scenario) -> bool:
     return (a.element_count, a.boundary) == (b.element_count, b.boundary)
 
 
-def _keep_phase(scenario: Scenario, changes: Mapping[str, Any], time: float) -> Scenario:
+def keep_phase(scenario: Scenario, changes: Mapping[str, Any], time: float) -> Scenario:
     """The changed scenario; a new frequency alone keeps the sine's argument, so that the target does not jump."""
     changed = scenario.replace(changes)
     old, new = scenario.trajectory, changed.trajectory

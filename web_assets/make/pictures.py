@@ -117,14 +117,9 @@ def draw_beam(canvas: Canvas, run: Run, row: int, factor: int) -> None:
     now = run.slice(row, row + 1)
     for step in range(1, BLUR):
         other = min(row + round(step * period / BLUR / tick), len(run) - 1)
-        shape = Samples(**{**vars_of(now), "beam_coordinates": run.beam_coordinates[other : other + 1]})
+        shape = now.having(beam_coordinates=run.beam_coordinates[other : other + 1])
         canvas.line(canvas.at(beam_points(scenario, shape, 25, factor)[0]), BEAM, 1.5, 'opacity="0.4"')
     canvas.line(canvas.at(beam_points(scenario, now, 33, factor)[0]), BEAM, 4)
-
-
-def vars_of(samples: Samples) -> dict[str, np.ndarray]:
-    """All signals of a block by name."""
-    return {name: getattr(samples, name) for name in Samples.__dataclass_fields__}
 
 
 def draw_curve(canvas: Canvas, run: Run, curve: Curve) -> None:

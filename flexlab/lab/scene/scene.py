@@ -1,6 +1,5 @@
 """The picture: arms, beam, floor, forces and overlays in viser's 3D scene, redrawn from snapshots."""
 
-import dataclasses
 import time
 
 import numpy as np
@@ -78,7 +77,7 @@ class Scene:
         shape = result.shape[:, index]
         size = MODE_SIZE * scenario.payload.length / peak_deflection(scenario.payload, shape)
         swing = np.sin(2 * np.pi * MODE_SHOWN_AT * time.monotonic()) / max(view.exaggeration, 1e-3)
-        drawn = dataclasses.replace(sample, beam_coordinates=(size * swing * shape)[None])
+        drawn = sample.having(beam_coordinates=(size * swing * shape)[None])
         return drawn, f"mode {index + 1} ({result.frequency[index]:.1f} Hz) animated at {MODE_SHOWN_AT:g} Hz"
 
     def _build(self, scenario: Scenario) -> None:

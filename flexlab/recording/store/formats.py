@@ -1,0 +1,95 @@
+"""Formats of recordings, and what makes samples of an older one mean what they mean today.
+
+A format's number goes up when something that was recorded changes its meaning; that needs a step in `STEPS`, a golden
+recording in the tests, and `since` in the table of signals. One more signal needs none of it: a recording names its
+signals, and those that it lacks are absent. A newer recording is read too, unless it says that it cannot be understood so.
+"""
+
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+
+import numpy as np
+
+from flexlab.errors import ScenarioError
+from flexlab.physics.quasi_static import quasi_static_deflection
+from flexlab.scenario import Scenario
+from flexlab.sim.build import build_beam, build_plant, build_trajectory, desired_at
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.signals import TABLE
+from flexlab.sim.snapshot import Event
+from flexlab.sim.world import keep_phase
+
+FORMAT = 2
+"""Of what is written now."""
+
+OLDEST_READER = 2
+"""Format whose reader still understands what is written now: see `readable`."""
+
+OLD_QUASI_STATIC = "quasi_static_deflection_of_format_1"
+"""What format 1 called the quasi-static deflection: of the actual acceleration, which jumps."""
+
+
+def readable(properties: dict) -> bool:
+    """Whether this version understands a recording with these properties."""
+    return properties["format"] <= FORMAT or properties.get("oldest_reader", properties["format"]) <= FORMAT
+
+
+def same_meaning(recorded_format: int) -> frozenset[str]:
+    """The signals of the table that meant in that format what they mean today."""
+    return frozenset(name for name, signal in TABLE.items() if signal.since <= recorded_format)
+
+
+class Changes:
+    """The scenario of a recorded run as its changes made it, instant by instant."""
+
+    def __init__(self, scenario: Scenario, events: Iterable[Event]):
+        self._times = [-np.inf]
+        self.scenarios = [scenario]
+        """One after another, the first as the run began."""
+        for event in events:
+            if isinstance(event.command, ChangeScenario) and event.level != "error":
+                try:
+                    scenario = keep_phase(scenario, event.command.changes, event.time)
+                except ScenarioError:
+                    continue  # Another version's setting: what is drawn of it stays as it was.
+                self._times.append(event.time)
+                self.scenarios.append(scenario)
+
+    def pieces(self, time: np.ndarray) -> Iterable[tuple[slice, Scenario]]:
+        """(rows, scenario) for instants (N,), s, in order. A sample is taken before the commands of its instant."""
+        ends = [*np.searchsorted(time, self._times[1:], "right"), len(time)]
+        first = 0
+        for end, scenario in zip(ends, self.scenarios, strict=True):
+            if end > first:
+                yield slice(first, int(end)), scenario
+                first = int(end)
+
+
+def migrate(samples: Samples, recorded_format: int, changes: Callable[[], Changes]) -> Samples:
+    """Samples of an older format as they would be recorded now. `changes` is asked for only where a step needs it."""
+    for number in range(recorded_format, FORMAT):
+        samples = STEPS[number](samples, changes())
+    return samples
+
+
+def _from_1(samples: Samples, changes: Changes) -> Samples:
+    """The quasi-static deflection is that of the desired motion, which the scenario still tells."""
+    found = np.empty(len(samples))
+    for rows, scenario in changes.pieces(samples.time):
+        trajectory = build_trajectory(scenario)
+        desired = np.stack([desired_at(trajectory, t) for t in samples.time[rows]], axis=-1)
+        found[rows] = quasi_static_deflection.py_func(_compliance(scenario), scenario.gravity, desired)
+    found.flags.writeable = False
+    old = samples.signals().get("quasi_static_deflection")
+    kept = {} if old is None else {OLD_QUASI_STATIC: old}
+    return samples.having(quasi_static_deflection=found, **kept)
+
+
+@lru_cache(maxsize=64)
+def _compliance(scenario: Scenario) -> np.ndarray:
+    return build_plant(scenario, build_beam(scenario.payload)).compliance
+
+
+STEPS: dict[int, Callable[[Samples, Changes], Samples]] = {1: _from_1}
+"""From each older format to the next."""

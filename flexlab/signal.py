@@ -1,0 +1,89 @@
+"""What is said once about a signal of a run: name, symbol, unit, shape, meaning, equation, age.
+
+`flexlab.sim.signals` is the table of all runs' signals; a control law adds those of its own memory. Row layout, arrays,
+documentation, export columns and recordings follow from these rows.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import prod
+from typing import NamedTuple
+
+
+class Axis(NamedTuple):
+    """One axis of a signal's array beside time."""
+
+    size: str
+    """Its length in words: a number, "arms" or "n_q"."""
+    labels: tuple[str, ...]
+    """What each entry is called in column names; of a beam's coordinates the two kinds that take turns."""
+
+
+AXIS = Axis("3", ("x", "y", "theta"))
+"""The payload's three coordinates."""
+JOINT = Axis("3", ("1", "2", "3"))
+"""An arm's joints, base first."""
+ARM = Axis("arms", ("left", "right"))
+"""The arms that are there."""
+COORDINATE = Axis("n_q", ("deflection", "slope"))
+"""The beam's free nodal coordinates, left to right."""
+
+
+def numbered(count: int) -> Axis:
+    """An axis of `count` entries that have numbers for names."""
+    return Axis(str(count), tuple(map(str, range(count))))
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One row of a table of signals."""
+
+    name: str
+    """Attribute of `Samples`, and name in recordings and tables."""
+    symbol: str
+    """As in `flexlab.notation`, where it stands there."""
+    units: tuple[str, ...]
+    """SI: one for all entries, or one for each label of the last axis."""
+    meaning: str
+    """What it is, in words."""
+    axes: tuple[Axis, ...] = ()
+    """Beside time."""
+    equation: str = ""
+    """Where it comes from."""
+    since: int = 1
+    """Format of recordings since which the name has this meaning."""
+    derived: bool = False
+    """Whether it follows from other signals, and so is neither simulated nor recorded."""
+
+    @property
+    def fixed_size(self) -> int:
+        """Numbers per sample and arm, coordinates of the beam aside."""
+        return prod(len(axis.labels) for axis in self.axes if axis not in (ARM, COORDINATE))
+
+    def shape(self, arm_count: int, coordinate_count: int) -> tuple[int, ...]:
+        """Shape of one sample."""
+        lengths = {ARM: arm_count, COORDINATE: coordinate_count}
+        return tuple(lengths.get(axis, len(axis.labels)) for axis in self.axes)
+
+    @property
+    def unit_text(self) -> str:
+        """The units as text: "m, m, rad"."""
+        return ", ".join(self.units)
+
+    @property
+    def shape_text(self) -> str:
+        """The array's shape as text: "(N, arms, 3)"."""
+        sizes = ["N", *(axis.size for axis in self.axes)]
+        return f"({', '.join(sizes)}{',' if len(sizes) == 1 else ''})"
+
+    @property
+    def text(self) -> str:
+        """Symbol, meaning, equation, units and shape in one line."""
+        source = f" [{self.equation}]" if self.equation else ""
+        unit = self.unit_text if self.units != ("1",) else "no unit"
+        return f"{self.symbol}: {self.meaning}{source}, {unit}, {self.shape_text}"
+
+
+def signal_lines(signals: Iterable[Signal]) -> str:
+    """A docstring's list of signals, a line each."""
+    return "\n".join(f"    {signal.name} -- {signal.text}" for signal in signals)

@@ -1,0 +1,217 @@
+"""The one table of signals: every row is a field of `Signals`, and `write_sample` below computes what is simulated.
+
+Row layout, arrays with their documentation, export columns, recordings and empty runs follow from the table. A signal that
+follows from others is one more `@derived` property; one that is simulated is one more row, and its line in `write_sample`.
+A control law adds signals of its own by `LAW_SIGNALS`: they are entries of its memory, in the memory's order.
+
+A row of samples holds the signals of fixed size, then those of each arm, those of the beam's coordinates, and the law's own.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, dataclass_transform
+
+import numpy as np
+
+from flexlab.compiled import inlined
+from flexlab.control.adaptive_sliding_mode import sliding_variable
+from flexlab.physics.arm import joint_angles, joint_torques
+from flexlab.physics.dynamics import acceleration
+from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
+from flexlab.physics.internal_force import internal_forces
+from flexlab.physics.plant import DISSIPATED, ETA, MEMORY, MID, WORK
+from flexlab.physics.quasi_static import quasi_static_deflection
+from flexlab.scenario import Scenario
+from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Axis, Signal, numbered
+
+POSE_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m", "m", "rad"), ("m/s", "m/s", "rad/s"), ("m/s²", "m/s²", "rad/s²")
+FORCE_UNITS = ("N", "N", "N·m")
+
+LAW_SIGNALS: dict[str, tuple[Signal, ...]] = {}
+"""By a law's kind: the signals that its memory holds, from the first entry on."""
+
+
+def row(symbol: str, unit: str | tuple[str, ...], meaning: str, *axes: Axis, equation: str = "", since: int = 1) -> Any:
+    """A row of the table: a field of `Signals` that carries a `Signal`, whose name is the field's."""
+    units = (unit,) if isinstance(unit, str) else unit
+    return field(metadata={"signal": lambda name: Signal(name, symbol, units, meaning, axes, equation, since)})
+
+
+class derived:
+    """A row that follows from others: a property of `Signals`, (N,) unless it says otherwise."""
+
+    def __init__(self, symbol: str, unit: str | tuple[str, ...], *axes: Axis, equation: str = "", since: int = 1):
+        self._about = symbol, (unit,) if isinstance(unit, str) else unit, axes, equation, since
+
+    def __call__(self, formula: Callable[[Any], np.ndarray]) -> "derived":
+        """Take the formula, whose docstring is the signal's meaning."""
+        symbol, units, axes, equation, since = self._about
+        meaning = " ".join((formula.__doc__ or "").split()).rstrip(".")
+        meaning = meaning[:1].lower() + meaning[1:]
+        self.signal = Signal(formula.__name__, symbol, units, meaning, axes, equation, since, derived=True)
+        self._formula, self.__doc__ = formula, self.signal.text
+        return self
+
+    def __get__(self, samples: Any, owner: type | None = None) -> np.ndarray:
+        return self if samples is None else self._formula(samples)  # type: ignore[return-value]
+
+
+@dataclass_transform(field_specifiers=(row,), kw_only_default=True, frozen_default=True)
+def table(cls: type) -> type:
+    """Makes a table of a class of rows."""
+    return dataclass(frozen=True, init=False, eq=False, repr=False)(cls)
+
+
+@table
+class Signals:
+    """Signals of a run on N instants, of `arms` arms and n_q beam coordinates."""
+
+    time: np.ndarray = row("t", "s", "exactly k · sample period")
+    pose: np.ndarray = row("x", POSE_UNITS, "pose (x0, y0, θ) of the virtual link", AXIS, equation="Eq. (8)")
+    pose_rate: np.ndarray = row("ẋ", RATE_UNITS, "pose rate", AXIS, equation="Eq. (8)")
+    pose_acceleration: np.ndarray = row("ẍ", ACCELERATION_UNITS, "pose acceleration", AXIS, equation="Eq. (16)")
+    desired_pose: np.ndarray = row("x_d", POSE_UNITS, "desired pose", AXIS, equation="Section IV")
+    beam_coordinates: np.ndarray = row(
+        "q", ("m", "rad"), "nodal deflections and slopes, left to right", COORDINATE, equation="Eq. (3)"
+    )
+    beam_rates: np.ndarray = row("q̇", ("m/s", "rad/s"), "their rates", COORDINATE, equation="Eq. (8)")
+    tracking_error: np.ndarray = row("e", POSE_UNITS, "tracking error x - x_d", AXIS, equation="Section III")
+    sliding_variable: np.ndarray = row("s", RATE_UNITS, "sliding variable ẋ - r", AXIS, equation="Section III")
+    bound_estimates: np.ndarray = row(
+        "b̂", ("N", "N/m", "N·s²/m²"), "what the law has learnt to bound", numbered(3), equation="Eq. (25)"
+    )
+    joint_angle: np.ndarray = row("θ_i", "rad", "relative joint angles", ARM, JOINT, equation="Eq. (11)")
+    joint_torque: np.ndarray = row("τ_i", "N·m", "joint torques", ARM, JOINT, equation="Eq. (11)")
+    arm_input: np.ndarray = row("u_i", FORCE_UNITS, "arm inputs 𝒥ᵀτ", ARM, AXIS, equation="Eq. (13)")
+    internal_force: np.ndarray = row("F_i", FORCE_UNITS, "internal forces", ARM, AXIS, equation="Eqs. (13)-(15)")
+    moving_force: np.ndarray = row(
+        "f/arms", FORCE_UNITS, "each arm's equal share of what moves the payload", AXIS, equation="Eq. (14)"
+    )
+    midspan_deflection: np.ndarray = row("w(0, t)", "m", "deflection at mid-span", equation="Eq. (3)")
+    quasi_static_deflection: np.ndarray = row(
+        "w_qs",
+        "m",
+        "deflection at mid-span that the desired motion's acceleration and the weight would hold, of all modes of the mesh",
+        equation="-N(0) K_F⁻¹ [h (e2_d·a_d + g cos θ_d) + g θ̈_d]",
+        since=2,
+    )
+    kinetic_energy: np.ndarray = row("T", "J", "kinetic energy of arms and payload")
+    elastic_energy: np.ndarray = row("½ qᵀ K_F q", "J", "elastic energy of the beam")
+    gravity_energy: np.ndarray = row("U_g", "J", "potential energy of weight, zero at y = 0")
+    input_work: np.ndarray = row("∫ P dt", "J", "work of motors and of pulls")
+    dissipated_energy: np.ndarray = row("∫ q̇ᵀ D q̇ dt", "J", "energy that the beam's damping took")
+    saturated: np.ndarray = row("sat", "1", "whether any joint torque stands at its limit, 1 or 0")
+
+    @derived("w - w_qs", "m", since=2)
+    def vibration(self) -> np.ndarray:
+        """Deflection at mid-span less its quasi-static part: what can be driven to zero. A beam that is soft against the
+        motion also answers its changes (forced, at the motion's own frequency): that part stays and is no free ring."""
+        return self.midspan_deflection - self.quasi_static_deflection
+
+    @derived("T + ½ qᵀ K_F q + U_g", "J")
+    def total_energy(self) -> np.ndarray:
+        """Kinetic, elastic and gravity energy together."""
+        return self.kinetic_energy + self.elastic_energy + self.gravity_energy
+
+
+TABLE: Mapping[str, Signal] = {f.name: f.metadata["signal"](f.name) for f in fields(Signals)}
+"""What is simulated and recorded, by name, in the order of rows and files."""
+
+DERIVED: Mapping[str, Signal] = {name: part.signal for name, part in vars(Signals).items() if isinstance(part, derived)}
+"""What follows from those."""
+
+
+def own_signals(scenario: Scenario) -> tuple[Signal, ...]:
+    """The signals that the law of a scenario adds to the table's."""
+    return LAW_SIGNALS.get(scenario.controller.kind, ())
+
+
+def known_signals() -> Mapping[str, Signal]:
+    """Every signal that any law or the table has, by name."""
+    return {**TABLE, **{signal.name: signal for own in LAW_SIGNALS.values() for signal in own}}
+
+
+def _offsets(signals: list[Signal]) -> dict[str, int]:
+    offsets, size = {}, 0
+    for signal in signals:
+        offsets[signal.name] = size
+        size += signal.fixed_size
+    return offsets
+
+
+PER_SAMPLE = [signal for signal in TABLE.values() if not {ARM, COORDINATE} & set(signal.axes)]
+OF_EACH_ARM = [signal for signal in TABLE.values() if ARM in signal.axes]
+OF_THE_BEAM = [signal for signal in TABLE.values() if COORDINATE in signal.axes]
+
+COLUMN: Mapping[str, int] = _offsets(PER_SAMPLE) | _offsets(OF_EACH_ARM)
+"""First column of a signal: in the row, or, of those of each arm, in the arm's part of it."""
+
+ARMS = sum(signal.fixed_size for signal in PER_SAMPLE)
+"""First column of the arms."""
+PER_ARM = sum(signal.fixed_size for signal in OF_EACH_ARM)
+"""Columns of one arm."""
+
+# Kernels know numbers, not mappings.
+TIME, POSE, RATE, ACCELERATION = COLUMN["time"], COLUMN["pose"], COLUMN["pose_rate"], COLUMN["pose_acceleration"]
+DESIRED, ERROR, SLIDING = COLUMN["desired_pose"], COLUMN["tracking_error"], COLUMN["sliding_variable"]
+ESTIMATES, MOVING, SATURATED = COLUMN["bound_estimates"], COLUMN["moving_force"], COLUMN["saturated"]
+ANGLE, TORQUE, INPUT, INTERNAL = (
+    COLUMN[name] for name in ("joint_angle", "joint_torque", "arm_input", "internal_force")
+)
+MIDSPAN, QUASI_STATIC = COLUMN["midspan_deflection"], COLUMN["quasi_static_deflection"]
+KINETIC, ELASTIC, GRAVITY = COLUMN["kinetic_energy"], COLUMN["elastic_energy"], COLUMN["gravity_energy"]
+INPUT_WORK, DISSIPATION = COLUMN["input_work"], COLUMN["dissipated_energy"]
+
+AT_LIMIT = 1e-9
+"""Relative distance from its limit at which a torque counts as standing there: the rounding of turning τ into u and back."""
+
+
+@inlined
+def write_sample(system, t, y, beam_rate, ws, row):
+    """Write the sample of state y at time t into `row`, after `rates` at the same instant; beam_rate (n_m,): η̇."""
+    plant = system.plant
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    x_ddot = row[ACCELERATION : ACCELERATION + 3]
+    acceleration(plant, y, beam_rate, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
+    row[TIME] = t
+    sliding_variable(system.control.adaptive.Lambda, y[0:3], ws.velocity, ws.desired, row[SLIDING : SLIDING + 3])
+    for a in range(3):
+        row[POSE + a], row[RATE + a] = y[a], ws.velocity[a]
+        row[DESIRED + a], row[ERROR + a] = ws.desired[0, a], y[a] - ws.desired[0, a]
+        row[ESTIMATES + a] = y[MEMORY + a]
+    row[SATURATED] = 0.0
+    arms = row[ARMS : ARMS + PER_ARM * len(plant.arms)].reshape(len(plant.arms), PER_ARM)
+    force = arms[:, INTERNAL : INTERNAL + 3]
+    internal_forces(ws.arm, ws.u, ws.hand, x_ddot, ws.velocity, force, row[MOVING : MOVING + 3])
+    for i in range(len(plant.arms)):
+        joint_angles(y[2], plant.arms[i], ws.arm.direction[i], arms[i, ANGLE : ANGLE + 3])
+        joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], arms[i, TORQUE : TORQUE + 3])
+        for a in range(3):
+            arms[i, INPUT + a] = ws.u[i, a]
+            if abs(arms[i, TORQUE + a]) >= (1 - AT_LIMIT) * system.control.torque_limit[a]:
+                row[SATURATED] = 1.0
+    row[QUASI_STATIC] = quasi_static_deflection(plant.compliance, plant.gravity, ws.desired)
+    row[KINETIC] = kinetic_energy(y, ws.velocity, ws.eta_dot)
+    row[ELASTIC] = elastic_energy(plant, y)
+    row[GRAVITY] = gravity_energy(plant, ws.arm, y, ws.w_bar[0])
+    row[INPUT_WORK], row[DISSIPATION] = y[WORK], y[DISSIPATED]
+    _write_beam(plant, y, beam_rate, row)
+
+
+@inlined
+def _write_beam(plant, y, beam_rate, row):
+    """Write the mid-span deflection, q, q̇ and what follows them: the law's own signals."""
+    n_q, n = plant.V.shape
+    middle = 0.0
+    for k in range(n):
+        middle += plant.modal[MID, k] * y[ETA + k]
+    row[MIDSPAN] = middle
+    first = ARMS + PER_ARM * len(plant.arms)
+    for j in range(n_q):
+        q = rate = 0.0
+        for k in range(n):
+            q += plant.V[j, k] * y[ETA + k]
+            rate += plant.V[j, k] * beam_rate[k]
+        row[first + j], row[first + n_q + j] = q, rate
+    for k in range(first + 2 * n_q, len(row)):
+        row[k] = y[MEMORY + k - first - 2 * n_q]

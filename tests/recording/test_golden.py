@@ -1,0 +1,141 @@
+"""Recordings of every format that was ever written open, list, export, come in again, compare, replay and go on."""
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexlab.analysis.comparison import compare_into
+from flexlab.analysis.replay import Repetition, replay
+from flexlab.analysis.resume import resume
+from flexlab.analysis.run_summary import note_metrics
+from flexlab.recording.export import export_recording, import_run
+from flexlab.recording.importing import import_into
+from flexlab.recording.reader import read_blocks, read_range, read_recording, read_scenarios
+from flexlab.recording.sample_codec import join_blocks
+from flexlab.recording.store.formats import FORMAT, STEPS, same_meaning
+from flexlab.recording.store.run_files import list_runs, run_state
+from flexlab.sim.signals import TABLE
+from flexlab.sim.world import World
+
+AGREEMENT = 1e-4
+"""Share of a signal's peak to which the engines of all formats agree: some damping was integrated less exactly before."""
+
+FOLDER = Path(__file__).parent / "golden"
+CASES = [
+    (int(folder.name[7:]), path) for folder in sorted(FOLDER.glob("format-*")) for path in sorted(folder.glob("*.rrd"))
+]
+every_recording = pytest.mark.parametrize(("number", "path"), CASES, ids=[f"{n}-{path.stem}" for n, path in CASES])
+
+
+def facts(path: Path) -> dict:
+    return json.loads((path.parent / "facts.json").read_text(encoding="utf-8"))[path.stem]
+
+
+def digest(signal: np.ndarray) -> str:
+    return hashlib.sha256(np.ascontiguousarray(signal).tobytes()).hexdigest()
+
+
+def test_there_is_a_golden_recording_of_every_older_format() -> None:
+    assert {number for number, _ in CASES} >= set(range(1, FORMAT))
+    assert STEPS.keys() == set(range(1, FORMAT))
+
+
+@every_recording
+def test_it_opens_with_every_bit_that_was_written(number: int, path: Path) -> None:
+    known, recording = facts(path), read_recording(path)
+    assert recording.format == number
+    assert len(recording.samples) == known["samples"]
+    assert (str(recording.status), [event.text for event in recording.events]) == (known["status"], known["events"])
+    assert recording.samples.absent == frozenset()
+    same = same_meaning(number)
+    found = {name: digest(recording.samples[name]) for name in known["sha256"] if name in same or name not in TABLE}
+    assert found == {name: value for name, value in known["sha256"].items() if name in found}
+    assert len(found) >= len(known["sha256"]) - len(TABLE.keys() - same)
+
+
+@every_recording
+def test_its_blocks_and_ranges_are_those_of_the_whole(number: int, path: Path) -> None:
+    whole = read_recording(path).samples
+    in_blocks = join_blocks(list(read_blocks(path)))
+    middle = float(whole.time[len(whole) // 2])
+    piece = read_range(path, middle, middle + 0.05)
+    for name, signal in whole.signals().items():
+        np.testing.assert_array_equal(in_blocks[name], signal)
+        np.testing.assert_array_equal(piece[name], signal[len(whole) // 2 :][: len(piece)])
+
+
+@every_recording
+def test_it_replays_and_says_what_wrote_it(number: int, path: Path) -> None:
+    """Bit for bit where the engine computes as it did; else the first difference, and who recorded it."""
+    recording = read_recording(path)
+    found = replay(recording)
+    if number == FORMAT:
+        assert found.identical, found.text
+    elif found.identical:
+        assert f"recorded by flexlab {recording.properties['flexlab_version']} in format {number}" in found.text
+        assert all(name in found.text for name in TABLE.keys() - same_meaning(number))
+    else:
+        assert f"recorded by flexlab {recording.properties['flexlab_version']} (format {number})" in found.text
+        assert found.difference.signal in same_meaning(number)
+
+
+@every_recording
+def test_every_signal_means_what_it_means_today(number: int, path: Path) -> None:
+    """A repetition, which computes today's signals, agrees: also where a format recorded another quasi-static part."""
+    recording = read_recording(path)
+    again = join_blocks(list(Repetition(recording).samples_until(float(recording.samples.time[-1]))))
+    for name in TABLE:
+        largest = np.abs(again[name]).max()
+        np.testing.assert_allclose(recording.samples[name], again[name], atol=AGREEMENT * largest, rtol=0, err_msg=name)
+
+
+@every_recording
+def test_it_is_listed_and_summarised(number: int, path: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copy(path, tmp_path))
+    assert list_runs(tmp_path) == [copy]
+    assert run_state(copy) in ("complete", "recovered")
+    ((_, scenario),) = read_scenarios(copy)
+    assert scenario == read_recording(copy, with_samples=False).scenario
+    assert note_metrics(copy)["metrics"]["Peak vibration [mm]"] > 0
+
+
+@every_recording
+def test_it_is_exported_and_comes_in_again(number: int, path: Path, tmp_path: Path) -> None:
+    recording = read_recording(path)
+    table = export_recording(recording, tmp_path / "run.parquet")
+    back, about = import_run(table)
+    assert about["format"] == FORMAT
+    for name in TABLE:
+        assert digest(back[name]) == digest(recording.samples[name]), name
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    again = read_recording(import_into(table, logs))
+    assert again.format == FORMAT
+    for name in TABLE:
+        assert digest(again.samples[name]) == digest(recording.samples[name]), name
+    assert again.properties["flexlab_version"] == recording.properties["flexlab_version"]
+
+
+@every_recording
+def test_it_is_laid_over_another_one(number: int, path: Path, tmp_path: Path) -> None:
+    other = next(other for _, other in CASES if other != path)
+    compared = compare_into([path, other], tmp_path / "both.rrd")
+    values = {row.title: row.value for rows in compared.metrics for row in rows}
+    unknown = [title for title, value in values.items() if not np.isfinite(value)]
+    assert len(unknown) <= 1, "only a run that has not settled has no settling time"
+
+
+@every_recording
+def test_a_lab_goes_on_from_it(number: int, path: Path) -> None:
+    recording = read_recording(path)
+    scenario, origin = resume(recording)
+    world = World(scenario)
+    world.restore(origin.state)
+    samples = world.run(50)
+    assert not world.status.failed
+    np.testing.assert_array_equal(samples.pose[0], recording.samples.pose[-1])
+    assert np.abs(samples.tracking_error).max() < 2 * np.abs(recording.samples.tracking_error).max()

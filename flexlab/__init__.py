@@ -1,6 +1,13 @@
 """flexlab: two planar arms carry a flexible beam, simulated, controlled, seen live and recorded."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flexlab.analysis.metrics import RunMetrics
+    from flexlab.analysis.modes import Modes, modes
+    from flexlab.api import Run, read, simulate, simulate_many
+    from flexlab.presets import load_preset, preset_names
+    from flexlab.scenario import Scenario, parse_scenario
 
 __version__ = "0.1.0"
 
@@ -9,14 +16,31 @@ _HOMES = {
     "preset_names": "flexlab.presets",
     "Scenario": "flexlab.scenario",
     "parse_scenario": "flexlab.scenario",
-    "simulate": "flexlab.sim.simulate",
-    "simulate_many": "flexlab.analysis.batch",
+    "simulate": "flexlab.api",
+    "simulate_many": "flexlab.api",
+    "read": "flexlab.api",
+    "Run": "flexlab.api",
+    "RunMetrics": "flexlab.analysis.metrics",
     "modes": "flexlab.analysis.modes",
-    "Run": "flexlab.sim.samples",
+    "Modes": "flexlab.analysis.modes",
 }
 """Public names and the modules they live in; imported on first use, so that `flexlab --help` need not load numba."""
 
-__all__ = ["__version__", *_HOMES]
+__all__ = [
+    "Modes",
+    "Run",
+    "RunMetrics",
+    "Scenario",
+    "__version__",
+    "load_preset",
+    "modes",
+    "parse_scenario",
+    "preset_names",
+    "read",
+    "simulate",
+    "simulate_many",
+]
+"""The same names, written out for type checkers (a test compares)."""
 
 
 def __getattr__(name: str) -> Any:
@@ -25,3 +49,7 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

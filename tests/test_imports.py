@@ -25,7 +25,8 @@ LAYERS = {
     "lab": 5,
     "analysis": 5,
     "benchmarks": 6,
-    "": 6,  # flexlab/__init__.py, the Python interface
+    "api": 6,
+    "": 6,  # flexlab/__init__.py, the names of the Python interface
     "server": 7,
     "cli": 8,
     "__main__": 9,

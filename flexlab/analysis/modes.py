@@ -21,7 +21,7 @@ POSE, MEMORY, ON_THEIR_WAY = "pose", "law's memory", "torques on their way"
 """What a pole can be of, besides the beam's modes."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Modes:
     """Modes in ascending frequency; n_m modes, n_q nodal coordinates, arrays read-only. `print` shows a table."""
 
@@ -88,6 +88,12 @@ class Modes:
 
     def __str__(self) -> str:
         return modes_text(self)
+
+    def __repr__(self) -> str:
+        loop = "no rest point" if not len(self.poles) else "the loop grows" if self.unstable else "a stable loop"
+        return (
+            f"<Modes: {len(self.frequency)}, the first at {self.frequency[0]:.4g} Hz; {len(self.poles)} poles, {loop}>"
+        )
 
 
 def modes(scenario: Scenario, pose: tuple[float, float, float] | None = None) -> Modes:

@@ -70,6 +70,15 @@ class Scenario(Part):
         """The arms that are there: left, right."""
         return (self.left_arm,) if self.right_arm is None else (self.left_arm, self.right_arm)
 
+    def __repr__(self) -> str:
+        beam, arms = self.payload, len(self.arms)
+        return (
+            f"<Scenario {self.title!r}: {self.controller.kind}, {self.trajectory.kind}, {beam.boundary} beam of "
+            f"{beam.element_count} elements with EI = {beam.bending_stiffness:g} N·m², {arms} arm{'s' * (arms > 1)}>"
+        )
+
+    __str__ = __repr__
+
     @model_validator(mode="after")
     def _fits_together(self) -> "Scenario":
         if (self.payload.boundary == "clamped-free") != (self.right_arm is None):

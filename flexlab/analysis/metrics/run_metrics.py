@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from html import escape
 from math import inf, isnan
 from typing import TYPE_CHECKING, Any
 
@@ -99,6 +100,11 @@ class RunMetrics:
     def __str__(self) -> str:
         width = max(len(row.key) for row in self.rows)
         return "\n".join([f"Over {self.window_text}:", *(f"  {row.key:<{width}}  {row.text}" for row in self.rows)])
+
+    def _repr_html_(self) -> str:
+        """A table, for notebooks."""
+        lines = "".join(f"<tr><th>{escape(row.key)}</th><td>{escape(row.text)}</td></tr>" for row in self.rows)
+        return f"<table><caption>Over {escape(self.window_text)}</caption>{lines}</table>"
 
 
 class MetricCollection:

@@ -1,0 +1,121 @@
+"""The Python interface: simulate a scenario by name, file or value, read a recorded run, and what a run can do.
+
+Everything here stands as `flexlab.<name>`; the rooms below do the work.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from flexlab.analysis import batch
+from flexlab.analysis.metrics import RunMetrics, run_metrics
+from flexlab.analysis.run_summary import note_metrics
+from flexlab.errors import StudyError
+from flexlab.presets import find_scenario
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+from flexlab.recording.store.run_files import find_run
+from flexlab.scenario import Scenario, parse_scenario
+from flexlab.sim import samples
+from flexlab.sim import simulate as engine
+from flexlab.sim.commands import WorldCommand
+
+LOGS = "logs"
+"""The folder of recordings where somebody works."""
+
+AnyScenario = Scenario | str | Path | Mapping[str, Any]
+"""A scenario; a preset's name; the path of a scenario file; or plain data, as read from JSON."""
+
+
+@dataclass(frozen=True, repr=False)
+class Run(samples.Run):
+    name: str = "run"
+    """The preset or file that the scenario came from; recordings are called after it."""
+
+    @cached_property
+    def metrics(self) -> RunMetrics:
+        """Tracking errors, vibration, settling time, torques…: of the whole run, in SI units; `print` shows a table."""
+        return run_metrics(self)
+
+    def save(self, folder: str | Path = LOGS) -> Path:
+        """Record the run, with its metrics, as `<folder>/<time>-<name>.rrd`; returns that path. Raises `RecordingError`.
+
+        `flexlab review`, the lab's library and `flexlab.read` open it again.
+        """
+        path = write_run(self, Path(folder), self.name)
+        note_metrics(path)
+        return path
+
+    def __repr__(self) -> str:
+        span = f", t = {self.time[0]:g} s to {self.time[-1]:g} s" if len(self) else ""
+        return f"<Run of {self.name}: {self.status}, {len(self)} samples{span}>"
+
+
+Run.__doc__ = samples.Run.__doc__
+
+
+def simulate(
+    scenario: AnyScenario,
+    duration: float = 3.0,
+    sample_period: float = 0.001,
+    commands: Sequence[tuple[float, WorldCommand]] = (),
+) -> Run:
+    """Simulate a scenario for `duration` s with a sample exactly at every k · `sample_period` s, t = 0 included.
+
+    `scenario`: a `Scenario`, the name of a preset, the path of a scenario file, or plain data. `commands`: (time in s,
+    command) pairs, as a person in the live lab would give them; each takes effect on the first sample instant that is not
+    before its time. A run that cannot start or go on ends early: `run.status` says why, and the good samples are kept.
+    Raises `PresetError` or `ScenarioError` for a scenario or command that is not valid and `StudyError` for a duration or
+    period that is not, or a command that changes the beam's mesh or starts the run anew.
+    """
+    name, valid = _named(scenario)
+    return _run(engine.simulate(valid, duration, sample_period, commands), name)
+
+
+def simulate_many(
+    scenarios: Sequence[AnyScenario],
+    duration: float = 3.0,
+    sample_period: float = 0.001,
+    workers: int | None = None,
+    progress: bool = True,
+) -> list[Run]:
+    """Simulate every scenario (see `simulate`), in order, on `workers` threads (None: one per core).
+
+    A scenario that is not valid becomes a run without samples whose status is "invalid" and says why; one that cannot go
+    on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `PresetError` for a name that is none and
+    `StudyError` for unusable arguments.
+    """
+    pairs = [("run", scenario) if isinstance(scenario, Mapping) else _named(scenario) for scenario in scenarios]
+    runs = batch.simulate_many([scenario for _, scenario in pairs], duration, sample_period, workers, progress)
+    return [_run(run, name) for (name, _), run in zip(pairs, runs, strict=True)]
+
+
+def read(run: str | Path, logs: str | Path = LOGS) -> Run:
+    """A recorded run, bit for bit: `run` is a file, a run's name in `logs` or the beginning of one, or "newest".
+
+    Its scenario is that of the first sample. Raises `RecordingError` if there is no such recording or it cannot be read.
+    """
+    if not isinstance(run, (str, Path)):
+        raise StudyError(f"read({run!r}) names no recording: give a file's path, a run's name, or \"newest\".")
+    recording = read_recording(find_run(str(run), Path(logs)))
+    return _run(recording.run, recording.name)
+
+
+def _named(scenario: AnyScenario) -> tuple[str, Scenario]:
+    """(short name, scenario)."""
+    if isinstance(scenario, Scenario):
+        return "run", scenario
+    if isinstance(scenario, (str, Path)):
+        return find_scenario(str(scenario))
+    if isinstance(scenario, Mapping):
+        return "run", parse_scenario(scenario)
+    raise StudyError(
+        f'{type(scenario).__name__} is no scenario: give a Scenario, the name of a preset such as "paper", '
+        "the path of a scenario file, or a dictionary of its fields."
+    )
+
+
+def _run(run: samples.Run, name: str) -> Run:
+    return Run(**{field.name: getattr(run, field.name) for field in fields(samples.Run)}, name=name)

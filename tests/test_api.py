@@ -1,0 +1,118 @@
+"""The Python interface: names, files and values; what a run can do; what type checkers and `dir` see."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlab
+from flexlab.errors import FlexlabError, PresetError, RecordingError, ScenarioError, StudyError
+from flexlab.presets import scenario_text
+
+
+def test_a_scenario_is_a_name_a_file_a_value_or_plain_data(tmp_path: Path):
+    paper = flexlab.load_preset("paper")
+    file = tmp_path / "mine.json"
+    file.write_text(scenario_text(paper), encoding="utf-8")
+    runs = [flexlab.simulate(given, 0.05) for given in ("paper", file, str(file), paper, json.loads(file.read_text()))]
+    assert [run.name for run in runs] == ["paper", "mine", "mine", "run", "run"]
+    for run in runs:
+        assert run.scenario == paper
+        np.testing.assert_array_equal(run.pose, runs[0].pose)
+    many = flexlab.simulate_many(["paper", paper, {"gravity": 99.0}], 0.05, progress=False)
+    assert [(run.name, str(run.status), len(run)) for run in many] == [
+        ("paper", "finished", 51),
+        ("run", "finished", 51),
+        ("run", "invalid", 0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("given", "kind", "says"),
+    [
+        ("papier", PresetError, "did you mean paper"),
+        ("no/such.json", PresetError, "no scenario file"),
+        ({"gravty": 1}, ScenarioError, "gravty is not a scenario field"),
+        (None, StudyError, "NoneType is no scenario: give a Scenario, the name of a preset"),
+        (3.0, StudyError, "float is no scenario"),
+        (["paper"], StudyError, "list is no scenario"),
+    ],
+)
+def test_what_is_no_scenario_is_said(given: object, kind: type[FlexlabError], says: str):
+    with pytest.raises(kind, match=says) as caught:
+        flexlab.simulate(given)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+
+
+def test_a_run_has_its_metrics_and_says_what_it_is_in_a_line(tmp_path: Path):
+    run = flexlab.simulate("paper", 1.0)
+    assert run.metrics.settling_time == pytest.approx(0.44, abs=0.005)
+    assert run.metrics.window == (0.0, 1.0)
+    assert repr(run) == "<Run of paper: finished, 1001 samples, t = 0 s to 1 s>"
+    assert repr(run.scenario) == str(run.scenario)
+    modes = flexlab.modes(run.scenario)
+    assert repr(modes).startswith("<Modes: 4, the first at 44.6 Hz; 14 poles, a stable loop>")
+    for words in (repr(run), repr(run.scenario), repr(run.metrics), repr(modes)):
+        assert len(words) < 300
+        assert "\n" not in words
+    assert "<th>Vibration below 1 % after [s]</th>" in run.metrics._repr_html_()
+    assert repr(flexlab.simulate_many([{"gravity": 99}], progress=False)[0]) == "<Run of run: invalid, 0 samples>"
+
+
+def test_a_saved_run_is_read_again_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    run = flexlab.simulate("soft-beam", 0.1)
+    path = run.save()
+    assert path.parent == Path("logs")
+    for found in (flexlab.read(path), flexlab.read("newest"), flexlab.read(path.stem), flexlab.read(path, "elsewhere")):
+        assert (found.name, found.scenario, str(found.status)) == ("soft-beam", run.scenario, "finished")
+        np.testing.assert_array_equal(found.joint_torque, run.joint_torque)
+        assert repr(found.metrics) == repr(run.metrics)
+    with pytest.raises(RecordingError, match="no recording nothing"):
+        flexlab.read("nothing")
+    with pytest.raises(StudyError, match="names no recording"):
+        flexlab.read(7)  # type: ignore[arg-type]
+
+
+def test_dir_and_all_are_complete():
+    assert set(flexlab.__all__) == {"__version__", *flexlab._HOMES}
+    assert set(flexlab.__all__) <= set(dir(flexlab))
+    for name in flexlab.__all__:
+        assert getattr(flexlab, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        _ = flexlab.simulat  # type: ignore[attr-defined]
+
+
+def test_type_checkers_see_the_public_names(root: Path, tmp_path: Path):
+    """As a user's own file, beside the installed package: py.typed is there, and names have types."""
+    assert (root / "flexlab" / "py.typed").exists()
+    own = tmp_path / "own.py"
+    own.write_text(
+        "import flexlab\n"
+        'run = flexlab.simulate("paper", 1.0)\n'
+        "reveal_type(run.pose)\n"
+        "reveal_type(run.metrics)\n"
+        'reveal_type(flexlab.read("newest").save())\n'
+        'reveal_type(flexlab.modes(flexlab.load_preset("paper")).frequency)\n'
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, str(own)],
+        cwd=root, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    types = [line.split('" is ')[1] for line in done.stdout.splitlines() if '" is ' in line]
+    assert [name.split("[")[0].strip('"') for name in types] == ["ndarray", "RunMetrics", "Path", "ndarray"], (
+        done.stdout
+    )
+    assert "0 errors" in done.stdout
+
+
+def test_importing_is_quick_and_lean():
+    """The names are there without what they need."""
+    code = (
+        "import flexlab, sys; dir(flexlab); print(*sorted({'numba', 'numpy', 'pydantic', 'rerun'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""

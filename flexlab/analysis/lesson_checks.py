@@ -35,7 +35,7 @@ UNDAMPED_TIME = 0.44
 """Settling time of the preset paper, s (a test measures it)."""
 
 RINGING = 2e-5
-"""Vibration that counts as a ring, m: a hundred times what steady motion leaves in the preset paper."""
+"""Vibration that counts as a ring, m: 28 times what steady motion leaves in the preset paper."""
 QUIET = 1e-5
 """Vibration that counts as none, m."""
 CHATTER = 5.0

@@ -73,6 +73,7 @@ def _simulate(world: "World", name: str, duration: float, logs: Path) -> int:
     took = time.perf_counter() - began
     output().print(f"{name}: {world.scenario.title}", style="bold", markup=False)
     output().print(summary.table(status))
+    output().print(summary.settling_text())
     output().print(
         f"{summary.count} samples in {took:.2f} s with {world.integrator}, steps of {1e6 * world.step:.4g} µs."
     )

@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexlab.analysis.metrics.run_metrics import value_text
+from flexlab.analysis.metrics.settling_time import SettlingTime
 from flexlab.sim.samples import Samples, Status
 
 if TYPE_CHECKING:
@@ -20,12 +22,14 @@ class Summary:
         self.count = 0
         self.time = 0.0
         self._peaks: dict[str, np.ndarray] = {}
+        self._settling = SettlingTime()
 
     def add(self, samples: Samples) -> None:
         """Take in the next block."""
         if len(samples) == 0:
             return
         self.count += len(samples)
+        self._settling.update(samples)
         self.time = float(samples.time[-1])
         signals = {
             "error": samples.tracking_error,
@@ -41,6 +45,15 @@ class Summary:
                     peak = np.abs(signal[rows]).max(axis=0)
                     key = f"{name} {part}"
                     self._peaks[key] = np.maximum(self._peaks.get(key, 0.0), peak)
+
+    def settling_text(self) -> str:
+        """When the vibration had died away, in a sentence."""
+        (column,), (seconds,) = self._settling.columns, self._settling.compute()
+        return (
+            f"{column.title} {value_text(column, seconds)} s."
+            if seconds == seconds
+            else f"Vibration: {column.missing}."
+        )
 
     def table(self, status: Status) -> "Table":
         """The numbers as a table for the terminal."""

@@ -1,0 +1,380 @@
+"""Every number with a unit that README, presets, guide and lessons state is computed here, or named as a setting.
+
+A number must agree to its last digit. One that nothing here accounts for fails the test: write its pattern and how it is
+computed.
+"""
+
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexlab.analysis.lesson_measures import ring_frequency, torque_jump
+from flexlab.analysis.metrics import RunMetrics, run_metrics
+from flexlab.analysis.metrics.run_metrics import between
+from flexlab.analysis.modes import modes
+from flexlab.assets import presets_folder, web_assets_folder
+from flexlab.physics.beam import beam_matrices
+from flexlab.presets import load_preset, preset_names
+from flexlab.scenario import AdaptiveSlidingMode
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.samples import Run
+from flexlab.sim.simulate import simulate
+
+EI, K, EPSILON = "payload.bending_stiffness", "controller.feedback_gain", "controller.boundary_layer"
+
+Number = Callable[[], float]
+
+
+@cache
+def run(preset: str, *changes: tuple[float, str, float], duration: float = 3.0) -> Run:
+    """A preset with live changes (time in s, path, value)."""
+    commands = [(time, ChangeScenario({path: value})) for time, path, value in changes]
+    return simulate(load_preset(preset), duration, 0.001, commands)
+
+
+def metrics(preset: str, first: float = 0.0, last: float = 3.0) -> RunMetrics:
+    return run_metrics(run(preset), (first, last))
+
+
+def peak(of: Run, signal: str, first: float, last: float, axes: slice = slice(None)) -> float:
+    """Largest magnitude of a signal between two instants, SI."""
+    values = getattr(between(of, first, last), signal)
+    return float(np.abs(values if values.ndim == 1 else values[:, axes]).max())
+
+
+def first_mode(preset: str, **changes: float) -> float:
+    scenario = load_preset(preset).replace({path.replace("__", "."): value for path, value in changes.items()})
+    return float(modes(scenario).frequency[0])
+
+
+def ring(preset: str) -> float:
+    return ring_frequency(between(run(preset), 0.0, 0.3))
+
+
+def pinned(k: int) -> float:
+    """Frequency of mode k of the paper's beam on two pins, Hz."""
+    beam = load_preset("paper").payload
+    return np.pi * k**2 / (2 * beam.length**2) * np.sqrt(beam.bending_stiffness / beam.linear_density)
+
+
+def softened(stiffness: float, signal: str) -> float:
+    """Peak in the fifth second of the preset paper whose stiffness was changed at t = 2 s, mm."""
+    return 1e3 * peak(run("paper", (2.0, EI, stiffness), duration=5.0), signal, 4, 5, slice(2))
+
+
+def thinner(signal: str, number: int, axes: slice = slice(None)) -> float:
+    """Peak of fast-adaptation with ε = 0.1, 0.01, 0.001 (`number` 0, 1, 2), SI."""
+    return peak(_thinned(), signal, 1 + 2 * number, 2 + 2 * number, axes)
+
+
+def _thinned() -> Run:
+    return run("fast-adaptation", (2.0, EPSILON, 0.01), (4.0, EPSILON, 0.001), duration=6.0)
+
+
+def chatter(number: int) -> float:
+    return torque_jump(between(_thinned(), 1 + 2 * number, 2 + 2 * number), 0.001)
+
+
+def squeeze(of: Run, first: float, last: float) -> float:
+    force = between(of, first, last).internal_force[:, 0, :2]
+    return float(np.linalg.norm(force, axis=1).max())
+
+
+def wrist() -> float:
+    """How far the wrists of large-swing come from their bases, m."""
+    swing = run("large-swing")
+    scenario, pose = swing.scenario, swing.pose
+    offset = scenario.payload.length / 2 + scenario.left_arm.link_length[2]
+    along = np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=1)
+    return max(
+        float(np.linalg.norm(pose[:, :2] + side * offset * along - arm.base, axis=1).max())
+        for side, arm in zip((-1, 1), scenario.arms, strict=True)
+    )
+
+
+def reach() -> float:
+    return sum(load_preset("large-swing").left_arm.link_length[:2])
+
+
+def sag() -> float:
+    beam, gravity = load_preset("gravity").payload, load_preset("gravity").gravity
+    return 5 * beam.linear_density * gravity * beam.length**4 / (384 * beam.bending_stiffness)
+
+
+def tip(first: float, last: float) -> float:
+    return peak(run("single-arm"), "beam_coordinates", first, last, slice(-2, -1))
+
+
+def growth(preset: str, other: str) -> float:
+    """How many times larger the bound estimates of a preset are after three seconds than another's."""
+    return float((run(preset).bound_estimates[-1] / run(other).bound_estimates[-1]).mean())
+
+
+def strays(first: float, last: float) -> float:
+    alone = between(run("weak-feedback", duration=10.0), first, last)
+    return float(np.sqrt(np.mean(np.sum(alone.tracking_error[:, :2] ** 2, axis=1))))
+
+
+def path_rate(preset: str) -> float:
+    return float(np.hypot(*(np.diff(run(preset).desired_pose[:2, :2], axis=0)[0] / 0.001)))
+
+
+def worse(preset: str, first: float, last: float) -> float:
+    """Growth of the largest error of any axis against the preset paper, %."""
+    ratio = [
+        peak(run(preset), "tracking_error", first, last, slice(a, a + 1))
+        / peak(run("paper"), "tracking_error", first, last, slice(a, a + 1))
+        for a in range(3)
+    ]
+    return 100 * (max(ratio) - 1)
+
+
+def moment(preset: str) -> float:
+    return float(np.abs(run(preset).internal_force[:, 0, 2]).max())
+
+
+def bends(preset: str) -> float:
+    """Mid-span deflection in steady motion, mm."""
+    return 1e3 * peak(run(preset), "midspan_deflection", 1, 3)
+
+
+def settling(preset: str) -> float:
+    return metrics(preset).settling_time
+
+
+CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
+    "README": (
+        (r"beam bends by (\S+) mm at its start", lambda: 1e3 * peak(run("paper"), "midspan_deflection", 0, 0.1)),
+        (r"and by (\S+) mm in steady motion", lambda: bends("paper")),
+        (r"the beam's (\S+) Hz with the naked eye", lambda: ring("paper")),
+        (r"first mode at (\S+) Hz", lambda: first_mode("soft-beam")),
+        (r"bends by (\S+) mm \|", lambda: bends("soft-beam")),
+        (r"figure of eight (\S+) m wide", lambda: float(np.ptp(run("large-swing").pose[:, 0]))),
+    ),
+    "paper": (
+        (r"at (\S+) Hz", lambda: ring("paper")),
+        (r"peak after (\S+) s\.", lambda: settling("paper")),
+        (r"bending by (\S+) mm at most", lambda: bends("paper")),
+    ),
+    "smooth-start": (
+        (r"reaches (\S+) mm", lambda: 1e3 * metrics("paper").peak_vibration),
+    ),
+    "soft-beam": (
+        (r"mode is at (\S+) Hz", lambda: first_mode("soft-beam")),
+        (r"instead of (\S+) Hz", lambda: first_mode("paper")),
+        (r"bends it by (\S+) mm", lambda: bends("soft-beam")),
+        (r"of which (\S+) mm", lambda: 1e3 * peak(run("soft-beam"), "vibration", 1, 3)),
+    ),
+    "stiff-beam": (
+        (r"rings at (\S+) Hz", lambda: ring("stiff-beam")),
+        (r"bends by (\S+) micrometres", lambda: 1e3 * bends("stiff-beam")),
+    ),
+    "large-swing": (
+        (r"eight (\S+) m wide", lambda: float(np.ptp(run("large-swing").pose[:, 0]))),
+        (r"by (\S+) rad", lambda: float(np.abs(run("large-swing").pose[:, 2]).max())),
+        (r"as far as (\S+) m", wrist),
+        (r"of the (\S+) m", reach),
+    ),
+    "vibration-damping": (
+        (r"within (\S+) s", lambda: settling("vibration-damping")),
+        (r"instead of (\S+) s", lambda: settling("paper")),
+        (r"bending of (\S+) mm", lambda: bends("vibration-damping")),
+    ),
+    "gravity": (
+        (r"sag of (\S+) mm", lambda: 1e3 * sag()),
+        (r"rings at (\S+) Hz", lambda: ring("gravity")),
+    ),
+    "single-arm": (
+        (r"up to (\S+) mm", lambda: 1e3 * tip(0, 0.5)),
+        (r"mm at (\S+) Hz", lambda: ring("single-arm")),
+        (r"motion by (\S+) mm", lambda: 1e3 * tip(1, 3)),
+    ),
+    "weak-feedback": (
+        (r"by (\S+) mm", lambda: 1e3 * peak(run("weak-feedback", duration=8.0), "tracking_error", 1, 8, slice(2))),
+    ),
+    "fast-adaptation": (
+        (r"grow (\S+) times faster", lambda: growth("fast-adaptation", "paper")),
+    ),
+    "1-what-you-see": (
+        (r"by (\S+) mm in steady motion", lambda: bends("paper")),
+        (r"rings at (\S+) Hz", lambda: ring("paper")),
+    ),
+    "2-the-equations": (
+        (r"(\S+) Hz, \S+ Hz, \S+ Hz at the paper's", lambda: pinned(1)),
+        (r"\S+ Hz, (\S+) Hz, \S+ Hz at the paper's", lambda: pinned(2)),
+        (r"\S+ Hz, \S+ Hz, (\S+) Hz at the paper's", lambda: pinned(3)),
+        (r"elements give (\S+) Hz", lambda: first_mode("paper")),
+        (r"it rings at (\S+) Hz", lambda: ring("paper")),
+    ),
+    "3-the-controller": (
+        (r"to (\S+) % every 20 ms", lambda: 100 * float(np.exp(-0.02 * AdaptiveSlidingMode().sliding_slope))),
+        (r"every (\S+) ms", lambda: 1e3 / AdaptiveSlidingMode().sliding_slope),
+    ),
+    "4-reading-the-plots": (
+        (r"`paper`: (\S+) mm after the start", lambda: 1e3 * max(metrics("paper").peak_error[:2])),
+        (r"at most (\S+) mm from t", lambda: 1e3 * max(metrics("paper", 1.0).peak_error[:2])),
+        (r"the first at (\S+) Hz", lambda: first_mode("paper")),
+    ),
+    "1-ring": (
+        (r"moves at (\S+) m/s", lambda: path_rate("paper")),
+        (r"behind by (\S+) mm", lambda: 1e3 * metrics("paper").peak_vibration),
+        (r"rings at (\S+) Hz", lambda: ring("paper")),
+        (r"f1 = (\S+) Hz", lambda: first_mode("paper")),
+        (r"per cent in (\S+) s", lambda: settling("paper")),
+    ),
+    "2-soft-beam": (
+        (r"from (\S+) Hz", lambda: first_mode("paper")),
+        (r"Hz to (\S+) Hz", lambda: first_mode("paper", payload__bending_stiffness=10.0)),
+        (r"and to (\S+) Hz", lambda: first_mode("paper", payload__bending_stiffness=1.27)),
+        (r"from (\S+) mm", lambda: softened(100.0, "quasi_static_deflection")),
+        (r"mm to (\S+) mm", lambda: softened(10.0, "quasi_static_deflection")),
+        (r"and to (\S+) mm", lambda: softened(1.27, "quasi_static_deflection")),
+        (r"which is (\S+) %", lambda: softened(1.27, "quasi_static_deflection") / 5),
+        (r"another (\S+) mm", lambda: softened(1.27, "vibration")),
+        (r"between (\S+) and", lambda: min(softened(ei, "tracking_error") for ei in (100.0, 10.0, 1.27))),
+        (r"between \S+ and (\S+) mm", lambda: max(softened(ei, "tracking_error") for ei in (100.0, 10.0, 1.27))),
+        (r"arms weigh (\S+) kg", lambda: sum(sum(arm.link_mass) for arm in load_preset("paper").arms)),
+        (r"beam (\S+) kg", lambda: beam_matrices(0.5, 2.0, 100.0, 2, "pinned-pinned").m),
+    ),
+    "3-boundary-layer": (
+        (r"falls from (\S+) mm", lambda: 1e3 * thinner("tracking_error", 0, slice(2))),
+        (r"to (\S+) mm at its peak", lambda: 1e3 * thinner("tracking_error", 1, slice(2))),
+        (r"hardly better, (\S+) mm", lambda: 1e3 * thinner("tracking_error", 2, slice(2))),
+        (r"change by (\S+) N·m \(RMS\) per", lambda: chatter(1)),
+        (r"vibration from (\S+) µm", lambda: 1e6 * thinner("vibration", 1)),
+    ),
+    "4-adaptation": (
+        (r"grows to (\S+) mm RMS", lambda: 1e3 * strays(9, 10)),
+        (r"little more than (\S+) %", lambda: worse("slow-adaptation", 1, 3)),
+    ),
+    "5-internal-force": (
+        (r"other with (\S+) N", lambda: squeeze(run("paper"), 0, 0.1)),
+        (r"motion (\S+) N", lambda: squeeze(run("paper"), 1, 3)),
+        (r"K = 1000 (\S+) N", lambda: squeeze(run("paper", (2.0, K, 1000.0), duration=4.0), 3, 4)),
+    ),
+    "6-vibration": (
+        (r"takes (\S+) s", lambda: settling("paper")),
+        (r"with it: (\S+) s", lambda: settling("vibration-damping")),
+        (r"grows by (\S+) %", lambda: worse("vibration-damping", 0, 3)),
+        (r"peaks at (\S+) N·m", lambda: moment("vibration-damping")),
+        (r"instead of (\S+) N·m", lambda: moment("paper")),
+        (r"bending of (\S+) mm", lambda: bends("vibration-damping")),
+    ),
+}  # fmt: skip
+"""Text → (pattern with the number, how it is computed in the number's own unit)."""
+
+LIMITS: dict[str, tuple[tuple[str, Number], ...]] = {
+    "smooth-start": ((r"under (\S+) micrometres", lambda: 1e6 * metrics("smooth-start").peak_vibration),),
+    "1-ring": ((r"under (\S+) µm", lambda: 1e6 * metrics("smooth-start").peak_vibration),),
+    "3-boundary-layer": (
+        (r"from under (\S+) N", lambda: max(squeeze(_thinned(), 1, 2), squeeze(_thinned(), 3, 4))),
+    ),
+    "6-vibration": ((r"less than (\S+) µm", lambda: 1e6 * peak(run("vibration-damping"), "vibration", 1, 3)),),
+}  # fmt: skip
+"""As above, for numbers that something stays under, but not far."""
+
+CHAOTIC: dict[str, tuple[tuple[str, Number], ...]] = {
+    "fast-adaptation": (
+        (r"up to (\S+) N·m", lambda: float(np.abs(np.diff(
+            run("fast-adaptation", (1.0, EPSILON, 0.001)).joint_torque[1500:], axis=0)).max())),
+    ),
+    "3-boundary-layer": (
+        (r"change by (\S+) N·m \(RMS\) at every", lambda: chatter(2)),
+        (r"N to (\S+) N", lambda: squeeze(_thinned(), 5, 6)),
+        (r"µm to (\S+) µm", lambda: 1e6 * thinner("vibration", 2)),
+    ),
+}  # fmt: skip
+"""Chatter is not smooth in its causes: another compiler gives slightly other numbers."""
+CHATTER_SPREAD = 0.15
+"""Relative."""
+
+SETTINGS = (
+    r"\(1 s\)|one second|t = (0\.6|1) s|at 1 kHz|at 60 Hz|steps of 1 ms|the 1 Hz motion|T_c|Λ = 50 1/s|RMS per step",
+    r"deflection of 5 % of its length",
+)
+"""Numbers with a unit that are set, not measured."""
+
+UNITS = "mm|µm|micrometres|Hz|kHz|N·m|N|s|ms|%|m/s|kg|m|rad|times"
+WITH_UNIT = re.compile(rf"(?<![\w.])\d+(?:\.\d+)?\s(?:{UNITS})(?![\w·/])")
+
+
+def texts() -> dict[str, str]:
+    """Every text that states numbers, line breaks as spaces, without code."""
+    found = {path.stem: path.read_text(encoding="utf-8") for path in web_assets_folder().glob("guide/**/*.md")}
+    found |= {name: f"{load_preset(name).title}. {load_preset(name).watch}" for name in preset_names(Path("/none"))}
+    readme = presets_folder().parent / "README.md"
+    found["README"] = readme.read_text(encoding="utf-8")
+    return {name: re.sub(r"\s+", " ", re.sub(r"```.*?```", "", text, flags=re.S)) for name, text in found.items()}
+
+
+TEXTS = texts()
+
+
+def stated(text: str, pattern: str) -> tuple[float, int]:
+    """The number that a text gives, and its decimals."""
+    found = re.search(pattern, TEXTS[text])
+    assert found, f"{pattern} is not in {text}"
+    words = found[1].rstrip(".,:")
+    return float(words), len(words.partition(".")[2])
+
+
+def cases(table: dict[str, tuple[tuple[str, Number], ...]]) -> list[tuple[str, str, Number]]:
+    return [(text, pattern, number) for text, claims in table.items() for pattern, number in claims]
+
+
+@pytest.mark.parametrize(("text", "pattern", "number"), cases(CLAIMS), ids=lambda value: str(value)[:40])
+def test_a_number_is_right_to_its_last_digit(text: str, pattern: str, number: Number):
+    value, decimals = stated(text, pattern)
+    assert number() == pytest.approx(value, abs=0.51 * 10.0**-decimals)
+
+
+@pytest.mark.parametrize(("text", "pattern", "number"), cases(LIMITS), ids=lambda value: str(value)[:40])
+def test_a_limit_is_kept_and_tight(text: str, pattern: str, number: Number):
+    value, _ = stated(text, pattern)
+    assert 0.6 * value < number() < value
+
+
+@pytest.mark.parametrize(("text", "pattern", "number"), cases(CHAOTIC), ids=lambda value: str(value)[:40])
+def test_a_number_of_chatter_is_right_in_size(text: str, pattern: str, number: Number):
+    assert number() == pytest.approx(stated(text, pattern)[0], rel=CHATTER_SPREAD)
+
+
+@pytest.mark.parametrize("text", sorted(TEXTS))
+def test_no_number_is_left_unaccounted_for(text: str):
+    rest = TEXTS[text]
+    claimed = [pattern for table in (CLAIMS, LIMITS, CHAOTIC) for pattern, _ in table.get(text, ())]
+    spans = [found.span(1) for pattern in claimed if (found := re.search(pattern, rest))]
+    spans += [found.span() for pattern in SETTINGS for found in re.finditer(pattern, rest)]
+    left = [
+        found[0] for found in WITH_UNIT.finditer(rest) if not any(start <= found.start() < end for start, end in spans)
+    ]
+    assert left == []
+
+
+def test_words_for_numbers():
+    """'A hundred times' and its like."""
+    paper, soft = load_preset("paper"), first_mode("soft-beam")
+    assert "A hundred times stiffer" in TEXTS["stiff-beam"]
+    assert load_preset("stiff-beam").payload.bending_stiffness == 100 * paper.payload.bending_stiffness
+    for text in ("README", "slow-adaptation", "4-adaptation"):
+        assert "hundred times more slowly" in TEXTS[text]
+    assert 1 / growth("slow-adaptation", "paper") == pytest.approx(100, rel=0.01)
+    assert "a tenth of the feedback gain" in TEXTS["README"]
+    assert load_preset("weak-feedback").controller.feedback_gain == 0.1 * paper.controller.feedback_gain
+    assert "five times as fast as the path" in TEXTS["2-soft-beam"]
+    assert soft / load_preset("soft-beam").trajectory.frequency[0] == pytest.approx(5, abs=0.25)
+    assert "within half a second" in TEXTS["5-keys-and-tips"]
+    assert 0.4 < settling("paper") < 0.5
+
+
+def test_what_stays_of_a_soft_beams_vibration_is_forced():
+    """It repeats itself period by period, to a ten-thousandth, where a free ring would have died down or be out of step."""
+    soft = run("soft-beam", duration=8.0)
+    period = 1000
+    later, earlier = soft.vibration[-2 * period :], soft.vibration[-3 * period : -period]
+    assert np.abs(later - earlier).max() < 1e-4 * np.abs(later).max()
+    assert np.isnan(settling("soft-beam"))

@@ -17,7 +17,8 @@ from flexlab.lab.scene.scene import Scene
 from flexlab.lab.viser_internals import GuardedServer
 from flexlab.lab.viser_server import open_server
 from flexlab.scenario import Scenario
-from flexlab.sim.runner import Consumer, Runner
+from flexlab.sim.consumer import Consumer
+from flexlab.sim.runner import Runner
 from flexlab.sim.world_state import Origin
 
 PANEL_WIDTH, PLOTS_WIDTH = 330, 350

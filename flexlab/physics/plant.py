@@ -106,6 +106,8 @@ class Workspace(NamedTuple):
     """Index of the arm at fault, (1,)."""
     stage: np.ndarray
     """Stage states and derivatives of the integrators, (10, len(y))."""
+    interrupt: np.ndarray
+    """Set by another thread to make the kernels return early, (1,)."""
 
 
 def state_size(mode_count: int) -> int:
@@ -145,4 +147,5 @@ def make_workspace(arm_count: int, mode_count: int) -> Workspace:
         np.zeros(3),
         np.zeros(1, np.int64),
         np.zeros((10, state_size(mode_count))),
+        np.zeros(1, np.int64),
     )

@@ -16,6 +16,9 @@ from flexlab.sim.signals import write_sample
 DIVERGED, BENT = NOT_A_NUMBER, 4
 """Fault codes of the loop besides those of `physics.arm`: not a number or runaway; deflection as large as the beam."""
 
+INTERRUPTED = 5
+"""Outcome of a loop that was asked to return early, by `Workspace.interrupt`, somewhere within a tick: no fault."""
+
 RUNAWAY = 1e9
 """A state beyond this (m, rad, kg·m/s, …) has diverged, whatever it is."""
 
@@ -78,6 +81,8 @@ def advance(
                 return done, code
             for i in range(len(y)):
                 good[i] = y[i]
+        if ws.interrupt[0] != 0:
+            return done, INTERRUPTED
         stepped = True
         if code == 0:
             code = integrate(system, scheme, t, dt, y, ws)

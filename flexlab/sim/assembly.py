@@ -18,6 +18,17 @@ from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.sampled_control import Sampling
 from flexlab.sim.step_size import Rates, build_scheme, choose_step, find_rates, free_beam_rate, steps_per_tick
 
+LIGHT_ELEMENTS = 8
+"""Elements up to which modes and matrix functions are derived in a millisecond or two."""
+
+
+class Unprepared(Exception):
+    """A world was asked to take on at once what takes long to derive; `scenario` is what to derive it for."""
+
+    def __init__(self, scenario: Scenario):
+        super().__init__("to be derived beside the running world")
+        self.scenario = scenario
+
 
 class Assembly(NamedTuple):
     """What is derived from a scenario and a tick period."""
@@ -37,16 +48,23 @@ class Assembly(NamedTuple):
     integrator: str
 
 
-def build_assembly(scenario: Scenario, tick_period: float, known: Sequence[Assembly] = ()) -> Assembly:
-    """Derive everything from a scenario; raises `ScenarioError`. Parts of `known` assemblies are shared where they fit."""
+def build_assembly(
+    scenario: Scenario, tick_period: float, known: Sequence[Assembly] = (), at_once: bool = False
+) -> Assembly:
+    """Derive everything from a scenario; raises `ScenarioError`. Parts of `known` assemblies are shared where they fit.
+
+    `at_once`: raise `Unprepared` instead of deriving what takes long.
+    """
     with one_blas_thread():
-        return _derive(scenario, tick_period, known)
+        return _derive(scenario, tick_period, known, at_once and scenario.payload.element_count > LIGHT_ELEMENTS)
 
 
-def _derive(scenario: Scenario, tick_period: float, known: Sequence[Assembly]) -> Assembly:
+def _derive(scenario: Scenario, tick_period: float, known: Sequence[Assembly], at_once: bool) -> Assembly:
     same_beam = [old for old in known if old.scenario.payload == scenario.payload]
     if same_beam:
         beam, free_rate = same_beam[0].beam, same_beam[0].free_rate
+    elif at_once:
+        raise Unprepared(scenario)
     else:
         beam = build_beam(scenario.payload)
         free_rate = free_beam_rate(beam)
@@ -55,6 +73,8 @@ def _derive(scenario: Scenario, tick_period: float, known: Sequence[Assembly]) -
     count, per_control = steps_per_tick(scenario, tick_period, step)
     dt = tick_period / count
     schemes = [old.scheme for old in same_beam if (old.integrator, old.step) == (integrator, dt)]
+    if at_once and not schemes:
+        raise Unprepared(scenario)
     scheme = schemes[0] if schemes else build_scheme(integrator, beam, dt)
     sampling = _build_sampling(scenario, beam, per_control)
     return Assembly(scenario, beam, free_rate, system, rates, sampling, scheme, dt, count, integrator)

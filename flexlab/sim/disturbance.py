@@ -57,6 +57,13 @@ def apply_pull(plant: Plant, scenario: Scenario, beam: Beam, command: Pull) -> N
     set_pull_row(plant, scenario.payload, beam)
 
 
+def without_hand(plant: Plant) -> Plant:
+    """The plant with arrays of its own where a hand may pull, and none that does."""
+    modal, pull = plant.modal.copy(), np.zeros_like(plant.pull)
+    modal[PULL], pull[HELD_ARM] = 0.0, ON_BEAM
+    return plant._replace(modal=modal, pull=pull)
+
+
 def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:
     """Make the modes' shapes at the pulled point match `plant.pull`; none while no hand holds the beam."""
     on_beam = plant.pull[HELD_ARM] == ON_BEAM

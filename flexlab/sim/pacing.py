@@ -10,6 +10,14 @@ SLOWEST, FASTEST = 1 / 256, 4.0
 BACKLOG_LIMIT = 0.15
 """Wall seconds that the simulation may lag behind its target before the lag is given up: a lag that a person notices."""
 
+BLOCK_TIME, LARGEST_BLOCK, GROWTH = 0.01, 64, 4
+"""Wall seconds that a block of ticks may take between two looks at the commands, its most ticks, and how much longer than
+the one before it may be: what a tick costs is not known before one is done."""
+
+RUNS_AT_ONCE, RUN_PERIOD = 60, 1.0
+"""New runs that may begin one right after another, and wall seconds after which one more may: three seconds of dragging the
+number of elements, but no storm that fills a folder."""
+
 SPEED_WINDOW = 1.0
 """Wall seconds over which the actual speed is measured."""
 
@@ -68,3 +76,42 @@ class Pacing:
     def too_slow(self, wall: float) -> bool:
         """Whether backlog was dropped within the last second."""
         return wall - self._dropped_at < SPEED_WINDOW
+
+
+class BlockSize:
+    """How many ticks to advance at once, from what the ticks before cost."""
+
+    def __init__(self) -> None:
+        self._next = 1
+
+    def forget(self) -> None:
+        """Another world, another cost: begin with one tick."""
+        self._next = 1
+
+    def ticks(self, most: int) -> int:
+        """Ticks of the next block."""
+        return min(most, self._next)
+
+    def note(self, ticks: int, seconds: float) -> None:
+        """Remember that `ticks` took `seconds` of wall time."""
+        if ticks > 0:
+            affordable = int(BLOCK_TIME * ticks / seconds) if seconds > 0 else LARGEST_BLOCK
+            self._next = max(1, min(affordable, ticks * GROWTH, LARGEST_BLOCK))
+
+
+class RunRate:
+    """How often a new run may begin: a bucket of `RUNS_AT_ONCE` that gains one every `RUN_PERIOD`."""
+
+    def __init__(self) -> None:
+        self._left, self._at = float(RUNS_AT_ONCE), 0.0
+
+    def allowed(self, wall: float) -> bool:
+        """Whether one may begin at `wall`, s."""
+        return self._refilled(wall) >= 1
+
+    def note(self, wall: float) -> None:
+        """One began."""
+        self._left, self._at = self._refilled(wall) - 1, wall
+
+    def _refilled(self, wall: float) -> float:
+        return min(RUNS_AT_ONCE, self._left + max(0.0, wall - self._at) / RUN_PERIOD)

@@ -1,17 +1,18 @@
 """The simulation thread: paces a `World` by an injected clock, drains commands, publishes snapshots, feeds consumers."""
 
-import queue
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
-from flexlab.errors import FlexlabError
+from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.scenario import Scenario
+from flexlab.sim.assembly import Assembly, Unprepared
+from flexlab.sim.command_queue import MOST_STEPS, MOST_WAITING, CommandQueue, begins_run, merged_changes, overlap
 from flexlab.sim.command_text import command_text
 from flexlab.sim.commands import (
     ChangeScenario,
@@ -25,43 +26,28 @@ from flexlab.sim.commands import (
     StepOnce,
     Tap,
 )
+from flexlab.sim.consumer import Consumer
 from flexlab.sim.history import History
 from flexlab.sim.interpolation import interpolate
-from flexlab.sim.pacing import FASTEST, SLOWEST, Pacing
+from flexlab.sim.pacing import FASTEST, SLOWEST, BlockSize, Pacing, RunRate
+from flexlab.sim.preparation import ATTEMPTS, Preparation
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK, Event, Snapshot
 from flexlab.sim.world import World
-from flexlab.sim.world_state import Origin, WorldState
+from flexlab.sim.world_state import Origin
 
 FRAME = 1 / 60
 """Wall seconds per round of the runner, s: the rate of common screens."""
 
-BLOCK_TICKS = 64
-"""Ticks advanced between two looks at the command queue: even at 4 times real time and 64 elements under 50 ms."""
+FRAME_BUDGET = 0.03
+"""Wall seconds after which a round publishes what there is and leaves the rest to the next: a picture every 50 ms."""
+
+STOP_PERIOD = 0.02
+"""Wall seconds between two reminders that the thread is to stop."""
 
 EVENTS_KEPT = 200
 """Newest events that a snapshot carries."""
-
-MOST_STEPS = 100_000
-"""Most ticks that one `StepOnce` may ask for (100 s)."""
-
-
-class Consumer(Protocol):
-    """Who gets every sample and event. Called on the simulation thread: must return at once (enqueue, never block)."""
-
-    def begin_run(self, run_number: int, name: str, scenario: Scenario, start: WorldState) -> None:
-        """A new run starts (reset, preset, or a change of structure, after which time goes on); `start`: its state."""
-
-    def take_samples(self, run_number: int, samples: Samples, actual_speed: float) -> int:
-        """The next block (N >= 1 rows, contiguous with the block before); returns how many rows it had to drop."""
-        ...
-
-    def take_event(self, run_number: int, event: Event) -> None:
-        """A command took effect, a status changed."""
-
-    def end_run(self, run_number: int, status: Status) -> None:
-        """The run is over; no more samples of this number follow."""
 
 
 class Runner:
@@ -76,14 +62,20 @@ class Runner:
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], None] = time.sleep,
         origin: Origin | None = None,
+        executor: Executor | None = None,
     ):
         """Build the world; raises `ScenarioError`. An unreachable trajectory gives a runner with a failed status.
 
-        With an `origin` the run goes on from there. Raises `FlexlabError` if its state is not one of this scenario.
+        With an `origin` the run goes on from there. Raises `FlexlabError` if its state is not one of this scenario. Slow
+        derivations run in `executor`, or on a thread of the runner's own.
         """
         self._consumers = list(consumers)
         self._clock, self._sleep = clock, sleep
-        self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._commands = CommandQueue()
+        self._preparation = Preparation(executor)
+        self._block, self._runs = BlockSize(), RunRate()
+        self._frame_end = float("inf")
+        self._steps_left = 0
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._run_number = 0
@@ -91,7 +83,13 @@ class Runner:
         self._dropped = 0
         self._pacing = Pacing()
         self._pacing.playing = playing
-        self._load(LoadScenario(scenario, name, origin))
+        world = World(scenario)
+        if origin is not None:
+            world.restore(origin.state)
+        self._begin(world, name)
+        if origin is not None:
+            command = LoadScenario(scenario, name, origin)
+            self._report(Event(world.time, command_text(command), command))
         self._publish(self._clock())
 
     def start(self) -> None:
@@ -105,13 +103,21 @@ class Runner:
         if self._stopping.is_set():
             return
         self._stopping.set()
-        if self._thread is not None:
-            self._thread.join()
+        self._preparation.stop()
+        # Again and again: the thread may just have begun to work on another world.
+        while self._thread is not None and self._thread.is_alive():
+            self._world.interrupt()
+            self._thread.join(STOP_PERIOD)
         self._end()
 
     def submit(self, command: Command) -> None:
-        """Queue a command; it takes effect at the head of the runner's next frame. Invalid ones become error events."""
+        """Queue a command; it takes effect at the head of the runner's next frame. Invalid ones become error events.
+
+        Commands of one frame that supersede one another are merged (see `command_queue`).
+        """
         self._commands.put(command)
+        if isinstance(command, (LoadScenario, Reset)):
+            self._world.interrupt()  # What it still computes, nobody will see.
 
     @property
     def snapshot(self) -> Snapshot:
@@ -124,16 +130,23 @@ class Runner:
 
     def frame(self) -> None:
         """One round: commands, then the ticks that are due, then a snapshot. The thread's body; tests call it alone."""
+        self._frame_end = self._clock() + FRAME_BUDGET
+        stepping = self._steps_left > 0
         self._drain()
+        self._frame_end = self._clock() + FRAME_BUDGET  # Whatever the commands cost, time goes on.
+        if stepping and self._steps_left:
+            self._work_off_steps()
         run, due = self._run_number, self._pacing.due_ticks(self._clock(), self._world.tick)
-        while due > 0 and not self._world.status.failed and self._pacing.playing and run == self._run_number:
-            block = min(due, BLOCK_TICKS)
-            self._advance(block)
-            due -= block
+        while due > 0 and self._may_go_on() and self._pacing.playing and run == self._run_number:
+            due -= self._advance(due)
             self._drain()
         wall = self._clock()
         self._pacing.note(wall, self._world.time)
         self._publish(wall)
+
+    def _may_go_on(self) -> bool:
+        """Whether the frame has time left, and the run as well."""
+        return not (self._world.status.failed or self._stopping.is_set()) and self._clock() <= self._frame_end
 
     def _loop(self) -> None:
         next_frame = self._clock()
@@ -143,57 +156,113 @@ class Runner:
             self._sleep(max(0.0, next_frame - self._clock()))
 
     def _drain(self) -> None:
-        while True:
-            try:
-                command = self._commands.get_nowait()
-            except queue.Empty:
+        refused = self._commands.refused()
+        if refused:
+            text = f"{refused} commands were left out: more than {MOST_WAITING} came at once. Give them more slowly."
+            self._report(Event(self._world.time, text, level="error"))
+        prepared = self._preparation.take()
+        if prepared is not None:
+            self._try(prepared.group, prepared.future.result, prepared.attempt)
+            later, self._preparation.later = self._preparation.later, []
+            if later:
+                self._try(tuple(later))
+        current, loads = self._preparation.current, self._commands.has_load
+        if current is not None and not current.is_change and not loads:
+            return
+        free = loads or current is None
+        groups = self._commands.take(new_runs=free and self._runs.allowed(self._clock()))
+        while groups:
+            self._try(groups.pop(0))
+            if groups and self._must_wait(groups[0][0]):
+                self._commands.put_back(groups)
                 return
-            try:
-                self._carry_out(command)
-            except FlexlabError as error:
-                self._report(Event(self._world.time, " ".join(str(error).split("\n")), level="error"))
-            except Exception as error:  # A command nobody foresaw must not end everybody's lab; nor pass in silence.
-                what = f"{type(command).__name__} could not be carried out ({type(error).__name__}: {error})."
-                self._report(Event(self._world.time, f"{what} Nothing was changed by it.", level="error"))
 
-    def _carry_out(self, command: Command) -> None:
-        wall, world = self._clock(), self._world
-        if isinstance(command, (ChangeScenario, Pull, Tap)):
-            self._change(command)
-        elif isinstance(command, Reset):
-            new = World(world.scenario)
-            self._report(Event(world.time, command_text(command), command))
-            self._end()
-            self._begin(new, self._name)
-        elif isinstance(command, LoadScenario):
-            self._load(command)
+    def _must_wait(self, command: Command) -> bool:
+        """Whether a command is meant for what is still being prepared: all that follows a new run, a new run after a change."""
+        current = self._preparation.current
+        if current is None or isinstance(command, LoadScenario):
+            return False
+        return begins_run(command) or not current.is_change
+
+    def _try(self, group: tuple[Command, ...], derived: Callable[[], Assembly] | None = None, attempt: int = 0) -> None:
+        """Carry out a group of `command_queue.grouped`; what cannot be is an event, what takes long is prepared first."""
+        try:
+            known = () if derived is None else (derived(),)
+            self._carry_out(group, known, at_once=attempt < ATTEMPTS)
+        except Unprepared as need:
+            self._preparation.start(group, need.scenario, self._world.assembly, attempt + 1)
+        except FlexlabError as error:
+            self._report(Event(self._world.time, " ".join(str(error).split("\n")), level="error"))
+        except Exception as error:  # A command nobody foresaw must not end everybody's lab; nor pass in silence.
+            what = f"{type(group[0]).__name__} could not be carried out ({type(error).__name__}: {error})."
+            self._report(Event(self._world.time, f"{what} Nothing was changed by it.", level="error"))
+
+    def _carry_out(self, group: tuple[Command, ...], known: tuple[Assembly, ...], at_once: bool) -> None:
+        command = group[0]
+        if isinstance(command, ChangeScenario):
+            self._change_scenario([one for one in group if isinstance(one, ChangeScenario)], known, at_once)
+        elif isinstance(command, (Pull, Tap)):
+            self._change(command, known, at_once)
+        elif isinstance(command, (Reset, LoadScenario)):
+            self._load(command, known, at_once)
         elif isinstance(command, (Play, Pause)):
-            self._play(isinstance(command, Play), wall)
-            self._report(Event(world.time, command_text(command), command))
+            self._play(isinstance(command, Play), self._clock())
+            self._report(Event(self._world.time, command_text(command), command))
         elif isinstance(command, SetSpeed):
-            self._set_speed(command, wall)
+            self._set_speed(command, self._clock())
         else:
             self._step(command)
 
-    def _load(self, command: LoadScenario) -> None:
-        """Begin a run of another scenario, or one that goes on from an earlier one's state; it says so first."""
-        world = World(command.scenario)
-        event = Event(0.0, command_text(command), command)
-        if command.origin is not None:
-            world.restore(command.origin.state)
-        if self._run_number:
-            self._report(replace(event, time=self._world.time))
-            self._end()
-        self._begin(world, command.name)
-        if command.origin is not None:
+    def _load(self, command: LoadScenario | Reset, known: tuple[Assembly, ...], at_once: bool) -> None:
+        """Begin a run of another scenario, one that goes on from an earlier one's state, or the same anew; it says so."""
+        old, origin = self._world, None
+        scenario, name = old.scenario, self._name
+        if isinstance(command, LoadScenario):
+            self._preparation.drop()
+            scenario, name, origin = command.scenario, command.name, command.origin
+        event = Event(old.time, command_text(command), command)
+        world = World(scenario, TICK, (old.assembly, *known), at_once)
+        if origin is not None:
+            world.restore(origin.state)
+        self._report(event)
+        self._end()
+        self._begin(world, name)
+        if origin is not None:
             self._report(replace(event, time=world.time))
 
-    def _change(self, command: ChangeScenario | Pull | Tap) -> None:
+    def _change_scenario(self, changes: Sequence[ChangeScenario], known: tuple[Assembly, ...], at_once: bool) -> None:
+        """Let the world take on changes as one, or those that it can if not all are valid."""
+        preparation = self._preparation
+        if preparation.current is not None and self._touches_prepared(changes):
+            preparation.later.extend(changes)
+            return
+        whole = changes[0] if len(changes) == 1 else ChangeScenario(merged_changes(one.changes for one in changes))
+        try:
+            self._change(whole, known, at_once)
+        except Unprepared:
+            if preparation.current is None:
+                raise
+            preparation.later.extend(changes)
+        except ScenarioError:
+            if len(changes) == 1:
+                raise
+            for one in changes:
+                self._try((one,))
+
+    def _touches_prepared(self, changes: Sequence[ChangeScenario]) -> bool:
+        """Whether changes set something that a change which is being prepared, or waits to be, sets as well."""
+        current = self._preparation.current
+        before = [*(current.group if current is not None else ()), *self._preparation.later]
+        paths = [path for old in before if isinstance(old, ChangeScenario) for path in old.changes]
+        return any(overlap(path, other) for new in changes for path in new.changes for other in paths)
+
+    def _change(self, command: ChangeScenario | Pull | Tap, known: tuple[Assembly, ...], at_once: bool) -> None:
         """Let the world take on a change; a restart or another beam structure begins a new run."""
         world = self._world
         event = Event(world.time, command_text(command), command)
-        begins_anew = world.apply(command)
+        begins_anew = world.apply(command, known, at_once)
         self._report(event)
+        self._block.forget()
         if begins_anew:
             self._end()
             self._begin(world, self._name)
@@ -203,6 +272,7 @@ class Runner:
     def _play(self, playing: bool, wall: float) -> None:
         if playing and self._world.status.failed:
             raise FlexlabError(f"This run has stopped: {self._world.status.text} Reset, or load another preset.")
+        self._steps_left = 0
         self._pacing.playing = playing
         self._pacing.restart(wall, self._world.time)
 
@@ -221,12 +291,22 @@ class Runner:
             raise FlexlabError(f"Steps = {command.ticks} is outside 1 to {MOST_STEPS}: choose within it.")
         self._pacing.playing = False
         self._report(Event(self._world.time, command_text(command), command))
-        self._advance(command.ticks)
+        self._steps_left = command.ticks
+        self._work_off_steps()
+
+    def _work_off_steps(self) -> None:
+        """Do single steps that are left, as far as the frame's time goes; the next frame goes on."""
+        while self._steps_left and self._may_go_on():
+            self._steps_left -= self._advance(self._steps_left)
+        if self._world.status.failed:
+            self._steps_left = 0
         self._pacing.restart(self._clock(), self._world.time)
 
     def _begin(self, world: World, name: str) -> None:
         """Make `world` the current run and tell the consumers, its present sample included."""
-        self._world, self._name = world, name
+        self._world, self._name, self._steps_left = world, name, 0
+        self._block.forget()
+        self._runs.note(self._clock())
         self._run_number += 1
         self._dropped = 0
         self._events.clear()
@@ -251,11 +331,15 @@ class Runner:
         self._pacing.playing = False
         self._report(Event(self._world.time, self._world.status.text, level="error"))
 
-    def _advance(self, ticks: int) -> None:
+    def _advance(self, most: int) -> int:
+        """Move by a block of up to `most` ticks, as long as commands may wait; returns the ticks done."""
+        ticks, begun = self._block.ticks(most), self._clock()
         rows = self._world.advance_rows(ticks)
+        self._block.note(len(rows), self._clock() - begun)
         self._hand_out(rows)
         if self._world.status.failed:
             self._fail()
+        return len(rows)
 
     def _hand_out(self, rows: np.ndarray) -> None:
         """Samples to history, snapshot and consumers."""

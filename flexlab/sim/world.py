@@ -14,12 +14,12 @@ from flexlab.physics.dynamics import find_velocities, set_momenta
 from flexlab.physics.plant import ETA, Workspace, make_workspace, state_size
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import row_layout
-from flexlab.sim.advance import advance
+from flexlab.sim.advance import INTERRUPTED, advance
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.build import Beam, desired_at
 from flexlab.sim.closed_loop import System
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
-from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row
+from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row, without_hand
 from flexlab.sim.projection import project_beam
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
@@ -29,22 +29,24 @@ from flexlab.sim.termination import DEFLECTION_LIMIT, pose_fault, runtime_fault
 from flexlab.sim.workspace_check import check_trajectory, same_reach
 from flexlab.sim.world_state import WorldState
 
-RESTARTING = ("payload.length", "left_arm", "right_arm", "initial")
-"""Fields whose change a running world cannot take on: the run starts anew."""
-
 
 class World:
     """One scenario in motion. `advance` moves it, `apply` changes it; both leave it whole when they refuse."""
 
-    def __init__(self, scenario: Scenario, tick_period: float = TICK):
+    def __init__(
+        self, scenario: Scenario, tick_period: float = TICK, known: Sequence[Assembly] = (), at_once: bool = False
+    ):
         """Build and check; raises `ScenarioError` if the scenario is not valid.
 
-        An unreachable trajectory or start pose is no error but a world whose `status` has failed.
+        An unreachable trajectory or start pose is no error but a world whose `status` has failed. `known` and `at_once` as
+        for `apply`.
         """
         self.scenario = parse_scenario(scenario.model_dump())
         self.tick_period = tick_period
         self.tick = 0
-        self._assembly = build_assembly(self.scenario, tick_period)
+        assembly = build_assembly(self.scenario, tick_period, known, at_once)
+        # What is known may belong to a world whose beam or link somebody holds.
+        self._assembly = assembly._replace(system=assembly.system._replace(plant=without_hand(assembly.system.plant)))
         self._y = np.zeros(state_size(len(self._assembly.beam.modes.omega)))
         self._workspace = _workspace_for(self._assembly)
         self.status = Status("running", "Running.")
@@ -107,6 +109,11 @@ class World:
         return self._assembly.system
 
     @property
+    def assembly(self) -> Assembly:
+        """All that is derived from the scenario, for worlds to come (do not change it)."""
+        return self._assembly
+
+    @property
     def first_frequency(self) -> float:
         """f1 of the payload with its grips held, Hz."""
         return float(np.min(self._assembly.beam.modes.omega)) / (2 * np.pi)
@@ -163,13 +170,21 @@ class World:
         """Move by one tick per row of rows (ticks, row length), writing the samples there; returns the ticks done."""
         if self.status.failed:
             return 0
+        before = self.state()
         done, code = self._advance(rows, first_is_present=False)
+        if code == INTERRUPTED:
+            self.restore(before)
+            return 0
         self.tick += done
         if code != 0:
             find_velocities(self._assembly.system.plant, self._y, self._workspace)
             rate = self._workspace.velocity
             self.status = runtime_fault(self.scenario, code, self._y[:3], rate, self.time, self.tick_period)
         return done
+
+    def interrupt(self) -> None:
+        """Make a `fill` that runs on another thread, or the next one, return with nothing done, within a step's time."""
+        self._workspace.interrupt[0] = 1
 
     def _advance(self, rows: np.ndarray, first_is_present: bool) -> tuple[int, int]:
         assembly = self._assembly
@@ -188,36 +203,38 @@ class World:
             first_is_present,
         )
 
-    def apply(self, command: WorldCommand, known: Sequence[Assembly] = ()) -> bool:
+    def apply(self, command: WorldCommand, known: Sequence[Assembly] = (), at_once: bool = False) -> bool:
         """Carry out a command at the present instant; returns whether a new run begins.
 
         It does when the change cannot be taken on in motion (the world starts anew, at t = 0) or when the beam's coordinates
         get another meaning (another mesh or boundary; time goes on). Raises `ScenarioError` (and changes nothing) for values
         that are not valid or a motion that cannot be reached. `known`: assemblies whose parts need no deriving where they fit;
-        the result is the same without them.
+        the result is the same without them. `at_once`: raise `Unprepared` (and change nothing) instead of deriving what takes
+        long, see `build_assembly`.
         """
         assembly, payload = self._assembly, self.scenario.payload
         if isinstance(command, ChangeScenario):
-            return self._change(command.changes, known)
+            return self._change(command.changes, known, at_once)
         if isinstance(command, Pull):
             apply_pull(assembly.system.plant, self.scenario, assembly.beam, command)
         else:
             apply_tap(payload, assembly.beam, self._y, command)
         return False
 
-    def _change(self, changes: Mapping[str, Any], known: Sequence[Assembly]) -> bool:
+    def _change(self, changes: Mapping[str, Any], known: Sequence[Assembly], at_once: bool) -> bool:
         scenario = keep_phase(self.scenario, changes, self.time)
         fault = None if same_reach(self.scenario, scenario) else check_trajectory(scenario)
         if fault is not None:
             raise ScenarioError([("trajectory", fault.text)])
-        if any(path.startswith(RESTARTING) for path in changes) or len(scenario.arms) != len(self.scenario.arms):
-            anew = World(scenario, self.tick_period)
+        known = [self._assembly, *known]
+        if not _goes_on(self.scenario, scenario):
+            anew = World(scenario, self.tick_period, known, at_once)
             if anew.status.failed:
                 raise ScenarioError([("initial", anew.status.text)])
             vars(self).update(vars(anew))
             return True
         reshaped = not _same_mesh(self.scenario, scenario)
-        self._carry_over(scenario, build_assembly(scenario, self.tick_period, [self._assembly, *known]))
+        self._carry_over(scenario, build_assembly(scenario, self.tick_period, known, at_once))
         return reshaped
 
     def _carry_over(self, scenario: Scenario, assembly: Assembly) -> None:
@@ -288,6 +305,12 @@ def _workspace_for(assembly: Assembly) -> Workspace:
 def _to_modes(beam: Beam, q: np.ndarray) -> np.ndarray:
     """η = VᵀM_q q."""
     return beam.modes.V.T @ (beam.matrices.M_q @ q)
+
+
+def _goes_on(one: Scenario, other: Scenario) -> bool:
+    """Whether a run can go on from one scenario in the other: with another machine or another start it begins anew."""
+    same_arms = (one.left_arm, one.right_arm) == (other.left_arm, other.right_arm)
+    return same_arms and one.payload.length == other.payload.length and one.initial == other.initial
 
 
 def _same_mesh(one: Scenario, other: Scenario) -> bool:

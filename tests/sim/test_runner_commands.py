@@ -60,14 +60,22 @@ def test_a_refused_command_is_an_event_and_the_run_goes_on(live, same_bits, comm
         assert np.array_equal(asked.keeper.signal(name), quiet.keeper.signal(name))
 
 
-def test_commands_keep_their_order(live):
-    """Ten changes of one field in one round: the last one stands, all are events in order."""
+def test_values_of_one_round_are_one_change(live):
+    """Ten changes of one field in one round: the last one stands, and it alone is recorded, as nothing else was applied."""
     stage = live()
     values = [100.0 + k for k in range(10)]
     snapshot = stage.frame(0.01, *[ChangeScenario({"controller.feedback_gain": v}) for v in values])
     assert snapshot.scenario.controller.feedback_gain == values[-1]
-    asked = [event.command.changes["controller.feedback_gain"] for event in snapshot.events]
-    assert asked == values
+    assert [dict(event.command.changes) for event in snapshot.events] == [{"controller.feedback_gain": values[-1]}]
+
+
+def test_a_bad_value_does_not_take_the_good_ones_of_its_round_with_it(live):
+    """Changes of one round are carried out as one, but refused one by one."""
+    stage = live()
+    good, bad = ChangeScenario({"gravity": 9.81}), ChangeScenario({"payload.bending_stiffness": -1.0})
+    snapshot = stage.frame(0.01, good, bad, ChangeScenario({"controller.feedback_gain": 300.0}))
+    assert (snapshot.scenario.gravity, snapshot.scenario.controller.feedback_gain) == (9.81, 300.0)
+    assert [event.level for event in snapshot.events] == ["info", "error", "info"]
 
 
 def test_an_event_carries_time_words_and_the_command(live):

@@ -6,8 +6,8 @@ from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.number_control import BOX_DIGITS
 from flexlab.lab.panel.readouts import events_html
+from flexlab.sim.command_queue import MOST_STEPS
 from flexlab.sim.commands import StepOnce
-from flexlab.sim.runner import MOST_STEPS
 from flexlab.sim.snapshot import TICK, Snapshot
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from flexlab.assets import presets_folder
 from flexlab.errors import PresetError, ScenarioError
+from flexlab.plain_text import visible
 from flexlab.scenario import Scenario, parse_scenario
 
 OWN_FOLDER = Path("presets")
@@ -35,6 +36,10 @@ LEARNING_ORDER = (
 _NUMBER_LIST = re.compile(r"\[\s+([^\[\]{}\"]*?)\s+\]")
 
 
+class DuplicateField(ValueError):
+    """A JSON object names a field twice; the text says which."""
+
+
 def preset_files(own: Path = OWN_FOLDER) -> dict[str, Path]:
     """Name → file of every preset: flexlab's in learning order, then by name those of the person's folder `own`."""
     files = {path.stem: path for folder in (own, presets_folder()) for path in folder.glob("*.json")}
@@ -50,8 +55,8 @@ def preset_names(own: Path = OWN_FOLDER) -> list[str]:
 def load_preset(name: str, own: Path = OWN_FOLDER) -> Scenario:
     """The scenario of preset `name`. Raises `PresetError` (unknown or unreadable) or `ScenarioError` (not valid)."""
     files = preset_files(own)
-    if name not in files:
-        raise PresetError(_unknown(name, list(files)))
+    if not isinstance(name, str) or name not in files:
+        raise PresetError(_unknown(str(name), list(files)))
     return load_scenario_file(files[name])
 
 
@@ -99,7 +104,9 @@ def _kind_first(data: Any) -> Any:
 
 def _read_json(path: Path) -> Any:
     try:
-        return json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_fields)
+        if path.exists() and not path.is_file():  # A pipe would hang.
+            raise PresetError(f"{path} cannot be read: it is no ordinary file.")
+        return json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=unique_fields)
     except FileNotFoundError:
         raise PresetError(f"There is no scenario file {path}: check the name.") from None
     except OSError as error:
@@ -113,12 +120,12 @@ def _read_json(path: Path) -> Any:
         raise PresetError(f"{path} cannot be read as a scenario: {_lower_first(str(error))}.") from None
 
 
-def _fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object; a name given twice is refused, since one of its values would be lost unseen."""
+def unique_fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object, for `json.loads`. Raises ValueError for a name given twice: one of its values would be lost unseen."""
     fields: dict[str, Any] = {}
     for name, value in pairs:
         if name in fields:
-            raise ValueError(f"the field {name!r} is given twice in one place")
+            raise DuplicateField(f"the field {visible(name, 60)!r} is given twice in one place")
         fields[name] = value
     return fields
 

@@ -15,6 +15,7 @@ LAYERS = {
     "sockets": 0,
     "quantities": 0,
     "signal": 0,
+    "plain_text": 0,
     "scenario": 1,
     "presets": 1,
     "guide": 1,

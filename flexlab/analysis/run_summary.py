@@ -104,7 +104,7 @@ def note_missing_metrics(logs: Path) -> int:
         if not measured(read_notes(path).get("metrics")) and run_state(path) in ("complete", "recovered"):
             try:
                 count += bool(note_metrics(path))
-            except FlexlabError:
+            except (FlexlabError, OSError):
                 continue
     return count
 

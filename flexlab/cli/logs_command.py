@@ -160,8 +160,10 @@ def _measure(logs: Path) -> None:
     """Mend what a killed lab left, read every run without metrics."""
     from flexlab.analysis.run_summary import note_missing_metrics
     from flexlab.errors import FlexlabError
-    from flexlab.recording.repair import finish, unfinished_runs
+    from flexlab.recording.repair import finish, sweep_empty, unfinished_runs
 
+    if swept := sweep_empty(logs):
+        say(f"Removed {count_text(swept)} that ended before anything was written.")
     for path in unfinished_runs(logs):
         try:
             finish(path)

@@ -21,8 +21,6 @@ BLOCK = 1000
 
 LONGEST_DURATION = 1e6
 """s."""
-SHORTEST_PERIOD, LONGEST_PERIOD = 1e-6, 1.0
-"""s."""
 
 
 def command(
@@ -35,8 +33,11 @@ def command(
     from flexlab.presets import find_scenario
 
     name, scenario = find_scenario(preset)
-    _check("duration", duration, sample_period, LONGEST_DURATION)
+    from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD
+
+    # The period first: it is the shortest duration.
     _check("sample-period", sample_period, SHORTEST_PERIOD, LONGEST_PERIOD)
+    _check("duration", duration, sample_period, LONGEST_DURATION)
 
     from flexlab.cli.warmup import warm_up
     from flexlab.recording.store.run_files import check_folder

@@ -73,6 +73,7 @@ def _plain(row: RunRow) -> dict[str, Any]:
         "duration [s]": row.duration,
         "size [B]": row.size,
         "state": state_word(row),
+        "problem": row.problem,
         "status": row.status,
         "kept": row.kept,
         "note": row.note,
@@ -156,7 +157,7 @@ def _more(row: RunRow) -> str:
     marks = (["kept"] if row.kept else []) + [f"#{tag}" for tag in row.tags]
     left = len(row.changes) - CHANGES_SHOWN
     changes = "; ".join(row.changes[:CHANGES_SHOWN]) + (f"; {left} more" if left > 0 else "")
-    parts = (" ".join(marks), " ".join(row.note.split()), changes)
+    parts = (row.problem, " ".join(marks), " ".join(row.note.split()), changes)
     return " · ".join(part for part in parts if part)
 
 
@@ -177,6 +178,7 @@ def print_runs(rows: Sequence[RunRow]) -> None:
             ("size", size_text(row.size)),
             ("state", f"{state_word(row)}{f', {row.status}' if row.status else ''}{', kept' if row.kept else ''}"),
             *((title, text) for title, text in noted_texts(row.metrics).items() if text != UNKNOWN),
+            ("problem", row.problem),
             ("tags", ", ".join(row.tags)),
             ("note", row.note),
             *(("changed" if number == 0 else "", change) for number, change in enumerate(row.changes)),

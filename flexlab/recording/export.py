@@ -6,6 +6,7 @@ as one JSON text: in CSV the first line (after "# "), in Parquet and NPZ the met
 
 import csv
 import json
+import math
 import warnings
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -19,8 +20,10 @@ import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
 from flexlab.errors import FlexlabError, RecordingError
+from flexlab.plain_text import visible
 from flexlab.recording.commands_json import command_from_json, command_to_json
 from flexlab.recording.documents import these_versions
+from flexlab.recording.import_checks import check_times
 from flexlab.recording.reader import Recording
 from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.state_json import state_json
@@ -38,10 +41,13 @@ NAME = "flexlab"
 BATCH_ROWS = 20_000
 """Samples written at once: tables of hours need no more memory than of seconds, but small pieces pack badly."""
 
+LONGEST_REASON = 200
+"""Characters of a reader's complaint that are passed on."""
+
 Columns = dict[str, np.ndarray]
 
 _UNREADABLE = (
-    *(OSError, EOFError, ValueError, KeyError, TypeError, IndexError),
+    *(OSError, EOFError, ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, RecursionError),
     *(zipfile.BadZipFile, pa.ArrowException, FlexlabError),
 )
 """What the readers of the three formats raise for files that are none."""
@@ -131,15 +137,21 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
         metadata = json.loads(text)
         scenario = parse_scenario(metadata["scenario"])
         samples = from_columns(columns, scenario)
+        check_times(path.name, samples.time)
         events = [event_from_values(event) for event in metadata.get("events", ())]
         samples = migrate(samples, metadata.get("format", 1), lambda: Changes(scenario, events))
         name, sentence, time = metadata["status"]
+        status = Status(str(name), str(sentence), float(time))
+        if not math.isfinite(status.time):
+            raise ValueError(f"its end, {status.time} s, is not finite")
+    except RecordingError:
+        raise
     except FileNotFoundError:
         raise RecordingError(f"There is no file {path}: check the name.") from None
     except _UNREADABLE as error:
-        reason = str(error).split("\n")[0]
+        reason = visible(str(error).split("\n")[0], LONGEST_REASON)
         raise RecordingError(f"{path} is not a run exported by flexlab ({reason}).") from None
-    return Run(**samples.signals(), scenario=scenario, status=Status(name, sentence, time)), metadata
+    return Run(**samples.signals(), scenario=scenario, status=status), metadata
 
 
 def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:

@@ -67,16 +67,22 @@ class FileKeeper:
         self._recover(file)
 
     def _write(self, stream: RunStream, file: RunFile) -> None:
-        if not file.path.exists():
-            self._run.drop_stream(stream)
-            file.release()
-            self._file = self._stream = None
-            raise RecordingError(f"{file.path} was taken away while it was being written.")
+        self._check(stream, file)
         if self.problem is not None and _free_bytes(self._logs) < ROOM_TO_RESUME:
             stream.hold()
         else:
             stream.push()
             self._recover(file)
+
+    def _check(self, stream: RunStream, file: RunFile) -> None:
+        """Let go of a file that others have taken away, replaced or cut off. Raises `RecordingError`; a new part follows."""
+        if file.in_place and stream.is_whole:
+            return
+        what = "changed by another program" if file.in_place else "replaced" if file.path.exists() else "taken away"
+        self._run.drop_stream(stream)
+        file.release()
+        self._file = self._stream = None
+        raise RecordingError(f"{file.path} was {what} while it was being written.")
 
     def _recover(self, file: RunFile) -> None:
         if self.problem is None:
@@ -98,6 +104,8 @@ class FileKeeper:
     def end(self, status: Status, dropped: int) -> Path | None:
         """The run is over: close the file and return it, if there is one."""
         try:
+            if self._stream is not None and self._file is not None:
+                self._check(self._stream, self._file)
             self._run.end(status, dropped)
         except RecordingError as error:
             self._fail(str(error))

@@ -48,6 +48,10 @@ class HeadlessRecording:
     def write(self, samples: Samples) -> None:
         """Write the next block (N >= 1)."""
         with self._telling():
+            if not (self._file.in_place and self._stream.is_whole):
+                self._run.drop_stream(self._stream)
+                self._safe = None
+                raise RecordingError(f"{self.path} was changed or taken away while it was being written.")
             self._run.write_samples(samples)
             self._stream.push()
             self._safe = self._run.last_time

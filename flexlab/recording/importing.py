@@ -13,15 +13,18 @@ from typing import Any
 import numpy as np
 
 from flexlab.errors import RecordingError
+from flexlab.plain_text import visible
 from flexlab.recording.documents import these_versions
-from flexlab.recording.export import FORMATS, event_from_values, import_run
+from flexlab.recording.export import FORMATS, LONGEST_REASON, event_from_values, import_run
 from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
+from flexlab.recording.import_checks import check_events, check_period, checked_blocks
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_writer import END
 from flexlab.recording.state_json import state_from_json
 from flexlab.recording.store.run_files import SUFFIX, claim_run_file, remove_run, write_notes
+from flexlab.recording.store.run_index import LONGEST_NAME
 from flexlab.sim.samples import Run
 from flexlab.sim.snapshot import TICK, Event
 from flexlab.sim.world_state import WorldState
@@ -42,9 +45,11 @@ def import_into(path: Path, logs: Path) -> Path:
 
 def _take_recording(path: Path, logs: Path) -> Path:
     recording = read_recording(path, with_samples=False)
+    check_period(path.name, recording.sample_period)
+    check_events(path.name, recording.events)
     span: list[float] = []
     rows = 0
-    for block in read_blocks(path):
+    for block in checked_blocks(path.name, read_blocks(path)):
         rows += len(block)
         span += [float(block.time[0]), float(block.time[-1])] if len(block) else []
     file = claim_run_file(logs, recording.name, recording.started)
@@ -78,8 +83,11 @@ def _take_table(path: Path, logs: Path) -> Path:
         raise RecordingError(f"{path.name} has no samples: there is nothing to take in.")
     try:
         info, events = _info(run, metadata), [event_from_values(values) for values in metadata.get("events", [])]
-    except (ValueError, KeyError, TypeError) as error:
-        raise RecordingError(f"{path.name} was not exported by this version of flexlab ({error}).") from None
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        reason = visible(error, LONGEST_REASON)
+        raise RecordingError(f"{path.name} was not exported by this version of flexlab ({reason}).") from None
+    check_period(path.name, info.sample_period)
+    check_events(path.name, events)
     recording = HeadlessRecording(logs, info)
     try:
         with recording:
@@ -96,7 +104,7 @@ def _take_table(path: Path, logs: Path) -> Path:
 def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
     period = float(metadata.get("sample_period_s") or (run.time[1] - run.time[0] if len(run) > 1 else TICK))
     info = RunInfo(
-        str(metadata.get("preset", "imported")),
+        visible(metadata.get("preset", "imported"), LONGEST_NAME),
         run.scenario,
         period,
         _state(metadata.get("start")),

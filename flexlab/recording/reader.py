@@ -152,7 +152,9 @@ def _assemble(path: Path, rows: Rows) -> Recording:
         state = None if start is None else state_from_json(start)
         records = [json.loads(row["record"]) for _, row in rows.get("/exact/events", [])]
         events = [_event(record) for record in sorted(records, key=lambda record: record["number"])]
-    except (ValueError, KeyError, TypeError) as error:
+        started, part = datetime.fromisoformat(properties["started"]), int(properties["part"])
+        period = float(properties["sample_period_s"])
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise _strange(path, properties, error) from None
     history = cache(lambda: Changes(scenario, events))
     blocks = [_block(path, values, history) for _, values in rows.get("/exact/samples", [])]
@@ -170,9 +172,9 @@ def _assemble(path: Path, rows: Rows) -> Recording:
         samples=samples,
         events=tuple(events),
         status=status,
-        started=datetime.fromisoformat(properties["started"]),
-        sample_period=properties["sample_period_s"],
-        part=properties["part"],
+        started=started,
+        sample_period=period,
+        part=part,
         state=run_state(path),
         properties={name: value for name, value in properties.items() if name != "scenario"} | end,
     )

@@ -164,6 +164,24 @@ def _has_recording(path: Path) -> bool:
         return False
 
 
+def sweep_empty(logs: Path) -> int:
+    """Remove the empty files of labs that died as they made them; returns how many. Those in use stay."""
+    count = 0
+    for path in list_runs(logs):
+        with contextlib.suppress(OSError):
+            if path.stat().st_size or read_notes(path):
+                continue
+            file = claim(path, "rb+")
+            try:
+                # Looked at again under the claim: its writer may just have begun.
+                if file.in_place and path.stat().st_size == 0:
+                    path.unlink()
+                    count += 1
+            finally:
+                file.release()
+    return count
+
+
 def unfinished_runs(logs: Path) -> list[Path]:
     """Recordings that their writer left without a footer, newest first, those in use and those known as lost left out."""
     return [path for path in list_runs(logs) if run_state(path) == "unfinished"]

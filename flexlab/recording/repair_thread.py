@@ -6,7 +6,7 @@ import threading
 from pathlib import Path
 
 from flexlab.errors import RecordingError
-from flexlab.recording.repair import Mending, finish, unfinished_runs
+from flexlab.recording.repair import Mending, finish, sweep_empty, unfinished_runs
 
 
 class Finisher:
@@ -31,6 +31,7 @@ class Finisher:
 
     def _work(self, logs: Path) -> None:
         with contextlib.suppress(OSError):
+            sweep_empty(logs)
             for path in unfinished_runs(logs):
                 self._finish(path)
         while (path := self._queue.get()) is not None:

@@ -55,6 +55,11 @@ class RrdFile:
             del self._waiting[oldest]
             self.given_up += 1
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether the file still has exactly the bytes that were written: nobody cut it off or wrote over it."""
+        return os.fstat(self._handle.fileno()).st_size == self._size
+
     def write(self) -> None:
         """Write all that waits. Raises `RecordingError` if the disk does not take it; what is left waits on."""
         try:

@@ -14,7 +14,7 @@ from rerun.chunk import LazyChunkStream, RrdReader
 from flexlab.errors import RecordingError
 from flexlab.recording.chunks import TIMELINE
 from flexlab.recording.repair import Mending
-from flexlab.recording.store.run_files import MAGIC
+from flexlab.recording.store.run_files import check_recording
 
 ROW_ID = "rerun.controls.RowId"
 """Rerun's own column, of no interest here."""
@@ -91,23 +91,6 @@ def _times(path: Path, entity: str) -> np.ndarray:
     """Times in ns of an entity's rows as they stand in the file."""
     times = [np.asarray(_instants(batch)) for _, batch in _batches(path, [entity])]
     return np.concatenate([np.empty(0, np.int64), *times])
-
-
-def check_recording(path: Path) -> None:
-    """Look whether a file can be a rerun recording at all. Raises `RecordingError` with the reason if not."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(len(MAGIC))
-    except FileNotFoundError:
-        raise RecordingError(f"There is no recording {path}: check the name.") from None
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read ({error.strerror}): check its name and rights.") from None
-    if not head:
-        raise RecordingError(f"{path} is empty: its run was lost before anything was written.")
-    if head != MAGIC:
-        raise RecordingError(
-            f"{path} is not a rerun recording: choose a file that ends in .rrd and was made by flexlab."
-        )
 
 
 def _rows_by_entity(path: Path, content: list[str]) -> Rows:

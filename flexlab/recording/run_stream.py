@@ -105,6 +105,15 @@ class RunStream:
         """Pieces of the recording that a full disk has cost."""
         return 0 if self._file is None else self._file.given_up
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether what was brought to its place is still there."""
+        return self._file is None or self._file.is_whole
+
+    def abandon(self) -> None:
+        """Let go of it without another byte: its file is no longer what was written."""
+        self._stream.disconnect()
+
     def close(self) -> None:
         """Bring what is left to its place and let go of it. Raises `RecordingError` if a file takes no more."""
         try:

@@ -1,6 +1,5 @@
 """Turns a run's samples and events into what its streams hold. No thread, no queue, no file names: see `writer`."""
 
-import contextlib
 import json
 from collections.abc import Sequence
 from typing import Any
@@ -183,7 +182,6 @@ class RunWriter:
             raise problems[0]
 
     def drop_stream(self, stream: RunStream) -> None:
-        """Go on without a stream that failed."""
+        """Go on without a stream whose file is lost."""
         self.streams.remove(stream)
-        with contextlib.suppress(RecordingError):
-            stream.close()
+        stream.abandon()

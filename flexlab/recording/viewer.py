@@ -14,9 +14,10 @@ from flexlab.recording import overlay
 from flexlab.recording.blueprint import run_blueprint
 from flexlab.recording.reader import read_scenarios
 from flexlab.recording.repair import finish
-from flexlab.recording.rrd_rows import check_recording, quiet_reader
+from flexlab.recording.rrd_rows import quiet_reader
 from flexlab.recording.run_stream import APPLICATION
 from flexlab.recording.scene_log import exaggeration
+from flexlab.recording.store.run_files import check_recording
 from flexlab.recording.web_viewer import LOOPBACK, ViewerServer, viewer_link
 
 DATASET = "runs"

@@ -19,6 +19,10 @@ SMALLEST_STEP = 1e-7
 """Shortest integration step, s: below it rounding outweighs truncation for every integrator here."""
 
 
+MOST_PROBLEMS = 20
+"""Of what is wrong with a scenario, how much is said at once."""
+
+
 class Initial(Part):
     """Where a run starts. null: on the trajectory (pose, pose rate) or undeformed (beam)."""
 
@@ -138,7 +142,11 @@ def parse_scenario(data: Any) -> Scenario:
     try:
         return Scenario.model_validate(in_present_terms(data))
     except ValidationError as error:
-        raise ScenarioError([problem(Scenario, item) for item in error.errors(include_url=False)]) from None
+        found = error.errors(include_url=False)
+        problems = [problem(Scenario, item) for item in found[:MOST_PROBLEMS]]
+        if len(found) > MOST_PROBLEMS:
+            problems.append(("", f"{len(found) - MOST_PROBLEMS} more fields are wrong: mend these first."))
+        raise ScenarioError(problems) from None
 
 
 def _set(data: dict[str, Any], path: str, value: Any) -> None:

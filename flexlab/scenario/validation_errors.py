@@ -1,10 +1,15 @@
 """What is wrong with a scenario, in sentences."""
 
 import math
+import reprlib
 from collections.abc import Sequence
 from typing import Any, get_args
 
+from flexlab.plain_text import visible
 from flexlab.quantities import Part, Quantity, describe
+
+LONGEST = 60
+"""Characters of a name or value that a sentence repeats."""
 
 
 def parts_of(annotation: Any) -> list[type[Part]]:
@@ -20,7 +25,7 @@ def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | 
     for item in map(str, location):
         if item in {owner.model_fields["kind"].default for owner in owners if "kind" in owner.model_fields}:
             continue
-        names.append(item if item.isidentifier() or item.isdecimal() else _shown(item))
+        names.append(item if len(item) <= LONGEST and (item.isidentifier() or item.isdecimal()) else _shown(item))
         holders = [owner for owner in owners if item in owner.model_fields]
         if holders:
             about = describe(holders[0], item)
@@ -55,6 +60,19 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
     return path, f"{path} = {shown}: {text}."
 
 
+class _Brief(reprlib.Repr):
+    """Says a value as `repr` does, but of one that is large or deep not all."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel = 4
+        self.maxtuple = self.maxlist = self.maxarray = self.maxdict = self.maxset = self.maxfrozenset = LONGEST // 3
+        self.maxstring = self.maxlong = self.maxother = 3 * LONGEST
+
+    def repr_int(self, x: int, level: int) -> str:
+        return super().repr_int(x, level) if abs(x) < 10**LONGEST else "a number with too many digits"
+
+
 def _shown(value: Any) -> str:
-    text = f"{value:g}" if isinstance(value, float) else repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    text = f"{value:g}" if isinstance(value, float) else visible(_Brief().repr(value))
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."

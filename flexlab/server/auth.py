@@ -4,7 +4,7 @@ import hmac
 import logging
 import re
 from collections.abc import Awaitable, Callable
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from aiohttp import hdrs, web
 
@@ -182,9 +182,10 @@ def _ask_for_token(request: web.Request) -> web.Response:
 
 def recording_address(context: Context, run: str) -> str:
     """Where the viewer of a signed-in visitor finds one recording, or comparison, and with it nothing else."""
+    place = quote(run)
     if context.token is None:
-        return f"/{run}{SUFFIX}" if run.startswith(COMPARISON) else f"/runs/{run}{SUFFIX}"
-    return f"{WITH_A_PASS}{_pass(context.token, run)}/{run}{SUFFIX}"
+        return f"/{place}{SUFFIX}" if run.startswith(COMPARISON) else f"/runs/{place}{SUFFIX}"
+    return f"{WITH_A_PASS}{_pass(context.token, run)}/{place}{SUFFIX}"
 
 
 def _has_pass(request: web.Request, token: str) -> bool:

@@ -7,6 +7,7 @@ import zlib
 from typing import Any
 
 from flexlab.errors import PresetError
+from flexlab.presets import DuplicateField, unique_fields
 from flexlab.scenario import Scenario, parse_scenario
 
 LONGEST_LINK = 6000
@@ -36,7 +37,9 @@ def decode_scenario(word: str) -> Scenario:
         text = unpacker.decompress(packed, LONGEST_TEXT)
         if not unpacker.eof:
             raise ValueError("it does not end")
-        data = json.loads(text, parse_constant=_refuse)
+        data = json.loads(text, parse_constant=_refuse, object_pairs_hook=unique_fields)
+    except DuplicateField as error:
+        raise PresetError(f"This link's scenario is not clear: {error}. Make the link again.") from None
     except (ValueError, binascii.Error, zlib.error, RecursionError):
         raise PresetError("This link holds no scenario, or was cut off on its way: copy it again as a whole.") from None
     return parse_scenario(data)

@@ -3,18 +3,17 @@
 import math
 import numbers
 from collections.abc import Sequence
+from typing import get_args
 
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import WorldCommand
 from flexlab.sim.samples import Run, Status
+from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD
 from flexlab.sim.world import World
 
 LONGEST_RUN = 50_000_000
 """Most samples of one run: beyond that its arrays would fill the memory of an ordinary machine."""
-
-SHORTEST_PERIOD, LONGEST_PERIOD = 1e-6, 1.0
-"""Allowed sample periods, s."""
 
 
 def simulate(
@@ -35,6 +34,7 @@ def simulate(
     rows = world.new_rows(count + 1)
     rows[:1] = world.observe_rows()
     done = 1
+    _check_commands(commands)
     for time, command in sorted(commands, key=lambda item: item[0]):
         done += world.fill(rows[done : max(done, min(count, _tick_at(time, sample_period)) + 1)])
         if world.status.failed or done > count:
@@ -48,6 +48,22 @@ def simulate(
     if not status.failed:
         status = Status("finished", f"Finished at t = {world.time:g} s.", world.time)
     return Run(**world.to_samples(rows[:done]).signals(), scenario=scenario, status=status)
+
+
+def _check_commands(commands: Sequence[tuple[float, WorldCommand]]) -> None:
+    """Raises `StudyError` for what is no list of commands with their times."""
+    kinds = ", ".join(kind.__name__ for kind in get_args(WorldCommand))
+    example = 'as in [(1.0, ChangeScenario({"gravity": 9.81}))]'
+    if not isinstance(commands, Sequence) or isinstance(commands, str):
+        raise StudyError(f"commands = {commands!r:.60} is no list: give pairs of a time in s and a command, {example}.")
+    for item in commands:
+        if not isinstance(item, Sequence) or isinstance(item, str) or len(item) != 2:
+            raise StudyError(f"commands has {item!r:.60}: give pairs of a time in s and a command, {example}.")
+        time, command = item
+        if not isinstance(time, numbers.Real) or isinstance(time, bool) or not math.isfinite(time):
+            raise StudyError(f"commands: the time {time!r:.60} s is not usable: give a finite number of seconds.")
+        if not isinstance(command, get_args(WorldCommand)):
+            raise StudyError(f"commands: {command!r:.60} is no command of a world: give one of {kinds}, {example}.")
 
 
 def _tick_at(time: float, sample_period: float) -> int:

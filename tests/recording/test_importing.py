@@ -1,5 +1,6 @@
 """What was exported, or recorded elsewhere, becomes a run of the library again: the same bits, and it still replays."""
 
+import json
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.run_files import list_runs, read_notes
 from flexlab.sim.commands import ChangeScenario, Tap
-from flexlab.sim.samples import Samples, Status
+from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world import World
 from flexlab.sim.world_state import WorldState
@@ -103,4 +104,76 @@ def test_anything_else_is_refused_and_leaves_nothing(name: str, content: bytes, 
     (tmp_path / name).write_bytes(content)
     with pytest.raises(RecordingError, match=says):
         import_into(tmp_path / name, tmp_path / "logs")
+    assert list_runs(tmp_path / "logs") == []
+
+
+def changed_table(original: Recording, folder: Path, **metadata: object) -> Path:
+    """An exported run of which something was changed by hand."""
+    path = export_recording(original, folder / "x.csv")
+    about, rest = path.read_text().split("\n", 1)
+    values = json.loads(about.removeprefix("# ")) | metadata
+    path.write_text(f"# {json.dumps(values)}\n{rest}")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("row", "time", "says"),
+    [
+        (0, "-inf", "row 1: time = -inf s is not finite"),
+        (7, "nan", "row 8: time = nan s is not finite"),
+        (7, "1e12", r"row 8: time = 1e\+12 s is beyond"),
+        (7, "0.003", "row 8: time = 0.003 s is not later than the 0.106 s of the row before"),
+    ],
+)
+def test_times_that_are_not_finite_and_rising_are_told_with_their_row(
+    original: Recording, tmp_path: Path, row: int, time: str, says: str
+) -> None:
+    path = changed_table(original, tmp_path)
+    lines = path.read_text().splitlines(keepends=True)
+    lines[2 + row] = f"{time},{lines[2 + row].partition(',')[2]}"
+    path.write_text("".join(lines))
+    with pytest.raises(RecordingError, match=says):
+        import_into(path, tmp_path / "logs")
+    assert list_runs(tmp_path / "logs") == []
+
+
+@pytest.mark.parametrize(
+    ("metadata", "says"),
+    [
+        ({"sample_period_s": 1e-300}, r"the sample period 1e-300 s is not usable: it must be 1e-06 to 1 s"),
+        ({"sample_period_s": -1}, "the sample period -1.0 s is not usable"),
+        ({"sample_period_s": float("inf")}, "the sample period inf s is not usable"),
+        ({"events": [{"time": float("nan"), "text": "", "level": "info", "command": None}]}, "event 1: time = nan s"),
+        (
+            {"events": [{"time": 1.0, "text": "", "level": "loud", "command": None}]},
+            "event 1: level 'loud' is not one of",
+        ),
+        ({"events": [5]}, "was not exported by this version"),
+        ({"events": 5}, "was not exported by this version"),
+        ({"status": ["finished", "", float("inf")]}, "is not finite"),
+        ({"status": 5}, "is not a run exported"),
+        ({"scenario": 5}, "is not a run exported"),
+        ({"started": "never"}, "was not exported by this version"),
+        ({"start": {"tick": "x"}}, "was not exported by this version"),
+    ],
+)
+def test_what_else_no_run_can_have_is_told(original: Recording, tmp_path: Path, metadata: dict, says: str) -> None:
+    with pytest.raises(RecordingError, match=says):
+        import_into(changed_table(original, tmp_path, **metadata), tmp_path / "logs")
+    assert list_runs(tmp_path / "logs") == []
+
+
+def test_metadata_without_an_end_of_nesting_is_refused(original: Recording, tmp_path: Path) -> None:
+    path = changed_table(original, tmp_path)
+    path.write_text("# " + "[" * 100_000 + "\n" + path.read_text().split("\n", 1)[1])
+    with pytest.raises(RecordingError, match="is not a run exported"):
+        import_into(path, tmp_path / "logs")
+
+
+def test_a_recording_whose_times_fall_back_is_refused(original: Recording, run: Run, tmp_path: Path) -> None:
+    with HeadlessRecording(tmp_path / "made", RunInfo("paper", original.scenario)) as recording:
+        for part in (run.slice(100, 200), run.slice(50, 150)):
+            recording.write(part)
+    with pytest.raises(RecordingError, match="is not later than the"):
+        import_into(recording.path, tmp_path / "logs")
     assert list_runs(tmp_path / "logs") == []

@@ -2,7 +2,8 @@
 
 import os
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.repair import Mending, finish
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.store.run_files import check_folder, list_runs, newest_run, run_state
+from flexlab.recording.store.run_files import check_folder, claim_run_file, list_runs, newest_run, run_state
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Run
 from flexlab.sim.world import World
@@ -91,6 +92,81 @@ def test_a_file_that_is_taken_away_is_told_and_replaced(tmp_path: Path) -> None:
     (path,) = list_runs(tmp_path)
     assert path.stem.endswith("-part2")
     assert read_recording(path).part == 2
+
+
+def cut_off(path: Path) -> None:
+    """As `truncate` does, or an editor that saves something else."""
+    os.truncate(path, path.stat().st_size // 2)
+
+
+def replace_by_copy(path: Path) -> None:
+    """As `mv other.rrd path` does."""
+    copy = path.with_suffix(".copy")
+    copy.write_bytes(path.read_bytes())
+    copy.replace(path)
+
+
+def write_over(path: Path) -> None:
+    """As `cp other.rrd path` does."""
+    path.write_bytes(b"something else")
+
+
+@pytest.mark.parametrize("harm", [cut_off, replace_by_copy, write_over])
+def test_a_file_that_is_changed_while_it_is_written_is_told_and_the_run_goes_on_in_another(
+    tmp_path: Path, harm: Callable[[Path], None]
+) -> None:
+    told: list[str] = []
+    recorder = Recorder(tmp_path, on_problem=told.append)
+    runner = Runner(load_preset("paper"), "paper", [recorder])
+    runner.start()
+    wait_until(lambda: recorder.path and recorder.path.stat().st_size > 400_000, "something is recorded")
+    first = recorder.path
+    assert first is not None
+    harm(first)
+    harmed = float(runner.snapshot.latest.time[0])
+    size = first.stat().st_size
+    wait_until(lambda: told, "the person is told")
+    assert runner.snapshot.latest.time[0] - harmed < TOLD_WITHIN
+    assert told[0].startswith(f"{first} was {'replaced' if harm is replace_by_copy else 'changed by another program'}")
+    wait_until(lambda: recorder.path not in (None, first), "there is another file")
+    second = recorder.path
+    assert second is not None
+    wait_until(lambda: runner.snapshot.latest.time[0] > harmed + 2, "the lab runs on")
+    assert first.stat().st_size == size, "what others put there is left alone"
+    runner.stop()
+    recorder.close(60)
+    assert "goes on in" in told[1]
+    found = read_recording(second)
+    assert (found.part, found.state) == (2, "complete")
+    assert found.samples.time[-1] > harmed + 1
+
+
+def test_a_run_without_a_screen_says_that_its_file_was_changed(tmp_path: Path, run: Run) -> None:
+    with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario)) as recording:
+        recording.write(run.slice(0, 500))
+        cut_off(recording.path)
+        with pytest.raises(RecordingError, match="was changed or taken away while it was being written"):
+            recording.write(run.slice(500, 1000))
+
+
+KILLED_AT_ONCE = """
+import os, signal, sys
+from datetime import datetime
+from pathlib import Path
+from flexlab.recording.store.run_files import claim_run_file
+file = claim_run_file(Path(sys.argv[1]), "paper", datetime.now())
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_the_empty_file_of_a_lab_that_was_killed_as_it_made_it_is_swept(tmp_path: Path) -> None:
+    assert start_script(KILLED_AT_ONCE, tmp_path).wait() < 0
+    (path,) = list_runs(tmp_path)
+    assert path.stat().st_size == 0
+    busy = claim_run_file(tmp_path, "busy", datetime.now())
+    Recorder(tmp_path).close()
+    assert list_runs(tmp_path) == [busy.path], "what somebody has just begun stays"
+    busy.release()
 
 
 FULL_DISK = """

@@ -51,6 +51,11 @@ def test_what_is_no_link_is_refused_in_a_sentence(word: str):
         decode_scenario(word)
 
 
+def test_a_field_that_is_given_twice_is_named():
+    with pytest.raises(PresetError, match="the field 'gravity' is given twice in one place"):
+        decode_scenario(packed(b'{"gravity": 1, "gravity": 2}'))
+
+
 @pytest.mark.parametrize("data", ["[]", "null", "3", '{"payload": {"length": -1}}', '{"evil": 1}'])
 def test_what_is_no_scenario_says_why(data: str):
     with pytest.raises(ScenarioError):

@@ -1,5 +1,6 @@
 """Which old recordings may go, by total size or by age. Off unless asked for; runs marked to be kept are never touched."""
 
+import contextlib
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,16 +23,19 @@ def removable_runs(
     for name, limit in (("most_bytes", most_bytes), ("most_days", most_days)):
         if limit is not None and not limit > 0:
             raise RecordingError(f"{name} = {limit:g} is no limit: give a number above 0, or leave it out.")
-    oldest_first = list_runs(logs)[::-1]
-    total = sum(path.stat().st_size for path in oldest_first)
+    oldest_first = []
+    for path in reversed(list_runs(logs)):
+        with contextlib.suppress(OSError):  # It vanished meanwhile.
+            oldest_first.append((path, path.stat()))
+    total = sum(about.st_size for _, about in oldest_first)
     now = time.time() if now is None else now
     found = []
-    for path in oldest_first:
-        too_old = most_days is not None and now - path.stat().st_mtime > most_days * DAY
+    for path, about in oldest_first:
+        too_old = most_days is not None and now - about.st_mtime > most_days * DAY
         too_much = most_bytes is not None and total > most_bytes
         if (too_old or too_much) and not read_notes(path).get("keep") and run_state(path) != "in use":
             found.append(path)
-            total -= path.stat().st_size
+            total -= about.st_size
     return found
 
 

@@ -9,6 +9,7 @@ import contextlib
 import json
 import os
 import re
+import stat
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 from flexlab.errors import RecordingError
+from flexlab.plain_text import visible
 
 try:
     import fcntl
@@ -30,6 +32,9 @@ FOOTER = b"RRF2FOOT"
 """How the last 12 bytes of a finished rerun file begin."""
 MAGIC = b"RRF"
 """How a rerun file of any version begins."""
+
+LARGEST_NOTES = 10_000_000
+"""Bytes of a file of notes that is read: an hour of dragging sliders makes one."""
 
 QUIET_TIME = 60.0
 """s without a write after which a file counts as abandoned where locks are not to be had (Windows)."""
@@ -56,6 +61,14 @@ class RunFile:
     path: Path
     handle: IO[bytes]
 
+    @property
+    def in_place(self) -> bool:
+        """Whether the path still leads to this file: nobody moved it away, deleted it or put another one there."""
+        try:
+            return os.path.samestat(self.path.lstat(), os.fstat(self.handle.fileno()))
+        except OSError:
+            return False
+
     def release(self) -> None:
         """Give up the claim."""
         self.handle.close()
@@ -81,7 +94,11 @@ def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> R
         path = logs / (f"{stem}-{number}{SUFFIX}" if number > 1 else stem + SUFFIX)
         try:
             logs.mkdir(parents=True, exist_ok=True)
-            return claim(path, "xb")
+            file = claim(path, "xb")
+            if not file.in_place:  # Somebody who swept up empty files held its lock for a moment.
+                file.release()
+                file = claim(path, "xb")
+            return file
         except FileExistsError:
             continue
         except OSError as error:
@@ -124,6 +141,52 @@ def file_word(name: str) -> str:
     return re.sub(r"[^\w.-]+", "-", name).strip("-.")[:60] or "run"
 
 
+def is_regular(path: Path) -> bool:
+    """Whether there is an ordinary file of this name: no link, folder, pipe or device, which may lead elsewhere or hang."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+_OTHER_KINDS = (
+    (stat.S_ISDIR, "a folder; name a recording in it"),
+    (stat.S_ISFIFO, "a pipe; name an ordinary file"),
+    (lambda mode: True, "no ordinary file; name one"),
+)
+
+
+def check_recording(path: Path) -> None:
+    """Look whether a file can be a rerun recording at all. Raises `RecordingError` with the reason if not."""
+    name = visible(path)
+    try:
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode):  # Looked at before it is opened: a pipe would hang.
+            kind = next(words for is_kind, words in _OTHER_KINDS if is_kind(mode))
+            raise RecordingError(f"{name} cannot be read: it is {kind}.")
+        with path.open("rb") as file:
+            head = file.read(len(MAGIC))
+    except (FileNotFoundError, NotADirectoryError):
+        raise RecordingError(f"There is no recording {name}: check the name.") from None
+    except OSError as error:
+        raise RecordingError(f"{name} cannot be read ({error.strerror}): check its name and rights.") from None
+    if not head:
+        raise RecordingError(f"{name} is empty: its run was lost before anything was written.")
+    if head != MAGIC:
+        raise RecordingError(
+            f"{name} is not a rerun recording: choose a file that ends in .rrd and was made by flexlab."
+        )
+
+
+def check_own_recording(path: Path) -> None:
+    """Look whether a file may be shown from the logs folder: as `check_recording`, and it lies there itself."""
+    if path.is_symlink():
+        raise RecordingError(
+            f"{visible(path)} is a link: only files that lie in the folder themselves are shown; copy what it leads to."
+        )
+    check_recording(path)
+
+
 def has_footer(path: Path) -> bool:
     """Whether the file ends as a finished rerun file does."""
     with path.open("rb") as file:
@@ -133,16 +196,21 @@ def has_footer(path: Path) -> bool:
 
 
 def run_state(path: Path) -> State:
-    """How the recording stands, without reading it."""
-    notes = read_notes(path)
-    if notes.get("damaged_size") == path.stat().st_size:
-        return "damaged"
-    if not has_footer(path):
+    """How the recording stands, without reading it; "damaged" is also what cannot be looked at."""
+    with contextlib.suppress(OSError):
+        if not stat.S_ISREG(path.stat().st_mode):
+            return "damaged"
+        notes = read_notes(path)
+        if notes.get("damaged_size") == path.stat().st_size:
+            return "damaged"
+        begins_well = _begins_well(path)
+        if begins_well and has_footer(path):
+            return "recovered" if notes.get("recovered") else "complete"
         if is_in_use(path):
             return "in use"
         # An empty file is one that is just being made, or whose lab died at that moment: nothing to mend.
-        return "unfinished" if _begins_well(path) else "damaged"
-    return "recovered" if notes.get("recovered") else "complete"
+        return "unfinished" if begins_well else "damaged"
+    return "damaged"
 
 
 def _begins_well(path: Path) -> bool:
@@ -152,9 +220,19 @@ def _begins_well(path: Path) -> bool:
 
 def list_runs(logs: Path) -> list[Path]:
     """All recordings in the folder, newest first. A folder that is not there has none."""
-    with contextlib.suppress(OSError):
-        return sorted(logs.glob(f"*{SUFFIX}"), key=lambda path: (path.stat().st_mtime_ns, path.name), reverse=True)
-    return []
+    return [path for path in list_files(logs) if is_regular(path)]
+
+
+def list_files(logs: Path) -> list[Path]:
+    """Whatever in the folder is named like a recording, newest first: links, pipes and folders too, each for itself."""
+    found = []
+    with contextlib.suppress(OSError), os.scandir(logs) as entries:
+        for entry in entries:
+            if not entry.name.endswith(SUFFIX):
+                continue
+            with contextlib.suppress(OSError):  # It vanished meanwhile.
+                found.append((entry.stat(follow_symlinks=False).st_mtime_ns, entry.name))
+    return [logs / name for _, name in sorted(found, reverse=True)]
 
 
 def newest_run(logs: Path) -> Path:
@@ -172,10 +250,10 @@ def find_run(run: str, logs: Path) -> Path:
     """
     if run == NEWEST:
         return newest_run(logs)
-    runs = list_runs(logs)
+    runs = list_files(logs)
     found = [path for path in runs if run in (path.name, path.stem)]
-    with contextlib.suppress(OSError):
-        found = [Path(run)] if Path(run).exists() else found
+    with contextlib.suppress(OSError, ValueError):
+        found = [_named_file(Path(run))] if Path(run).exists() else found
     found = found or [path for path in runs if run and path.name.startswith(run)]
     if not found:
         raise RecordingError(
@@ -187,6 +265,14 @@ def find_run(run: str, logs: Path) -> Path:
     return found[0]
 
 
+def _named_file(path: Path) -> Path:
+    """A file that a person named; what they name themselves may be a link. Raises `RecordingError` for no file."""
+    path = path.resolve() if path.is_symlink() else path
+    if not is_regular(path):
+        check_recording(path)
+    return path
+
+
 def notes_path(path: Path) -> Path:
     """The file of notes beside a recording."""
     return path.with_suffix(".json")
@@ -194,9 +280,13 @@ def notes_path(path: Path) -> Path:
 
 def read_notes(path: Path) -> dict[str, Any]:
     """The notes beside a recording; empty if there are none or they cannot be read."""
+    file = notes_path(path)
     try:
-        notes = json.loads(notes_path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        # A pipe would hang, and a link may lead out of the folder.
+        if not is_regular(file) or file.stat().st_size > LARGEST_NOTES:
+            return {}
+        notes = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
         return {}
     return notes if isinstance(notes, dict) else {}
 
@@ -214,7 +304,9 @@ def remove_run(path: Path) -> None:
         path.unlink(missing_ok=True)
         notes_path(path).unlink(missing_ok=True)
     except OSError as error:
-        raise RecordingError(f"{path} cannot be deleted ({error.strerror}): check its folder's rights.") from None
+        raise RecordingError(
+            f"{visible(path)} cannot be deleted ({error.strerror}): check its folder's rights."
+        ) from None
 
 
 @contextlib.contextmanager

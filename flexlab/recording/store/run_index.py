@@ -2,17 +2,22 @@
 
 import contextlib
 import logging
+import math
+import os
 import re
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from flexlab.errors import RecordingError
+from flexlab.plain_text import visible
 from flexlab.recording.store.run_files import (
     SUFFIX,
     TIME_FORMAT,
-    list_runs,
+    check_own_recording,
+    list_files,
     read_notes,
     remove_run,
     run_state,
@@ -23,6 +28,13 @@ LONGEST_NOTE = 2000
 """Characters of a person's note on a run."""
 LONGEST_TAGS = 200
 """Characters of all tags of a run."""
+LONGEST_NAME = 200
+"""Characters of a preset's name or a status, as far as they are shown."""
+LONGEST_CHANGE, MOST_CHANGES = 500, 1000
+"""Characters of one line about a change, and lines."""
+MOST_METRICS = 100
+_NO_ADDRESS = re.compile(r"[\\\t\n]|\A\.*\Z|\.rrd\Z")
+"""In names that an address cannot hold, or that would mean something else there."""
 _NAME = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}-\d{2}-\d{2})-(.+)")
 
 log = logging.getLogger(__name__)
@@ -33,7 +45,7 @@ class RunRow:
     """One run in a table."""
 
     id: str
-    """File name without its ending: the run's address."""
+    """File name without its ending; of a name that is no text, in characters that an address may hold."""
     path: Path
     preset: str
     started: datetime
@@ -46,7 +58,7 @@ class RunRow:
     state: str
     status: str
     """How the run ended."""
-    metrics: dict[str, Any]
+    metrics: dict[str, float | None]
     """Title with unit → value; empty for a run that was not measured yet."""
     changes: tuple[str, ...]
     """What differs from the preset, a line each."""
@@ -54,40 +66,44 @@ class RunRow:
     tags: tuple[str, ...]
     kept: bool
     """Whether it may not be deleted."""
+    problem: str = ""
+    """Why the file is no recording, as a sentence; it can only be deleted."""
+
+    @property
+    def address(self) -> str:
+        """`id` as part of an address."""
+        return quote(self.id, safe="")
 
 
-def list_rows(logs: Path) -> list[RunRow]:
-    """All runs, newest first; files that vanish meanwhile are left out."""
+def list_rows(logs: Path, most: int | None = None) -> list[RunRow]:
+    """All runs, newest first, or the newest `most`; files that vanish meanwhile are left out."""
     rows = []
-    for path in list_runs(logs):
-        try:
+    for path in list_files(logs)[:most]:
+        with contextlib.suppress(OSError):
             rows.append(read_row(path))
-        except OSError:
-            continue
-    return rows
-
-
-def newest_rows(logs: Path, count: int) -> list[RunRow]:
-    """The newest runs."""
-    rows = []
-    for path in list_runs(logs)[:count]:
-        try:
-            rows.append(read_row(path))
-        except OSError:
-            continue
     return rows
 
 
 def find_row(logs: Path, run: str) -> RunRow:
-    """One run. Raises `RecordingError` if there is none with this name."""
+    """One run, or what stands in the folder in place of one. Raises `RecordingError` if there is none with this name."""
     # Looked up among the files that are there: a name from an address never becomes a path.
-    for path in list_runs(logs):
-        if path.stem == run:
+    for path in list_files(logs):
+        if run_id(path) == run:
             try:
                 return read_row(path)
             except OSError:
                 break
-    raise RecordingError(f"There is no run {run}: it may have been deleted. The library shows what there is.")
+    raise RecordingError(
+        f"There is no run {visible(run, LONGEST_NAME)}: it may have been deleted. The library shows what there is."
+    )
+
+
+def run_id(path: Path) -> str:
+    """The word by which pages and people name a recording."""
+    stem = path.name.removesuffix(SUFFIX)
+    if visible(stem) == stem and not _NO_ADDRESS.search(stem):
+        return stem
+    return quote(os.fsencode(path.name), safe="").replace(".", "%2E")
 
 
 def check_removable(row: RunRow) -> None:
@@ -119,40 +135,60 @@ def annotate_run(row: RunRow, note: str, tags: str, kept: bool) -> None:
 
 
 def read_row(path: Path) -> RunRow:
-    """The row of a recording. Raises OSError if it is gone."""
-    notes, stat = read_notes(path), path.stat()
+    """The row of a recording, whatever its notes or the file itself are. Raises OSError if it is gone."""
+    stat, problem = path.lstat(), ""
+    state = "damaged" if path.is_symlink() else run_state(path)
+    try:
+        check_own_recording(path)
+    except RecordingError as error:
+        problem = str(error) if state != "in use" else f"{run_id(path)} has only just begun: look again in a moment."
+    notes = read_notes(path)
     named = _NAME.fullmatch(path.stem)
-    started = _time(notes.get("started")) or (named and _time(named[1])) or datetime.fromtimestamp(stat.st_mtime)
-    preset = named[2] if named else path.stem
-    metrics, begins, duration = notes.get("metrics"), notes.get("begins"), notes.get("duration")
+    started = _time(notes.get("started")) or (named and _time(named[1])) or _time(stat.st_mtime)
     return RunRow(
-        id=path.name.removesuffix(SUFFIX),
+        id=run_id(path),
         path=path,
-        preset=str(notes.get("preset", preset)),
-        started=started,
-        begins=float(begins) if isinstance(begins, (int, float)) else 0.0,
-        duration=float(duration) if isinstance(duration, (int, float)) else None,
+        preset=visible(notes.get("preset", named[2] if named else run_id(path)), LONGEST_NAME),
+        started=started or datetime.min,
+        begins=_number(notes.get("begins")) or 0.0,
+        duration=_number(notes.get("duration")),
         size=stat.st_size,
-        state=run_state(path),
-        status=str(notes.get("status", "")),
-        metrics=metrics if isinstance(metrics, dict) else {},
-        changes=_texts(notes.get("changes")),
-        note=str(notes.get("note", "")),
-        tags=_texts(notes.get("tags")),
+        state=state,
+        status=visible(notes.get("status", ""), LONGEST_NAME),
+        metrics=_metrics(notes.get("metrics")),
+        changes=_texts(notes.get("changes"), LONGEST_CHANGE, MOST_CHANGES),
+        note=visible(notes.get("note", ""), LONGEST_NOTE),
+        tags=_texts(notes.get("tags"), LONGEST_TAGS, LONGEST_TAGS),
         kept=bool(notes.get("keep", False)),
+        problem=problem,
     )
 
 
-def _time(text: Any) -> datetime | None:
-    """Local time as the notes or a file's name say it; None for anything else."""
-    for read in (datetime.fromisoformat, lambda words: datetime.strptime(words, TIME_FORMAT)):
-        with contextlib.suppress(ValueError, TypeError):
-            return read(text).replace(tzinfo=None)
+def _time(value: Any) -> datetime | None:
+    """Local time as the notes, a file's name or its date in s say it; None for anything else."""
+    for read in (datetime.fromisoformat, lambda words: datetime.strptime(words, TIME_FORMAT), datetime.fromtimestamp):
+        with contextlib.suppress(ValueError, TypeError, OverflowError, OSError):
+            return read(value).replace(tzinfo=None)
     return None
 
 
-def _texts(value: Any) -> tuple[str, ...]:
-    return tuple(map(str, value)) if isinstance(value, list) else ()
+def _number(value: Any) -> float | None:
+    """A finite number of the notes; None for anything else."""
+    try:
+        number = float(value) if isinstance(value, (int, float)) else math.nan
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _metrics(values: Any) -> dict[str, float | None]:
+    if not isinstance(values, dict):
+        return {}
+    return {visible(name, LONGEST_NAME): _number(value) for name, value in list(values.items())[:MOST_METRICS]}
+
+
+def _texts(values: Any, longest: int, most: int) -> tuple[str, ...]:
+    return tuple(visible(value, longest) for value in values[:most]) if isinstance(values, list) else ()
 
 
 def state_word(row: RunRow) -> str:

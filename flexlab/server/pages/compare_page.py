@@ -32,7 +32,7 @@ COMPARISON_PAGE = """<div class="side">
 <noscript><p>Rerun's viewer needs JavaScript.</p></noscript>
 <iframe id="viewer" title="The runs laid over each other in rerun's viewer" data-recording="{address}" allowfullscreen></iframe>
 </div>"""
-RUN = """<li><b>{label}</b> <a href="/runs/{id}">{preset}</a> <span>{started} · {duration}</span></li>"""
+RUN = """<li><b>{label}</b> <a href="/runs/{place}">{preset}</a> <span>{started} · {duration}</span></li>"""
 TABLE = """<div class="table"><table><thead><tr><th></th>{head}</tr></thead><tbody>
 {rows}
 </tbody></table></div>"""
@@ -62,6 +62,8 @@ async def comparison(request: web.Request) -> web.Response:
     except RecordingError as error:
         return message("No such run", str(error), 404, ALL_RUNS)
     try:
+        if odd := next((row.problem for row in rows if row.problem), ""):
+            raise RecordingError(odd)
         key, tables = await context.comparisons.get(rows)
     except FlexlabError as error:
         return message("These runs cannot be compared", str(error), 422, ALL_RUNS)
@@ -72,7 +74,7 @@ async def comparison(request: web.Request) -> web.Response:
 
 def _body(rows: Sequence[RunRow], tables: ComparisonTables, address: str) -> Markup:
     runs = join(
-        fill(RUN, label=run_label(number), id=row.id, preset=row.preset, started=f"{row.started:%Y-%m-%d %H:%M:%S}",
+        fill(RUN, label=run_label(number), place=row.address, preset=row.preset, started=f"{row.started:%Y-%m-%d %H:%M:%S}",
              duration=duration_text(row.duration))
         for number, row in enumerate(rows)
     )  # fmt: skip

@@ -48,7 +48,9 @@ def page(
     name = title if title == "flexlab" else f"{title} · flexlab"
     text = fill(FRAME, title=name, head=head, kind=kind, links=links, body=body)
     headers = {"Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-store"}
-    return web.Response(text=text, content_type="text/html", status=status, headers=headers)
+    # Whatever was stored, a page goes out: what is no text is shown as "?".
+    body_bytes = text.encode("utf-8", "replace")
+    return web.Response(body=body_bytes, content_type="text/html", charset="utf-8", status=status, headers=headers)
 
 
 def message(title: str, sentence: str, status: int, more: Markup = NOTHING) -> web.Response:

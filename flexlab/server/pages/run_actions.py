@@ -24,7 +24,9 @@ EXPORTS = TABLES | FIGURES
 """What a run can be had as → in words."""
 PIECE = 1024 * 1024
 """Bytes sent at once."""
-BACK = """<a class="button" href="/runs/{id}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>"""
+BACK = (
+    """<a class="button" href="/runs/{address}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>"""
+)
 
 
 def add_run_actions(router: web.UrlDispatcher) -> None:
@@ -36,19 +38,27 @@ def add_run_actions(router: web.UrlDispatcher) -> None:
 
 
 async def row_of(request: web.Request) -> RunRow:
-    """The run that the address names. Raises `RecordingError` if there is none."""
+    """The run that the address names, or what stands in its place. Raises `RecordingError` if there is none."""
     return await asyncio.to_thread(find_row, context_of(request).settings.logs, request.match_info["run"])
 
 
+async def recorded_row_of(request: web.Request) -> RunRow:
+    """The run that the address names. Raises `RecordingError` if there is none, or the file is no recording."""
+    row = await row_of(request)
+    if row.problem:
+        raise RecordingError(row.problem)
+    return row
+
+
 def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:
-    return message(title, str(error), 422, fill(BACK, id=row.id))
+    return message(title, str(error), 422, fill(BACK, address=row.address))
 
 
 async def start_replay(request: web.Request) -> web.Response:
     """Begin to simulate the run again; the run's page tells how it goes."""
-    row = await row_of(request)
+    row = await recorded_row_of(request)
     context_of(request).replays.start(row)
-    raise web.HTTPSeeOther(f"/runs/{row.id}")
+    raise web.HTTPSeeOther(f"/runs/{row.address}")
 
 
 async def replay_state(request: web.Request) -> web.Response:
@@ -62,7 +72,7 @@ async def replay_state(request: web.Request) -> web.Response:
 
 async def resume(request: web.Request) -> web.StreamResponse:
     """Open the lab at an instant of the run, with exactly its state."""
-    row = await row_of(request)
+    row = await recorded_row_of(request)
     try:
         time = read_time("time", (await request.post()).get("time"))
         choice = await context_of(request).jobs.run(choice_at, row.path, time)
@@ -75,7 +85,7 @@ async def export(request: web.Request) -> web.StreamResponse:
     """The run, or a range of its time, as a file for other programs."""
     if not is_opened_by_person(request):
         return refuse(request, 403, "An export must be asked for by a person, not from inside another page.")
-    row, context = await row_of(request), context_of(request)
+    row, context = await recorded_row_of(request), context_of(request)
     folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="export-", dir=context.workshop))
     try:
         kind = request.query.get("format", "")

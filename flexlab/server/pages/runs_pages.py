@@ -1,6 +1,7 @@
 """`/runs`: the library. `/runs/<id>`: a run in rerun's viewer, its file, its notes, its end."""
 
 import asyncio
+import re
 
 from aiohttp import hdrs, web
 
@@ -9,7 +10,6 @@ from flexlab.errors import RecordingError
 from flexlab.recording.importing import IMPORTED
 from flexlab.recording.overlay import MOST_RUNS
 from flexlab.recording.repair import finish
-from flexlab.recording.rrd_rows import check_recording
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.recording.store.run_index import (
     RunRow,
@@ -25,7 +25,7 @@ from flexlab.server.auth import WITH_A_PASS, recording_address
 from flexlab.server.pages.layout import message, page
 from flexlab.server.pages.markup import Markup, fill, join
 from flexlab.server.pages.page_context import context_of
-from flexlab.server.pages.run_actions import EXPORTS, row_of
+from flexlab.server.pages.run_actions import EXPORTS, recorded_row_of, row_of
 from flexlab.server.pages.runs_table import runs_table
 from flexlab.server.pages.upload import LARGEST_UPLOAD
 from flexlab.server.replay_jobs import ReplayState
@@ -35,6 +35,8 @@ VIEWER_POLICY = (
     "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
 """Left alone, the viewer would fetch fonts, look for updates and report its use: it may talk to this address only."""
+NO_FILE_NAME = r"[^\w.-]+"
+"""What is left out of the name under which a recording is downloaded."""
 SCRIPT = Markup('<script src="/static/{}.js" defer></script>')
 LIBRARY_SCRIPTS = Markup("\n".join(map(SCRIPT.format, ("runs", "import", "pop"))))
 IMPORT_SCRIPTS = Markup("\n".join(map(SCRIPT.format, ("import", "pop"))))
@@ -64,15 +66,15 @@ REVIEW = """<div class="review-head">
 <p>{started} · {duration} · {size} · <span class="state {kind}">{state}</span>{tag_list}</p>
 <div class="actions">
 <details class="pop" name="pop"><summary class="button quiet">Continue</summary>
-<form method="post" action="/runs/{id}/continue">
+<form method="post" action="/runs/{place}/continue">
 <label>Open the lab at simulation time t, in s ({span}); empty: at the end
 <input type="number" name="time" step="any" inputmode="decimal" placeholder="{end}"></label>
 <button class="button">Continue from here</button>
 </form></details>
-<form method="post" action="/runs/{id}/replay"><button class="button quiet" title="Simulate it again and compare every bit">
+<form method="post" action="/runs/{place}/replay"><button class="button quiet" title="Simulate it again and compare every bit">
 Replay</button></form>
 <details class="pop" name="pop"><summary class="button quiet">Export</summary>
-<form action="/runs/{id}/export">
+<form action="/runs/{place}/export">
 <label>As <select name="format">{formats}</select></label>
 <label>From t, in s ({span}); empty: all <input type="number" name="start" step="any" inputmode="decimal"
 placeholder="{begin}"></label>
@@ -80,19 +82,19 @@ placeholder="{begin}"></label>
 <p class="hint">The download begins when the file is ready.</p>
 <button class="button">Export</button>
 </form></details>
-<a class="button quiet" href="/runs/{id}.rrd" download>Download</a>
+<a class="button quiet" href="/runs/{place}.rrd" download>Download</a>
 {details}
 <details class="pop right" name="pop"><summary class="button quiet">Note and tags</summary>
-<form method="post" action="/runs/{id}/notes">
+<form method="post" action="/runs/{place}/notes">
 <label>Note <textarea name="note" rows="3" maxlength="2000">{note}</textarea></label>
 <label>Tags, separated by commas <input name="tags" value="{tags}" maxlength="200"></label>
 <label class="check"><input type="checkbox" name="keep"{kept}> Keep: never delete this run</label>
 <button class="button">Save</button>
 </form></details>
-<a class="button quiet danger" href="/runs/{id}/delete">Delete</a>
+<a class="button quiet danger" href="/runs/{place}/delete">Delete</a>
 </div>
 </div>
-<p class="hint" id="replay" role="status" data-address="/runs/{id}/replay" data-working="{working}"
+<p class="hint" id="replay" role="status" data-address="/runs/{place}/replay" data-working="{working}"
 data-kind="{finding}">{sentence}</p>
 {hint}
 <noscript><p>Rerun's viewer needs JavaScript.</p></noscript>
@@ -100,12 +102,15 @@ data-kind="{finding}">{sentence}</p>
 """
 DETAILS = """<details class="pop right" name="pop"><summary class="button quiet">Metrics and changes</summary>
 <div class="details"><dl>{metrics}</dl><ul>{changes}</ul></div></details>"""
+UNSHOWN = """<a class="button" href="/runs">All runs</a> {download}
+<a class="button quiet danger" href="/runs/{place}/delete">Delete</a>"""
+DOWNLOAD = """<a class="button quiet" href="/runs/{place}.rrd" download>Download it as it is</a>"""
 LIVE_HINT = Markup(
     '<p class="hint">This run is still being recorded: you see it up to this moment. Reload to see more.</p>'
 )
 ASK = """<section class="message"><h1>Delete this run?</h1>
 <p><b>{preset}</b>, {started}, {duration}, {size}. This cannot be undone.</p>
-<form method="post" action="/runs/{id}/delete" class="actions">
+<form method="post" action="/runs/{place}/delete" class="actions">
 <button class="button danger">Delete</button> <a class="button quiet" href="/runs">Keep it</a>
 </form></section>"""
 
@@ -161,17 +166,13 @@ async def review(request: web.Request) -> web.Response:
     except RecordingError as error:
         return _no_such_run(error)
     try:
-        await asyncio.to_thread(check_recording, row.path)
+        if row.problem:
+            raise RecordingError(row.problem)
         if row.state == "unfinished":
             await asyncio.to_thread(finish, row.path)
             row = await row_of(request)
     except RecordingError as error:
-        more = fill(
-            '<a class="button" href="/runs">All runs</a> '
-            '<a class="button quiet" href="/runs/{id}.rrd" download>Download it as it is</a> '
-            '<a class="button quiet danger" href="/runs/{id}/delete">Delete</a>',
-            id=row.id,
-        )
+        more = fill(UNSHOWN, place=row.address, download="" if row.problem else fill(DOWNLOAD, place=row.address))
         return message("This run cannot be shown", str(error), 422, more)
     body = _review_body(row, recording_address(context_of(request), row.id), context_of(request).replays.state(row))
     return page(f"{row.preset} {row.started:%H:%M:%S}", body, here="/runs", kind="review", head=REVIEW_SCRIPTS)
@@ -181,7 +182,7 @@ def _review_body(row: RunRow, address: str, replay: ReplayState | None) -> Marku
     end = f"{row.begins + row.duration:.10g}" if row.duration is not None else ""
     return fill(
         REVIEW,
-        id=row.id,
+        place=row.address,
         address=address,
         preset=row.preset,
         started=f"{row.started:%Y-%m-%d %H:%M:%S}",
@@ -222,12 +223,12 @@ def _details(row: RunRow) -> Markup:
 async def recording(request: web.Request) -> web.StreamResponse:
     """The recording's file, in parts if asked for; the viewer loads it from here."""
     try:
-        row = await row_of(request)
+        row = await recorded_row_of(request)
     except RecordingError as error:
         return _no_such_run(error)
     headers = {
         hdrs.CONTENT_TYPE: "application/octet-stream",
-        hdrs.CONTENT_DISPOSITION: f'attachment; filename="{row.path.name}"',
+        hdrs.CONTENT_DISPOSITION: f'attachment; filename="{re.sub(NO_FILE_NAME, "-", row.id)}{SUFFIX}"',
         hdrs.CACHE_CONTROL: "no-cache",
     }
     return web.FileResponse(row.path, headers=headers)
@@ -252,7 +253,7 @@ async def save_notes(request: web.Request) -> web.Response:
     row, form = await row_of(request), await request.post()
     note, tags = str(form.get("note", "")), str(form.get("tags", ""))
     await asyncio.to_thread(annotate_run, row, note.replace("\r\n", "\n"), tags, "keep" in form)
-    raise web.HTTPSeeOther(f"/runs/{row.id}")
+    raise web.HTTPSeeOther(f"/runs/{row.address}")
 
 
 async def ask_to_delete(request: web.Request) -> web.Response:
@@ -263,7 +264,7 @@ async def ask_to_delete(request: web.Request) -> web.Response:
         return _no_such_run(error)
     body = fill(
         ASK,
-        id=row.id,
+        place=row.address,
         preset=row.preset,
         started=f"{row.started:%Y-%m-%d %H:%M:%S}",
         duration=duration_text(row.duration),

@@ -12,14 +12,14 @@ METRIC_COLUMNS = [column for metric in METRICS.values() for column in metric.col
 """Those of which a table has room; a run's own page has all."""
 
 ROW = """<tr>{choose}
-<td data-key="{time}"><a href="/runs/{id}">{started}</a></td><td>{preset}{tags}</td>
+<td data-key="{time}"><a href="/runs/{place}">{started}</a></td><td>{preset}{tags}</td>
 <td data-key="{duration_key}" class="number">{duration}</td><td data-key="{size_key}" class="number">{size}</td>
-<td><span class="state {kind}">{state}</span></td>{more}
+<td><span class="state {kind}" title="{problem}">{state}</span></td>{more}
 </tr>"""
 CHOOSE = """<td class="choose"><label><input type="checkbox" name="run" value="{id}" form="compare"
 aria-label="Compare {preset} of {started}"></label></td>"""
 MORE = """{metrics}<td class="note">{note}<span class="changes">{changes}</span></td>
-<td class="row-actions"><a href="/runs/{id}/delete" class="danger">Delete</a></td>"""
+<td class="row-actions"><a href="/runs/{place}/delete" class="danger">Delete</a></td>"""
 METRIC = """<td data-key="{key}" class="number">{text}</td>"""
 TABLE = """<div class="table"><table{mark}><thead><tr>{choice}{head}</tr></thead><tbody>
 {rows}
@@ -52,7 +52,8 @@ def _row(row: RunRow, short: bool) -> Markup:
         choose=Markup("")
         if short
         else fill(CHOOSE, id=row.id, preset=row.preset, started=f"{row.started:%d %b %H:%M:%S}"),
-        id=row.id,
+        place=row.address,
+        problem=row.problem,
         time=row.started.isoformat(),
         started=f"{row.started:%Y-%m-%d %H:%M:%S}",
         preset=row.preset,
@@ -74,7 +75,8 @@ def _more(row: RunRow) -> Markup:
     )
     left = len(row.changes) - CHANGES_SHOWN
     changes = "; ".join(row.changes[:CHANGES_SHOWN]) + (f"; {left} more" if left > 0 else "")
-    return fill(MORE, id=row.id, metrics=metrics, note=f"{row.note} " if row.note else "", changes=changes)
+    said = " ".join(filter(None, (row.problem, row.note)))
+    return fill(MORE, place=row.address, metrics=metrics, note=f"{said} " if said else "", changes=changes)
 
 
 def _capital(heading: str) -> str:

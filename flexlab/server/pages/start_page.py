@@ -9,7 +9,7 @@ from aiohttp import web
 from flexlab.assets import web_assets_folder
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_scenario_file, preset_files
-from flexlab.recording.store.run_index import newest_rows
+from flexlab.recording.store.run_index import list_rows
 from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Lab
 from flexlab.server.pages.layout import page
@@ -62,7 +62,7 @@ async def start_page(request: web.Request) -> web.Response:
     """The page that says hello."""
     context = context_of(request)
     presets, rows = await asyncio.gather(
-        asyncio.to_thread(_presets), asyncio.to_thread(newest_rows, context.settings.logs, NEWEST)
+        asyncio.to_thread(_presets), asyncio.to_thread(list_rows, context.settings.logs, NEWEST)
     )
     pictures = _pictures()
     runs = runs_table(rows, short=True) if rows else Markup("<p>None yet: the lab records every run.</p>")

@@ -1,0 +1,165 @@
+"""What people get wrong at the command line and in Python is answered in one short sentence."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from odd_files import make_odd_folder
+
+from flexlab.cli import main
+from flexlab.errors import FlexlabError, PresetError, ScenarioError, StudyError
+from flexlab.presets import load_preset, load_scenario_file
+from flexlab.recording.headless import write_run
+from flexlab.scenario import parse_scenario
+from flexlab.sim.commands import Pull, Reset
+from flexlab.sim.simulate import simulate
+
+LONGEST_ANSWER = 3000
+"""Characters: what fits on a screen."""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short recording."""
+    return write_run(simulate(load_preset("paper"), duration=0.1), tmp_path_factory.mktemp("logs"), "paper")
+
+
+@pytest.fixture
+def answer(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """The complaint of a command that is refused."""
+    monkeypatch.chdir(tmp_path)
+
+    def ask(*words: str) -> str:
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        assert ended.value.code == 2
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert said.err.count("\n") == 1, said.err
+        return said.err
+
+    return ask
+
+
+def test_a_folder_or_pipe_in_place_of_a_run_is_said(answer: Callable[..., str], tmp_path: Path):
+    (tmp_path / "FOLDER.rrd").mkdir()
+    for command in (("logs", "FOLDER.rrd"), ("review", "FOLDER.rrd"), ("replay", "FOLDER.rrd"), ("logs", ".")):
+        assert "cannot be read: it is a folder; name a recording in it." in answer(*command), command
+
+
+def test_a_run_is_not_compared_to_itself(answer: Callable[..., str], recorded: Path):
+    said = answer("compare", str(recorded), str(recorded))
+    assert said == f"{recorded.stem} is named twice: name runs that differ, as in flexlab logs.\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--sample-period", "nan"), "--sample-period nan is not usable: give a number of seconds from 1e-06 to 1."),
+        (("--sample-period", "inf"), "--sample-period inf is not usable"),
+        (("--duration", "nan"), "--duration nan is not usable: give a number of seconds from 0.001 to 1e+06."),
+        (("--duration", "-1"), "--duration -1 is not usable"),
+    ],
+)
+def test_a_time_that_is_none_is_blamed_by_its_own_name(answer: Callable[..., str], words: tuple[str, ...], says: str):
+    assert says in answer("run", "paper", *words)
+
+
+def test_a_listing_of_odd_files_ends_well(recorded: Path, tmp_path: Path):
+    make_odd_folder(tmp_path / "logs", recorded)
+    for words in ((), ("--json",), ("--sort", "size"), ("dangling",), ("deep", "infinite", "surrogate", "escapes")):
+        done = subprocess.run(
+            [sys.executable, "-m", "flexlab", "logs", *words],
+            cwd=tmp_path,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=200,
+            check=False,
+            env=os.environ | {"PYTHONIOENCODING": "utf-8"},
+        )
+        assert done.returncode == 0, (words, done.stderr.decode())
+        assert b"Traceback" not in done.stderr
+        assert b"\x1b" not in done.stdout, "no escape code reaches the terminal"
+        if words == ("--json",):
+            rows = {row["run"]: row for row in json.loads(done.stdout)}
+            assert "is a link" in rows["link"]["problem"]
+            assert rows["good"]["problem"] == ""
+            assert rows["infinite"]["duration [s]"] is None
+
+
+@pytest.mark.parametrize(
+    ("commands", "says"),
+    [
+        (5, "commands = 5 is no list"),
+        ("tap", "commands = 'tap' is no list"),
+        ([Pull(0.1, (0.0, 0.0), 1.0)], "give pairs of a time in s and a command"),
+        ([(float("nan"), Pull(0.1, (0.0, 0.0), 1.0))], "commands: the time nan s is not usable"),
+        ([("1", Pull(0.1, (0.0, 0.0), 1.0))], "commands: the time '1' s is not usable"),
+        ([(1.0, "tap")], "commands: 'tap' is no command of a world: give one of ChangeScenario, Pull, Tap"),
+        ([(1.0, Reset())], "is no command of a world"),
+    ],
+)
+def test_commands_that_are_none_are_said(commands: object, says: str):
+    with pytest.raises(StudyError) as caught:
+        simulate(load_preset("paper"), 0.01, commands=commands)  # type: ignore[arg-type]
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("duration", ["3", None, True, float("nan"), float("inf"), -1.0, 1j, [1.0], 1e300])
+def test_a_duration_that_is_none_is_said(duration: object):
+    with pytest.raises(StudyError, match="duration"):
+        simulate(load_preset("paper"), duration)  # type: ignore[arg-type]
+
+
+def test_a_million_wrong_fields_make_a_short_answer():
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario({f"field_{number}": 1 for number in range(1_000_000)})
+    assert len(str(caught.value)) < LONGEST_ANSWER
+    assert "999980 more fields are wrong" in str(caught.value)
+    assert len(caught.value.problems) == 21
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"payload": {"x" * 1_000_000: 1}},
+        {"gravity": "x" * 1_000_000},
+        {"gravity": [0] * 1_000_000},
+        {"gravity": 10**5000},
+        {"controller": {"kind": "x" * 100_000}},
+        {"initial": {"beam_coordinates": [0.0] * 100_000}},
+        {"title": "x" * 1_000_000},
+        {"payload": {"damping": {"kind": "nodal", "coefficient": {"a": {"b": {"c": {"d": {"e": {}}}}}}}}},
+        {"payload": {"\x1b[31m": 1}},
+    ],
+)
+def test_a_large_wrong_value_makes_a_short_answer(data: dict):
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(data)
+    assert len(str(caught.value)) < LONGEST_ANSWER
+    assert "\x1b" not in str(caught.value)
+
+
+def test_a_value_nested_without_end_is_answered():
+    nested: list = []
+    for _ in range(100_000):
+        nested = [nested]
+    with pytest.raises(FlexlabError):
+        parse_scenario({"gravity": nested})
+
+
+@pytest.mark.parametrize("name", [3, None, "paper\x1b[31m", ["paper"]])
+def test_a_preset_that_is_none_is_said(name: object):
+    with pytest.raises(PresetError, match="There is no preset"):
+        load_preset(name)  # type: ignore[arg-type]
+
+
+def test_a_field_that_is_given_twice_is_said(tmp_path: Path):
+    path = tmp_path / "twice.json"
+    path.write_text('{"gravity": 1, "gravity": 2}')
+    with pytest.raises(PresetError, match="the field 'gravity' is given twice in one place"):
+        load_scenario_file(path)

@@ -14,6 +14,8 @@ from flexlab.assets import presets_folder
 from flexlab.errors import PresetError, ScenarioError
 from flexlab.plain_text import visible
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.scenario.json_schema import REFERENCE
+from flexlab.scenario.scenario import SCHEMA_FIELD
 
 OWN_FOLDER = Path("presets")
 """A person's own presets, relative to the working directory."""
@@ -82,7 +84,7 @@ def find_scenario(name_or_path: str, own: Path = OWN_FOLDER) -> tuple[str, Scena
 
 
 def save_scenario(scenario: Scenario, path: str | Path) -> None:
-    """Write a scenario as JSON: title and watch first, every field, one line per list. Raises `PresetError`."""
+    """Write a scenario as JSON: title, watch and schema first, every field, one line per list. Raises `PresetError`."""
     try:
         Path(path).write_text(scenario_text(scenario), encoding="utf-8")
     except OSError as error:
@@ -91,7 +93,9 @@ def save_scenario(scenario: Scenario, path: str | Path) -> None:
 
 def scenario_text(scenario: Scenario) -> str:
     """The JSON text of a scenario, as `save_scenario` writes it."""
-    text = json.dumps(_kind_first(scenario.model_dump(mode="json")), indent=2, ensure_ascii=False, allow_nan=False)
+    fields = _kind_first(scenario.model_dump(mode="json"))
+    data = {"title": fields.pop("title"), "watch": fields.pop("watch"), SCHEMA_FIELD: REFERENCE, **fields}
+    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
     return _NUMBER_LIST.sub(lambda match: "[" + re.sub(r"\s+", " ", match[1]) + "]", text) + "\n"
 
 

@@ -11,8 +11,16 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic_core import CoreSchema, PydanticCustomError
 
 
 @dataclass(frozen=True)
@@ -32,6 +40,11 @@ class Quantity:
     slider: tuple[float, float] | None = None
     logarithmic: bool = False
     live: str = "continuous"
+
+    def description(self) -> str:
+        """Title, symbol and range in one line."""
+        name = f"{self.title}, {self.symbol}" if self.symbol else self.title
+        return f"{name}: {self.range_text()}" if math.isfinite(self.low) and math.isfinite(self.high) else name
 
     def range_text(self) -> str:
         """The allowed range with its unit, as in "0.001 to 1e+09 N·m²"."""
@@ -110,10 +123,37 @@ def _flatten(value: Any) -> Iterator[float]:
             yield from _flatten(item)
 
 
+def _bound(schema: dict[str, Any], about: Quantity) -> None:
+    """Give every number in a field's JSON schema the field's range."""
+    if schema.get("type") in ("number", "integer") and "enum" not in schema:
+        if math.isfinite(about.low):
+            schema["minimum"] = about.low
+        if math.isfinite(about.high):
+            schema["maximum"] = about.high
+    items = schema.get("items")
+    for inner in (
+        *schema.get("anyOf", ()),
+        *schema.get("prefixItems", ()),
+        *([items] if isinstance(items, dict) else ()),
+    ):
+        _bound(inner, about)
+
+
 class Part(BaseModel):
     """Base of the scenario models: immutable, strict about names and about ranges."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """JSON schema with each field's range, symbol and unit where editors look for them."""
+        schema = handler.resolve_ref_schema(handler(core_schema))
+        for name, field in schema.get("properties", {}).items():
+            if field.pop("quantity", None) is not None:
+                about = describe(cls, name)
+                field["description"] = about.description()
+                _bound(field, about)
+        return schema
 
     @field_validator("*", mode="after")
     @classmethod

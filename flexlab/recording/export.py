@@ -23,7 +23,7 @@ from flexlab.errors import FlexlabError, RecordingError
 from flexlab.plain_text import visible
 from flexlab.recording.commands_json import command_from_json, command_to_json
 from flexlab.recording.documents import these_versions
-from flexlab.recording.import_checks import check_times
+from flexlab.recording.import_checks import check_events, check_times
 from flexlab.recording.reader import Recording
 from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.state_json import state_json
@@ -139,6 +139,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
         samples = from_columns(columns, scenario)
         check_times(path.name, samples.time)
         events = [event_from_values(event) for event in metadata.get("events", ())]
+        check_events(path.name, events)
         samples = migrate(samples, metadata.get("format", 1), lambda: Changes(scenario, events))
         name, sentence, time = metadata["status"]
         status = Status(str(name), str(sentence), float(time))

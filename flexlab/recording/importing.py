@@ -87,7 +87,6 @@ def _take_table(path: Path, logs: Path) -> Path:
         reason = visible(error, LONGEST_REASON)
         raise RecordingError(f"{path.name} was not exported by this version of flexlab ({reason}).") from None
     check_period(path.name, info.sample_period)
-    check_events(path.name, events)
     recording = HeadlessRecording(logs, info)
     try:
         with recording:

@@ -19,6 +19,8 @@ SMALLEST_STEP = 1e-7
 """Shortest integration step, s: below it rounding outweighs truncation for every integrator here."""
 
 
+SCHEMA_FIELD = "$schema"
+"""In a file: where editors find what a scenario may hold. No field of the scenario itself."""
 MOST_PROBLEMS = 20
 """Of what is wrong with a scenario, how much is said at once."""
 
@@ -139,6 +141,8 @@ def parse_scenario(data: Any) -> Scenario:
     """A `Scenario` from plain data (a dict as read from JSON); raises `ScenarioError`, one sentence per problem."""
     if not isinstance(data, Mapping):
         raise ScenarioError([("", f"A scenario is a JSON object with named fields, not {type(data).__name__}.")])
+    if isinstance(data.get(SCHEMA_FIELD), str):
+        data = {name: value for name, value in data.items() if name != SCHEMA_FIELD}
     try:
         return Scenario.model_validate(in_present_terms(data))
     except ValidationError as error:

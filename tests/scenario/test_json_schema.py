@@ -1,0 +1,74 @@
+"""The schema with which editors help: in step with the fields, with every range, and named by the presets."""
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from flexlab.assets import presets_folder
+from flexlab.errors import ScenarioError
+from flexlab.presets import load_preset, load_scenario_file, preset_names, save_scenario
+from flexlab.scenario import Scenario, parse_scenario
+from flexlab.scenario.json_schema import schema_file, schema_text
+
+
+def test_the_file_is_in_step_with_the_fields():
+    found = schema_file().read_text(encoding="utf-8")
+    assert found == schema_text(), "write it anew: python -m flexlab.scenario.json_schema"
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_names_the_schema_and_loads(name: str):
+    path = presets_folder() / f"{name}.json"
+    assert (path.parent / json.loads(path.read_text(encoding="utf-8"))["$schema"]) == schema_file()
+    assert load_scenario_file(path) == load_preset(name)
+
+
+def numbers(schema: Any, root: dict[str, Any], path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """(path, schema) of every number in a schema."""
+    if "$ref" in schema:
+        schema = root["$defs"][schema["$ref"].rpartition("/")[2]]
+    if schema.get("type") in ("number", "integer"):
+        yield path, schema
+    for name, inner in schema.get("properties", {}).items():
+        yield from numbers(inner, root, f"{path}.{name}" if path else name)
+    items = schema.get("items")
+    for key in ("anyOf", "oneOf", "prefixItems"):
+        for inner in schema.get(key, []):
+            yield from numbers(inner, root, path)
+    if isinstance(items, dict):
+        yield from numbers(items, root, path)
+
+
+def test_every_number_says_its_range():
+    schema = Scenario.model_json_schema()
+    found = dict(numbers(schema, schema))
+    assert len(found) > 40
+    assert [
+        path for path, number in found.items() if "enum" not in number and not {"minimum", "maximum"} <= set(number)
+    ] == []
+    assert (found["payload.bending_stiffness"]["minimum"], found["payload.bending_stiffness"]["maximum"]) == (
+        1e-3,
+        1e12,
+    )
+
+
+def test_what_the_schema_allows_at_its_ends_is_what_the_scenario_allows():
+    schema = Scenario.model_json_schema()
+    for path in ("payload.length", "gravity", "simulation.accuracy"):
+        number = dict(numbers(schema, schema))[path]
+        for end in ("minimum", "maximum"):
+            assert Scenario().replace({path: number[end]}).get(path) == number[end]
+            with pytest.raises(ScenarioError):
+                Scenario().replace({path: number[end] + (1 if end == "maximum" else -1) * max(1.0, abs(number[end]))})
+
+
+def test_the_schemas_name_is_no_field_of_the_scenario(tmp_path):
+    assert parse_scenario({"$schema": "anywhere.json", "gravity": 1.0}) == Scenario(gravity=1.0)
+    with pytest.raises(ScenarioError, match=r"\$schema"):
+        parse_scenario({"$schema": 5})
+    with pytest.raises(ScenarioError, match="is not a scenario field"):
+        parse_scenario({"payload": {"$schema": "x"}})
+    save_scenario(Scenario(gravity=2.0), tmp_path / "mine.json")
+    assert load_scenario_file(tmp_path / "mine.json") == Scenario(gravity=2.0)

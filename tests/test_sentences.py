@@ -51,9 +51,11 @@ def test_a_folder_or_pipe_in_place_of_a_run_is_said(answer: Callable[..., str], 
         assert "cannot be read: it is a folder; name a recording in it." in answer(*command), command
 
 
-def test_a_run_is_not_compared_to_itself(answer: Callable[..., str], recorded: Path):
-    said = answer("compare", str(recorded), str(recorded))
-    assert said == f"{recorded.stem} is named twice: name runs that differ, as in flexlab logs.\n"
+def test_a_run_that_is_compared_to_itself_is_said(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as ended:
+        main(["compare", str(recorded), str(recorded), "--save", str(tmp_path / "both.rrd")])
+    assert ended.value.code == 0
+    assert "B is the same run as A: nothing can differ between them." in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,12 @@ class Comparison:
         """What the metrics speak of, in words."""
         return f"of the first {self.window:.4g} s of each run"
 
+    def repeated(self) -> list[tuple[str, str]]:
+        """(label, label of the first one) of every run that was named before."""
+        paths = [recording.path.resolve() for recording in self.recordings]
+        firsts = [(self.labels[number], self.labels[paths.index(path)]) for number, path in enumerate(paths)]
+        return [(label, first) for label, first in firsts if label != first]
+
     def run_table(self) -> Table:
         """Which run is which."""
         rows = [

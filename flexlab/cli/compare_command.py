@@ -41,9 +41,6 @@ def command(
     from flexlab.recording.store.run_files import find_run
 
     paths = [find_run(run, logs) for run in runs]
-    for number, path in enumerate(paths):
-        if any(path.samefile(other) for other in paths[:number]):
-            raise StudyError(f"{path.stem} is named twice: name runs that differ, as in flexlab logs.")
     if save is not None:
         _print(compare_into(paths, save))
         output().print(f"Written to {save}. Look at it with: flexlab review {save}", markup=False, soft_wrap=True)
@@ -70,3 +67,6 @@ def _print(comparison: "Comparison") -> None:
         output().print()
     if not comparison.settings:
         output().print("No setting differs.")
+    for label, same in comparison.repeated():
+        said = f"{label} is the same run as {same}: nothing can differ between them. flexlab logs lists the others."
+        output().print(said, soft_wrap=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from flexlab.benchmarks import tables
+from flexlab.benchmarks.changes import change_costs
 from flexlab.benchmarks.machine import this_machine
 from flexlab.benchmarks.memory import measure_memory
 from flexlab.benchmarks.peers.peer_comparison import compare_peers
@@ -76,6 +77,7 @@ def measure(plan: Plan, peers: bool, show: "Console | None") -> Report:
             for n in plan.meshes
         ],
         part("all meshes", lambda: mesh_scaling(plan.duration, 2 * plan.repeats), tables.scaling_table),
+        part("live changes", lambda: change_costs(10 * plan.repeats), tables.changes_table),
         part("many runs", lambda: worker_scaling(plan.rounds), tables.workers_table),
         part("starts", lambda: start_times(plan.cold), tables.start_table),
         part("memory", measure_memory, lambda found: tables.memory_table(found) if found else ""),

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
+from flexlab.benchmarks.changes import BEAM_GOAL, FRAME_GOAL, LIGHT_GOAL, MESHES, ChangeCost
 from flexlab.benchmarks.machine import Machine
 from flexlab.benchmarks.memory import Memory
 from flexlab.benchmarks.peers.peer_comparison import RATIO_GOAL, PeerComparison
@@ -37,6 +38,7 @@ class Report:
     paper: list[PaperCost]
     precision: list[MeshPrecision]
     scaling: Scaling
+    changes: list[ChangeCost]
     workers: WorkerScaling
     start: StartTimes
     memory: Memory | None
@@ -53,10 +55,21 @@ class Report:
                 what = f"{mesh.elements} elements"
                 goals.append(Goal(what, mesh.fastest.ms_per_second, "ms/s", mesh.goal, False))
         goals.append(Goal("cost ~ elements to the power of", self.scaling.exponent, "", EXPONENT_GOAL, False))
+        goals += _change_goals(self.changes)
         goals.append(Goal("speed-up of two workers", self.workers.speed_up, "", SPEED_UP_GOAL, True))
         if self.peers is not None and self.peers.ratio is not None:
             goals.append(Goal("times faster than the fastest peer", self.peers.ratio, "", RATIO_GOAL, True))
         return goals
+
+
+def _change_goals(costs: list[ChangeCost]) -> list[Goal]:
+    coarse, fine = MESHES[0], MESHES[-1]
+    judged = (
+        ("a live gain, path or gravity", LIGHT_GOAL, [c.ms for c in costs if c.elements == coarse and c.is_light]),
+        ("a live change of the beam", BEAM_GOAL, [c.ms for c in costs if c.elements == coarse and not c.is_light]),
+        (f"any live change, {fine} elements", FRAME_GOAL, [c.ms for c in costs if c.elements == fine]),
+    )
+    return [Goal(what, max(ms), "ms", limit, False) for what, limit, ms in judged if ms]
 
 
 def _paper_goals(costs: list[PaperCost]) -> list[Goal]:

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from flexlab.benchmarks.changes import ChangeCost
 from flexlab.benchmarks.memory import DURATION, LIVE_END, LIVE_START, Memory
 from flexlab.benchmarks.peers.peer_comparison import SAME_POSE, PeerComparison
 from flexlab.benchmarks.precision import ASKED_ERROR, MeshPrecision, PaperCost, WorkPoint
@@ -49,6 +50,15 @@ def scaling_table(scaling: Scaling) -> "Table":
     table = _table(title, ("elements", "µs/step", "times real time"))
     for mesh in scaling.meshes:
         table.add_row(str(mesh.elements), f"{mesh.us_per_step:.2f}", f"{mesh.real_time_factor:.0f}")
+    return table
+
+
+def changes_table(costs: list[ChangeCost]) -> "Table":
+    """What a live change costs."""
+    table = _table("Live changes: ms of processor time", ("elements", "field", "simulation thread", "beside it"))
+    for cost in costs:
+        beside = f"{cost.ms_beside:.1f}" if cost.ms_beside else ""
+        table.add_row(str(cost.elements), cost.path, f"{cost.ms:.2f}", beside)
     return table
 
 

@@ -174,7 +174,7 @@ def test_everything_is_measured_and_printed_as_json(capsys):
     benchmarks.run_bench(as_json=True, quick=True)
     report = json.loads(capsys.readouterr().out)
     assert set(report) == {
-        "machine", "paper", "precision", "scaling", "workers", "start", "memory", "peers", "goals"
+        "machine", "paper", "precision", "scaling", "changes", "workers", "start", "memory", "peers", "goals"
     }  # fmt: skip
     assert [mesh["elements"] for mesh in report["scaling"]["meshes"]] == list(MESHES)
     assert report["precision"][0]["goal"] == GOALS[2]

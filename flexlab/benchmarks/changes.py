@@ -1,0 +1,77 @@
+"""What a live change costs the simulation thread."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from flexlab.presets import load_preset
+from flexlab.sim.assembly import Unprepared, build_assembly
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.world import World
+
+MESHES = (2, 8, 64)
+"""Elements."""
+
+LIGHT_GOAL, BEAM_GOAL, FRAME_GOAL = 0.3, 2.0, 50.0
+"""ms: gains, path and gravity on the paper's mesh; its beam; anything on the finest mesh."""
+
+CHANGES: dict[str, tuple[Any, Any]] = {
+    "controller.feedback_gain": (200.0, 201.0),
+    "trajectory.amplitude": ((0.2, 0.2, 0.2), (0.2, 0.2, 0.19)),
+    "gravity": (0.0, 1.0),
+    "controller.torque_limit": (None, (500.0, 500.0, 500.0)),
+    "payload.bending_stiffness": (100.0, 90.0),
+    "payload.linear_density": (2.0, 2.1),
+    "payload.damping.coefficient": (0.1, 0.12),
+}
+"""A field of each kind, with two values to go to and fro between."""
+
+BEAM = "payload."
+
+
+@dataclass(frozen=True)
+class ChangeCost:
+    """What one change of one field costs."""
+
+    elements: int
+    path: str
+    ms: float
+    """Processor time of the simulation thread, ms, checks included."""
+    ms_beside: float
+    """Processor time beside it, before the world takes the change on, ms; 0 where nothing is prepared."""
+
+    @property
+    def is_light(self) -> bool:
+        """Whether it leaves the beam as it is."""
+        return not self.path.startswith(BEAM)
+
+
+def change_costs(repeats: int) -> list[ChangeCost]:
+    """The least of `repeats` changes of each kind on each mesh."""
+    costs = []
+    for elements in MESHES:
+        world = World(load_preset("paper").replace({"payload.element_count": elements}))
+        world.advance(5)
+        for path, values in CHANGES.items():
+            # The first round warms what numpy and pydantic keep.
+            rounds = [_change(world, path, values[(k + 1) % 2]) for k in range(repeats + 1)]
+            ms, beside = (1e3 * min(part) for part in zip(*rounds[1:], strict=True))
+            costs.append(ChangeCost(elements, path, ms, beside))
+    return costs
+
+
+def _change(world: World, path: str, value: Any) -> tuple[float, float]:
+    """Processor times, s, on the simulation thread and beside it, of a change as the live lab carries it out."""
+    command, beside = ChangeScenario({path: value}), 0.0
+    start = time.thread_time()
+    try:
+        world.apply(command, at_once=True)
+    except Unprepared as need:
+        begun = time.thread_time()
+        prepared = build_assembly(need.scenario, world.tick_period, [world.assembly])
+        beside = time.thread_time() - begun
+        world.apply(command, [prepared], at_once=True)
+    world.observe()
+    taken = time.thread_time() - start - beside
+    world.advance(3)
+    return taken, beside

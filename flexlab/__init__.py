@@ -3,9 +3,10 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flexlab.analysis.linear_model import LinearModel
     from flexlab.analysis.metrics import RunMetrics
-    from flexlab.analysis.modes import Modes, modes
-    from flexlab.api import Run, read, simulate, simulate_many
+    from flexlab.analysis.modes import Modes
+    from flexlab.api import Run, linearize, modes, read, simulate, simulate_many
     from flexlab.presets import load_preset, preset_names
     from flexlab.scenario import Scenario, parse_scenario
 
@@ -21,17 +22,21 @@ _HOMES = {
     "read": "flexlab.api",
     "Run": "flexlab.api",
     "RunMetrics": "flexlab.analysis.metrics",
-    "modes": "flexlab.analysis.modes",
+    "modes": "flexlab.api",
     "Modes": "flexlab.analysis.modes",
+    "linearize": "flexlab.api",
+    "LinearModel": "flexlab.analysis.linear_model",
 }
 """Public names and the modules they live in; imported on first use, so that `flexlab --help` need not load numba."""
 
 __all__ = [
+    "LinearModel",
     "Modes",
     "Run",
     "RunMetrics",
     "Scenario",
     "__version__",
+    "linearize",
     "load_preset",
     "modes",
     "parse_scenario",

@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.analysis import batch
+from flexlab.analysis import linearize as linear
+from flexlab.analysis import modes as mode_study
+from flexlab.analysis.linear_model import LinearModel
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import StudyError
@@ -72,6 +75,26 @@ def simulate(
     """
     name, valid = _named(scenario)
     return _run(engine.simulate(valid, duration, sample_period, commands), name)
+
+
+def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None) -> mode_study.Modes:
+    """`analysis.modes.modes` of anything that `simulate` takes: `print(flexlab.modes("paper"))` shows the tables."""
+    return mode_study.modes(_named(scenario)[1], pose)
+
+
+def linearize(
+    scenario: AnyScenario,
+    pose: tuple[float, float, float] | None = None,
+    inputs: str | Sequence[str] = linear.TORQUE,
+    outputs: str | Sequence[str] = "pose",
+    closed: bool | None = None,
+) -> LinearModel:
+    """See `analysis.linearize.linearize`."""
+    return linear.linearize(_named(scenario)[1], pose, inputs, outputs, closed)
+
+
+modes.__doc__ = f"{modes.__doc__}\n\n    {mode_study.modes.__doc__}"
+linearize.__doc__ = linear.linearize.__doc__
 
 
 def simulate_many(

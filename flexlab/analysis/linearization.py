@@ -5,11 +5,11 @@ that mass, damping and stiffness describe the plant exactly; joint torques τ ar
 the pose: that part of the stiffness is in K.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from flexlab.analysis.differences import central, fourth_order
 from flexlab.analysis.loop_probe import LoopProbe
 from flexlab.analysis.rest_point import RestPoint
 
@@ -87,9 +87,9 @@ def _plant(probe: LoopProbe, rest: RestPoint) -> Plant:
     unit = np.eye(2 * n)
     mass = np.stack([probe.momenta(rest.motion.moved(unit[n + k])) - still for k in range(n)], axis=1)
     # Forces are linear in the beam's coordinates and in all rates at rest: a unit step differs by no truncation.
-    stiffness = [-_fourth_order(force, unit[k], POSE_STEP) for k in range(3)]
-    stiffness += [-_central(force, unit[k], 1.0) for k in range(3, n)]
-    damping = [-_central(force, unit[n + k], 1.0) for k in range(n)]
+    stiffness = [-fourth_order(force, unit[k], POSE_STEP) for k in range(3)]
+    stiffness += [-central(force, unit[k], 1.0) for k in range(3, n)]
+    damping = [-central(force, unit[n + k], 1.0) for k in range(n)]
     free = probe.forces(rest.motion, idle)
     torques = [probe.forces(rest.motion, torque) - free for torque in np.eye(len(rest.torque))]
     return Plant(mass, np.stack(damping, axis=1), np.stack(stiffness, axis=1), np.stack(torques, axis=1))
@@ -112,21 +112,10 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
     for k, direction in enumerate(np.eye(2 * n + count + 9)):
         of_beam, of_memory = k < 2 * n and k % n >= 3, 2 * n <= k < 2 * n + count
         step = 1.0 if of_memory else size
-        slope = (_central if of_beam or of_memory else _fourth_order)(answer, direction, step)
+        slope = (central if of_beam or of_memory else fourth_order)(answer, direction, step)
         kink = (answer(step * direction) + answer(-step * direction) - 2 * at_rest) / (2 * step)
         # A memory that is driven by a norm, as b̂ is by ‖s‖, moves alike to both sides: it has a kink there and no slope.
         flat = np.abs(slope) < KINK * np.abs(kink)
         flat[: len(rest.torque)] = False
         slopes.append(np.where(flat, 0.0, slope))
     return Law(*np.split(np.stack(slopes, axis=1), [2 * n, 2 * n + count], axis=1))
-
-
-def _central(function: Callable[[np.ndarray], np.ndarray], direction: np.ndarray, size: float) -> np.ndarray:
-    """Derivative along a unit direction by central differences."""
-    step = size * direction
-    return (function(step) - function(-step)) / (2 * size)
-
-
-def _fourth_order(function: Callable[[np.ndarray], np.ndarray], direction: np.ndarray, size: float) -> np.ndarray:
-    """Derivative along a unit direction by central differences of order 4."""
-    return (4 * _central(function, direction, size) - _central(function, direction, 2 * size)) / 3

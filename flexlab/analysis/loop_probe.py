@@ -12,7 +12,7 @@ from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.plant import ETA, MEMORY, P, X, make_workspace, state_size
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam, build_system
-from flexlab.sim.closed_loop import rates
+from flexlab.sim.closed_loop import System, rates
 from flexlab.sim.sampled_control import Sampling, control_instant
 
 PROBE_PERIOD = 1e-3
@@ -36,6 +36,13 @@ class Motion(NamedTuple):
         n = len(self.eta)
         parts = np.split(step, [3, 3 + n, 6 + n])
         return Motion(*(old + part for old, part in zip(self, parts, strict=True)))
+
+
+def aim(system: System, desired: np.ndarray) -> None:
+    """Make the path's value, rate and acceleration at t = 0 those of `desired` (3, 3): a sine of 1 rad/s has all three free."""
+    path, (x, v, a) = system.trajectory, desired
+    path.center[:], path.amplitude[:], path.phase[:] = x + a, np.hypot(v, a), np.arctan2(-a, v)
+    path.frequency[:] = 1 / (2 * np.pi)
 
 
 class LoopProbe:
@@ -82,6 +89,14 @@ class LoopProbe:
         nothing = np.zeros(self.mode_count)
         return Motion(np.array(pose, dtype=float), nothing, np.zeros(3), nothing.copy())
 
+    def state(self, motion: Motion, memory: np.ndarray) -> np.ndarray:
+        """The engine's state y of a motion."""
+        self._set(motion)
+        y = self._y.copy()
+        y[MEMORY : MEMORY + len(memory)] = memory
+        y[ETA + 2 * self.mode_count :] = np.nan  # what integrators note of accelerations: of no motion before this one
+        return y
+
     def momenta(self, motion: Motion) -> np.ndarray:
         """(P, π) of a motion, (3 + n_m,)."""
         self._set(motion)
@@ -101,7 +116,7 @@ class LoopProbe:
 
         `desired`: x_d, ẋ_d, ẍ_d (3, 3). The change is per control period; per second for a continuous law.
         """
-        self._aim(desired)
+        aim(self.system, desired)
         self._set(motion)
         own = self._y[MEMORY : MEMORY + len(memory)]
         own[:] = memory
@@ -120,12 +135,6 @@ class LoopProbe:
         n = self.mode_count
         self._y[X : X + 3], self._y[ETA : ETA + n] = motion.x, motion.eta
         self._check(set_momenta(self.system.plant, self._y, motion.v, motion.eta_dot, self._workspace))
-
-    def _aim(self, desired: np.ndarray) -> None:
-        """Make the path's value, rate and acceleration at t = 0 those of `desired`: a sine of 1 rad/s has all three free."""
-        path, (x, v, a) = self.system.trajectory, desired
-        path.center[:], path.amplitude[:], path.phase[:] = x + a, np.hypot(v, a), np.arctan2(-a, v)
-        path.frequency[:] = 1 / (2 * np.pi)
 
     def _check(self, code: int) -> None:
         if code != 0:

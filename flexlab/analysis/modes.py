@@ -124,7 +124,7 @@ def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes
         rank = np.argsort(order)
         names = [POSE, *(f"beam mode {rank[k] + 1}" for k in range(len(omega))), MEMORY, ON_THEIR_WAY]
         poles, origin = found.value, tuple(names[k] for k in np.argmax(found.share, axis=1))
-        note = _drift_note(linear)
+        note = drift_note(linear)
     result = Modes(
         frequency=omega / (2 * np.pi),
         damping_ratio=np.diag(beam.modes.D)[order] / (2 * omega),
@@ -165,7 +165,8 @@ def linearize_at(scenario: Scenario, pose: np.ndarray) -> Linearization:
     return linearize_loop(probe, find_rest(probe, pose))
 
 
-def _drift_note(linear: Linearization) -> str:
+def drift_note(linear: Linearization) -> str:
+    """A sentence where the law's memory never rests; empty otherwise."""
     if not linear.rest.drifting:
         return ""
     return (

@@ -1,0 +1,195 @@
+"""`flexlab.linearize`: plant, or plant and law, about a rest point, between named inputs and outputs."""
+
+import difflib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlab.analysis.disk_margin import find_disk_margin
+from flexlab.analysis.linear_model import About, LinearModel, Named, make_model
+from flexlab.analysis.linear_outputs import Outputs, choose_columns, linear_outputs
+from flexlab.analysis.linearization import Linearization, first_order
+from flexlab.analysis.loop_poles import beam_scale, find_poles, hold, kept_memory
+from flexlab.analysis.modes import check_pose, drift_note, linearize_at
+from flexlab.errors import StudyError
+from flexlab.scenario import Scenario
+from flexlab.sim.blas import one_blas_thread
+
+TORQUE, TASK = "joint_torque", "arm_input"
+DESIRED = ("desired_pose", "desired_pose_rate", "desired_pose_acceleration")
+INPUTS = (TORQUE, TASK, *DESIRED)
+"""What a model can be driven by."""
+SIDES, AXES = ("left", "right"), ("x", "y", "theta")
+POSE_UNITS, FORCE_UNITS = ("m", "m", "rad"), ("N", "N", "N·m")
+
+
+def linearize(
+    scenario: Scenario,
+    pose: tuple[float, float, float] | None = None,
+    inputs: str | Sequence[str] = TORQUE,
+    outputs: str | Sequence[str] = "pose",
+    closed: bool | None = None,
+) -> LinearModel:
+    """The linear model about where the loop rests while `pose` (None: the trajectory's centre) is held.
+
+    `inputs`: "joint_torque" (N·m, of each joint), "arm_input" (u_i = 𝒥ᵀτ, N, N, N·m), "desired_pose", "desired_pose_rate",
+    "desired_pose_acceleration": a path has all three, and they are independent here, so that a step in "desired_pose" alone
+    is a target that jumps and then stands. `outputs`: names of a run's signals. `closed`: whether the control law acts;
+    None: where a desired pose is an input. Torques are then added to the law's.
+
+    With a control period the model is that of the control instants: torques are held, come late by the input delay (on
+    their way, they are states), and outputs are those just after the law has acted. States: pose, modal coordinates (in
+    ascending frequency), their rates, the law's memory that moves in the first order, torques on their way.
+    Raises `ScenarioError` for a scenario that is not valid, and `StudyError` for unknown names, a pose that an arm cannot
+    take, or a loop that has no rest point.
+    """
+    scenario = scenario.replace({})
+    driven = _names(inputs)
+    shown = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+    acts = any(name in DESIRED for name in driven)
+    if closed is False and acts:
+        raise StudyError(f"{driven} drive the control law: with closed=False choose {TORQUE} or {TASK} as inputs.")
+    if not shown:
+        raise StudyError("outputs is empty: name one signal of a run or more, such as 'pose'.")
+    with one_blas_thread():
+        linear = linearize_at(scenario, check_pose(scenario, pose))
+        answers = linear_outputs(linear, choose_columns(linear, shown))
+        return _assemble(linear, answers, driven, acts if closed is None else closed)
+
+
+def _names(inputs: str | Sequence[str]) -> tuple[str, ...]:
+    names = (inputs,) if isinstance(inputs, str) else tuple(inputs)
+    for name in names:
+        if name not in INPUTS:
+            near = difflib.get_close_matches(str(name), INPUTS) or INPUTS
+            raise StudyError(f"inputs: {name!r} is no input of a linear model: did you mean {', '.join(near)}?")
+    if not names:
+        raise StudyError(f"inputs is empty: name one or more of {', '.join(INPUTS)}.")
+    return names
+
+
+class _Drive(NamedTuple):
+    """How inputs enter."""
+
+    names: tuple[Named, ...]
+    torque: np.ndarray
+    """Joint torques by inputs, (arms · 3, inputs)."""
+    desired: np.ndarray
+    """(x_d, ẋ_d, ẍ_d) by inputs, (9, inputs)."""
+
+
+def _drive(linear: Linearization, driven: tuple[str, ...]) -> _Drive:
+    torques = linear.torque_count
+    sides = SIDES[: torques // 3]
+    names: list[Named] = []
+    blocks = []
+    for name in driven:
+        if name == TORQUE:
+            names += [Named(f"{name}_{side}_{joint}", "N·m") for side in sides for joint in (1, 2, 3)]
+            blocks.append((np.eye(torques), np.zeros((9, torques))))
+        elif name == TASK:
+            names += [Named(f"{name}_{s}_{a}", u) for s in sides for a, u in zip(AXES, FORCE_UNITS, strict=True)]
+            back = np.linalg.inv(linear.probe.task_inputs(linear.rest.motion))
+            blocks.append((back, np.zeros((9, torques))))
+        else:
+            order = DESIRED.index(name)
+            per = ("", "/s", "/s²")[order]
+            names += [Named(f"{name}_{axis}", unit + per) for axis, unit in zip(AXES, POSE_UNITS, strict=True)]
+            blocks.append((np.zeros((torques, 3)), np.eye(9)[:, 3 * order : 3 * order + 3]))
+    return _Drive(tuple(names), *(np.hstack(part) for part in zip(*blocks, strict=True)))
+
+
+def _assemble(linear: Linearization, answers: Outputs, driven: tuple[str, ...], closed: bool) -> LinearModel:
+    """A, B, C, D over (x, η, ẋ, η̇, memory, torques on their way)."""
+    controller, torques = linear.probe.original.controller, linear.torque_count
+    period, late = controller.control_period, controller.input_delay
+    kept = kept_memory(linear) if closed else np.zeros(0, dtype=int)
+    drive = _drive(linear, driven)
+    A, B = first_order(linear.plant)
+    n, k, line = len(A), len(kept), torques * late
+    if period is not None:
+        scale = beam_scale(linear)
+        A, B = hold(A * scale[:, None] / scale, B * scale[:, None], period)
+        A, B = A / scale[:, None] * scale, B / scale[:, None]
+    size, own = n + k + line, n + k
+    rows = torques + kept
+    # What the law (and who drives) asks for now, and the torques in force, both by states and inputs.
+    asked, asked_by = np.zeros((torques, size)), drive.torque.copy()
+    memory, memory_by = np.zeros((k, size)), np.zeros((k, len(drive.names)))
+    if closed:
+        asked[:, :n], asked[:, n:own] = linear.law.motion[:torques], linear.law.memory[:torques, kept]
+        asked_by += linear.law.desired[:torques] @ drive.desired
+        memory[:, :n], memory[:, n:own] = linear.law.motion[rows], linear.law.memory[np.ix_(rows, kept)]
+        memory_by += linear.law.desired[rows] @ drive.desired
+    held, held_by = asked, asked_by
+    if late:
+        held, held_by = np.zeros((torques, size)), np.zeros_like(asked_by)
+        held[:, own : own + torques] = np.eye(torques)
+    if period is not None:
+        memory[:, n:own] += np.eye(k)
+    whole, drives = np.zeros((size, size)), np.zeros((size, len(drive.names)))
+    whole[:n, :n] = A
+    whole[:n] += B @ held
+    drives[:n] = B @ held_by
+    whole[n:own], drives[n:own] = memory, memory_by
+    if late:
+        whole[own : size - torques, own + torques :] = np.eye(line - torques)
+        whole[size - torques :], drives[size - torques :] = asked, asked_by
+    # Samples of a control instant show the memory after it; of a continuous law, as it is.
+    seen, seen_by = memory, memory_by
+    if period is None:
+        seen, seen_by = np.eye(k, size, n), np.zeros_like(memory_by)
+    by_memory = answers.by_memory[:, kept]
+    C = by_memory @ seen + answers.by_torque @ held
+    C[:, :n] += answers.by_motion
+    D = by_memory @ seen_by + answers.by_torque @ held_by + answers.by_desired @ drive.desired
+    order = _state_order(linear, k, line)
+    matrices = (whole[np.ix_(order, order)], drives[order], C[:, order], D)
+    return make_model(matrices, period, _about(linear, answers, drive, closed, k))
+
+
+def _state_order(linear: Linearization, memory: int, line: int) -> np.ndarray:
+    """The engine groups modes by what damps them; here they ascend in frequency."""
+    count = linear.probe.mode_count
+    ranked, start = np.argsort(linear.omega, kind="stable"), 6 + 2 * count
+    return np.concatenate(
+        [range(3), 3 + ranked, range(3 + count, 6 + count), 6 + count + ranked, range(start, start + memory + line)]
+    ).astype(int)
+
+
+def _about(linear: Linearization, answers: Outputs, drive: _Drive, closed: bool, memory: int) -> About:
+    count, torques = linear.probe.mode_count, linear.torque_count
+    late = linear.probe.original.controller.input_delay
+    sides = SIDES[: torques // 3]
+    states = [Named(f"pose_{axis}", unit) for axis, unit in zip(AXES, POSE_UNITS, strict=True)]
+    states += [Named(f"mode_{k + 1}", "m·kg^½") for k in range(count)]
+    states += [Named(f"pose_rate_{axis}", f"{unit}/s") for axis, unit in zip(AXES, POSE_UNITS, strict=True)]
+    states += [Named(f"mode_rate_{k + 1}", "m·kg^½/s") for k in range(count)]
+    states += [Named(f"memory_{k + 1}", "1") for k in range(memory)]
+    states += [
+        Named(f"joint_torque_{side}_{joint}_in_{step}", "N·m")
+        for step in range(late)
+        for side in sides
+        for joint in (1, 2, 3)
+    ]
+    outputs = tuple(Named(*column.name.removesuffix("]").split(" [")) for column in answers.columns)
+    order = _state_order(linear, 0, 0)[: 3 + count]
+    mass, damping, stiffness = (
+        part[np.ix_(order, order)] for part in (linear.plant.mass, linear.plant.damping, linear.plant.stiffness)
+    )
+    return About(
+        states=tuple(states),
+        inputs=drive.names,
+        outputs=outputs,
+        mass=mass,
+        damping=damping,
+        stiffness=stiffness,
+        pose=linear.rest.motion.x.copy(),
+        torque=linear.rest.torque.reshape(-1, 3).copy(),
+        output_at_rest=answers.at_rest,
+        closed=closed,
+        input_delay=late,
+        note=drift_note(linear),
+        disk_margin=find_disk_margin(linear, find_poles(linear).value),
+    )

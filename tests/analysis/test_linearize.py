@@ -1,0 +1,203 @@
+"""Linear models: against an independent linearisation, against the nonlinear run, and in the hands of other tools."""
+
+import sys
+
+import numpy as np
+import pytest
+from reference.lagrangian import Lagrangian
+from reference.linear import NEAR, hessian, open_loop_matrices
+from scipy.signal import StateSpace, cont2discrete, dlsim, lsim
+from threadpoolctl import threadpool_limits
+
+import flexlab
+from flexlab.analysis.linear_model import LinearModel
+from flexlab.analysis.modes import modes
+from flexlab.errors import StudyError
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.signals import TABLE
+from flexlab.sim.simulate import simulate
+
+SAMPLED = {"controller.control_period": 2e-3, "controller.input_delay": 2}
+MOTORS_OFF_LATE = {"controller.control_period": 2e-3}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_blas_thread():
+    """Small matrices: idle BLAS threads would spin on the cores of other tests."""
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
+def still(name: str = "paper", **changes) -> Scenario:
+    return load_preset(name).replace({"trajectory.amplitude": (0.0, 0.0, 0.0), **changes})
+
+
+def joint_angles(lagrangian: Lagrangian, pose: np.ndarray) -> np.ndarray:
+    """Relative joint angles of both arms by their links' directions, (arms · 3,)."""
+    found = []
+    for index in range(len(lagrangian.scenario.arms)):
+        angles = [np.arctan2(float(u[1]), float(u[0])) for u in lagrangian.links(pose, index)[1]]
+        found += [angles[0], angles[1] - angles[0], angles[2] - angles[1]]
+    return np.array(found)
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_eigenvalues_are_those_of_an_independent_linearisation(gravity: float):
+    """The plant under torques that hold it, from energies of mass points: to 1e-6 of each eigenvalue."""
+    scenario = still("gravity", **{"gravity": gravity, "payload.element_count": 3, "controller.kind": "pd"})
+    model = flexlab.linearize(scenario, pose=(0.05, 0.7, 0.15))
+    pose, torque = model.about.pose, model.about.torque.ravel()
+    found = modes(scenario, (0.05, 0.7, 0.15)).linearization
+    assert found is not None
+    q = found.probe.beam.modes.V @ found.rest.motion.eta
+    M, C, K, _ = open_loop_matrices(scenario, np.concatenate([pose, q]))
+    lagrangian = Lagrangian(scenario, [0, 6])
+    straight = np.zeros(len(M) - 3)
+    start = joint_angles(lagrangian, np.concatenate([pose, straight]))
+
+    def work(x: np.ndarray) -> float:
+        turn = joint_angles(lagrangian, np.concatenate([x, straight])) - start
+        return float(torque @ ((turn + np.pi) % (2 * np.pi) - np.pi))
+
+    K[:3, :3] -= hessian(work, pose, NEAR)
+    n = len(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [np.linalg.solve(M, -K), np.linalg.solve(M, -C)]])
+    expected, own = np.linalg.eigvals(A), np.linalg.eigvals(model.A)
+    assert len(own) == len(expected)
+    # Without weight six eigenvalues are exactly 0 and share one block: they are known to the root of rounding.
+    for value in own:
+        assert np.abs(expected - value).min() < 1e-6 * abs(value) + (1e-3 if gravity == 0 and abs(value) < 0.01 else 0)
+    assert (np.abs(own) > 0.01).sum() == len(own) - (6 if gravity == 0 else 0)
+
+
+@pytest.mark.parametrize("law", ["adaptive-sliding-mode", "vibration-damping", "computed-torque", "pd"])
+@pytest.mark.parametrize("sampling", [{}, MOTORS_OFF_LATE, SAMPLED], ids=["continuous", "held", "late"])
+def test_a_step_of_the_target_is_that_of_the_run(law: str, sampling: dict):
+    """A target that jumps by 10 µm and 1e-5 rad: model and simulation; what is of second order is as small again."""
+    if law == "vibration-damping" and sampling == SAMPLED:
+        sampling = {"controller.control_period": 5e-4, "controller.input_delay": 1}
+    scenario = still(**{"controller.kind": law, **sampling})
+    outputs = ("pose", "midspan_deflection", "joint_torque", "internal_force", "tracking_error", "arm_input")
+    model = flexlab.linearize(scenario, inputs="desired_pose", outputs=outputs)
+    assert model.about.closed
+    step, period = np.array([1e-5, -1e-5, 1e-5]), sampling.get("controller.control_period", 1e-3)
+    center = np.array(scenario.trajectory.center)
+    begun = {"initial.pose": tuple(center), "trajectory.center": tuple(center + step)}
+    run = simulate(scenario.replace(begun), 0.3, period)
+    target = np.broadcast_to(step, (len(run), 3))
+    if model.dt is None:
+        shown = lsim(model, target, run.time)[1]
+    else:
+        shown = dlsim(model, target)[1]
+    first = 0
+    for name in outputs:
+        signal = getattr(run, name).reshape(len(run), -1)
+        own = shown[:, first : first + signal.shape[1]] + model.about.output_at_rest[first : first + signal.shape[1]]
+        first += signal.shape[1]
+        change = np.abs(signal - model.about.output_at_rest[first - signal.shape[1] : first]).max()
+        # An internal force that a symmetric step hardly makes is of second order itself.
+        assert np.abs(signal - own).max() < 1e-3 * max(change, 1e-3 if name == "internal_force" else 0.0), name
+
+
+def test_the_sampled_plant_is_scipys_zero_order_hold():
+    """Held torques without a law: `cont2discrete` of the continuous model, and one period of delay puts z⁻¹ in front."""
+    plain, held = (flexlab.linearize(still(**more), outputs="pose") for more in ({}, MOTORS_OFF_LATE))
+    expected = cont2discrete((plain.A, plain.B, plain.C, plain.D), 2e-3)
+    np.testing.assert_allclose(held.A, expected[0], rtol=1e-9, atol=1e-9 * np.abs(expected[0]).max())
+    np.testing.assert_allclose(held.B, expected[1], rtol=1e-6, atol=1e-9 * np.abs(expected[1]).max())
+    late = flexlab.linearize(still(**SAMPLED), outputs="pose")
+    assert late.state_names[-12:-6] == tuple(f"joint_torque_{s}_{j}_in_0" for s in ("left", "right") for j in (1, 2, 3))
+    push = np.ones((9, 6))
+    after, before = dlsim(late, push)[1], dlsim(held, push)[1]
+    np.testing.assert_allclose(after[2:], before[:-2], rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("sampling", [{}, SAMPLED])
+def test_the_closed_models_eigenvalues_are_the_poles(sampling: dict):
+    scenario = still("vibration-damping", **sampling)
+    model, found = flexlab.linearize(scenario, closed=True), modes(scenario)
+    own = np.linalg.eigvals(model.A)
+    if model.dt is not None:
+        own = np.log(own[np.abs(own) > 1e-4].astype(complex)) / model.dt
+    for pole in found.poles[np.abs(found.poles) < 3000]:
+        assert np.abs(own - pole).min() < 1e-5 * abs(pole)
+    assert model.disk_margin == found.disk_margin
+
+
+def test_mass_damping_and_stiffness_make_the_model():
+    model = flexlab.linearize(load_preset("gravity"), (0.1, 0.7, 0.2))
+    n = len(model.mass)
+    np.testing.assert_allclose(model.mass, model.mass.T, atol=1e-12)
+    np.testing.assert_allclose(model.stiffness, model.stiffness.T, atol=1e-6)
+    np.testing.assert_allclose(model.mass @ model.A[n:, :n], -model.stiffness, rtol=1e-9, atol=1e-5)
+    np.testing.assert_allclose(model.mass @ model.A[n:, n:], -model.damping, rtol=1e-9, atol=1e-9)
+    frequency = np.sqrt(np.diag(model.stiffness)[3:]) / (2 * np.pi)
+    np.testing.assert_allclose(frequency, modes(load_preset("gravity")).frequency, rtol=1e-9)
+
+
+def test_task_inputs_are_the_joint_torques_that_make_them():
+    torque, task = (
+        flexlab.linearize(load_preset("paper"), inputs=i, outputs="arm_input") for i in ("joint_torque", "arm_input")
+    )
+    np.testing.assert_allclose(task.D, np.eye(6), atol=1e-9)
+    np.testing.assert_allclose(torque.B, task.B @ torque.D, atol=1e-9)
+    assert task.input_units == ("N", "N", "N·m") * 2
+
+
+def test_every_recorded_signal_can_be_an_output():
+    names = [name for name in TABLE if name != "time"]
+    model = flexlab.linearize(load_preset("single-arm"), inputs=("joint_torque", "desired_pose_rate"), outputs=names)
+    assert len(model.output_names) == len(set(model.output_names)) == len(model.C)
+    assert all(model.output_units)
+    assert np.isfinite(model.C).all()
+    assert np.isfinite(model.D).all()
+
+
+def test_names_units_and_one_line():
+    model = flexlab.linearize(load_preset("paper").replace(SAMPLED), inputs=("desired_pose", "joint_torque"))
+    assert isinstance(model, StateSpace)
+    assert isinstance(model, LinearModel)
+    assert repr(model) == "LinearModel(closed loop, sampled at 2 ms, 26 states, 9 inputs, 3 outputs)"
+    assert model.input_names[:4] == ("desired_pose_x", "desired_pose_y", "desired_pose_theta", "joint_torque_left_1")
+    assert model.input_units[2:4] == ("rad", "N·m")
+    assert dict(zip(model.state_names, model.state_units, strict=True))["mode_rate_1"] == "m·kg^½/s"
+    assert "outputs: pose_x [m], pose_y [m], pose_theta [rad]" in str(model)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"inputs": "joint_torqe"}, "did you mean joint_torque"),
+        ({"outputs": ("pose", "deflection")}, "'deflection' is no signal"),
+        ({"outputs": ()}, "outputs is empty"),
+        ({"inputs": []}, "inputs is empty"),
+        ({"pose": (9.0, 9.0, 0.0)}, "reach"),
+        ({"inputs": "desired_pose", "closed": False}, "closed=False"),
+    ],
+)
+def test_what_makes_no_model_is_refused_in_a_sentence(arguments: dict, sentence: str):
+    with pytest.raises(StudyError, match=sentence):
+        flexlab.linearize(load_preset("paper"), **arguments)
+
+
+def test_no_rest_point_no_model():
+    with pytest.raises(StudyError, match="no rest point"):
+        flexlab.linearize(load_preset("gravity").replace({"controller.kind": "none"}))
+
+
+@pytest.mark.parametrize("sampling", [{}, SAMPLED])
+def test_python_control_takes_the_model(sampling: dict):
+    control = pytest.importorskip("control")
+    model = flexlab.linearize(still(**sampling), inputs="desired_pose")
+    other = model.to_control()
+    assert isinstance(other, control.StateSpace)
+    assert other.state_labels == list(model.state_names)
+    assert other.dt == sampling.get("controller.control_period", 0)
+    np.testing.assert_allclose(control.dcgain(other), np.eye(3), atol=1e-6)
+
+
+def test_python_control_that_is_missing_is_asked_for(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(StudyError, match=r"flexlab\[control\]"):
+        flexlab.linearize(load_preset("paper")).to_control()

@@ -4,7 +4,6 @@ Everything here stands as `flexlab.<name>`; the rooms below do the work.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -32,10 +31,13 @@ AnyScenario = Scenario | str | Path | Mapping[str, Any]
 """A scenario; a preset's name; the path of a scenario file; or plain data, as read from JSON."""
 
 
-@dataclass(frozen=True, repr=False)
 class Run(samples.Run):
-    name: str = "run"
+    name: str
     """The preset or file that the scenario came from; recordings are called after it."""
+
+    def __init__(self, *, name: str = "run", **parts: Any):
+        super().__init__(**parts)
+        vars(self).update(name=name)
 
     @cached_property
     def metrics(self) -> RunMetrics:
@@ -141,4 +143,4 @@ def _named(scenario: AnyScenario) -> tuple[str, Scenario]:
 
 
 def _run(run: samples.Run, name: str) -> Run:
-    return Run(**{field.name: getattr(run, field.name) for field in fields(samples.Run)}, name=name)
+    return Run(**run.signals(), scenario=run.scenario, status=run.status, name=name)

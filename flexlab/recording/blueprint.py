@@ -16,7 +16,7 @@ MAIN_PLOTS = ("error", "vibration", "internal_force", "joint_torque")
 
 def run_blueprint(scenario: Scenario, factor: float, title: str) -> rrb.Blueprint:
     """The layout of one run. `factor`: exaggeration of the drawn deflection, which the view's name states."""
-    signals = plot_signals(len(scenario.arms))
+    signals = plot_signals(scenario)
     left = rrb.Vertical(
         scene_view(f"{title}: deflection drawn × {factor:g}", scenario),
         rrb.Tabs(

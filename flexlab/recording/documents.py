@@ -12,6 +12,7 @@ from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, plot_signals
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.formats import FORMAT, OLDEST_READER
 from flexlab.scenario import Scenario
+from flexlab.sim.signals import TABLE, own_signals
 
 
 def parameters_text(scenario: Scenario, name: str, factor: float) -> str:
@@ -25,15 +26,13 @@ def parameters_text(scenario: Scenario, name: str, factor: float) -> str:
     return f"# {heading}\n\n{scenario.watch}\n\n{notes}\n\n```json\n{scenario_json(scenario)}\n```\n"
 
 
-def signals_text(arm_count: int) -> str:
+def signals_text(scenario: Scenario) -> str:
     """Markdown: what each plotted signal is, in SI units and with its equation."""
-    rows = [f"| {s.entity} | {s.title} | {s.meaning} |" for s in (*plot_signals(arm_count), REAL_TIME_FACTOR)]
+    rows = [f"| {s.entity} | {s.title} | {s.meaning} |" for s in (*plot_signals(scenario), REAL_TIME_FACTOR)]
     table = "\n".join(["| entity | signal | meaning |", "|---|---|---|", *rows])
-    exact = (
-        "`exact/samples` holds every signal of `flexlab.sim.samples.Samples` in SI units and double precision; "
-        "`flexlab.recording.reader.read_recording` gives them back."
-    )
-    return f"# Signals\n\n{table}\n\n{exact}\n"
+    exact = "`exact/samples` holds all of these in SI units and double precision; `flexlab.read` gives them back."
+    lines = [f"- `{signal.name}`: {signal.text}" for signal in (*TABLE.values(), *own_signals(scenario))]
+    return "\n\n".join([f"# Signals\n\n{table}", exact, "\n".join(lines)]) + "\n"
 
 
 def scenario_json(scenario: Scenario) -> str:

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -92,7 +93,7 @@ def _factor(runs: Sequence[NamedScenario]) -> float:
 def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> Iterator[None]:
     """Send a run; pauses after each piece, for it to be written."""
     scenario, label = recording.scenario, run_label(number)
-    signals = plot_signals(len(scenario.arms))
+    signals = plot_signals(scenario)
     for signal in signals:
         curves = rr.SeriesLines(
             names=[f"{label}: {name}" for name in signal.names],
@@ -108,8 +109,9 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
     stride = max(1, round(1 / (FRAMES_PER_SECOND * recording.sample_period)))
     for block in _from_zero(larger_blocks(read_blocks(recording.path), BLOCK_ROWS)):
         for signal in signals:
-            values = scalars(signal.values(block))
-            send_columns(stream, f"runs/{label}/{signal.entity}", block.time, [values])
+            values = signal.values(block)
+            if not np.isnan(values).all():  # A signal that was not recorded has no curve.
+                send_columns(stream, f"runs/{label}/{signal.entity}", block.time, [scalars(values)])
         drawn = block.take(slice(None, None, stride))
         for entity, columns in moving_shapes(scenario, drawn, factor):
             send_columns(stream, f"runs/{label}/{entity}", drawn.time, columns)
@@ -134,8 +136,8 @@ def _shade(color: tuple[int, int, int], number: int) -> tuple[int, int, int]:
 def comparison_blueprint(runs: Sequence[NamedScenario]) -> rrb.Blueprint:
     """The layout of a comparison of these runs."""
     labels = [run_label(number) for number in range(len(runs))]
-    arms = max(len(scenario.arms) for _, scenario in runs)
-    signals = {signal.entity: signal for signal in plot_signals(arms)}
+    scenarios = sorted((scenario for _, scenario in runs), key=lambda scenario: len(scenario.arms))
+    signals = {signal.entity: signal for scenario in scenarios for signal in plot_signals(scenario)}
     main = ("error", "vibration", "internal_force", "joint_torque")
     rest = [_overlay(signal, labels) for name, signal in signals.items() if name not in main]
     left = rrb.Vertical(

@@ -1,5 +1,7 @@
 """The plotted signals: which entity, which curves in which unit and colour, and how they follow from samples.
 
+What a curve means stands in the table of signals. A law's own signals have a plot each, without a line here.
+
 Plots use the unit that suits the eye (mm, mrad); each curve's name says it. The exact signals, in SI units, are in the
 blocks of `flexlab.recording.sample_codec`.
 """
@@ -9,7 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlab.scenario import Scenario
+from flexlab.signal import Signal
 from flexlab.sim.samples import Samples
+from flexlab.sim.signals import DERIVED, TABLE, own_signals
 
 MILLI = 1e3
 """Millimetres per metre, milliradians per radian."""
@@ -21,6 +26,9 @@ PURPLE, ORANGE, SKY, GRAY = (204, 121, 167), (230, 159, 0), (86, 180, 233), (150
 LEFT = ((0, 114, 178), (86, 180, 233), (0, 158, 115))
 RIGHT = ((213, 94, 0), (230, 159, 0), (204, 121, 167))
 """Shades of the left arm's and of the right arm's three curves."""
+
+
+ENERGIES = ("kinetic_energy", "elastic_energy", "gravity_energy", "input_work", "dissipated_energy")
 
 
 @dataclass(frozen=True)
@@ -48,14 +56,44 @@ def _arm_names(arm_count: int, *names: str) -> tuple[str, ...]:
     return tuple(f"{side} {name}" for side in ("left", "right")[:arm_count] for name in names)
 
 
-def plot_signals(arm_count: int) -> tuple[PlotSignal, ...]:
-    """All plotted signals of a run with `arm_count` arms, most looked at first."""
+def plot_signals(scenario: Scenario) -> tuple[PlotSignal, ...]:
+    """All plotted signals of a run, most looked at first, those that only its law has last."""
+    return (*_plots(len(scenario.arms)), *map(_own_plot, own_signals(scenario)))
+
+
+def _own_plot(signal: Signal) -> PlotSignal:
+    """A law's own signal in its SI units."""
+    numbers = range(signal.fixed_size)
+    units = [signal.units[number % len(signal.units)] for number in numbers]
+    labels = [signal.symbol if len(numbers) == 1 else f"{signal.symbol} {number + 1}" for number in numbers]
+
+    def values(samples: Samples) -> np.ndarray:
+        found = samples.own.get(signal.name)
+        return np.full((len(samples), len(numbers)), np.nan) if found is None else _per_arm(found)
+
+    return PlotSignal(
+        f"own/{signal.name}",
+        signal.name.replace("_", " ").capitalize(),
+        about(signal),
+        tuple(f"{label} [{unit}]" for label, unit in zip(labels, units, strict=True)),
+        tuple((*LEFT, *RIGHT)[number % 6] for number in numbers),
+        values,
+    )
+
+
+def about(signal: Signal, shown: str = "") -> str:
+    """What a signal is: symbol, meaning, equation and SI units, as the table of signals says. `shown`: the plot's units."""
+    source = f" ({signal.equation})" if signal.equation else ""
+    return f"{signal.symbol}: {signal.meaning}{source}, in {signal.unit_text}{f'; here in {shown}' if shown else ''}."
+
+
+def _plots(arm_count: int) -> tuple[PlotSignal, ...]:
     arm_colors = (*LEFT, *RIGHT)[: 3 * arm_count]
     return (
         PlotSignal(
             "error",
             "Tracking error",
-            "e = x - x_d, pose less desired pose (Section III), in m, m, rad; here in mm and mrad.",
+            about(TABLE["tracking_error"], "mm and mrad"),
             ("error x [mm]", "error y [mm]", "error θ [mrad]"),
             (BLUE, VERMILION, GREEN),
             lambda samples: samples.tracking_error * MILLI,
@@ -63,8 +101,8 @@ def plot_signals(arm_count: int) -> tuple[PlotSignal, ...]:
         PlotSignal(
             "vibration",
             "Beam at mid-span",
-            "Deflection w(0, t) and its two parts: what the motion's inertial load bends, and the vibration, in m; "
-            "here in mm.",
+            f"{about(TABLE['midspan_deflection'])} {about(TABLE['quasi_static_deflection'])} "
+            f"{about(DERIVED['vibration'], 'mm')}",
             ("vibration [mm]", "deflection [mm]", "quasi-static part [mm]"),
             (VERMILION, SKY, GREEN),
             lambda samples: (
@@ -74,8 +112,7 @@ def plot_signals(arm_count: int) -> tuple[PlotSignal, ...]:
         PlotSignal(
             "internal_force",
             "Internal force of the left arm",
-            "F_1, Eqs. (13)-(15): the part of the grip's force that only squeezes and bends the payload, in N, N, N·m. "
-            "The right arm's is equal and opposite.",
+            f"{about(TABLE['internal_force'])} It only squeezes and bends; the right arm's is equal and opposite.",
             ("force x [N]", "force y [N]", "moment [N·m]"),
             (BLUE, VERMILION, GREEN),
             lambda samples: samples.internal_force[:, 0],
@@ -83,7 +120,7 @@ def plot_signals(arm_count: int) -> tuple[PlotSignal, ...]:
         PlotSignal(
             "joint_torque",
             "Joint torques",
-            "τ_i, Eq. (11), base joint first, in N·m.",
+            about(TABLE["joint_torque"]),
             _arm_names(arm_count, "joint 1 [N·m]", "joint 2 [N·m]", "joint 3 [N·m]"),
             arm_colors,
             lambda samples: _per_arm(samples.joint_torque),
@@ -91,7 +128,7 @@ def plot_signals(arm_count: int) -> tuple[PlotSignal, ...]:
         PlotSignal(
             "sliding_variable",
             "Sliding variable",
-            "s = ẋ - r (Section III), in m/s, m/s, rad/s.",
+            about(TABLE["sliding_variable"]),
             ("s x [m/s]", "s y [m/s]", "s θ [rad/s]"),
             (BLUE, VERMILION, GREEN),
             lambda samples: samples.sliding_variable,
@@ -99,7 +136,7 @@ def plot_signals(arm_count: int) -> tuple[PlotSignal, ...]:
         PlotSignal(
             "bound_estimates",
             "Bound estimates",
-            "b̂, Eq. (25): what the controller has learnt about the beam's reaction, in N, N/m, N·s²/m².",
+            about(TABLE["bound_estimates"]),
             ("b̂0 [N]", "b̂1 [N/m]", "b̂2 [N·s²/m²]"),
             (BLUE, VERMILION, GREEN),
             lambda samples: samples.bound_estimates,
@@ -107,7 +144,7 @@ def plot_signals(arm_count: int) -> tuple[PlotSignal, ...]:
         PlotSignal(
             "energy",
             "Energies",
-            "Kinetic energy of arms and payload, elastic energy ½qᵀK_F q, weight, work put in and energy damped away, in J.",
+            " ".join(about(TABLE[name]) for name in ENERGIES),
             ("kinetic [J]", "elastic [J]", "gravity [J]", "total [J]", "work put in [J]", "damped away [J]"),
             (BLUE, GREEN, GRAY, PURPLE, ORANGE, VERMILION),
             lambda samples: _columns(

@@ -10,7 +10,7 @@ from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import run_blueprint
 from flexlab.recording.chunks import Column, send_columns
 from flexlab.recording.documents import parameters_text, run_properties, signals_text
-from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, plot_signals
+from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, PlotSignal, plot_signals
 from flexlab.recording.rrd_file import RrdFile
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.scene_log import fixed_shapes
@@ -49,16 +49,8 @@ class RunStream:
         stream.send_property("run", run_properties(info))
         text = parameters_text(scenario, info.name, info.exaggeration)
         self._log("parameters", rr.TextDocument(text, media_type="text/markdown"))
-        self._log("signals", rr.TextDocument(signals_text(len(scenario.arms)), media_type="text/markdown"))
-        for signal in (*plot_signals(len(scenario.arms)), REAL_TIME_FACTOR):
-            curves = rr.SeriesLines(
-                names=list(signal.names),
-                colors=list(signal.colors),
-                widths=[1.5] * len(signal.names),
-                # The default policy averages: a 44 Hz ring would shrink as one zooms out.
-                aggregation_policy=rr.components.AggregationPolicy.MinMax,
-            )
-            self._log(signal.entity, curves)
+        self._log("signals", rr.TextDocument(signals_text(scenario), media_type="text/markdown"))
+        self.name_curves((*plot_signals(scenario), REAL_TIME_FACTOR))
         for entity, shape in fixed_shapes(scenario):
             self._log(entity, shape)
         if info.start is not None:
@@ -68,6 +60,18 @@ class RunStream:
             stream.flush(timeout_sec=FLUSH_TIMEOUT)
         except (RuntimeError, ValueError, OSError) as error:
             raise RecordingError(f"The recording cannot be opened: {_one_line(error)}") from None
+
+    def name_curves(self, signals: Iterable[PlotSignal]) -> None:
+        """Say what the curves are called that will be sent, and how they look."""
+        for signal in signals:
+            curves = rr.SeriesLines(
+                names=list(signal.names),
+                colors=list(signal.colors),
+                widths=[1.5] * len(signal.names),
+                # The default policy averages: a 44 Hz ring would shrink as one zooms out.
+                aggregation_policy=rr.components.AggregationPolicy.MinMax,
+            )
+            self._log(signal.entity, curves)
 
     def _log(self, entity: str, archetype: rr.AsComponents) -> None:
         self._stream.log(entity, archetype, static=True)

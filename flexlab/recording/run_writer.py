@@ -37,7 +37,7 @@ class RunWriter:
         self.streams: list[RunStream] = []
         self._scenario = info.scenario
         self._events: list[Event] = []
-        self._signals = plot_signals(len(info.scenario.arms))
+        self._signals = plot_signals(info.scenario)
         self._last_drawn = -np.inf
         self.rows = 0
         self.last_time = 0.0
@@ -73,7 +73,9 @@ class RunWriter:
     def write_shown(self, samples: Samples, speed_time: Sequence[float], speed: Sequence[float]) -> None:
         """Write what a viewer shows of a block (N >= 1): curves and drawing."""
         for signal in self._signals:
-            self._send(signal.entity, samples.time, [scalars(signal.values(samples))])
+            values = signal.values(samples)
+            if not np.isnan(values).all():  # A signal that was not recorded has no curve.
+                self._send(signal.entity, samples.time, [scalars(values)])
         if len(speed):
             values = scalars(np.asarray(speed)[:, None])
             self._send(REAL_TIME_FACTOR.entity, np.asarray(speed_time), [values])
@@ -113,6 +115,11 @@ class RunWriter:
             self._scenario = self._scenario.replace(change.changes)
         except ScenarioError:
             return  # The engine accepted it, so this is a change that only the engine can follow; the drawing stays.
+        known = {signal.entity for signal in self._signals}
+        new = tuple(signal for signal in plot_signals(self._scenario) if signal.entity not in known)
+        self._signals += new  # Another law may have signals of its own.
+        for stream in self.streams:
+            stream.name_curves(new)
         if any(path.startswith("trajectory") for path in change.changes):
             self._send_path(self.streams, time)
 

@@ -36,5 +36,7 @@ def _state_values(state: WorldState) -> dict[str, Any]:
 
 
 def _state(values: Mapping[str, Any]) -> WorldState:
-    arrays = {name: np.array(value, float) for name, value in values.items() if name != "tick"}
+    # What only a newer version keeps is of no use here; what it needs and an older one lacks has a default.
+    known = {field.name for field in fields(WorldState)} - {"tick"}
+    arrays = {name: np.array(value, float) for name, value in values.items() if name in known}
     return WorldState(tick=int(values["tick"]), **arrays)

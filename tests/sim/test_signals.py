@@ -1,0 +1,147 @@
+"""One table of signals: documentation, rows, recordings and exports follow from it; a law's own signals come along."""
+
+import pydoc
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlab
+from flexlab.analysis.replay import replay
+from flexlab.presets import load_preset
+from flexlab.recording.export import export_run, import_run
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+from flexlab.recording.sample_codec import decode_block, encode_block, join_blocks
+from flexlab.signal import ARM, COORDINATE
+from flexlab.sim.row_layout import empty_samples
+from flexlab.sim.samples import Run, Samples
+from flexlab.sim.signals import DERIVED, TABLE
+from flexlab.sim.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return simulate(load_preset("paper"), 0.1)
+
+
+def test_the_help_shows_units_and_shape_of_every_array():
+    text = pydoc.render_doc(flexlab.Run, renderer=pydoc.plaintext)
+    for signal in (*TABLE.values(), *DERIVED.values()):
+        assert f"{signal.name} -- {signal.text}" in text
+        assert signal.shape_text in signal.text
+        assert signal.unit_text in signal.text or signal.units == ("1",)
+
+
+def test_every_signal_has_the_shape_that_the_table_says(run: Run):
+    for signal in TABLE.values():
+        assert run[signal.name].shape == (len(run), *signal.shape(2, run.scenario.payload.coordinate_count))
+        assert not run[signal.name].flags.writeable
+    nothing = empty_samples(1, 5)
+    for signal in TABLE.values():
+        assert nothing[signal.name].shape == (0, *signal.shape(1, 5))
+
+
+def test_units_are_one_or_one_for_each_entry():
+    for signal in TABLE.values():
+        last = signal.axes[-1] if signal.axes else None
+        assert len(signal.units) in {1, 0 if last is None else len(last.labels)}
+        assert last != ARM or len(signal.units) == 1
+        assert last != COORDINATE or len(signal.units) == 2
+
+
+def test_a_missing_signal_is_absent_and_not_an_error(run: Run, tmp_path: Path):
+    """As of a version that did not have it yet: opened, joined, exported, plotted, recorded and replayed."""
+    lost = {"saturated", "moving_force", "quasi_static_deflection", "joint_torque", "beam_rates"}
+    older = Samples(**{name: signal for name, signal in run.signals().items() if name not in lost})
+    found = decode_block(encode_block(older))
+    assert found.absent == lost
+    for name in lost:
+        assert found[name].shape == run[name].shape
+        assert np.isnan(found[name]).all()
+    assert np.isnan(found.vibration).all()
+    assert join_blocks([found, found]).absent == lost
+    short = Run(**older.signals(), scenario=run.scenario, status=run.status)
+    back, _ = import_run(export_run(short, tmp_path / "run.csv"))
+    assert back.absent == lost
+    np.testing.assert_array_equal(back.pose, run.pose)
+    recording = read_recording(write_run(short, tmp_path, "paper"))
+    assert recording.samples.absent == lost
+    found = replay(recording)
+    assert found.identical
+    assert all(name in found.text for name in lost)
+
+
+def test_a_signal_of_a_newer_version_is_kept(run: Run, tmp_path: Path):
+    newer = run.slice(0, 20).having(temperature=np.linspace(20.0, 30.0, 20))
+    found = decode_block(encode_block(newer))
+    np.testing.assert_array_equal(found["temperature"], newer.own["temperature"])
+    assert join_blocks([found, run.slice(20, 30)]).own["temperature"][-1] != 30.0
+    again = Run(**newer.signals(), scenario=run.scenario, status=run.status)
+    recording = read_recording(write_run(again, tmp_path, "newer"))
+    np.testing.assert_array_equal(recording.samples["temperature"], newer.own["temperature"])
+    assert replay(recording).identical
+
+
+def test_an_unknown_name_says_which_there_are(run: Run):
+    with pytest.raises(AttributeError, match=r"no signal temprature: there are time, pose, .*vibration"):
+        run["temprature"]
+
+
+SIMULATED = '    speed: np.ndarray = row("|v|", "m/s", "speed of the payload", ARM)\n'
+
+DERIVED_ROW = '''
+    @derived("p", "W")
+    def drive_power(self) -> np.ndarray:
+        """Rate of the work put in."""
+        return np.gradient(self.input_work, self.time)
+'''
+
+SCRIPT = """
+import sys, numpy as np
+from pathlib import Path
+import flexlab
+from flexlab.presets import load_preset
+from flexlab.recording.documents import signals_text
+from flexlab.recording.export import export_run, import_run
+from flexlab.recording.sample_codec import decode_block, encode_block
+from flexlab.sim.row_layout import row_length, rows_to_samples
+from flexlab.sim.samples import Run, Status
+assert flexlab.__file__.startswith(sys.argv[1]), flexlab.__file__
+for line in ("drive_power -- p: rate of the work put in, W, (N,)", "speed -- |v|: speed of the payload, m/s, (N, arms)"):
+    assert line in flexlab.Run.__doc__, line
+rows = np.arange(8 * row_length(2, 4)).reshape(8, -1).astype(float)
+samples = rows_to_samples(rows, 2)
+assert samples.speed.shape == (8, 2) and len({float(v) for v in samples.speed.ravel()}) == 16
+assert (samples.drive_power > 0).all()
+assert (decode_block(encode_block(samples)).speed == samples.speed).all()
+scenario = load_preset("paper")
+run = Run(**samples.signals(), scenario=scenario, status=Status("finished"))
+table = export_run(run, Path(sys.argv[1]) / "run.csv")
+assert "speed_left [m/s],speed_right [m/s]" in table.read_text(encoding="utf-8").split("\\n")[1]
+assert (import_run(table)[0].speed == samples.speed).all()
+assert "speed of the payload" in signals_text(scenario)
+print("good")
+"""
+
+
+def test_a_signal_is_added_in_one_file(root: Path, tmp_path: Path):
+    """Two rows in a copy of the package, one derived and one to be simulated, in sim/signals.py alone.
+
+    Layout, documentation, blocks, tables and their way back follow. (What the kernel then writes there is one more line of it.)
+    """
+    package = tmp_path / "flexlab"
+    shutil.copytree(root / "flexlab", package, ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in ("presets", "web_assets"):
+        (tmp_path / folder).symlink_to(root / folder)
+    file = package / "sim" / "signals.py"
+    text = file.read_text(encoding="utf-8")
+    place = text.index("\n    @derived(")
+    file.write_text(text[:place].rstrip() + "\n" + SIMULATED + DERIVED_ROW + text[place:], encoding="utf-8")
+    command = [sys.executable, "-c", SCRIPT, str(tmp_path)]
+    surroundings = {"PYTHONPATH": str(tmp_path), "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=surroundings)
+    assert done.stdout.strip() == "good", done.stderr

@@ -19,6 +19,7 @@ def test_a_run_is_recorded_and_summed_up(flexlab_command: Command, tmp_path: Pat
     (file,) = (tmp_path / "runs").glob("*-paper.rrd")
     assert str(Path("runs") / file.name) in done.stdout
     assert "1501 samples" in done.stdout
+    assert "Vibration below 1 % after 0.439 s." in done.stdout
     rows = {line.split(", ")[0].strip(): line.split()[-2:] for line in done.stdout.splitlines() if ", " in line}
     assert [float(value) for value in rows["tracking error x"]] == pytest.approx([16.74, 0.16], rel=0.01)
     assert float(rows["mid-span deflection"][0]) == pytest.approx(1.770, rel=0.01)

@@ -6,7 +6,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from flexlab.analysis.metrics import METRICS, MetricCollection
+from flexlab.analysis.metrics import MetricCollection
+from flexlab.analysis.metrics.noted import measured
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_blocks, read_recording
@@ -19,9 +20,6 @@ from flexlab.sim.snapshot import Event
 
 DIGITS = 4
 """Significant digits of a metric in the notes: for reading, not for computing."""
-
-
-METRIC_KEYS = frozenset(column.key for metric in METRICS.values() for column in metric.columns)
 
 
 class MetricNotes:
@@ -64,11 +62,6 @@ class MetricNotes:
 def _rounded(value: float) -> float | None:
     """As JSON has it: None for what has no value."""
     return float(f"{value:.{DIGITS}g}") if isfinite(value) else None
-
-
-def measured(metrics: Any) -> bool:
-    """Whether the notes on a run have all metrics of today: one that came later, or means something else now, is missing."""
-    return isinstance(metrics, dict) and METRIC_KEYS <= metrics.keys()
 
 
 def run_notes(info: RunInfo) -> MetricNotes:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics import Column as MetricColumn
-from flexlab.analysis.metrics.noted import UNKNOWN, noted_text, noted_texts
+from flexlab.analysis.metrics.noted import UNKNOWN, measured, noted_text, noted_texts
 from flexlab.cli.console import note, output
 from flexlab.errors import StudyError
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
@@ -113,7 +113,7 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
     note(f"{count_text(len(rows))}, {size}, in {logs}. flexlab logs RUN says more of one.")
     if left_out:
         note(f"A wider window has room for {', '.join(left_out)}.")
-    if missing := sum(not row.metrics and row.state != "in use" for row in rows):
+    if missing := sum(not measured(row.metrics) and row.state != "in use" for row in rows):
         note(f"Without metrics: {missing}. flexlab logs --measure reads those that can be read.")
 
 

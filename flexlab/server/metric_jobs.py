@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from flexlab.analysis.run_summary import measured, note_missing_metrics
+from flexlab.analysis.metrics.noted import measured
+from flexlab.analysis.run_summary import note_missing_metrics
 from flexlab.recording.store.run_index import RunRow
 
 LOW_PRIORITY = 19

@@ -10,6 +10,13 @@ from flexlab.analysis.metrics.run_metrics import value_text
 UNKNOWN = "–"
 
 
+def measured(noted: Any) -> bool:
+    """Whether the notes have all metrics of today: one that came later, or means something else now, is missing."""
+    return isinstance(noted, Mapping) and all(
+        column.key in noted for metric in METRICS.values() for column in metric.columns
+    )
+
+
 def noted_text(column: Column, noted: Mapping[str, Any]) -> str:
     """A number as a table shows it: "not settled" for one that had no value, "–" for one that was never measured."""
     if column.key not in noted:

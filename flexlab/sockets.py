@@ -1,5 +1,6 @@
 """Listening on exactly the address that was asked for, or saying in one sentence why not."""
 
+import errno
 import socket
 import sys
 
@@ -9,6 +10,20 @@ BACKLOG = 128
 """Connections that may wait to be answered: a class that opens the page at once."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """Addresses that only this machine can reach."""
+
+
+class PortInUse(LabError):
+    """Another program listens there."""
+
+
+def free_ports(count: int, host: str = LOOPBACK[0]) -> list[int]:
+    """Ports that are free at this moment, for a program that cannot take a listening socket. Raises `LabError`."""
+    plugs = [listen(host, 0) for _ in range(count)]
+    try:
+        return [plug.getsockname()[1] for plug in plugs]
+    finally:
+        for plug in plugs:
+            plug.close()
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -37,8 +52,10 @@ def listen(host: str, port: int) -> socket.socket:
     except OSError as error:
         plug.close()
         if "in use" in str(error).lower() or getattr(error, "winerror", None) == 10048:
-            raise LabError(
+            raise PortInUse(
                 f"port {port} is in use by another program: choose another one (0 takes any free port) or stop that program."
             ) from None
+        if error.errno == errno.EADDRNOTAVAIL:
+            raise LabError(f"host = {host} is not an address of this machine: use 127.0.0.1 or 0.0.0.0.") from None
         raise LabError(f"{host}:{port} cannot be opened ({error.strerror}): choose another host or port.") from None
     return plug

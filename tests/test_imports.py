@@ -16,6 +16,7 @@ LAYERS = {
     "quantities": 0,
     "signal": 0,
     "plain_text": 0,
+    "boundaries": 0,
     "scenario": 1,
     "presets": 1,
     "guide": 1,

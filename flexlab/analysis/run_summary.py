@@ -14,6 +14,7 @@ from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.run_files import list_runs, read_notes, run_state, write_notes
 from flexlab.scenario import Scenario
+from flexlab.scenario.differences import TEXTS, part_differences
 from flexlab.sim.commands import ChangeScenario, LoadScenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
@@ -113,17 +114,8 @@ def preset_changes(name: str, scenario: Scenario) -> list[str]:
 
 def scenario_differences(one: Scenario, other: Scenario) -> list[tuple[str, str, str]]:
     """(dotted path, value in `one`, value in `other`) of every field that differs; titles and texts do not count."""
-    return [item for item in _differences(one, other, "") if item[0] not in ("title", "watch")]
-
-
-def _differences(one: Any, other: Any, path: str) -> list[tuple[str, str, str]]:
-    if one == other:
-        return []
-    if isinstance(one, BaseModel) and type(one) is type(other):
-        names = type(one).model_fields
-        found = [_differences(getattr(one, n), getattr(other, n), f"{path}.{n}" if path else n) for n in names]
-        return [item for group in found for item in group]
-    return [(path, _text(one), _text(other))]
+    found = part_differences(one, other)
+    return [(path, _text(old), _text(new)) for path, old, new in found if path not in TEXTS]
 
 
 def _text(value: Any) -> str:

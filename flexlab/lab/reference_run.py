@@ -1,14 +1,13 @@
 """A run that was kept to compare others with: its samples, and what sets it apart from the present run."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from flexlab.analysis.metrics import MetricRow, run_metrics
 from flexlab.errors import LabError
 from flexlab.scenario import Scenario
+from flexlab.scenario.differences import differences as differences
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK
@@ -57,18 +56,3 @@ def common_metrics(
         return [], (0.0, 0.0)
     ours, theirs = (run_metrics(run, (first, last)).rows for run in (kept.samples, samples))
     return list(zip(ours, theirs, strict=True)), (first, last)
-
-
-def differences(one: Scenario, other: Scenario) -> list[tuple[str, Any, Any]]:
-    """(path, value in one, value in the other) of every field in which two scenarios differ; titles apart."""
-    first, second = dict(_leaves(one.model_dump(), "")), dict(_leaves(other.model_dump(), ""))
-    paths = [path for path in {**first, **second} if path not in ("title", "watch")]
-    return [(path, first.get(path), second.get(path)) for path in paths if first.get(path) != second.get(path)]
-
-
-def _leaves(data: Any, path: str) -> Iterator[tuple[str, Any]]:
-    if isinstance(data, dict):
-        for name, value in data.items():
-            yield from _leaves(value, f"{path}.{name}" if path else name)
-    else:
-        yield path, data

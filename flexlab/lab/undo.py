@@ -1,11 +1,10 @@
 """The way back: settings as they were before each change, and forward again."""
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from flexlab.scenario import Scenario
+from flexlab.scenario.differences import changes_towards as changes_towards
 from flexlab.sim.world_state import Origin
 
 LONGEST_HISTORY = 200
@@ -61,21 +60,3 @@ class Undo:
                 target.append(present)
                 return found
         return None
-
-
-def changes_towards(present: Scenario, wanted: Scenario) -> dict[str, Any]:
-    """Changes by path that make `present` into `wanted`; a new kind stands before its fields."""
-    return dict(_changes(present.model_dump(), wanted.model_dump(), ""))
-
-
-def _changes(present: Any, wanted: dict[str, Any], path: str) -> Iterator[tuple[str, Any]]:
-    for name in sorted(wanted, key=lambda name: name != "kind"):
-        inner = f"{path}.{name}" if path else name
-        old, new = present.get(name), wanted[name]
-        if isinstance(old, dict) and isinstance(new, dict):
-            if old.get("kind") != new.get("kind"):
-                yield f"{inner}.kind", new["kind"]
-                old = {"kind": new["kind"]}
-            yield from _changes(old, new, inner)
-        elif old != new or name not in present:
-            yield inner, new

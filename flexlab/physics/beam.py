@@ -11,6 +11,8 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse.csgraph import connected_components
 
+from flexlab.boundaries import held_coordinates
+
 GAUSS_POINTS = 4
 """Exact for polynomials up to degree 7; the mass integrand has degree 6."""
 
@@ -50,8 +52,8 @@ class BeamModes(NamedTuple):
     """Blocks of coupled modes: block b holds modes block_start[b] up to block_start[b + 1]."""
 
 
-def shape_functions(xi: float, length: float) -> np.ndarray:
-    """Cubic Hermite functions (4,) on an element of `length` at local coordinate xi in [0, 1] (Eq. 4)."""
+def shape_functions(xi: float | np.ndarray, length: float) -> np.ndarray:
+    """Cubic Hermite functions on an element of `length` at local coordinates xi in [0, 1] (Eq. 4), (4,) or (4, N)."""
     return np.array(
         [
             1 - 3 * xi**2 + 2 * xi**3,
@@ -70,11 +72,7 @@ def curvature_functions(xi: float, length: float) -> np.ndarray:
 @cache
 def free_coordinates(element_count: int, boundary: str) -> np.ndarray:
     """Indices into the 2 (n + 1) nodal coordinates that the boundary leaves free (read-only)."""
-    last = 2 * element_count
-    left, right = boundary.split("-")
-    held = {"pinned": [0], "clamped": [0, 1], "free": []}
-    fixed = held[left] + [last + k for k in held[right]]
-    free = np.setdiff1d(np.arange(last + 2), fixed)
+    free = np.setdiff1d(np.arange(2 * element_count + 2), held_coordinates(element_count, boundary))
     free.flags.writeable = False
     return free
 

@@ -1,13 +1,11 @@
 """One place in this process where rerun viewers watch all runs live, and where late ones still find the last minutes."""
 
-import errno
-import socket
-
 import rerun as rr
 
-from flexlab.errors import RecordingError
+from flexlab.errors import LabError, RecordingError
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import FLUSH_TIMEOUT, RunStream, open_live_stream
+from flexlab.sockets import PortInUse, listen
 
 MEMORY_LIMIT = "64MiB"
 """What the hub keeps for viewers that join late: about four minutes of the paper's run. What never changes stays."""
@@ -28,7 +26,16 @@ class LiveHub:
         self._stream: rr.RecordingStream | None = None
         self.host = host
         for _ in range(1 if port else ATTEMPTS):
-            self.port = port or _free_port(host)
+            # Rerun tells neither a bad address nor a port in use apart, so both are tried first.
+            try:
+                plug = listen(host, port)
+            except PortInUse:
+                self.port = port
+                break
+            except LabError as error:
+                raise RecordingError(str(error)) from None
+            self.port = plug.getsockname()[1]
+            plug.close()
             if self._listen():
                 return
         raise RecordingError(
@@ -36,8 +43,6 @@ class LiveHub:
         )
 
     def _listen(self) -> bool:
-        if not _is_free(self.host, self.port):
-            return False
         stream = rr.RecordingStream(HUB_APPLICATION, send_properties=False)
         try:
             stream.set_sinks(rr.GrpcServerSink(self.host, self.port, server_memory_limit=MEMORY_LIMIT))
@@ -65,34 +70,3 @@ class LiveHub:
         stream, self._stream = self._stream, None
         if stream is not None:
             stream.disconnect()
-
-
-def _free_port(host: str) -> int:
-    with socket.socket() as probe:
-        try:
-            probe.bind((host, 0))
-        except OSError as error:
-            raise _bad_address(host, error) from None
-        return probe.getsockname()[1]
-
-
-def _is_free(host: str, port: int) -> bool:
-    """Whether the port can be taken. Raises `RecordingError` for what is no port, or no address of this machine."""
-    with socket.socket() as probe:
-        # Like the server itself: a port that was in use a minute ago is free.
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OverflowError:
-            raise RecordingError(f"port = {port} is not a port: choose 1024 to 65535, or 0 for any.") from None
-        except OSError as error:
-            if error.errno in (errno.EADDRINUSE, errno.EACCES):
-                return False
-            raise _bad_address(host, error) from None
-    return True
-
-
-def _bad_address(host: str, error: OSError) -> RecordingError:
-    return RecordingError(
-        f"host = {host} is not an address of this machine ({error.strerror or error}): use 127.0.0.1, or 0.0.0.0 for all."
-    )

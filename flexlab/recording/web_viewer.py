@@ -8,7 +8,6 @@ import contextlib
 import http.server
 import os
 import re
-import socket
 import subprocess
 import threading
 import time
@@ -22,6 +21,7 @@ import rerun as rr
 from flexlab.errors import RecordingError
 from flexlab.recording.repair import rerun_tool
 from flexlab.recording.store.run_files import replacing
+from flexlab.sockets import free_ports
 
 VIEWER_FILES = {
     "index.html": "text/html; charset=utf-8",
@@ -58,7 +58,7 @@ def viewer_folder() -> Path:
 
 
 def _unpack(folder: Path) -> None:
-    grpc, web = _free_ports(2)
+    grpc, web = free_ports(2)
     options = ["--bind", LOOPBACK, "--port", str(grpc), "--web-viewer-port", str(web)]
     nothing = subprocess.DEVNULL
     process = subprocess.Popen([rerun_tool(), "--serve-web", *options], stdin=nothing, stdout=nothing, stderr=nothing)
@@ -80,17 +80,6 @@ def _fetch(address: str, process: "subprocess.Popen[bytes]") -> bytes:
             return answer.read()
         time.sleep(0.05)
     raise RecordingError("Rerun's program does not serve its web viewer: install rerun-sdk again.")
-
-
-def _free_ports(count: int) -> list[int]:
-    probes = [socket.socket() for _ in range(count)]
-    try:
-        for probe in probes:
-            probe.bind((LOOPBACK, 0))
-        return [probe.getsockname()[1] for probe in probes]
-    finally:
-        for probe in probes:
-            probe.close()
 
 
 def viewer_link(page: str, source: str) -> str:

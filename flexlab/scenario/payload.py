@@ -5,16 +5,11 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from flexlab.boundaries import HELD_COORDINATES
 from flexlab.quantities import Count, Number, Part, quantity
 
 Boundary = Literal["pinned-pinned", "clamped-clamped", "clamped-pinned", "pinned-clamped", "clamped-free"]
-FIXED_COORDINATES: dict[str, int] = {
-    "pinned-pinned": 2,
-    "clamped-clamped": 4,
-    "clamped-pinned": 3,
-    "pinned-clamped": 3,
-    "clamped-free": 2,
-}
+FIXED_COORDINATES = {boundary: len(held) for boundary, held in HELD_COORDINATES.items()}
 """How many of the 2 (n + 1) nodal coordinates each boundary holds at zero."""
 
 

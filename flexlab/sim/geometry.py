@@ -5,18 +5,12 @@ Pure NumPy on whole blocks of samples; the equations of motion do not use this f
 
 import numpy as np
 
+from flexlab.boundaries import HELD_COORDINATES as HELD_COORDINATES
+from flexlab.boundaries import held_coordinates
 from flexlab.errors import ScenarioError
+from flexlab.physics.beam import shape_functions as element_functions
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.samples import Samples
-
-HELD_COORDINATES: dict[str, tuple[int, ...]] = {
-    "pinned-pinned": (0, -2),
-    "clamped-clamped": (0, 1, -2, -1),
-    "clamped-pinned": (0, 1, -2),
-    "pinned-clamped": (0, -2, -1),
-    "clamped-free": (0, 1),
-}
-"""Nodal coordinates (deflection, slope per node, left to right) that each boundary holds at zero; < 0: from the end."""
 
 
 def arm_points(scenario: Scenario, samples: Samples) -> np.ndarray:
@@ -66,14 +60,11 @@ def shape_functions(payload: Payload, position: np.ndarray) -> np.ndarray:
     z = along - element
     rows = np.arange(len(z))
     full = np.zeros((len(z), 2 * nodes))
-    full[rows, 2 * element] = 1 - 3 * z**2 + 2 * z**3
-    full[rows, 2 * element + 1] = width * (z - 2 * z**2 + z**3)
-    full[rows, 2 * element + 2] = 3 * z**2 - 2 * z**3
-    full[rows, 2 * element + 3] = width * (z**3 - z**2)
+    for column, share in enumerate(element_functions(z, width)):
+        full[rows, 2 * element + column] = share
     return np.delete(full, held_columns(payload), axis=1)
 
 
 def held_columns(payload: Payload) -> list[int]:
     """Indices of the held nodal coordinates among all 2 (n + 1)."""
-    total = 2 * (payload.element_count + 1)
-    return [index % total for index in HELD_COORDINATES[payload.boundary]]
+    return held_coordinates(payload.element_count, payload.boundary)

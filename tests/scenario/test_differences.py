@@ -1,0 +1,41 @@
+"""The one walk through two scenarios, in its three forms."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexlab.presets import load_preset, preset_names
+from flexlab.scenario import Scenario
+from flexlab.scenario.differences import changes_towards, differences, part_differences
+
+names = st.sampled_from(preset_names())
+PAPER = Scenario()
+
+
+@given(names, names)
+@settings(deadline=None, max_examples=30)
+def test_what_leads_from_one_to_the_other_arrives(one: str, other: str):
+    present, wanted = load_preset(one), load_preset(other)
+    changes = changes_towards(present, wanted)
+    # A boundary and the arm that it needs go together, as they do when a preset is chosen.
+    assert present.replace(changes) == wanted
+    assert (changes == {}) == (present == wanted)
+
+
+def test_a_changed_kind_is_one_difference_of_parts_and_each_of_its_fields():
+    other = PAPER.replace({"payload.damping.kind": "modal", "gravity": 9.81})
+    assert [path for path, _, _ in part_differences(PAPER, other)] == ["payload.damping", "gravity"]
+    found = {path: (old, new) for path, old, new in differences(PAPER, other)}
+    assert found == {
+        "payload.damping.kind": ("nodal", "modal"),
+        "payload.damping.coefficient": (0.1, None),
+        "payload.damping.ratio": (None, 0.01),
+        "gravity": (0.0, 9.81),
+    }
+    assert list(changes_towards(PAPER, other)) == ["payload.damping.kind", "payload.damping.ratio", "gravity"]
+
+
+def test_an_arm_that_is_taken_away_is_told_field_by_field():
+    other = PAPER.replace({"payload.boundary": "clamped-free", "right_arm": None})
+    found = {path for path, _, _ in differences(PAPER, other)}
+    assert {"payload.boundary", "right_arm.base", "right_arm.elbow"} <= found
+    assert differences(PAPER, PAPER.replace({"title": "x", "watch": "y"})) == []

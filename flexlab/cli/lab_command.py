@@ -40,6 +40,14 @@ def command(
         tyro.conf.arg(help="Give each visitor a lab of their own; otherwise all share one.", help_behavior_hint=""),
     ] = False,
     max_sessions: Annotated[int, tyro.conf.arg(metavar="N", help="Most private labs at once.")] = 4,
+    max_per_address: Annotated[
+        int | None,
+        tyro.conf.arg(
+            metavar="N",
+            help="Most private labs of one address; one less than in all if left out.",
+            help_behavior_hint="",
+        ),
+    ] = None,
     idle_time: Annotated[
         float, tyro.conf.arg(metavar="S", help="A private lab closes after so long without an open page, s.")
     ] = 600.0,
@@ -87,7 +95,16 @@ def command(
 
     most_bytes = None if max_size is None else max_size * GIGABYTE
     settings = Settings(
-        logs, host, port, token, private, max_sessions, idle_time, most_bytes=most_bytes, most_days=max_age
+        logs,
+        host,
+        port,
+        token,
+        private,
+        max_sessions,
+        idle_time,
+        most_bytes=most_bytes,
+        most_days=max_age,
+        max_per_address=max_per_address,
     )
     if not settings.is_local and token is None:
         # Made up here, so that a page opened while compiling can turn into the lab.

@@ -28,10 +28,16 @@ def open_browser(url: str) -> None:
 
 @contextmanager
 def ending() -> Iterator[threading.Event]:
-    """An event that the signals set instead of killing, so that recordings are always closed."""
+    """An event that the signals set instead of killing, so that recordings are closed; a second Ctrl-C ends at once."""
     ended = threading.Event()
     numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
-    before = {number: signal.signal(number, lambda *_: ended.set()) for number in numbers}
+
+    def answer(number: int, _: object) -> None:
+        if ended.is_set() and number == signal.SIGINT:
+            os._exit(128 + number)  # Whoever asks twice does not want to wait; recordings are whole up to here.
+        ended.set()
+
+    before = {number: signal.signal(number, answer) for number in numbers}
     try:
         yield ended
     finally:

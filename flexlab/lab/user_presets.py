@@ -13,6 +13,10 @@ NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,38}[a-z0-9])?")
 """Names of presets: what every file system, link and command line takes unchanged."""
 
 
+MOST_PRESETS = 60
+"""Files in a person's own folder: as many as a menu can hold, and no visitor fills the disk."""
+
+
 def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Path:
     """Write a scenario as a person's own preset; raises `PresetError` for a name that cannot be used."""
     if not NAME.fullmatch(name):
@@ -26,6 +30,10 @@ def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Pat
     except OSError as error:
         raise PresetError(f"The folder {folder} cannot be made ({error.strerror}): start flexlab elsewhere.") from None
     path = folder / f"{name}.json"
+    if not path.exists() and sum(1 for _ in folder.glob("*.json")) >= MOST_PRESETS:
+        raise PresetError(
+            f"There are {MOST_PRESETS} presets in {folder} already: delete some, or save under one's name."
+        )
     save_scenario(scenario, path)
     return path
 

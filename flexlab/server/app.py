@@ -7,6 +7,7 @@ from aiohttp import web
 
 from flexlab.assets import web_assets_folder
 from flexlab.server.auth import LARGEST_BODY, add_headers, answer_in_sentences, check
+from flexlab.server.connections import watch_patience
 from flexlab.server.pages.compare_page import add_compare_pages
 from flexlab.server.pages.lab_pages import add_lab_pages
 from flexlab.server.pages.page_context import CONTEXT, Context
@@ -22,7 +23,7 @@ STATIC_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 
 
 def build_app(context: Context) -> web.Application:
     """The web application of one server."""
-    app = web.Application(middlewares=[answer_in_sentences, check], client_max_size=LARGEST_BODY)
+    app = web.Application(middlewares=[watch_patience, answer_in_sentences, check], client_max_size=LARGEST_BODY)
     app[CONTEXT] = context
     app.on_response_prepare.append(add_headers)
     app.router.add_get("/", start_page)

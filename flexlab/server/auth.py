@@ -1,14 +1,16 @@
 """Who may come in, from where, and with what: every request passes here before any page sees it."""
 
+import codecs
 import hmac
-import logging
 import re
 from collections.abc import Awaitable, Callable
-from urllib.parse import quote, urlsplit
+from urllib.parse import quote, unquote, urlsplit
 
 from aiohttp import hdrs, web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from flexlab.errors import FlexlabError
+from flexlab.log_limits import limited
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.markup import fill, join
@@ -27,6 +29,8 @@ WITH_A_PASS = "/pass/"
 """Recordings whose address carries a pass: rerun's viewer sends no cookies."""
 COMPARISON = "comparison/"
 """Overlays of several runs lie under this word; no run's name has a slash."""
+UPLOAD = "/runs/import"
+"""The only address that takes files."""
 SAFE_METHODS = ("GET", "HEAD")
 
 HEADERS = {
@@ -46,7 +50,7 @@ SIGN_IN = """<form method="get" action="{path}" class="sign-in">{query}
 <label>Token <input name="token" autocomplete="off" autofocus required></label> <button class="button">Open</button>
 </form>"""
 
-log = logging.getLogger(__name__)
+log = limited(__name__)
 
 
 async def add_headers(request: web.Request, response: web.StreamResponse) -> None:
@@ -68,6 +72,10 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
             raise
         sentence = SENTENCES.get(error.status, f"{error.reason}.")
         return message("That did not work", sentence, error.status)
+    except HttpProcessingError:
+        return refuse(request, 400, "This is malformed: send it again.")
+    except UnicodeDecodeError:
+        return refuse(request, 400, "This is not text in UTF-8: nothing was done.")
     except FlexlabError as error:
         return message("That did not work", str(error), 400)
     except ConnectionError:
@@ -76,6 +84,8 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
         log.exception("A page failed: %s %r", request.method, request.path)
         return message("That did not work", f"This page failed ({type(error).__name__}). The labs run on.", 500)
 
+
+TOO_MANY = "Too many wrong tokens came from your address: wait a few seconds, then try again."
 
 SENTENCES = {
     403: "This is not for visitors.",
@@ -93,12 +103,21 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
         return refuse(request, *problem)
     if context.token is None or request.path.startswith(OPEN_TO_ALL) or _has_pass(request, context.token):
         return await handler(request)
+    address = request.remote or ""
     if "token" in request.query and request.method in SAFE_METHODS and not is_websocket(request):
+        if context.guesses.is_flooding(address):
+            return refuse(request, 429, TOO_MANY)
+        if not _same(request.query["token"], context.token):
+            await context.guesses.slow_down(address)
+            return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
         return _sign_in(request, context, context.token)
-    if not _same(request.cookies.get(context.token_cookie, ""), context.token):
-        log.warning("Refused %s %r from %s: no token.", request.method, request.path, request.remote)
-        return _ask_for_token(request)
-    return await handler(request)
+    given = request.cookies.get(context.token_cookie, "")
+    if _same(given, context.token):
+        return await handler(request)
+    if given:
+        await context.guesses.slow_down(address)
+    log.warning("Refused %s %.200r from %s: no token.", request.method, request.path, request.remote)
+    return _ask_for_token(request)
 
 
 def is_websocket(request: web.Request) -> bool:
@@ -122,13 +141,38 @@ def is_opened_by_person(request: web.Request) -> bool:
     return request.headers.get("Sec-Fetch-Dest", "document") == "document"
 
 
+def is_foreign_link(request: web.Request) -> bool:
+    """Whether another site's page leads a visitor here, perhaps unasked. Programs that are no browser do not say."""
+    return request.headers.get("Sec-Fetch-Site", "none") in ("cross-site", "same-site")
+
+
 def _malformed(request: web.Request) -> tuple[int, str] | None:
     path = request.path
-    if any(part == ".." for part in re.split(r"[/\\]", path)) or "\\" in path or any(ord(c) < 32 for c in path):
+    if (
+        any(part == ".." for part in re.split(r"[/\\]", path))
+        or "\\" in path
+        or any(ord(c) < 32 or ord(c) == 127 for c in path)
+    ):
         return 404, "There is nothing outside the server's own pages."
     if not _HOST.match(request.host):
         return 400, "This request names no proper host."
+    if any(ord(c) < 32 or ord(c) == 127 for c in unquote(request.rel_url.raw_query_string)):
+        return 400, "This address holds control characters: copy it again."
+    if request.method not in SAFE_METHODS:
+        if request.headers.get(hdrs.CONTENT_ENCODING, "identity").lower() != "identity":
+            return 400, "The server takes nothing that is packed: send it as it is."
+        if request.content_type.startswith("multipart/") and request.path != UPLOAD:
+            return 400, "Only a file is sent in parts; this is a form."
+        if not _is_utf8(request.charset):
+            return 400, "The server takes text in UTF-8 only."
     return None
+
+
+def _is_utf8(charset: str | None) -> bool:
+    try:
+        return charset is None or codecs.lookup(charset).name in ("utf-8", "ascii")
+    except (LookupError, ValueError):
+        return False
 
 
 def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
@@ -153,8 +197,6 @@ def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
 
 def _sign_in(request: web.Request, context: Context, token: str) -> web.Response:
     """The token in the address becomes a cookie, and leaves the address bar."""
-    if not _same(request.query["token"], token):
-        return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
     # One slash only: an address that begins with two leads to another site.
     to = "/" + str(request.rel_url.without_query_params("token")).lstrip("/")
     if request.headers.get("Sec-Fetch-Site", "none") == "cross-site":

@@ -1,9 +1,13 @@
 """What every process that the server starts has in common."""
 
 import contextlib
+import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Iterator
 from multiprocessing import resource_tracker
+from multiprocessing.connection import wait
 
 
 @contextlib.contextmanager
@@ -26,3 +30,16 @@ def leave_interrupts_to_the_server() -> None:
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+
+def end_with_the_server() -> None:
+    """In the process itself: when the server is killed, nobody waits for this work any more."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, name="flexlab-parent", daemon=True).start()

@@ -6,7 +6,6 @@ import logging
 import secrets
 import shutil
 import socket
-import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +20,7 @@ from flexlab.scenario import Scenario
 from flexlab.server.app import build_app
 from flexlab.server.automatic_retention import tidy_up
 from flexlab.server.comparison_jobs import Comparisons
+from flexlab.server.connections import Connections
 from flexlab.server.jobs import Jobs
 from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
@@ -28,10 +28,12 @@ from flexlab.server.labs.recorded_lab import RecordedLab
 from flexlab.server.labs.shared import SharedLabProvider
 from flexlab.server.metric_jobs import Measuring
 from flexlab.server.pages.page_context import Context
+from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
 from flexlab.server.replay_jobs import Replays
 from flexlab.server.settings import SECRET_BYTES, WILDCARDS, Settings
-from flexlab.sockets import BACKLOG, listen
+from flexlab.server.workshop import make_workshop
+from flexlab.sockets import listen
 
 CLOSING_TIME = 1.0
 """s that open pages get when the server closes: a lab's page never ends by itself."""
@@ -45,7 +47,7 @@ class FrontServer:
     def __init__(self, settings: Settings, port: int, token: str | None, places: LabProvider, plug: socket.socket):
         self.settings, self.places, self.token = settings, places, token
         """`token`: the word that opens the server; None if it does not ask for one."""
-        self.workshop = Path(tempfile.mkdtemp(prefix="flexlab-"))
+        self.workshop = make_workshop()
         """For files that nobody keeps; gone when the server closes."""
         self._plug = plug
         self.port = port
@@ -117,15 +119,20 @@ class FrontServer:
                 Comparisons(jobs, self.workshop),
                 Replays(jobs),
                 self.workshop,
+                PresetCards(jobs),
             )
             runner = web.AppRunner(build_app(context), access_log=None, shutdown_timeout=CLOSING_TIME)
+            connections: Connections | None = None
             try:
                 await runner.setup()
-                await web.SockSite(runner, self._plug, backlog=BACKLOG).start()
+                assert runner.server is not None
+                connections = Connections(self._plug, runner.server)
                 self._opened.set()
                 await self._closing.wait()
             finally:
                 tidying.cancel()
+                if connections is not None:
+                    await connections.close()
                 # Labs first: their recordings matter more than a visitor's last request.
                 self._last = await self.places.close()
                 measuring.close()

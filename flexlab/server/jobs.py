@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from flexlab.errors import FlexlabError, LabError
-from flexlab.server.child_processes import leave_interrupts_to_the_server, without_interrupt
+from flexlab.server.child_processes import end_with_the_server, leave_interrupts_to_the_server, without_interrupt
 
 AT_ONCE = 2
 """Errands that run together; they stand back behind labs, so more would only make each slower."""
@@ -57,6 +57,7 @@ class Failed:
 def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], reports: bool, pipe: Connection) -> None:
     """The life of a job's process."""
     leave_interrupts_to_the_server()
+    end_with_the_server()
     with contextlib.suppress(AttributeError, OSError):
         os.nice(LOW_PRIORITY)
     _limit_memory()

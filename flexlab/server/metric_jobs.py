@@ -10,6 +10,7 @@ from pathlib import Path
 from flexlab.analysis.metrics.noted import measured
 from flexlab.analysis.run_summary import note_missing_metrics
 from flexlab.recording.store.run_index import RunRow
+from flexlab.server.child_processes import end_with_the_server
 
 LOW_PRIORITY = 19
 """Unix niceness: the labs must not notice."""
@@ -17,6 +18,7 @@ LOW_PRIORITY = 19
 
 def measure(logs: Path) -> None:
     """The life of the measuring process."""
+    end_with_the_server()
     with contextlib.suppress(AttributeError, OSError):
         os.nice(LOW_PRIORITY)
     with contextlib.suppress(KeyboardInterrupt):

@@ -2,6 +2,7 @@
 
 import math
 import socket
+import string
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,10 @@ SOMEWHERE = ("192.0.2.1", 9)
 """An address that nobody has (RFC 5737): asking for the way there sends nothing."""
 SECRET_BYTES = 18
 """Randomness of a word that is made up."""
+SHORTEST_TOKEN = 16
+"""Characters of a chosen token: at two guesses a second nobody finds it."""
+TOKEN_LETTERS = frozenset(string.ascii_letters + string.digits + "-._~")
+"""What addresses and cookies hold unchanged."""
 MOST_SESSIONS = 1000
 """Private labs that may be asked for at once: far more than any machine can run."""
 SHORTEST_IDLE, LONGEST_IDLE = 1.0, 604_800.0
@@ -44,6 +49,8 @@ class Settings:
     """Over which the oldest runs that are not kept are deleted; None: never."""
     most_days: float | None = None
     """After which a run that is not kept is deleted; None: never."""
+    max_per_address: int | None = None
+    """Private labs of one address at once; None: one less than in all."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.port <= 65535:
@@ -60,8 +67,17 @@ class Settings:
                 raise LabError(
                     f"{name} = {limit / scale:g} {unit} is no limit: give a number above 0, or leave it out."
                 )
-        if self.token is not None and len(self.token) < 8:
-            raise LabError("The token is too short to keep anybody out: give at least 8 characters.")
+        if self.token is not None:
+            _check_token(self.token)
+        if self.max_per_address is not None and not 1 <= self.max_per_address <= self.max_sessions:
+            raise LabError(
+                f"max-per-address = {self.max_per_address} is outside 1 to {self.max_sessions}: choose within it."
+            )
+
+    @property
+    def labs_per_address(self) -> int:
+        """Private labs that the visitors of one address may have at once: unless chosen, one stays free for others."""
+        return self.max_per_address or max(self.max_sessions - 1, 1)
 
     def public_host(self) -> str:
         """How other browsers know this machine."""
@@ -71,6 +87,18 @@ class Settings:
     def is_local(self) -> bool:
         """Whether only this machine can reach the server."""
         return self.host in LOOPBACK
+
+
+def _check_token(token: str) -> None:
+    """Raises `LabError` for a word that keeps nobody out, or that addresses and cookies do not take unchanged."""
+    if len(token) < SHORTEST_TOKEN:
+        raise LabError(f"The token is too short to keep anybody out: give at least {SHORTEST_TOKEN} characters.")
+    strange = sorted(set(token) - TOKEN_LETTERS)
+    if strange:
+        raise LabError(
+            f"The token has {' '.join(map(ascii, strange[:5]))}, which an address cannot hold as it stands: "
+            "use letters a to z, A to Z, digits, hyphens, dots and underscores."
+        )
 
 
 def _own_address() -> str:

@@ -73,8 +73,11 @@ class LabProvider(Protocol):
 
     is_private: bool
 
-    async def enter(self, visitor: str, choice: Choice | None) -> Lab:
-        """The lab of a visitor, made if need be, with what they chose. Raises `FullError` or another `LabError`."""
+    async def enter(self, visitor: str, choice: Choice | None, address: str = "") -> Lab:
+        """The lab of a visitor, made if need be, with what they chose. Raises `FullError` or another `LabError`.
+
+        `address`: where the visitor comes from.
+        """
         ...
 
     def of_visitor(self, visitor: str) -> Lab | None:

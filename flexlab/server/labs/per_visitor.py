@@ -23,13 +23,18 @@ ENDED_KEPT = 500
 """Labs whose end is remembered, for visitors who come back."""
 ROUNDS_PER_IDLE_TIME = 5
 """How often within the idle time the server looks for labs that nobody watches."""
-LONGEST_ROUND = 10.0
+LONGEST_ROUND = 1.0
 """s between two such looks at most."""
+SILENCE = 8.0
+"""s without a report after which a lab counts as hanging: a new one is to be had."""
+LAST_CHANCE = 7.0
+"""s that a hanging lab then gets to close its run before it is ended by force."""
 
 CRASHED = (
     "This lab ended unexpectedly ({reason}). Everybody else's lab runs on, and your run was kept up to that moment."
 )
 IDLE = "This lab was closed after {time} without a visitor. Its run was kept."
+HANGING = "This lab did not answer any more and was closed. Everybody else's lab runs on, and your run was kept."
 CLOSED = "This lab was closed. Its run was kept."
 
 log = logging.getLogger(__name__)
@@ -67,11 +72,12 @@ class PrivateLabs:
         self._places: dict[str, PrivateLab] = {}
         self._opening: dict[str, asyncio.Future[PrivateLab]] = {}
         self._ended: OrderedDict[str, tuple[str, str]] = OrderedDict()
+        self._addresses: dict[str, str] = {}
         self._watch: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._last: Path | None = None
 
-    async def enter(self, visitor: str, choice: Choice | None) -> Lab:
+    async def enter(self, visitor: str, choice: Choice | None, address: str = "") -> Lab:
         """The visitor's lab. Raises `FullError` when there is no room for one more."""
         opening = self._opening.get(visitor)
         if opening is not None:
@@ -79,7 +85,7 @@ class PrivateLabs:
         place = self.of_visitor(visitor)
         if place is None:
             # Two pages opened at once by one visitor share what the first one starts.
-            opening = asyncio.ensure_future(self._open(visitor, choice or self._first))
+            opening = asyncio.ensure_future(self._open(visitor, choice or self._first, address))
             self._opening[visitor] = opening
             opening.add_done_callback(lambda _: self._opening.pop(visitor, None))
             return await asyncio.shield(opening)
@@ -87,13 +93,20 @@ class PrivateLabs:
             await asyncio.to_thread(place.worker.load, choice)
         return place
 
-    async def _open(self, visitor: str, choice: Choice) -> PrivateLab:
+    async def _open(self, visitor: str, choice: Choice, address: str) -> PrivateLab:
         if self._watch is None:
             self._watch = asyncio.create_task(self._close_idle_ones())
-        if len({place.visitor for place in self._places.values()} | set(self._opening)) > self._settings.max_sessions:
+        if len(self._taken() | {visitor}) > self._settings.max_sessions:
             raise FullError(
                 f"No lab is free: {self._settings.max_sessions} of {self._settings.max_sessions} are taken. "
                 "Come back in a few minutes: a lab that nobody looks at is closed."
+            )
+        most = self._settings.labs_per_address
+        self._addresses[visitor] = address
+        if sum(self._addresses.get(other) == address for other in self._taken() | {visitor}) > most:
+            raise FullError(
+                f"Your address has {most} of {most} labs that one address may have. Come back in a few minutes, or use the "
+                "browser in which you opened one: a lab that nobody looks at is closed."
             )
         loop = asyncio.get_running_loop()
         lab = secrets.token_urlsafe(ID_BYTES)
@@ -128,7 +141,8 @@ class PrivateLabs:
 
     def ended(self, visitor: str, lab: str) -> str:
         """Why this visitor's lab is no more; empty for other people's labs and for words that never were one."""
-        owner, sentence = self._ended.get(lab, ("", ""))
+        going = self._places.get(lab)
+        owner, sentence = (going.visitor, going.why) if going is not None else self._ended.get(lab, ("", ""))
         return sentence if owner == visitor else ""
 
     def left(self, place: Lab) -> None:
@@ -152,6 +166,10 @@ class PrivateLabs:
         recordings = [place.status().recording for place in places]
         return max(filter(None, recordings), key=lambda path: path.name, default=self._last)
 
+    def _taken(self) -> set[str]:
+        """Visitors who have a lab, or are getting one."""
+        return {place.visitor for place in self._places.values()} | set(self._opening)
+
     async def _close_idle_ones(self) -> None:
         idle = self._settings.idle_time
         while True:
@@ -160,6 +178,10 @@ class PrivateLabs:
                 if place.port and not place.visitors and not place.why and time.monotonic() - place.seen > idle:
                     place.why = IDLE.format(time=f"{idle / 60:g} minutes" if idle >= 60 else f"{idle:g} s")
                     self._keep(asyncio.to_thread(place.worker.stop))
+                elif place.port and not place.why and time.monotonic() - place.worker.heard_at > SILENCE:
+                    log.warning("A private lab has said nothing for %g s: it is closed.", SILENCE)
+                    place.why = HANGING
+                    self._keep(asyncio.to_thread(place.worker.stop, LAST_CHANCE))
 
     def _over(self, lab: str) -> None:
         """A worker's process has ended: as it was told, or by itself."""
@@ -175,6 +197,7 @@ class PrivateLabs:
         if recording is not None:
             self._keep(asyncio.to_thread(_mend, recording))
         self._ended[lab] = place.visitor, place.why
+        self._addresses = {visitor: self._addresses.get(visitor, "") for visitor in self._taken()}
         while len(self._ended) > ENDED_KEPT:
             self._ended.popitem(last=False)
 

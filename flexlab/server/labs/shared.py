@@ -39,7 +39,7 @@ class SharedLabProvider:
         self._laboratory = laboratory
         self._place = SharedLab(laboratory)
 
-    async def enter(self, visitor: str, choice: Choice | None) -> Lab:
+    async def enter(self, visitor: str, choice: Choice | None, address: str = "") -> Lab:
         """The one lab, with what this visitor chose."""
         if choice is not None:
             self._laboratory.load(choice)

@@ -4,6 +4,7 @@ import contextlib
 import multiprocessing
 import signal
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -107,6 +108,8 @@ class Worker:
         self._answered = threading.Event()
         self._sending = threading.Lock()
         self._answer: Ready | Refusal | None = None
+        self.heard_at = time.monotonic()
+        """When it last said anything."""
         self.status: LabStatus | None = None
         """Its latest report."""
         self._listener = threading.Thread(target=self._listen, name="flexlab-worker", daemon=True)
@@ -136,10 +139,10 @@ class Worker:
         """Begin a run of another scenario."""
         self._send(choice)
 
-    def stop(self) -> None:
-        """Close lab and recording, by force if that takes too long. Blocks."""
+    def stop(self, patience: float = STOP_TIME) -> None:
+        """Close lab and recording, by force if that takes longer than `patience` s. Blocks."""
         self._send(None)
-        self._process.join(STOP_TIME)
+        self._process.join(patience)
         if self._process.is_alive():
             self._process.kill()
         self._listener.join()
@@ -155,6 +158,7 @@ class Worker:
         try:
             while True:
                 word = self._pipe.recv()
+                self.heard_at = time.monotonic()
                 if isinstance(word, LabStatus):
                     self.status = word
                 else:

@@ -7,10 +7,10 @@ from aiohttp import hdrs, web
 
 from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset, preset_names
-from flexlab.server.auth import is_opened_by_person, is_websocket, refuse
+from flexlab.server.auth import is_foreign_link, is_opened_by_person, is_websocket, refuse
 from flexlab.server.labs.lab_provider import Choice, FullError, Lab
 from flexlab.server.pages.layout import message
-from flexlab.server.pages.markup import Markup
+from flexlab.server.pages.markup import Markup, fill
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
@@ -49,7 +49,7 @@ async def lab(request: web.Request) -> web.StreamResponse:
     if context.places.is_private:
         return await _enter_by_link(request, None)
     if not request.path.endswith("/"):
-        raise web.HTTPSeeOther("/lab/" + (f"?{request.query_string}" if request.query_string else ""))
+        raise web.HTTPSeeOther("/lab/" + (f"?{raw}" if (raw := request.rel_url.raw_query_string) else ""))
     return await proxy_page(request, await context.places.enter("", None), "")
 
 
@@ -72,7 +72,25 @@ async def preset_link(request: web.Request) -> web.StreamResponse:
 async def _enter_by_link(request: web.Request, choice: Choice | None) -> web.StreamResponse:
     if not is_opened_by_person(request):
         return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
+    if choice is not None and is_foreign_link(request) and _running(request) is not None:
+        return _ask_first(request, choice)
     return await enter_lab(request, choice)
+
+
+def _running(request: web.Request) -> Lab | None:
+    """The lab whose run a link would end."""
+    context = context_of(request)
+    return context.places.of_visitor(request.cookies.get(context.visitor_cookie, ""))
+
+
+def _ask_first(request: web.Request, choice: Choice) -> web.Response:
+    """Another site's page must not end a run that people watch: whoever came by its link says so here."""
+    shared = "" if context_of(request).places.is_private else " for everybody who watches"
+    title = choice.scenario.title or choice.name
+    sentence = f"A page of another site leads to {title}. Opening it ends the present run{shared}; the run is kept."
+    more = fill('<a class="button" href="{to}">Open it</a> <a class="button quiet" href="/">Start page</a>',
+                to="/" + str(request.rel_url).lstrip("/"))  # fmt: skip
+    return message("Open this scenario?", sentence, 200, more)
 
 
 async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamResponse:
@@ -80,13 +98,13 @@ async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamRe
     context = context_of(request)
     visitor = request.cookies.get(context.visitor_cookie) or secrets.token_urlsafe(VISITOR_BYTES)
     try:
-        place = await context.places.enter(visitor, choice)
+        place = await context.places.enter(visitor, choice, request.remote or "")
     except FullError as error:
         return message("No free lab", str(error), 503, Markup('<a class="button" href="/lab/">Try again</a>'))
     except LabError as error:
         return message("The lab did not open", str(error), 503, NEW_LAB)
     # What the page itself understands (its drawing settings) goes along.
-    query = request.rel_url.without_query_params("scenario").query_string
+    query = request.rel_url.without_query_params("scenario").raw_query_string
     answer = web.Response(status=303, headers={hdrs.LOCATION: f"{place.path}/" + (f"?{query}" if query else "")})
     if context.places.is_private:
         # Lax, not strict: whoever follows a link from elsewhere should find their lab too.

@@ -1,6 +1,6 @@
 """What the pages of one server share."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import aiohttp
@@ -10,8 +10,10 @@ from flexlab.server.comparison_jobs import Comparisons
 from flexlab.server.jobs import Jobs
 from flexlab.server.labs.lab_provider import LabProvider
 from flexlab.server.metric_jobs import Measuring
+from flexlab.server.preset_cards import PresetCards
 from flexlab.server.replay_jobs import Replays
 from flexlab.server.settings import Settings
+from flexlab.server.token_guesses import Guesses
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,9 @@ class Context:
     replays: Replays
     workshop: Path
     """A folder for files that nobody keeps; gone when the server closes."""
+    preset_cards: PresetCards
+    guesses: Guesses = field(default_factory=Guesses)
+    """Wrong tokens of late."""
 
     @property
     def token_cookie(self) -> str:

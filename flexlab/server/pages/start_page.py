@@ -1,22 +1,18 @@
 """`/`: what runs, what there is to try, what was recorded last."""
 
 import asyncio
-from dataclasses import dataclass
 from pathlib import Path
 
 from aiohttp import web
 
 from flexlab.assets import web_assets_folder
-from flexlab.errors import FlexlabError
-from flexlab.presets import load_scenario_file, preset_files
 from flexlab.recording.store.run_index import list_rows
-from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Lab
 from flexlab.server.pages.layout import page
 from flexlab.server.pages.markup import Markup, fill, join
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.runs_table import runs_table
-from flexlab.server.pages.thumbnail import thumbnail
+from flexlab.server.preset_cards import PresetCard
 
 NEWEST = 5
 """Runs on the start page."""
@@ -49,45 +45,26 @@ CARD = """<li class="card"><a href="/lab/{name}">
 BROKEN = """<li class="card broken"><p><code>{name}</code> {problem}</p></li>"""
 
 
-@dataclass(frozen=True)
-class Preset:
-    """A preset as its card shows it."""
-
-    name: str
-    scenario: Scenario | None
-    problem: str = ""
-
-
 async def start_page(request: web.Request) -> web.Response:
     """The page that says hello."""
-    context = context_of(request)
+    context, pictures = context_of(request), _pictures()
     presets, rows = await asyncio.gather(
-        asyncio.to_thread(_presets), asyncio.to_thread(list_rows, context.settings.logs, NEWEST)
+        context.preset_cards.look(pictures),
+        asyncio.to_thread(list_rows, context.settings.logs, NEWEST),
     )
-    pictures = _pictures()
     runs = runs_table(rows, short=True) if rows else Markup("<p>None yet: the lab records every run.</p>")
-    cards = join(_card(preset, pictures) for preset in presets)
+    cards = join(_card(context, preset, pictures) for preset in presets)
     return page("flexlab", fill(BODY, now=_now(request, context), cards=cards, runs=runs), kind="start")
 
 
-def _presets() -> list[Preset]:
-    presets = []
-    for name, file in preset_files().items():
-        try:
-            presets.append(Preset(name, load_scenario_file(file)))
-        except FlexlabError as error:
-            presets.append(Preset(name, None, str(error)))
-    return presets
-
-
-def _card(preset: Preset, pictures: dict[str, str]) -> Markup:
+def _card(context: Context, preset: PresetCard, pictures: dict[str, str]) -> Markup:
     if preset.scenario is None:
         return fill(BROKEN, name=preset.name, problem=preset.problem)
     scenario = preset.scenario
     if preset.name in pictures:
         picture = fill('<img src="{source}" alt="">', source=pictures[preset.name])
     else:
-        picture = thumbnail(scenario)
+        picture = context.preset_cards.drawing(preset)
     return fill(CARD, name=preset.name, title=scenario.title or preset.name, watch=scenario.watch, picture=picture)
 
 

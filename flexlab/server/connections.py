@@ -1,0 +1,192 @@
+"""Who may stay connected: connections that ask for nothing make room, slow heads and bodies end, accepting never floods."""
+
+import asyncio
+import contextlib
+import errno
+import socket
+import sys
+import time
+from collections import Counter
+from collections.abc import Awaitable, Callable
+
+from aiohttp import web
+
+from flexlab.log_limits import limited
+
+HEAD_TIME = 10.0
+"""s that a visitor may take from connecting, or from the first byte of a further request, to the end of its head."""
+KEPT_OPEN = 30.0
+"""s that a connection may rest between two requests."""
+BODY_TIME, BODY_RATE = 10.0, 5_000.0
+"""s after which a body must have come at least this fast on average, bytes/s: modems are faster."""
+MOST_RESTING, MOST_RESTING_PER_ADDRESS = 200, 64
+"""Connections in which no request is going on; beyond it the oldest make room, those first that never had one."""
+RESTING_SHARE = 4
+"""Of all handles that this process may have, one in so many may be such a connection."""
+MOST_HANDLES = 65_536
+"""Handles asked of the system at start: far more than labs and visitors need."""
+LOOK = 1.0
+"""s between two looks at slow connections."""
+PAUSE = 0.2
+"""s without accepting when the system has no handle left."""
+OUT_OF_HANDLES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+log = limited(__name__)
+
+
+class Visit(web.RequestHandler):
+    """One connection, with what is known of its patience."""
+
+    __slots__ = ("address", "began", "body_before", "busy", "connections", "known", "received", "request")
+
+    def __init__(self, connections: "Connections", manager: web.Server, loop: asyncio.AbstractEventLoop):
+        super().__init__(manager, loop=loop, access_log=None, keepalive_timeout=KEPT_OPEN, lingering_time=2.0)
+        self.connections, self.address = connections, ""
+        self.began, self.received, self.body_before = time.monotonic(), 0, 0
+        self.busy, self.known = False, False
+        self.request: web.BaseRequest | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """It begins."""
+        super().connection_made(transport)
+        peer = transport.get_extra_info("peername")
+        self.address = str(peer[0]) if peer else ""
+        self.connections.add(self)
+
+    def connection_lost(self, exc: BaseException | None) -> None:
+        """It is over."""
+        self.connections.remove(self)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """A piece of a request."""
+        if not self.busy and self.known and not self.received:
+            self.began = time.monotonic()
+        self.received += len(data)
+        super().data_received(data)
+
+    def starts(self, request: web.BaseRequest) -> None:
+        """A request has been read up to its body."""
+        self.busy, self.request, self.began, self.body_before = True, request, time.monotonic(), self.received
+
+    def ends(self, is_known: bool) -> None:
+        """It is answered. `is_known`: by somebody who may come in."""
+        self.busy, self.request, self.began, self.received = False, None, time.monotonic(), 0
+        self.known = self.known or is_known
+
+    def is_too_slow(self, now: float) -> bool:
+        """Whether it has used up its time."""
+        if not self.busy:
+            # Between two requests aiohttp itself lets a connection rest, but not for ever.
+            return now - self.began > HEAD_TIME and (not self.known or self.received > 0)
+        waits = self.request is not None and self.request.can_read_body and not self.request.content.is_eof()
+        time_taken = now - self.began
+        return waits and time_taken > BODY_TIME and self.received - self.body_before < BODY_RATE * time_taken
+
+    def cut(self) -> None:
+        """End it at once."""
+        if self.transport is not None:
+            self.transport.abort()
+
+
+class Connections:
+    """All connections to one server, and the loop that accepts them. For its event loop only."""
+
+    def __init__(self, plug: socket.socket, manager: web.Server):
+        self._plug, self._manager = plug, manager
+        self._open: dict[Visit, None] = {}
+        self._most = min(MOST_RESTING, _raise_handles() // RESTING_SHARE)
+        self._tasks = [asyncio.create_task(self._accept()), asyncio.create_task(self._look())]
+
+    def add(self, visit: Visit) -> None:
+        """A connection begins; others may have to make room."""
+        self._open[visit] = None
+        resting = [other for other in self._open if not other.busy]
+        if len(resting) > self._most:
+            self._make_room(resting)
+        same = [other for other in resting if other.address == visit.address]
+        if len(same) > MOST_RESTING_PER_ADDRESS:
+            self._make_room(same)
+
+    def remove(self, visit: Visit) -> None:
+        """A connection is over."""
+        self._open.pop(visit, None)
+
+    def counted(self) -> Counter[str]:
+        """Open connections of each address."""
+        return Counter(visit.address for visit in self._open)
+
+    async def close(self) -> None:
+        """Accept nobody any more."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        self._plug.close()
+
+    def _make_room(self, visits: list[Visit]) -> None:
+        oldest = min(visits, key=lambda visit: (visit.known, visit.began))
+        log.warning("Too many connections ask for nothing: closed the oldest, from %s.", oldest.address)
+        self.remove(oldest)
+        oldest.cut()
+
+    async def _accept(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                plug, _ = await loop.sock_accept(self._plug)
+            except OSError as error:
+                if error.errno in OUT_OF_HANDLES:
+                    log.error("No connection can be accepted (%s): a resting one is closed.", error.strerror)
+                    resting = [visit for visit in self._open if not visit.busy]
+                    if resting:
+                        self._make_room(resting)
+                    await asyncio.sleep(PAUSE)
+                continue
+            plug.setblocking(False)
+            with contextlib.suppress(OSError):
+                plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                await loop.connect_accepted_socket(lambda: Visit(self, self._manager, loop), plug)
+
+    async def _look(self) -> None:
+        while True:
+            await asyncio.sleep(LOOK)
+            now = time.monotonic()
+            for visit in [visit for visit in self._open if visit.is_too_slow(now)]:
+                log.warning("Closed a connection from %s: its request took too long to come.", visit.address)
+                visit.cut()
+
+
+def _raise_handles() -> int:
+    """Let this process have many handles; how many it may have now."""
+    if sys.platform == "win32":
+        return MOST_HANDLES
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MOST_HANDLES if hard == resource.RLIM_INFINITY else min(MOST_HANDLES, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            soft = wanted
+    return MOST_HANDLES if soft == resource.RLIM_INFINITY else soft
+
+
+@web.middleware
+async def watch_patience(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Tell the connection when a request begins and ends; outermost of all."""
+    visit = request.protocol
+    if not isinstance(visit, Visit):
+        return await handler(request)
+    visit.starts(request)
+    is_known = False
+    try:
+        response = await handler(request)
+        is_known = response.status != 401
+        return response
+    except web.HTTPException as error:
+        is_known = error.status != 401
+        raise
+    finally:
+        visit.ends(is_known)

@@ -1,0 +1,94 @@
+"""What the start page shows of each preset: read once for each state of its file, drawn beside the live process."""
+
+import asyncio
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from flexlab.errors import FlexlabError
+from flexlab.presets import load_scenario_file, preset_files
+from flexlab.scenario import Scenario
+from flexlab.server.jobs import Jobs
+from flexlab.server.pages.markup import Markup
+from flexlab.server.pages.thumbnail import thumbnail
+
+MOST_DRAWN = 200
+"""Presets that get a picture."""
+
+FileState = tuple[str, int, int]
+"""Path, size, and time of the last change: another one is another preset."""
+
+
+@dataclass(frozen=True)
+class PresetCard:
+    """A preset as its card shows it."""
+
+    name: str
+    scenario: Scenario | None
+    problem: str = ""
+
+
+class PresetCards:
+    """All cards of one server. `drawings` are ready after the first look at the page."""
+
+    def __init__(self, jobs: Jobs):
+        self._jobs = jobs
+        self._cards: dict[FileState, PresetCard] = {}
+        self._drawings: dict[FileState, str] = {}
+        self._states: dict[str, FileState] = {}
+        self._drawing: asyncio.Task[None] | None = None
+
+    async def look(self, pictured: Collection[str]) -> list[PresetCard]:
+        """The presets that there are now, in the order of the menu; what is not yet drawn is begun.
+
+        `pictured`: those that have a picture already.
+        """
+        cards = await asyncio.to_thread(self._read)
+        plain = [card for card in cards if card.name not in pictured]
+        missing = [(self._states[card.name], card.scenario) for card in plain]
+        wanted = {state: found for state, found in missing if found is not None and state not in self._drawings}
+        if wanted and (self._drawing is None or self._drawing.done()):
+            self._drawing = asyncio.create_task(self._draw(dict(list(wanted.items())[:MOST_DRAWN])))
+        return cards
+
+    def drawing(self, card: PresetCard) -> Markup:
+        """The picture of a preset; empty until it is drawn."""
+        return Markup(self._drawings.get(self._states[card.name], ""))
+
+    def _read(self) -> list[PresetCard]:
+        states: dict[str, FileState] = {}
+        cards: dict[FileState, PresetCard] = {}
+        for name, file in preset_files().items():
+            state = _state(file)
+            states[name] = state
+            cards[state] = self._cards.get(state) or _card(name, file)
+        self._states, self._cards = states, cards
+        return list(cards.values())
+
+    async def _draw(self, scenarios: dict[FileState, Scenario]) -> None:
+        try:
+            drawn = await self._jobs.run(draw_all, list(scenarios.values()))
+        except FlexlabError:
+            return  # Too much is going on: the next look begins again.
+        kept = {state: text for state, text in self._drawings.items() if state in self._cards}
+        self._drawings = kept | dict(zip(scenarios, drawn, strict=True))
+
+
+def draw_all(scenarios: list[Scenario]) -> list[str]:
+    """A job: the pictures of some scenarios."""
+    return [str(thumbnail(scenario)) for scenario in scenarios]
+
+
+def _state(file: Path) -> FileState:
+    try:
+        stat = file.stat()
+        return str(file), stat.st_size, stat.st_mtime_ns
+    except OSError:
+        return str(file), 0, 0
+
+
+def _card(name: str, file: Path) -> PresetCard:
+    try:
+        return PresetCard(name, load_scenario_file(file))
+    except FlexlabError as error:
+        return PresetCard(name, None, str(error))

@@ -1,0 +1,187 @@
+"""Visitors who mean harm to the front server: the lab goes on, others get in, and what was wrong is said."""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from http_client import Answer, ask, upgrade, wait_until
+from test_private_labs import Visitor, state
+
+from flexlab.errors import LabError, PresetError
+from flexlab.lab.user_presets import MOST_PRESETS, save_preset
+from flexlab.presets import load_preset
+from flexlab.recording.store.run_index import annotate_run, find_row
+from flexlab.server import connections
+from flexlab.server.front_server import FrontServer
+from flexlab.server.settings import Settings
+from flexlab.server.token_guesses import FREE
+from flexlab.server.workshop import make_workshop
+from flexlab.visible import visible
+
+TOKEN = "a-token-for-tests"
+FORM = "application/x-www-form-urlencoded"
+
+
+def plug_to(front_server: FrontServer) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", front_server.port), timeout=30)
+
+
+def is_closed(plug: socket.socket) -> bool:
+    plug.setblocking(False)
+    try:
+        return plug.recv(1 << 16) == b""
+    except BlockingIOError:
+        return False
+    except ConnectionError:
+        return True
+
+
+def a_fresh_visitor_sees_a_moving_lab(front_server: FrontServer, cookies: dict[str, str] | None = None) -> None:
+    (place,) = front_server.places.running()
+    assert ask(front_server.url, "/lab", cookies=cookies, **upgrade()).status == 101
+    before = place.status().time
+    wait_until(lambda: place.status().time > before, "time goes on")
+
+
+def test_idle_connections_make_room_for_members(open_another: Callable[..., FrontServer]):
+    front_server = open_another(token=TOKEN)
+    cookies = ask(front_server.url, f"/?token={TOKEN}").cookies
+    with contextlib.ExitStack() as closing:
+        plugs = [closing.enter_context(plug_to(front_server)) for _ in range(connections.MOST_RESTING_PER_ADDRESS + 30)]
+        assert ask(front_server.url, "/", cookies=cookies).status == 200
+        a_fresh_visitor_sees_a_moving_lab(front_server, cookies)
+        wait_until(lambda: sum(map(is_closed, plugs)) >= 30, "the oldest were closed")
+
+
+def test_slow_heads_and_slow_bodies_end(open_another: Callable[..., FrontServer], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(connections, "HEAD_TIME", 1.0)
+    monkeypatch.setattr(connections, "BODY_TIME", 1.0)
+    front_server = open_another()
+    with plug_to(front_server) as head, plug_to(front_server) as body, plug_to(front_server) as lab:
+        head.sendall(b"GET / HTTP/1.1\r\nHost: 127.0")
+        body.sendall(
+            b"POST /runs/import HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 100000\r\n"
+            b"Content-Type: multipart/form-data; boundary=x\r\n\r\n--x\r\n"
+        )
+        lines = "".join(f"{name.replace('_', '-')}: {value}\r\n" for name, value in upgrade().items())
+        lab.sendall(f"GET /lab HTTP/1.1\r\nHost: 127.0.0.1:{front_server.port}\r\n{lines}\r\n".encode())
+        wait_until(lambda: is_closed(head), "the slow head ends")
+        wait_until(lambda: is_closed(body), "the slow body ends")
+        time.sleep(2 * connections.LOOK)
+        assert not is_closed(lab), "whoever looks at the lab stays"
+
+
+def test_guesses_are_slowed_and_the_right_token_passes(open_another: Callable[..., FrontServer]):
+    front_server = open_another(token=TOKEN)
+    began = time.monotonic()
+    for number in range(int(FREE) + 6):
+        assert ask(front_server.url, f"/?token=guess-{number}").status == 401
+    assert time.monotonic() - began > 2.0, "after the free ones each takes half a second"
+    assert ask(front_server.url, f"/?token={TOKEN}").status == 303
+
+
+@pytest.mark.parametrize(
+    "token", ["fifteen-letters", "with spaces in the middle", "hash#hash#hash#hash", "ümlautümlautümlaut"]
+)
+def test_a_chosen_token_must_keep_people_out_and_fit_into_an_address(token: str):
+    with pytest.raises(LabError, match="token"):
+        Settings(token=token)
+
+
+def test_a_foreign_link_asks_before_it_ends_the_run(front_server: FrontServer):
+    foreign = {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Dest": "document", "Sec_Fetch_Mode": "navigate"}
+    (place,) = front_server.places.running()
+    name = place.status().name
+    for headers in (foreign, foreign | {"Sec_Fetch_Site": "same-site"}):
+        answer = ask(front_server.url, "/lab/stiff-beam", **headers)
+        assert (answer.status, "Open this scenario?" in answer.text) == (200, True)
+        assert 'href="/lab/stiff-beam"' in answer.text
+    assert place.status().name == name
+    own = ask(front_server.url, "/lab/paper", Sec_Fetch_Site="same-origin", Sec_Fetch_User="?1")
+    assert own.status == 303
+    assert ask(front_server.url, "/lab/", **foreign).status == 200, "looking alone asks nothing"
+
+
+def test_what_is_malformed_is_400_and_a_sentence(front_server: FrontServer, recorded: Path):
+    notes = f"/runs/{recorded.stem}/notes"
+    bad: list[Answer] = [
+        ask(front_server.url, "/?x=%0d%0a"),
+        ask(front_server.url, "/lab?x=%0d%0aSet-Cookie:a=b"),
+        ask(front_server.url, notes, "POST", b"note=x", Content_Type=f"{FORM}; charset=klingon"),
+        ask(front_server.url, notes, "POST", b"note=x", Content_Type=f"{FORM}; charset=utf-16"),
+        ask(front_server.url, notes, "POST", b"\x1f\x8b\x08", Content_Type=FORM, Content_Encoding="gzip"),
+        ask(front_server.url, notes, "POST", b"note=\xff\xfe", Content_Type=FORM),
+    ]
+    for answer in bad:
+        assert (answer.status, "failed" in answer.text) == (400, False), answer.text
+    file = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a\x00b.csv"\r\n\r\n1\r\n--x--\r\n'
+    answer = ask(front_server.url, "/runs/import", "POST", file, Content_Type="multipart/form-data; boundary=x")
+    assert answer.status in (400, 422), answer.text
+
+
+def test_control_characters_of_a_note_are_shown(front_server: FrontServer, recorded: Path):
+    row = find_row(front_server.settings.logs, recorded.stem)
+    annotate_run(row, "\x1b[2J\x1b]0;owned\x07 plain\nsecond", "tag\x9b31m", False)
+    again = find_row(front_server.settings.logs, recorded.stem)
+    assert again.note == "␛[2J␛]0;owned␇ plain\nsecond"
+    assert again.tags == ("tag\\x9b31m",)
+    annotate_run(row, "", "", False)
+    assert visible("Größe\t±1") == "Größe\t±1"
+
+
+def test_one_address_cannot_take_all_private_labs(open_another: Callable[..., FrontServer]):
+    front_server = open_another(private=True, max_sessions=2)
+    Visitor(front_server).enter()
+    full = Visitor(front_server).ask("/lab/")
+    assert (full.status, "1 of 1 labs that one address may have" in full.text) == (503, True)
+
+
+def test_a_lab_that_hangs_is_told_and_replaced(open_another: Callable[..., FrontServer]):
+    front_server = open_another(private=True, max_sessions=2)
+    anna = Visitor(front_server)
+    path = anna.enter()
+    place = anna.place
+    run = wait_until(lambda: place.status().recording, "it is recorded")
+    os.kill(place.worker.pid, signal.SIGSTOP)
+    told = wait_until(lambda: '"open": false' in state(anna, path) and state(anna, path), "its visitor is told")
+    assert "did not answer" in json.loads(told)["sentence"]
+    assert anna.enter("/lab/gravity") != path
+    wait_until(lambda: place.worker.exit_code is not None, "the hanging process is gone")
+    assert run.exists()
+
+
+def test_folders_of_killed_servers_are_swept():
+    left = Path(tempfile.gettempdir()) / "flexlab-server-99999999-abc"
+    left.mkdir()
+    own = make_workshop()
+    assert not left.exists()
+    assert own.exists()
+    again = make_workshop()
+    assert own.exists(), "a server that runs keeps its folder"
+    own.rmdir()
+    again.rmdir()
+
+
+def test_presets_of_ones_own_have_a_limit_and_pictures_come_beside(
+    front_server: FrontServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    scenario = load_preset("soft-beam")
+    for number in range(MOST_PRESETS):
+        save_preset(scenario, f"own-{number}")
+    with pytest.raises(PresetError, match="already"):
+        save_preset(scenario, "one-more")
+    save_preset(scenario, "own-1")
+    first = ask(front_server.url).text
+    assert "own-3" in first
+    drawn = wait_until(
+        lambda: (text := ask(front_server.url).text).count("<polyline") > MOST_PRESETS and text, "pictures"
+    )
+    assert drawn.count('class="beam"') >= MOST_PRESETS

@@ -2,15 +2,18 @@
 
 import contextlib
 import json
+import logging
 import os
 import signal
 import socket
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from fuzz import Attack
 from http_client import Answer, ask, upgrade, wait_until
 from test_private_labs import Visitor, state
 
@@ -185,3 +188,19 @@ def test_presets_of_ones_own_have_a_limit_and_pictures_come_beside(
         lambda: (text := ask(front_server.url).text).count("<polyline") > MOST_PRESETS and text, "pictures"
     )
     assert drawn.count('class="beam"') >= MOST_PRESETS
+
+
+def test_mutated_messages_of_every_kind_leave_a_lab_that_moves(
+    open_another: Callable[..., FrontServer], caplog: pytest.LogCaptureFixture
+):
+    front_server = open_another()
+    with ThreadPoolExecutor(1) as thread:
+        address = f"ws://127.0.0.1:{front_server.port}/lab"
+        thread.submit(Attack(address, messages=800, seed=7).run).result()
+    (place,) = front_server.places.running()
+    assert place.status().state in ("running", "paused", "stopped")
+    assert ask(front_server.url, "/lab/stiff-beam").status == 303
+    wait_until(lambda: place.status().name == "stiff-beam", "a fresh visitor gets what they ask for")
+    a_fresh_visitor_sees_a_moving_lab(front_server)
+    assert not [record for record in caplog.records if record.exc_info and record.name != "websockets.client"]
+    assert sum(len(record.getMessage()) for record in caplog.records if record.levelno >= logging.WARNING) < 50_000

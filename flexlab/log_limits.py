@@ -1,11 +1,11 @@
-"""Logs that nobody can flood: of lines that are alike a few at once, then one a second, with the number of those left out."""
+"""Logs that nobody can flood: of lines that are alike a page or two at once, then one a second, with the number of those left out."""
 
 import logging
 import time
 
 PERIOD = 1.0
 """s between two lines that are alike, once there have been many."""
-BURST = 20.0
+BURST = 200.0
 """Lines that may come at once."""
 MOST_KINDS = 200
 """Kinds of lines that are told apart."""

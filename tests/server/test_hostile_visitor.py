@@ -19,6 +19,7 @@ from test_private_labs import Visitor, state
 
 from flexlab.errors import LabError, PresetError
 from flexlab.lab.user_presets import MOST_PRESETS, save_preset
+from flexlab.plain_text import visible
 from flexlab.presets import load_preset
 from flexlab.recording.store.run_index import annotate_run, find_row
 from flexlab.server import connections
@@ -26,7 +27,6 @@ from flexlab.server.front_server import FrontServer
 from flexlab.server.settings import Settings
 from flexlab.server.token_guesses import FREE
 from flexlab.server.workshop import make_workshop
-from flexlab.visible import visible
 
 TOKEN = "a-token-for-tests"
 FORM = "application/x-www-form-urlencoded"
@@ -134,7 +134,7 @@ def test_control_characters_of_a_note_are_shown(front_server: FrontServer, recor
     annotate_run(row, "\x1b[2J\x1b]0;owned\x07 plain\nsecond", "tag\x9b31m", False)
     again = find_row(front_server.settings.logs, recorded.stem)
     assert again.note == "␛[2J␛]0;owned␇ plain\nsecond"
-    assert again.tags == ("tag\\x9b31m",)
+    assert again.tags == ("tag\N{REPLACEMENT CHARACTER}31m",)
     annotate_run(row, "", "", False)
     assert visible("Größe\t±1") == "Größe\t±1"
 

@@ -1,4 +1,4 @@
-"""Logs that nobody can flood: of lines that are alike a page or two at once, then one a second, with the number of those left out."""
+"""Logs that nobody can flood: of lines that are alike many at once, then one a second, with the number of those left out."""
 
 import logging
 import time

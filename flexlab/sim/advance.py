@@ -6,18 +6,22 @@ from flexlab.compiled import compiled, inlined
 from flexlab.physics.arm import NOT_A_NUMBER
 from flexlab.physics.plant import BEND, DISSIPATED, ETA
 from flexlab.sim.closed_loop import rates
-from flexlab.sim.integrators.beam_flow import end_flow, meet_acceleration
+from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration
 from flexlab.sim.integrators.etdrk4 import FREE
 from flexlab.sim.integrators.scheme import ETDRK4
 from flexlab.sim.integrators.step import integrate
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.signals import write_sample
+from flexlab.sim.step_levels import wanted_level
 
 DIVERGED, BENT = NOT_A_NUMBER, 4
 """Fault codes of the loop besides those of `physics.arm`: not a number or runaway; deflection as large as the beam."""
 
 INTERRUPTED = 5
 """Outcome of a loop that was asked to return early, by `Workspace.interrupt`, somewhere within a tick: no fault."""
+
+OTHER_STEP = 100
+"""Code of no fault: the next tick wants the step of level code - OTHER_STEP."""
 
 RUNAWAY = 1e9
 """A state beyond this (m, rad, kg·m/s, …) has diverged, whatever it is."""
@@ -43,12 +47,26 @@ def largest_deflection(plant, y):
 
 @compiled
 def advance(
-    system, sampling, scheme, deflection_limit, tick, tick_period, step_count, y, good, ws, rows, first_is_present
+    system,
+    sampling,
+    scheme,
+    watch,
+    level,
+    deflection_limit,
+    tick,
+    tick_period,
+    step_count,
+    y,
+    good,
+    ws,
+    rows,
+    first_is_present,
 ):
     """Advance y from tick number `tick` by one tick of `step_count` steps per row, filling rows (ticks, row_length).
 
     With `first_is_present` the first row takes the present instant. Control instants lie on steps. Returns the ticks done
-    and a fault code; on a fault y is set back to the last good tick (`good`, like y, is scratch).
+    and a fault code, or `OTHER_STEP` plus the level of step that the next tick wants where that is not `level`. On a fault y
+    is set back to the last good tick (`good`, like y, is scratch).
     """
     # The rates at a tick serve its sample and the step that follows. They stand here once: whatever the block sizes, the
     # same machine code gives the same bits; and handing a whole system to a function costs more than most of them.
@@ -65,6 +83,8 @@ def advance(
         if code == 0 and flows and stepped:
             end_flow(system.plant, scheme.flow, dt, ws.stage[FREE], y, ws)
             if j == 0:
+                since = ETA + 2 * n + TICKS
+                y[since] = y[since] + 1 if y[since] >= 1 else 1.0
                 meet_acceleration(system.plant, scheme.flow, y, ws)
         if j == 0:
             if code == 0 and row >= 0:
@@ -79,6 +99,10 @@ def advance(
             row += 1
             if row == len(rows):
                 return done, code
+            if code == 0:
+                wanted = wanted_level(system, watch, y, ws)
+                if wanted != level:
+                    return done, OTHER_STEP + wanted
             for i in range(len(y)):
                 good[i] = y[i]
         if ws.interrupt[0] != 0:

@@ -14,9 +14,9 @@ from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam, build_beam, build_control, build_plant, build_trajectory
 from flexlab.sim.closed_loop import System
-from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.sampled_control import Sampling
-from flexlab.sim.step_size import Rates, build_scheme, choose_step, find_rates, free_beam_rate, steps_per_tick
+from flexlab.sim.step_levels import StepLevels, StepWatch
+from flexlab.sim.step_size import Rates, choose_step, find_rates, free_beam_rate, steps_per_tick
 
 LIGHT_ELEMENTS = 8
 """Elements up to which modes and matrix functions are derived in a millisecond or two."""
@@ -40,12 +40,10 @@ class Assembly(NamedTuple):
     system: System
     rates: Rates
     sampling: Sampling
-    scheme: Scheme
-    step: float
-    """Integration step, s."""
+    levels: StepLevels
+    watch: StepWatch
     step_count: int
-    """Integration steps per tick."""
-    integrator: str
+    """Integration steps per tick at level 0."""
 
 
 def build_assembly(
@@ -72,12 +70,15 @@ def _derive(scenario: Scenario, tick_period: float, known: Sequence[Assembly], a
     integrator, step = choose_step(scenario, system, beam, rates)
     count, per_control = steps_per_tick(scenario, tick_period, step)
     dt = tick_period / count
-    schemes = [old.scheme for old in same_beam if (old.integrator, old.step) == (integrator, dt)]
-    if at_once and not schemes:
+    fitting = [old.levels for old in same_beam if (old.levels.integrator, old.levels.step) == (integrator, dt)]
+    if at_once and not fitting:
         raise Unprepared(scenario)
-    scheme = schemes[0] if schemes else build_scheme(integrator, beam, dt)
+    levels = fitting[0] if fitting else StepLevels(integrator, beam, dt)
+    watch = levels.watch(scenario.simulation.step is not None, scenario.simulation.accuracy)
+    for level in range(watch.disturbed + 1):
+        levels.scheme(level)
     sampling = _build_sampling(scenario, beam, per_control)
-    return Assembly(scenario, beam, free_rate, system, rates, sampling, scheme, dt, count, integrator)
+    return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, count)
 
 
 def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequence[Assembly]) -> tuple[System, Rates]:

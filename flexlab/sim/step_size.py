@@ -11,6 +11,7 @@ from flexlab.errors import ScenarioError
 from flexlab.physics.dynamics import inertias_at
 from flexlab.physics.plant import make_workspace
 from flexlab.scenario import Scenario
+from flexlab.scenario.scenario import SMALLEST_STEP
 from flexlab.sim.build import Beam, desired_at
 from flexlab.sim.closed_loop import System
 from flexlab.sim.integrators.beam_flow import ROWS
@@ -42,6 +43,12 @@ CONTROLLED_STEP = 2e-5
 COUPLING_LIMIT, COUPLED_STEP = 0.1, 1e-5
 """Longest step times the rate at which light arms give way to the beam's modes, the part of the beam that etdrk4 does not
 propagate exactly, for the default accuracy; never asked for below the second number, s: there, only the highest modes gain."""
+
+STABLE_COUPLING = 1.0
+"""Longest step times that rate with which etdrk4 is stable, with a margin of two."""
+
+SHORTEST_CHOSEN = SMALLEST_STEP
+"""s: a shorter step is not taken, neither at the start nor in a run."""
 
 RINGING_LIMIT, RINGING_DECAY = 0.01, 1.0
 """`COUPLING_LIMIT` where nothing fades, so that errors of the modes add up: where no mode decays faster than this, 1/s."""
@@ -160,10 +167,14 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
         ease = (simulation.accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
         coupling, fades = rates.coupling, float(np.max(np.diag(beam.modes.D))) / 2 > RINGING_DECAY
         limit = COUPLING_LIMIT if fades else RINGING_LIMIT
-        coupled = max(COUPLED_STEP, ease * limit / coupling) if coupling > 0 else math.inf
+        coupled = (
+            max(min(COUPLED_STEP, STABLE_COUPLING / coupling), ease * limit / coupling) if coupling > 0 else math.inf
+        )
         if integrator == "rk4":
             stable = min(RESOLVED * stable, RESOLVED_ANGLE / float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]))
-        return integrator, min(stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
+        step = min(stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
+        _refuse_tiny(step, integrator, by_beam=step == min(stable, coupled))
+        return integrator, step
     if simulation.step > stable:
         raise ScenarioError(
             [
@@ -177,13 +188,35 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     return integrator, simulation.step
 
 
+def _refuse_tiny(step: float, integrator: str, by_beam: bool) -> None:
+    """Raise `ScenarioError` for a step that nobody would live to see the end of."""
+    if step >= SHORTEST_CHOSEN:
+        return
+    cause, cure = "the controller's gains", "Lower the gains"
+    if by_beam:
+        cause, cure = "the beam's fastest mode in these arms", "Choose a softer or less damped beam or fewer elements"
+    if integrator != "etdrk4":
+        cure += ", or the integrator auto"
+    needs = (
+        f"{cause} would need a step of {step:.2g} s with {integrator}, below the {SHORTEST_CHOSEN:g} s that is allowed"
+    )
+    raise ScenarioError(
+        [("simulation.step", f"simulation.step = null: {needs}. {cure}, or set simulation.step yourself.")]
+    )
+
+
+def control_limits(integrator: str, accuracy: float) -> tuple[float, float]:
+    """Longest step times fastest closed-loop rate for a pose accuracy, m, and for any accuracy."""
+    ease = (accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
+    return CONTROL_LIMIT * ease, COARSEST_CONTROL_LIMIT
+
+
 def _accurate_step(integrator: str, accuracy: float, control_speed: float) -> float:
     """Longest step for a pose accuracy, m, that also resolves the closed loop's fastest rate, 1/s."""
     wish = REFERENCE_STEP * (accuracy / REFERENCE_ERROR[integrator]) ** (1 / ORDER[integrator])
     period = 1 / max(control_speed, 1e-3 / LONGEST_STEP)
-    ease = (accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
-    coarsest = COARSEST_CONTROL_LIMIT * period
-    controlled = min(coarsest, max(CONTROL_LIMIT * ease * period, CONTROLLED_STEP))
+    wished, coarsest = control_limits(integrator, accuracy)
+    controlled = min(coarsest * period, max(wished * period, CONTROLLED_STEP))
     return min(LONGEST_STEP, max(wish, SHORTEST_STEP), controlled)
 
 

@@ -14,7 +14,7 @@ from flexlab.physics.dynamics import find_velocities, set_momenta
 from flexlab.physics.plant import ETA, Workspace, make_workspace, state_size
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import row_layout
-from flexlab.sim.advance import INTERRUPTED, advance
+from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, advance
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.build import Beam, desired_at
 from flexlab.sim.closed_loop import System
@@ -44,6 +44,7 @@ class World:
         self.scenario = parse_scenario(scenario.model_dump())
         self.tick_period = tick_period
         self.tick = 0
+        self._level = 0
         assembly = build_assembly(self.scenario, tick_period, known, at_once)
         # What is known may belong to a world whose beam or link somebody holds.
         self._assembly = assembly._replace(system=assembly.system._replace(plant=without_hand(assembly.system.plant)))
@@ -91,12 +92,12 @@ class World:
     @property
     def step(self) -> float:
         """The integration step in use, s."""
-        return self._assembly.step
+        return self._assembly.levels.step / 2**self._level
 
     @property
     def integrator(self) -> str:
         """The integrator in use."""
-        return self._assembly.integrator
+        return self._assembly.levels.integrator
 
     @property
     def beam(self) -> Beam:
@@ -187,21 +188,29 @@ class World:
         self._workspace.interrupt[0] = 1
 
     def _advance(self, rows: np.ndarray, first_is_present: bool) -> tuple[int, int]:
-        assembly = self._assembly
-        return advance(
-            assembly.system,
-            assembly.sampling,
-            assembly.scheme,
-            DEFLECTION_LIMIT * self.scenario.payload.length,
-            self.tick,
-            self.tick_period,
-            assembly.step_count,
-            self._y,
-            np.empty_like(self._y),
-            self._workspace,
-            rows,
-            first_is_present,
-        )
+        """As `advance.advance`, from tick to tick with the step that each wants."""
+        assembly, done = self._assembly, 0
+        while True:
+            ticks, code = advance(
+                assembly.system,
+                assembly.sampling._replace(steps=assembly.sampling.steps << self._level),
+                assembly.levels.scheme(self._level),
+                assembly.watch,
+                self._level,
+                DEFLECTION_LIMIT * self.scenario.payload.length,
+                self.tick + done,
+                self.tick_period,
+                assembly.step_count << self._level,
+                self._y,
+                np.empty_like(self._y),
+                self._workspace,
+                rows[done:],
+                first_is_present,
+            )
+            done += ticks
+            if code < OTHER_STEP:
+                return done, code
+            self._level = code - OTHER_STEP
 
     def apply(self, command: WorldCommand, known: Sequence[Assembly] = (), at_once: bool = False) -> bool:
         """Carry out a command at the present instant; returns whether a new run begins.
@@ -243,6 +252,8 @@ class World:
         n = plant.modal.shape[1]
         find_velocities(plant, self._y, self._workspace)
         rate, eta_dot = self._workspace.velocity.copy(), self._workspace.eta_dot.copy()
+        if old.levels.scheme(0).flow.shape[1] and np.isfinite(self._y[-1]):
+            eta_dot = self._y[-n:].copy()  # the rates that the samples show
         q, q_dot = plant.V @ self._y[ETA : ETA + n], plant.V @ eta_dot
         if not _same_mesh(self.scenario, scenario):
             q = project_beam(self.scenario.payload, scenario.payload, assembly.beam.matrices.M_q, q)
@@ -253,7 +264,7 @@ class World:
         if not starts_sampling:
             kept = min(len(assembly.sampling.line), len(old.sampling.line))
             assembly.sampling.line[-kept:] = old.sampling.line[-kept:]
-        self.scenario, self._assembly = scenario, assembly
+        self.scenario, self._assembly, self._level = scenario, assembly, 0
         if assembly.beam is not old.beam:
             assembly.system.plant.pull[:] = plant.pull
             set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)

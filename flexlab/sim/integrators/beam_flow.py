@@ -33,6 +33,9 @@ fast modes only. Last: 1 for a fast mode, else 0."""
 FAST_DAMPING = 3.0
 """Step times D of a mode from which on the flow knows its η̇ better than the integrator, which has the higher order."""
 
+TICKS = 2
+"""Place behind η and π of the number of ticks since the state was set by a start, a tap or a change; none: not a number."""
+
 SAVED = 9
 """Row of `Workspace.stage` that keeps η, η̇ and f of a step's beginning, and at its end the grips' motion."""
 START, MIDDLE = -6, -3

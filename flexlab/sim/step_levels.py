@@ -1,0 +1,104 @@
+"""Which step a tick takes: level k halves the longest step k times.
+
+The level is a function of the state at the tick and of nothing else, so that live, headless, continued and replayed runs take
+the same steps whatever the sizes of their blocks. It follows the fastest rate of the controlled pose, which grows with what
+an adaptive law has in its memory, and resolves what follows a disturbance of modes that are damped faster than the step.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlab.compiled import inlined
+from flexlab.control.law import ADAPTIVE_SLIDING_MODE, VIBRATION_DAMPING
+from flexlab.control.rates import largest_ratio
+from flexlab.physics.plant import ETA, MEMORY
+from flexlab.sim.build import Beam
+from flexlab.sim.integrators.beam_flow import TICKS
+from flexlab.sim.integrators.scheme import Scheme
+from flexlab.sim.step_size import CONTROLLED_STEP, SHORTEST_CHOSEN, build_scheme, control_limits
+
+DISTURBED_LEVELS, DISTURBED_TICKS = 4, 6
+"""How much finer the first ticks after a start, a tap or a change are where damping is notable, and how many
+before the first of these levels is given back; each other one stays as long."""
+
+NOTABLE_DAMPING = 0.3
+"""Step times D of the most damped mode from which on disturbances get finer ticks."""
+
+SLACK = 1.25
+"""A step that is too long by less than this is kept: halving it would cost more than it gains."""
+
+
+class StepWatch(NamedTuple):
+    """What the kernel needs to choose a level."""
+
+    step: float
+    """Longest step, s: that of level 0."""
+    most: int
+    """Finest level; 0: the step is given."""
+    wished: float
+    """Step times fastest rate of the controlled pose for the accuracy, 1."""
+    coarsest: float
+    """The same for stability."""
+    disturbed: int
+    """Levels finer after a disturbance."""
+
+
+@inlined
+def fastest_control_rate(system, y, ws):
+    """Fastest rate, 1/s, that a continuous law's memory can change, after `find_state`; 0: no memory."""
+    control = system.control
+    if control.sampled or not (control.kind == ADAPTIVE_SLIDING_MODE or control.kind == VIBRATION_DAMPING):
+        return 0.0
+    x, v, gains = y[0:3], ws.velocity, control.adaptive
+    x_norm = np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    bound = y[MEMORY] + y[MEMORY + 1] * x_norm + y[MEMORY + 2] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    gain, B = ws.stage[8, 0:3], ws.stage[8, 3:12].reshape(3, 3)
+    for a in range(3):
+        gain[a] = gains.K[a] + bound / gains.epsilon
+    rate = largest_ratio(ws.S, gain, B) + max(gains.Lambda[0], gains.Lambda[1], gains.Lambda[2])
+    if control.kind == VIBRATION_DAMPING:
+        rate += control.vibration_gains[0] * system.plant.kappa[0] + control.vibration_gains[1] * system.plant.kappa[2]
+    return rate
+
+
+@inlined
+def wanted_level(system, watch, y, ws):
+    """The level of the step from state y, after `find_state`."""
+    level = 0
+    if watch.most > 0:
+        rate = fastest_control_rate(system, y, ws)
+        if rate > 0:
+            longest = SLACK * min(watch.coarsest / rate, max(watch.wished / rate, CONTROLLED_STEP))
+            while level < watch.most and watch.step / 2.0**level > longest:
+                level += 1
+        if watch.disturbed > 0:
+            since, finer = y[ETA + 2 * system.plant.modal.shape[1] + TICKS], watch.disturbed
+            while since >= DISTURBED_TICKS and finer > 0:
+                since, finer = since - DISTURBED_TICKS, finer - 1
+            level = min(level + finer, watch.most)
+    return level
+
+
+class StepLevels:
+    """The schemes of one beam and integrator for all levels, made when they are first wanted."""
+
+    def __init__(self, integrator: str, beam: Beam, step: float):
+        """`step`: of level 0, s."""
+        self.integrator, self.step = integrator, step
+        self._beam, self._schemes = beam, {}
+
+    def scheme(self, level: int) -> Scheme:
+        """The integrator's constants for a level."""
+        if level not in self._schemes:
+            self._schemes[level] = build_scheme(self.integrator, self._beam, self.step / 2**level)
+        return self._schemes[level]
+
+    def watch(self, fixed: bool, accuracy: float) -> StepWatch:
+        """What chooses among them; `fixed`: nothing does, the step is given."""
+        wished, coarsest = control_limits(self.integrator, accuracy)
+        most = 0 if fixed else max(0, math.floor(math.log2(self.step / SHORTEST_CHOSEN)))
+        damped = self.step * np.max(np.diag(self._beam.modes.D)) > NOTABLE_DAMPING
+        disturbed = DISTURBED_LEVELS if damped and self.integrator == "etdrk4" else 0
+        return StepWatch(self.step, most, wished, coarsest, disturbed)

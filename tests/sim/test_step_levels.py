@@ -1,0 +1,49 @@
+"""The automatic step follows the run, by the state at a tick alone."""
+
+import numpy as np
+import pytest
+
+from flexlab.errors import ScenarioError
+from flexlab.presets import load_preset
+from flexlab.sim.world import World
+
+FAST_ADAPTATION = {
+    "trajectory.amplitude": (0.4, 0.4, 0.2),
+    "trajectory.frequency": (3.0, 3.0, 3.0),
+    "controller.adaptation": (0.03, 0.03, 0.03),
+}
+"""The growth of b̂ that takes the paper's law minutes, in hundredths of a second."""
+
+
+def test_the_step_shrinks_as_the_bound_estimates_grow():
+    world = World(load_preset("paper").replace(FAST_ADAPTATION))
+    before = world.step
+    samples = world.run(40)
+    assert world.status == "running"
+    assert world.step < before / 16
+    fine = World(load_preset("paper").replace(FAST_ADAPTATION | {"simulation.step": 2e-6})).run(40)
+    assert np.abs(samples.pose - fine.pose).max() < 1e-8
+
+
+def test_the_size_of_blocks_changes_no_bit_where_the_step_changes():
+    scenario = load_preset("paper").replace(FAST_ADAPTATION)
+    whole, world = World(scenario).run(30), World(scenario)
+    parts = [world.advance(ticks) for ticks in (1, 6, 2, 13, 8)]
+    assert np.array_equal(np.concatenate([part.pose for part in parts]), whole.pose[1:])
+
+
+def test_a_stiff_beam_in_one_arm_keeps_a_stable_step():
+    scenario = load_preset("single-arm").replace({"payload.bending_stiffness": 2e7})
+    samples = World(scenario).run(10)
+    fine = World(scenario.replace({"simulation.step": 5e-7})).run(10)
+    assert np.abs(samples.pose - fine.pose).max() < 1e-8
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "etdrk4"])
+def test_a_step_far_below_real_time_is_refused(integrator: str):
+    changes = {"simulation.integrator": integrator, "controller.feedback_gain": 1e6, "payload.element_count": 64}
+    changes |= {"payload.damping": {"kind": "stiffness", "coefficient": 0.1}, "payload.bending_stiffness": 1e6}
+    if integrator == "etdrk4":
+        changes |= {"left_arm.link_mass": (0.01, 0.01, 0.01), "right_arm.link_mass": (0.01, 0.01, 0.01)}
+    with pytest.raises(ScenarioError, match=r"would need a step of .* below the 1e-07 s"):
+        World(load_preset("paper").replace(changes))

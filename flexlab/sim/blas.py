@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import OpenBLASController, ThreadpoolController
 
 _lock = threading.Lock()
 _users = 0
@@ -28,6 +28,7 @@ def one_blas_thread() -> Iterator[None]:
     global _users, _limit
     with _lock:
         if _users == 0:
+            OpenBLASController.clear_controlling_thread(force=True)
             _limit = _libraries().limit(limits=1, user_api="blas")
         _users += 1
     try:
@@ -36,4 +37,6 @@ def one_blas_thread() -> Iterator[None]:
         with _lock:
             _users -= 1
             if _users == 0:
+                # The first thread to set a limit keeps the right to, and others' are ignored; `_lock` keeps order here.
+                OpenBLASController.clear_controlling_thread(force=True)
                 _limit.restore_original_limits()

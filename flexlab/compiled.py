@@ -11,6 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
+from llvmlite import ir
+from numba.extending import intrinsic
+
+from flexlab.numba_internals import Inlined, InlinedCompiler
+
+PLAIN_PYTHON = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
+"""Whether numba was told not to compile (NUMBA_DISABLE_JIT=1): then every kernel is the Python function that it is written as."""
 
 _PACKAGE = Path(__file__).parent
 _KERNEL_ROOMS = ("physics", "control", "sim")
@@ -49,18 +57,90 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """A kernel that only kernels call: always inlined, as handing over a whole system costs more than most of them."""
-    return _compile(function, cache=True, forceinline=True)
+    return _inline(function)
 
 
 def inlined_sums(function: Callable[..., Any]) -> Callable[..., Any]:
     """As `inlined`, with sums in an order that suits vector units: the same machine still gives the same bits."""
-    return _compile(function, cache=True, forceinline=True, fastmath={"reassoc", "contract"})
+    return _inline(function, fastmath={"reassoc", "contract"})
 
 
-def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
+def _inline(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
+    if PLAIN_PYTHON:
+        return function
+    return Inlined(_compile(function, forceinline=True, pipeline_class=InlinedCompiler, **options))
+
+
+def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A kernel that is chosen at run time, as laws and paths are: `call_kernel` calls it by its `kernel_address`.
+
+    Its first argument is the record of its parameters. So the engine's loop is compiled once, whatever is chosen.
+    """
+    return _compile(function, cache=True, no_cfunc_wrapper=False)
+
+
+def _compile(function: Callable[..., Any], no_cfunc_wrapper: bool = True, **options: Any) -> Callable[..., Any]:
     previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
     try:
-        return numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=True, **options)(function)
+        return numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=no_cfunc_wrapper, **options)(
+            function
+        )
     finally:
         numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
+
+
+VECTOR, MATRIX = numba.float64[::1], numba.float64[:, ::1]
+"""Types of kernel arguments: contiguous arrays."""
+
+_plain: dict[int, tuple[Callable[..., Any], np.dtype]] = {}
+
+
+def kernel_address(kernel: Any, parameters: np.dtype, *arguments: Any, returns: Any = numba.void) -> int:
+    """The address of a `pluggable` kernel, compiled (or loaded) for a parameter record and argument types."""
+    if PLAIN_PYTHON:
+        _plain[id(kernel)] = kernel, parameters
+        return id(kernel)
+    result = kernel.get_compile_result(returns(numba.from_dtype(parameters), *arguments))
+    return result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
+
+
+def _call(context: Any, builder: Any, signature: Any, values: Any, result: Any) -> Any:
+    """LLVM code of a call to an address with a pointer to the parameters and the members of a tuple."""
+    address, parameters, packed = values
+    data = context.make_array(signature.args[1])(context, builder, parameters).data
+    given = [builder.bitcast(data, ir.IntType(8).as_pointer())]
+    given += [builder.extract_value(packed, k) for k in range(len(signature.args[2]))]
+    kind = ir.FunctionType(result, [value.type for value in given])
+    return builder.call(builder.inttoptr(address, kind.as_pointer()), given)
+
+
+def _call_plainly(address, parameters, arguments):
+    """The kernel at `address`, called as the Python function that it is written as."""
+    function, record = _plain[address]
+    return function(parameters.view(record).view(np.recarray)[0], *arguments)
+
+
+@intrinsic
+def call_kernel(typing, address, parameters, arguments):
+    """Call the kernel at `address` with its parameters (flat, (k,)) and a tuple of further arguments."""
+
+    def code(context, builder, signature, values):
+        _call(context, builder, signature, values, ir.VoidType())
+        return context.get_dummy_value()
+
+    return numba.void(numba.int64, parameters, arguments), code
+
+
+@intrinsic
+def call_number_kernel(typing, address, parameters, arguments):
+    """As `call_kernel`, for a kernel that returns a number."""
+
+    def code(context, builder, signature, values):
+        return _call(context, builder, signature, values, ir.DoubleType())
+
+    return numba.float64(numba.int64, parameters, arguments), code
+
+
+if PLAIN_PYTHON:
+    globals().update(call_kernel=_call_plainly, call_number_kernel=_call_plainly)

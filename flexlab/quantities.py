@@ -9,7 +9,7 @@ import numbers
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from pydantic import (
     BaseModel,
@@ -165,3 +165,17 @@ class Part(BaseModel):
                     "range", "is outside the allowed range {range}", {"range": about.range_text()}
                 )
         return value
+
+
+def own_numbers(model: type[BaseModel], base: type[BaseModel]) -> dict[str, int]:
+    """Fields of `model` that hold numbers, without those of `base`, and how many numbers a kernel gets for each.
+
+    One number, or as many as its longest form lists: a field that may be one number or three counts three.
+    """
+    sizes = {}
+    for name, about in model.model_fields.items():
+        if name not in base.model_fields and name != "kind":
+            forms = [about.annotation, *get_args(about.annotation)]
+            tuples = [len(get_args(form)) for form in forms if getattr(form, "__origin__", None) is tuple]
+            sizes[name] = max(tuples, default=1)
+    return sizes

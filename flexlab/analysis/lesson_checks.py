@@ -247,5 +247,4 @@ def _since(samples: Samples, events: Sequence[Event]) -> float:
 
 def _period(scenario: Scenario) -> float:
     """The path's longest period, s; 1 for a path that stands still, and no longer than a check can see."""
-    frequencies = [hertz for hertz in scenario.trajectory.frequency if hertz > 0]
-    return min(1 / min(frequencies), SECONDS / 2) if frequencies else 1.0
+    return min(scenario.trajectory.slowest_period, SECONDS / 2)

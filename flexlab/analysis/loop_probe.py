@@ -7,12 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlab.control.path import build_motion, paths
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import set_momenta
-from flexlab.physics.plant import ETA, MEMORY, P, X, make_workspace, state_size
-from flexlab.scenario import Scenario
+from flexlab.physics.plant import ETA, P, X, forget_rates
+from flexlab.scenario import Scenario, SineTrajectory
 from flexlab.sim.build import build_beam, build_system
-from flexlab.sim.closed_loop import System, rates
+from flexlab.sim.closed_loop import System, memory_slice, new_workspace, rates_at, state_length
 from flexlab.sim.sampled_control import Sampling, control_instant
 
 PROBE_PERIOD = 1e-3
@@ -40,9 +41,9 @@ class Motion(NamedTuple):
 
 def aim(system: System, desired: np.ndarray) -> None:
     """Make the path's value, rate and acceleration at t = 0 those of `desired` (3, 3): a sine of 1 rad/s has all three free."""
-    path, (x, v, a) = system.trajectory, desired
-    path.center[:], path.amplitude[:], path.phase[:] = x + a, np.hypot(v, a), np.arctan2(-a, v)
-    path.frequency[:] = 1 / (2 * np.pi)
+    path, (x, v, a) = system.trajectory.numbers.view(paths()["sine"].record)[0], desired
+    path["center"], path["amplitude"], path["phase"] = x + a, np.hypot(v, a), np.arctan2(-a, v)
+    path["frequency"] = 1 / (2 * np.pi)
 
 
 class LoopProbe:
@@ -65,7 +66,8 @@ class LoopProbe:
             raise StudyError(str(error)) from None
         self.scenario = scenario
         self.beam = build_beam(scenario.payload)
-        self.system = build_system(scenario, self.beam)
+        # A sine of 1 rad/s has value, rate and acceleration at t = 0 all three free.
+        self.system = build_system(scenario, self.beam)._replace(trajectory=build_motion(SineTrajectory()))
         self.arm_count, self.mode_count = len(scenario.arms), len(self.beam.modes.omega)
         self.size = 2 * (3 + self.mode_count)
         """Length of a displacement of a `Motion`."""
@@ -79,9 +81,10 @@ class LoopProbe:
             seed=0,
             line=np.zeros((1, self.arm_count, 3)),
         )
-        self._workspace = make_workspace(self.arm_count, self.mode_count)
-        self._y = np.zeros(state_size(self.mode_count))
-        self.start_memory = self._y[MEMORY : MEMORY + 3].copy()
+        self._workspace = new_workspace(self.system)
+        self._y = np.zeros(state_length(self.system))
+        self._memory = memory_slice(self.system)
+        self.start_memory = self._y[self._memory].copy()
         """The law's memory at the start of a run, (memory,)."""
 
     def at_rest(self, pose: np.ndarray) -> Motion:
@@ -93,8 +96,8 @@ class LoopProbe:
         """The engine's state y of a motion."""
         self._set(motion)
         y = self._y.copy()
-        y[MEMORY : MEMORY + len(memory)] = memory
-        y[ETA + 2 * self.mode_count :] = np.nan  # what integrators note of accelerations: of no motion before this one
+        y[self._memory] = memory
+        forget_rates(y, self.mode_count)
         return y
 
     def momenta(self, motion: Motion) -> np.ndarray:
@@ -108,7 +111,7 @@ class LoopProbe:
         self._set(motion)
         self.system.held_torque[:] = torque.reshape(-1, 3)
         dy, n = np.zeros_like(self._y), self.mode_count
-        self._check(rates(self.system, 0.0, self._y, self._workspace, dy, True))
+        self._check(rates_at(self.system, 0.0, self._y, self._workspace, dy, True))
         return np.concatenate([dy[P : P + 3], dy[ETA + n : ETA + 2 * n]])
 
     def answer(self, motion: Motion, memory: np.ndarray, desired: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -118,7 +121,7 @@ class LoopProbe:
         """
         aim(self.system, desired)
         self._set(motion)
-        own = self._y[MEMORY : MEMORY + len(memory)]
+        own = self._y[self._memory]
         own[:] = memory
         self._check(control_instant(self.system, self._sampling, 0, 0.0, self._y, self._workspace))
         return self._sampling.line[0].ravel().copy(), own - memory

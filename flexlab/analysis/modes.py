@@ -148,7 +148,7 @@ def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes
 def check_pose(scenario: Scenario, pose: tuple[float, float, float] | None) -> np.ndarray:
     """The pose to hold, (3,); raises `StudyError` for one that is no pose or that an arm cannot take."""
     try:
-        at = np.array(scenario.trajectory.center if pose is None else pose, dtype=float)
+        at = np.array(scenario.trajectory.middle if pose is None else pose, dtype=float)
     except (TypeError, ValueError):
         at = np.zeros(0)
     if at.shape != (3,) or not np.all(np.isfinite(at)):

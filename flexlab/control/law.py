@@ -1,58 +1,231 @@
-"""The one seam between the engine and every control law: state and plant terms in, arm inputs and memory rates out.
+"""Control laws: what one is, which ones there are, and the one seam between them and the engine.
 
-A law is chosen by number, not passed as a function: compiled code that takes functions could not be cached, and changing
-the law of a running lab would compile anew.
+A law is a file in `control/laws` (or any file, see `add_law_file`) that defines `LAW = Law(...)`: its gains as a scenario
+model, its kernel, its memory and its fastest rate. Menus, sliders, recordings and step control follow from that.
+
+    kernel(gains, now, memory, memory_rate, signals)     fills now.u (arms, 3), memory_rate and signals
+    fastest_rate(gains, now, memory, S, kappa) -> 1/s    how fast the closed loop's fastest part can move, for the step
+
+`gains`: a record of the model's own fields, numbers and 3-vectors, under the fields' names. `now`: a `LAW_INPUT` record.
+`memory`, `memory_rate`, `signals`: vectors of the declared sizes, in the declared order. `S` (3, 3): inertia that the pose
+feels at this instant, beam momenta held. `kappa` (3,): hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g over the modes that the plant keeps.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 
-from flexlab.compiled import inlined
-from flexlab.control.adaptive_sliding_mode import AdaptiveGains, adaptive_sliding_mode
-from flexlab.control.computed_torque import computed_torque
+from flexlab.compiled import MATRIX, VECTOR, call_kernel, call_number_kernel, inlined, kernel_address
+from flexlab.control.controller import Controller
 from flexlab.control.load_sharing import BelievedPayload
-from flexlab.control.proportional_derivative import FeedbackGains, proportional_derivative
-from flexlab.control.vibration_damping import add_vibration_damping
+from flexlab.physics.law_input import LAW_INPUT
+from flexlab.quantities import own_numbers
+from flexlab.registry import module_from_file, modules_in
+from flexlab.signal import Signal
 
-NONE, ADAPTIVE_SLIDING_MODE, COMPUTED_TORQUE, PROPORTIONAL_DERIVATIVE, VIBRATION_DAMPING = range(5)
+
+@dataclass(frozen=True)
+class Memory:
+    """A part of a law's memory. A law that takes over from another goes on with the parts that both have by name."""
+
+    name: str
+    size: int | Callable[[int], int] = 3
+    """Length, or length as a function of the number of arms."""
+
+    def length(self, arm_count: int) -> int:
+        """Numbers in it."""
+        return self.size if isinstance(self.size, int) else self.size(arm_count)
+
+
+class Start(NamedTuple):
+    """What a law may know when it begins."""
+
+    now: Any
+    """`LAW_INPUT` record of the first instant, arm terms included."""
+    gains: Any
+    """Record of the gains."""
+
+
+BOUND_ESTIMATES = Memory("bound_estimates")
+"""b̂ of Eq. (23). Laws that learn nothing keep it as it is, so that a law that goes on with it finds it again."""
+
+
+def no_slope(_: Any) -> np.ndarray:
+    """Λ = 0: of laws without a sliding surface."""
+    return np.zeros(3)
+
+
+def no_limits(_: Any) -> dict[str, dict[str, float]]:
+    """Of laws without levels to be shown."""
+    return {}
+
+
+def nothing_derived(_: Any) -> dict[str, np.ndarray]:
+    """Of laws that need no constants besides their gains."""
+    return {}
+
+
+@dataclass(frozen=True)
+class Law:
+    """One control law, complete. `model`'s field `kind` is its name everywhere."""
+
+    model: type[Controller]
+    kernel: Callable[..., None]
+    fastest_rate: Callable[..., float] | None = None
+    memory: tuple[Memory, ...] = (BOUND_ESTIMATES,)
+    signals: tuple[Signal, ...] = ()
+    """Signals of its own, which the kernel writes."""
+    limits: Callable[[Any], dict[str, dict[str, float]]] = no_limits
+    """Levels that mean something in plots, from the model's gains: signal → label with unit → value."""
+    start: Callable[[Start], dict[str, np.ndarray]] | None = None
+    """Memory parts that do not start at zero."""
+    sliding_slope: Callable[[Any], np.ndarray] = no_slope
+    """Λ (3,), 1/s, of s = ė + Λe in plots, from the model's gains."""
+    constants: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    """Further fields of the gains record and their shapes, which `derive` computes from the scenario."""
+    derive: Callable[[Any], dict[str, np.ndarray]] = nothing_derived
+    place: int = 50
+    """Rank in menus."""
+
+    @property
+    def kind(self) -> str:
+        """The name in scenarios."""
+        return self.model.model_fields["kind"].default
+
+    @cached_property
+    def gains_type(self) -> np.dtype:
+        """The record of gains and constants."""
+        own = own_numbers(self.model, Controller)
+        fields = [(name, "f8", (size,)) if size > 1 else (name, "f8") for name, size in own.items()]
+        fields += [(name, "f8", shape) for name, shape in self.constants.items()]
+        return np.dtype(fields or [("none", "f8")])
+
+    def gains(self, scenario: Any) -> np.ndarray:
+        """The gains of a scenario's law, flat, as the kernels take them."""
+        record = np.zeros(1, self.gains_type)
+        for name in own_numbers(self.model, Controller):
+            record[name] = getattr(scenario.controller, name)
+        for name, value in self.derive(scenario).items():
+            record[name] = value
+        return record.view(np.float64)
+
+    def addresses(self) -> tuple[int, int]:
+        """Of kernel and fastest rate, compiled or loaded from the cache."""
+        now = numba.from_dtype(LAW_INPUT)
+        return (
+            kernel_address(self.kernel, self.gains_type, now, VECTOR, VECTOR, VECTOR),
+            kernel_address(self.fastest_rate, self.gains_type, now, VECTOR, MATRIX, VECTOR, returns=numba.float64),
+        )
+
+    def memory_slices(self, arm_count: int) -> dict[str, slice]:
+        """Where the parts of the memory lie."""
+        slices, at = {}, 0
+        for part in self.memory:
+            slices[part.name] = slice(at, at + part.length(arm_count))
+            at += part.length(arm_count)
+        return slices
+
+    def memory_size(self, arm_count: int) -> int:
+        """Numbers in the memory."""
+        return sum(part.length(arm_count) for part in self.memory)
+
+    @property
+    def signal_count(self) -> int:
+        """Numbers in the law's own signals."""
+        return sum(signal.fixed_size for signal in self.signals)
 
 
 class Control(NamedTuple):
     """A control law with its gains, and how its inputs and outputs reach the plant."""
 
-    kind: int
-    adaptive: AdaptiveGains
-    feedback: FeedbackGains
-    vibration_gains: np.ndarray
-    """k_v, k_θ of `vibration_damping`, (2,)."""
+    law: int
+    """Address of the law's kernel."""
+    fastest_rate: int
+    """Address of its fastest rate."""
+    gains: np.ndarray
+    """The law's record of gains, flat."""
+    memory_size: int
+    signal_count: int
+    """Numbers in the law's own signals."""
+    estimates: int
+    """Where b̂ stands in the memory, negative if nowhere."""
+    sliding_slope: np.ndarray
+    """Λ of the sliding variable that is shown, 1/s, (3,)."""
     payload: BelievedPayload
+    share: np.ndarray
+    """What each arm carries of the common part, 1, (2,)."""
     torque_limit: np.ndarray
     """N·m per joint, infinite where there is none, (3,)."""
     limited: bool
     sampled: bool
     """Zero-order hold: the inputs are computed by `sim.sampled_control` at the control instants only."""
-    scratch: np.ndarray
-    """(6, 3)."""
 
 
 @inlined
-def control_law(control, gravity, x, v, beam_rate, terms, desired, memory, u, memory_rate):
-    """Fill u (arms, 3) and the memory's rates (3,) for the pose x, its rate v, hᵀq̇ and gᵀq̇ in beam_rate (2,)."""
-    kind = control.kind
+def control_law(control, gravity, x, v, beam_rate, desired, now, memory, memory_rate, signals):
+    """Fill now.u (arms, 3), memory_rate and signals for the pose x, its rate v and hᵀq̇, gᵀq̇ in beam_rate (2,).
+
+    `now`: the `LAW_INPUT` record whose arm terms are those of x and v.
+    """
+    payload = control.payload
+    now.gravity, now.m, now.I = gravity, payload.m, payload.I
     for a in range(3):
+        now.x[a], now.v[a], now.kappa[a] = x[a], v[a], payload.kappa[a]
+        for order in range(3):
+            now.desired[order, a] = desired[order, a]
+    for a in range(2):
+        now.beam_rate[a], now.share[a] = beam_rate[a], control.share[a]
+    for a in range(len(memory_rate)):
         memory_rate[a] = 0.0
-    if kind == ADAPTIVE_SLIDING_MODE or kind == VIBRATION_DAMPING:
-        adaptive_sliding_mode(
-            control.adaptive, control.payload, gravity, x, v, terms, desired, memory, control.scratch, u, memory_rate
+    call_kernel(control.law, control.gains, (now, memory, memory_rate, signals))
+
+
+@inlined
+def fastest_control_rate(control, now, memory, S, kappa):
+    """1/s, of the closed loop's part that the law shapes, at the instant of `now` (its x and v), memory (m,), S (3, 3)."""
+    return call_number_kernel(control.fastest_rate, control.gains, (now, memory, S, kappa))
+
+
+_laws: dict[str, Law] = {}
+_listeners: list[Callable[[], None]] = []
+
+
+def add_law(law: Law) -> None:
+    """Make a law known. Raises ImportError for one that lacks what the engine needs."""
+    if law.fastest_rate is None:
+        raise ImportError(
+            f"The control law {law.kind!r} does not say its fastest rate, which the step control needs: "
+            "give Law(..., fastest_rate=a kernel of gains, now, memory, S and kappa)."
         )
-        if kind == VIBRATION_DAMPING:
-            add_vibration_damping(control.vibration_gains, terms, beam_rate, u)
-    elif kind == COMPUTED_TORQUE:
-        computed_torque(control.feedback, control.payload, gravity, x, v, terms, desired, control.scratch, u)
-    elif kind == PROPORTIONAL_DERIVATIVE:
-        proportional_derivative(control.feedback, control.payload, gravity, x, v, terms, desired, u)
-    else:
-        for i in range(len(u)):
-            for a in range(3):
-                u[i, a] = 0.0
+    if law.kind in _laws and _laws[law.kind] != law:
+        raise ImportError(f"Two control laws are called {law.kind!r}: give one of them another kind.")
+    _laws[law.kind] = law
+    for listener in _listeners:
+        listener()
+
+
+def add_law_file(path: Path) -> Law:
+    """Make the law of a Python file known, which defines LAW. Raises ImportError, and what the file raises."""
+    law = getattr(module_from_file(path), "LAW", None)
+    if not isinstance(law, Law):
+        raise ImportError(f"{path} defines no control law: it needs LAW = Law(...).")
+    add_law(law)
+    return law
+
+
+def on_new_law(listener: Callable[[], None]) -> None:
+    """Have `listener` called whenever a law was added."""
+    _listeners.append(listener)
+
+
+def laws() -> dict[str, Law]:
+    """All control laws by kind, as menus show them."""
+    if not _laws:
+        for module in modules_in("flexlab.control.laws"):
+            add_law(module.LAW)
+    return dict(sorted(_laws.items(), key=lambda item: (item[1].place, item[0])))

@@ -73,5 +73,5 @@ def _key(scenario: Scenario) -> tuple:
         scenario.right_arm,
         scenario.controller,
         scenario.gravity,
-        scenario.trajectory.center,
+        scenario.trajectory.middle,
     )

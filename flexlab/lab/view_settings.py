@@ -61,10 +61,7 @@ SWITCHES = {
 def fitting_exaggeration(scenario: Scenario) -> float:
     """A factor of 1, 2 or 5 times a power of ten at which the beam's bending in steady motion is seen but not wild."""
     payload, path = scenario.payload, scenario.trajectory
-    swing = [
-        size * (2 * math.pi * rate) ** 2 for size, rate in zip(path.amplitude[:2], path.frequency[:2], strict=True)
-    ]
-    load = payload.linear_density * math.hypot(*swing, scenario.gravity)
+    load = payload.linear_density * math.hypot(*path.peak_acceleration[:2], scenario.gravity)
     bending = 5 * load * payload.length**4 / (384 * payload.bending_stiffness)
     if bending <= 0:
         return 50.0

@@ -160,18 +160,3 @@ def beam_modes(omega: np.ndarray, V: np.ndarray, damping: np.ndarray) -> BeamMod
     ordered = label[order]
     starts = np.concatenate([[0], np.flatnonzero(np.diff(ordered)) + 1, [len(order)]]).astype(np.int64)
     return BeamModes(omega[order], np.ascontiguousarray(V[:, order]), damping[np.ix_(order, order)], starts)
-
-
-def nodal_damping(V: np.ndarray, coefficient: float) -> np.ndarray:
-    """VᵀDV for D = c·1 on every nodal rate (the paper's damping)."""
-    return coefficient * (V.T @ V)
-
-
-def stiffness_damping(omega: np.ndarray, coefficient: float) -> np.ndarray:
-    """VᵀDV for D = β K_F."""
-    return np.diag(coefficient * omega**2)
-
-
-def modal_damping(omega: np.ndarray, ratio: float) -> np.ndarray:
-    """VᵀDV for the same damping ratio ζ in every mode."""
-    return np.diag(2 * ratio * omega)

@@ -97,6 +97,12 @@ def find_velocities(plant, y, ws):
 
 
 @compiled
+def velocities_at(plant, y, ws):
+    """`find_velocities` for Python; returns a fault code."""
+    return find_velocities(plant, y, ws)[0]
+
+
+@compiled
 def inertias_at(plant, poses, ws, found):
     """Fill found (k, 3, 3) with S for a straight beam at the poses (k, 3) that the arms can take; returns how many."""
     count = 0

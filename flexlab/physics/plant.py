@@ -1,8 +1,9 @@
 """Arms and flexible payload together, in modal coordinates and Hamiltonian form (Eqs. 8-16).
 
-State `y` of n_m modes, in this order: pose x (3), its momentum P = ∂T/∂ẋ (3), controller memory (3), work done on the
-system, energy dissipated, modal coordinates η (n_m), their momenta π = ∂T/∂η̇ (n_m), and the algorithmic accelerations of
-generalized-alpha (3 + n_m). With e1, e2 the axes of the virtual link, v = (ẋ0, ẏ0), v1 = v·e1, v2 = v·e2, ω = θ̇:
+State `y` of n_m modes, in this order: pose x (3), its momentum P = ∂T/∂ẋ (3), work done on the system, energy dissipated,
+modal coordinates η (n_m), their momenta π = ∂T/∂η̇ (n_m), the algorithmic accelerations of generalized-alpha (3 + n_m), the
+control law's memory (any length), and the law's own signals as it last gave them (any number). With e1, e2 the axes of the
+virtual link, v = (ẋ0, ẏ0), v1 = v·e1, v2 = v·e2, ω = θ̇:
 
     π = η̇ + h v2 + g ω            P = S ẋ + A12 π,   S = M̄1 + M̄2 + A11 - A12 A21   (Schur complement, 3 x 3)
     π̇ = -Ω²η - Dη̇ + ω²η - h (ω v1 + gravity cos θ)
@@ -16,12 +17,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlab.compiled import inlined
 from flexlab.physics.arm import ArmTerms
+from flexlab.physics.law_input import make_law_input
 
-X, P, MEMORY = 0, 3, 6
-WORK, DISSIPATED = 9, 10
-ETA = 11
+X, P, WORK, DISSIPATED, ETA = 0, 3, 6, 7, 8
 """First indices of the parts of the state y; π follows η."""
+
+
+@inlined
+def memory_start(plant):
+    """Index in y of the law's memory."""
+    return ETA + 3 * plant.modal.shape[1] + 3
+
 
 H, G, DH, DG, OMEGA2, MID, BEND, PULL = range(8)
 """Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape where the beam bends
@@ -70,12 +78,16 @@ class Plant(NamedTuple):
 class Workspace(NamedTuple):
     """Scratch memory of the kernels, so that no step allocates."""
 
+    truth: np.ndarray
+    """`LAW_INPUT` at the true state, (1,)."""
+    measured: np.ndarray
+    """`LAW_INPUT` at what a sampled controller measures, (1,)."""
     arm: ArmTerms
-    """At the true state."""
+    """At the true state: views of `truth`."""
     seen: ArmTerms
-    """At the pose a sampled controller measures."""
+    """At the pose a sampled controller measures: views of `measured`."""
     u: np.ndarray
-    """Arm inputs, (arms, 3)."""
+    """Arm inputs, (arms, 3): a view of `truth`."""
     hand: np.ndarray
     """What a hand on a link adds to the arm's input, 𝒥-transformed as u is, (arms, 3)."""
     tau: np.ndarray
@@ -101,7 +113,7 @@ class Workspace(NamedTuple):
     beam_rate: np.ndarray
     """hᵀq̇, gᵀq̇, (2,)."""
     memory_rate: np.ndarray
-    """(3,)."""
+    """Of the law's memory, as long as that."""
     fault: np.ndarray
     """Index of the arm at fault, (1,)."""
     stage: np.ndarray
@@ -110,42 +122,49 @@ class Workspace(NamedTuple):
     """Set by another thread to make the kernels return early, (1,)."""
 
 
-def state_size(mode_count: int) -> int:
+def state_size(mode_count: int, memory_size: int = 3, signal_count: int = 0) -> int:
     """Length of y."""
-    return ETA + 3 * mode_count + 3
+    return ETA + 3 * mode_count + 3 + memory_size + signal_count
 
 
-def make_workspace(arm_count: int, mode_count: int) -> Workspace:
-    """Scratch memory for `arm_count` arms and `mode_count` modes."""
+def noted_rates(y: np.ndarray, mode_count: int) -> np.ndarray:
+    """What an integrator noted of η̇ in y, (n_m,): NaN where it noted nothing."""
+    return y[ETA + 2 * mode_count + 3 : ETA + 3 * mode_count + 3]
 
-    def terms() -> ArmTerms:
-        return ArmTerms(
-            np.zeros((arm_count, 3, 3)),
-            np.zeros((arm_count, 3, 3)),
-            np.zeros((arm_count, 3)),
-            np.zeros((arm_count, 2, 3)),
-            np.zeros((arm_count, 4)),
-            np.zeros(2),
-        )
+
+def forget_rates(y: np.ndarray, mode_count: int) -> None:
+    """Void what integrators noted of rates and accelerations in y: it holds no longer after a jump."""
+    y[ETA + 2 * mode_count : ETA + 3 * mode_count + 3] = np.nan
+
+
+def make_workspace(arm_count: int, mode_count: int, memory_size: int = 3, signal_count: int = 0) -> Workspace:
+    """Scratch memory for `arm_count` arms, `mode_count` modes and a law with so much memory and so many signals."""
+    truth, measured = make_law_input(arm_count), make_law_input(arm_count)
+
+    def terms(record: np.ndarray) -> ArmTerms:
+        per_arm = (np.asarray(record[name])[0, :arm_count] for name in ("M", "C", "G", "J", "direction"))
+        return ArmTerms(*per_arm, np.asarray(record["trig"])[0])
 
     return Workspace(
-        terms(),
-        terms(),
-        np.zeros((arm_count, 3)),
-        np.zeros((arm_count, 3)),
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros((3, 3)),
-        np.zeros(mode_count),
-        np.zeros(mode_count),
-        np.zeros(mode_count),
-        np.zeros((3, 3)),
-        np.full(1, np.nan),
-        np.zeros(1),
-        np.zeros(2),
-        np.zeros(3),
-        np.zeros(1, np.int64),
-        np.zeros((10, state_size(mode_count))),
-        np.zeros(1, np.int64),
+        truth=truth,
+        measured=measured,
+        arm=terms(truth),
+        seen=terms(measured),
+        u=np.asarray(truth["u"])[0, :arm_count],
+        hand=np.zeros((arm_count, 3)),
+        tau=np.zeros(3),
+        velocity=np.zeros(3),
+        momentum=np.zeros(3),
+        S=np.zeros((3, 3)),
+        eta_dot=np.zeros(mode_count),
+        damping_force=np.zeros(mode_count),
+        restoring=np.zeros(mode_count),
+        desired=np.zeros((3, 3)),
+        desired_time=np.full(1, np.nan),
+        w_bar=np.zeros(1),
+        beam_rate=np.zeros(2),
+        memory_rate=np.zeros(memory_size),
+        fault=np.zeros(1, np.int64),
+        stage=np.zeros((10, state_size(mode_count, memory_size, signal_count))),
+        interrupt=np.zeros(1, np.int64),
     )

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import rerun as rr
 
+from flexlab.control.path import build_motion, poses
 from flexlab.recording.chunks import Column, line_strips, vectors
 from flexlab.recording.recorded_plots import BLUE, GRAY, GREEN, ORANGE, PURPLE, VERMILION
 from flexlab.scenario import Scenario
@@ -43,8 +44,7 @@ def exaggeration(scenario: Scenario) -> float:
     The load is that of a uniform beam, 5ρaL⁴/(384 EI) at mid-span, with the trajectory's largest acceleration and weight.
     """
     payload, path = scenario.payload, scenario.trajectory
-    turn = 2 * np.pi * np.array(path.frequency[:2])
-    acceleration = float(np.hypot(*(np.array(path.amplitude[:2]) * turn**2))) + abs(scenario.gravity)
+    acceleration = float(np.hypot(*path.peak_acceleration[:2])) + abs(scenario.gravity)
     load = payload.linear_density * max(acceleration, LEAST_ACCELERATION)
     bending = 5 * load * payload.length**4 / (384 * payload.bending_stiffness)
     wanted = SHOWN_BENDING * payload.length / bending
@@ -97,16 +97,14 @@ def moving_shapes(scenario: Scenario, samples: Samples, factor: float) -> Iterat
     )
 
 
+PATH_POINTS = 256
+"""Points of the drawn desired path."""
+
+
 def desired_path(scenario: Scenario) -> np.ndarray:
     """The desired path of the payload's origin over its slowest period, (1, 1, points, 3) for `line_strips`."""
-    path = scenario.trajectory
-    moving = [f for f, a in zip(path.frequency[:2], path.amplitude[:2], strict=True) if f > 0 and a != 0]
-    time = np.linspace(0, 1 / min(moving) if moving else 0, 256)
-    points = [
-        path.center[axis] + path.amplitude[axis] * np.sin(2 * np.pi * path.frequency[axis] * time + path.phase[axis])
-        for axis in (0, 1)
-    ]
-    return _in_space(np.stack(points, axis=-1))[None, None]
+    times = np.linspace(0, scenario.trajectory.slowest_period, PATH_POINTS)
+    return _in_space(poses(build_motion(scenario.trajectory), times)[:, 0, :2])[None, None]
 
 
 def _links(points: np.ndarray, joint_angle: np.ndarray) -> list[Column]:
@@ -137,7 +135,7 @@ EYE_ANGLE = np.radians(55)
 def eye(scenario: Scenario, shape: float = VIEW_SHAPE) -> tuple[tuple[float, float, float], float]:
     """(point to look at, height above it in m) from which the whole motion is seen, in a view `shape` times as wide as high."""
     path = scenario.trajectory
-    center, reach = np.array(path.center[:2]), np.abs(path.amplitude[:2]) + 0.5 * scenario.payload.length
+    center, reach = np.array(path.middle[:2]), np.array(path.reach[:2]) + 0.5 * scenario.payload.length
     points = np.array([*(arm.base for arm in scenario.arms), center - reach, center + reach])
     low, high = points.min(axis=0) - VIEW_MARGIN / 2, points.max(axis=0) + VIEW_MARGIN / 2
     x, y = 0.5 * (low + high)

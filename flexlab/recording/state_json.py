@@ -9,6 +9,9 @@ import numpy as np
 
 from flexlab.sim.world_state import Origin, WorldState
 
+LAYOUT, PRESENT_LAYOUT = "layout", 2
+"""Which order the numbers of y have; states of layout 1 do not name it."""
+
 
 def state_json(state: WorldState) -> str:
     """A world's state as JSON."""
@@ -32,11 +35,19 @@ def origin_from_values(values: Mapping[str, Any]) -> Origin:
 
 def _state_values(state: WorldState) -> dict[str, Any]:
     values = {field.name: getattr(state, field.name) for field in fields(WorldState)}
-    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+    numbers = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+    return {LAYOUT: PRESENT_LAYOUT, **numbers}
 
 
 def _state(values: Mapping[str, Any]) -> WorldState:
     # What only a newer version keeps is of no use here; what it needs and an older one lacks has a default.
     known = {field.name for field in fields(WorldState)} - {"tick"}
     arrays = {name: np.array(value, float) for name, value in values.items() if name in known}
+    if values.get(LAYOUT, 1) == 1:
+        arrays["y"] = from_first_layout(arrays["y"])
     return WorldState(tick=int(values["tick"]), **arrays)
+
+
+def from_first_layout(y: np.ndarray) -> np.ndarray:
+    """A state y of layout 1 in the present one (`physics.plant`): b̂ stood before the energies, and was every law's memory."""
+    return np.concatenate([y[:6], y[9:], y[6:9]])

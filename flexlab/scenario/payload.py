@@ -1,42 +1,17 @@
 """The beam that is carried: mesh, boundary and damping."""
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
 from flexlab.boundaries import HELD_COORDINATES
 from flexlab.quantities import Count, Number, Part, quantity
+from flexlab.scenario.damping import Damping, NodalDamping
 
 Boundary = Literal["pinned-pinned", "clamped-clamped", "clamped-pinned", "pinned-clamped", "clamped-free"]
 FIXED_COORDINATES = {boundary: len(held) for boundary, held in HELD_COORDINATES.items()}
 """How many of the 2 (n + 1) nodal coordinates each boundary holds at zero."""
-
-
-class NodalDamping(Part):
-    """Viscous damping c on every nodal rate, the paper's reading; depends on the mesh."""
-
-    kind: Literal["nodal"] = "nodal"
-    coefficient: Number = quantity(0.1, title="Damping", symbol="c", unit="N·s/m", low=0, high=1e3, slider=(0, 2))
-
-
-class StiffnessDamping(Part):
-    """Damping proportional to the stiffness, C = β K_F: grows with the square of the mode's frequency."""
-
-    kind: Literal["stiffness"] = "stiffness"
-    coefficient: Number = quantity(
-        1e-4, title="Stiffness damping", symbol="β", unit="s", low=0, high=1, slider=(0, 2e-3)
-    )
-
-
-class ModalDamping(Part):
-    """The same damping ratio ζ for every mode, whatever the mesh."""
-
-    kind: Literal["modal"] = "modal"
-    ratio: Number = quantity(0.01, title="Damping ratio", symbol="ζ", unit="1", low=0, high=2, slider=(0, 0.2))
-
-
-Damping = Annotated[NodalDamping | StiffnessDamping | ModalDamping, Field(discriminator="kind")]
 
 
 class Payload(Part):

@@ -1,19 +1,27 @@
 """The scenario as a whole: its parts, what must fit together, and changes by path."""
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
+from flexlab.control.controller import Controller
+from flexlab.control.law import on_new_law
+from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
+from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
 from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, quantity
 from flexlab.scenario.arms import Arm
-from flexlab.scenario.controller import AdaptiveSlidingMode, Controller, Law
 from flexlab.scenario.earlier_versions import in_present_terms
+from flexlab.scenario.kinds import any_law, any_path, law_models
 from flexlab.scenario.payload import Payload
-from flexlab.scenario.trajectory import SineTrajectory
 from flexlab.scenario.validation_errors import problem
+
+AnyLaw = Any
+AnyPath = Any
+if not TYPE_CHECKING:
+    AnyLaw, AnyPath = any_law(), any_path()
 
 SMALLEST_STEP = 1e-7
 """Shortest integration step, s: below it rounding outweighs truncation for every integrator here."""
@@ -65,8 +73,8 @@ class Scenario(Part):
     payload: Payload = Payload()
     left_arm: Arm = Arm(base=(-0.5, 0.0), elbow=-1)
     right_arm: Arm | None = Arm(base=(0.5, 0.0), elbow=1)
-    trajectory: SineTrajectory = SineTrajectory()
-    controller: Law = AdaptiveSlidingMode()
+    trajectory: AnyPath = SineTrajectory()
+    controller: AnyLaw = AdaptiveSlidingMode()
     initial: Initial = Initial()
     gravity: Number = quantity(0.0, title="Gravity along -y", symbol="g", unit="m/s²", low=-50, high=50, slider=(0, 20))
     simulation: Simulation = Simulation()
@@ -135,6 +143,15 @@ class Scenario(Part):
         if not isinstance(owner, BaseModel) or name not in type(owner).model_fields:
             raise ScenarioError([(path, f"{path} is not a scenario field: check the name.")])
         return describe(type(owner), name)
+
+
+def _know_new_law() -> None:
+    """Let scenarios have a law that was added after this module was read."""
+    Scenario.model_fields["controller"].annotation = law_models()
+    Scenario.model_rebuild(force=True)
+
+
+on_new_law(_know_new_law)
 
 
 def parse_scenario(data: Any) -> Scenario:

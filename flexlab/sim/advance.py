@@ -5,7 +5,7 @@ import numpy as np
 from flexlab.compiled import compiled, inlined
 from flexlab.physics.arm import NOT_A_NUMBER
 from flexlab.physics.plant import BEND, DISSIPATED, ETA
-from flexlab.sim.closed_loop import rates
+from flexlab.sim.closed_loop import law_places, rates
 from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration
 from flexlab.sim.integrators.etdrk4 import FREE
 from flexlab.sim.integrators.scheme import ETDRK4
@@ -28,9 +28,13 @@ RUNAWAY = 1e9
 
 
 @inlined
-def diverged(y):
-    """Whether any of the pose, momentum, memory and energy states is not finite or out of all bounds."""
+def diverged(system, y):
+    """Whether any of the pose, momentum, energy and memory states is not finite or out of all bounds."""
     for i in range(DISSIPATED + 1):
+        if not abs(y[i]) < RUNAWAY:
+            return True
+    start, end = law_places(system)
+    for i in range(start, end):
         if not abs(y[i]) < RUNAWAY:
             return True
     return False
@@ -74,7 +78,7 @@ def advance(
     row = 0 if first_is_present else -1
     done = j = 0
     n = system.plant.modal.shape[1]
-    true_rate = y[ETA + 2 * n + 3 :]
+    true_rate = y[ETA + 2 * n + 3 : ETA + 3 * n + 3]
     flows, stepped = scheme.kind == ETDRK4 and scheme.flow.shape[1] > 0, False
     while True:
         start = (tick + done) * tick_period
@@ -110,7 +114,7 @@ def advance(
         stepped = True
         if code == 0:
             code = integrate(system, scheme, t, dt, y, ws)
-        if code == 0 and diverged(y):
+        if code == 0 and diverged(system, y):
             code = DIVERGED
         j += 1
         number = (tick + done) * step_count + j

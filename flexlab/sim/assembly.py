@@ -98,7 +98,7 @@ def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequenc
         trajectory or build_trajectory(scenario),
         np.zeros((len(scenario.arms), 3)),
     )
-    return system, rates or find_rates(beam, system, free_rate)
+    return system, rates or find_rates(beam, system, scenario.trajectory, free_rate)
 
 
 def _build_sampling(scenario: Scenario, beam: Beam, steps_per_period: int) -> Sampling:

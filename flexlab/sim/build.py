@@ -4,30 +4,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.control.adaptive_sliding_mode import AdaptiveGains
-from flexlab.control.law import (
-    ADAPTIVE_SLIDING_MODE,
-    COMPUTED_TORQUE,
-    NONE,
-    PROPORTIONAL_DERIVATIVE,
-    VIBRATION_DAMPING,
-    Control,
-)
+from flexlab.control.law import BOUND_ESTIMATES, Control, laws
 from flexlab.control.load_sharing import BelievedPayload
-from flexlab.control.proportional_derivative import FeedbackGains
-from flexlab.control.trajectory import Sine, desired_motion
+from flexlab.control.path import DesiredMotion, build_motion, poses
 from flexlab.physics.arm import ARM, arm_constants
 from flexlab.physics.beam import (
     BeamMatrices,
     BeamModes,
     beam_matrices,
     beam_modes,
-    modal_damping,
-    nodal_damping,
     shape_row,
-    stiffness_damping,
     undamped_modes,
 )
+from flexlab.physics.law_input import MOST_ARMS
 from flexlab.physics.plant import ON_BEAM, Plant
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.closed_loop import System
@@ -49,14 +38,7 @@ def build_beam(payload: Payload) -> Beam:
     h, g = V.T @ matrices.h, V.T @ matrices.g
     kept = slice(0, payload.mode_count)
     omega, V = omega[kept], V[:, kept]
-    damping = payload.damping
-    if damping.kind == "nodal":
-        D = nodal_damping(V, damping.coefficient)
-    elif damping.kind == "stiffness":
-        D = stiffness_damping(omega, damping.coefficient)
-    else:
-        D = modal_damping(omega, damping.ratio)
-    return Beam(matrices, beam_modes(omega, V, D), np.array([h @ h, h @ g, g @ g]))
+    return Beam(matrices, beam_modes(omega, V, payload.damping.modal(omega, V)), np.array([h @ h, h @ g, g @ g]))
 
 
 def _matrices(payload: Payload, length: float = 1, density: float = 1) -> BeamMatrices:
@@ -86,7 +68,7 @@ def build_plant(scenario: Scenario, beam: Beam) -> Plant:
     modal = np.stack(
         [h, g, modes.D @ h, modes.D @ g, modes.omega**2, modes.V.T @ middle, modes.V.T @ loosest, np.zeros_like(h)]
     )
-    arms = np.zeros(len(scenario.arms), ARM)
+    arms = np.zeros(len(scenario.arms), ARM).view(np.recarray)
     for i, arm in enumerate(scenario.arms):
         side = -1 if i == 0 else 1
         arms[i] = arm_constants(
@@ -119,66 +101,41 @@ def payload_row(payload: Payload, s: float) -> np.ndarray:
     return shape_row(s, payload.length, payload.element_count, payload.boundary)
 
 
-KINDS = {
-    "none": NONE,
-    "adaptive-sliding-mode": ADAPTIVE_SLIDING_MODE,
-    "computed-torque": COMPUTED_TORQUE,
-    "pd": PROPORTIONAL_DERIVATIVE,
-    "vibration-damping": VIBRATION_DAMPING,
-}
-
-
-def _triple(value: float | tuple[float, ...]) -> np.ndarray:
-    return np.array(np.broadcast_to(value, 3), dtype=float)
-
-
 def build_control(scenario: Scenario, beam: Beam) -> Control:
     """The control law of a scenario, with the payload as the controller believes it to be."""
-    law, model = scenario.controller, scenario.controller.model
-    adaptive = AdaptiveGains(np.zeros(3), np.zeros(3), 1.0, np.ones(3))
-    feedback = FeedbackGains(np.zeros(3), np.zeros(3))
-    vibration = np.zeros(2)
-    if law.kind in ("adaptive-sliding-mode", "vibration-damping"):
-        gains = (_triple(law.feedback_gain), _triple(law.sliding_slope), law.boundary_layer, np.array(law.adaptation))
-        adaptive = AdaptiveGains(*gains)
-        if law.kind == "vibration-damping":
-            vibration = np.array([law.lateral_vibration_gain, law.angular_vibration_gain])
-    elif law.kind in ("computed-torque", "pd"):
-        feedback = FeedbackGains(_triple(law.position_gain), _triple(law.velocity_gain))
-        # These laws have no sliding surface; their own ratio of gains gives the comparable one for the plots.
-        slope = np.zeros(3)
-        np.divide(feedback.position, feedback.velocity, out=slope, where=feedback.velocity > 0)
-        adaptive = adaptive._replace(Lambda=slope)
-    factors = (model.length_factor, model.linear_density_factor)
+    settings, law = scenario.controller, laws()[scenario.controller.kind]
+    factors = (settings.model.length_factor, settings.model.linear_density_factor)
     believed, kappa = beam.matrices, beam.kappa
     if factors != (1.0, 1.0):
         believed = _matrices(scenario.payload, *factors)
         loads = np.stack([believed.h, believed.g], axis=1)
         kappa = (loads.T @ np.linalg.solve(believed.M_q, loads))[[0, 0, 1], [0, 1, 1]]
+    kernel, fastest_rate = law.addresses()
+    slices, arm_count = law.memory_slices(len(scenario.arms)), len(scenario.arms)
     return Control(
-        kind=KINDS[law.kind],
-        adaptive=adaptive,
-        feedback=feedback,
-        vibration_gains=vibration,
+        law=kernel,
+        fastest_rate=fastest_rate,
+        gains=law.gains(scenario),
+        memory_size=law.memory_size(arm_count),
+        signal_count=law.signal_count,
+        estimates=slices[BOUND_ESTIMATES.name].start if BOUND_ESTIMATES.name in slices else -1,
+        sliding_slope=law.sliding_slope(settings),
         payload=BelievedPayload(believed.m, believed.I, kappa.copy()),
-        torque_limit=np.full(3, np.inf) if law.torque_limit is None else np.array(law.torque_limit),
-        limited=law.torque_limit is not None,
-        sampled=law.control_period is not None,
-        scratch=np.zeros((6, 3)),
+        share=np.full(MOST_ARMS, 1 / arm_count),
+        torque_limit=np.full(3, np.inf) if settings.torque_limit is None else np.array(settings.torque_limit),
+        limited=settings.torque_limit is not None,
+        sampled=settings.control_period is not None,
     )
 
 
-def build_trajectory(scenario: Scenario) -> Sine:
+def build_trajectory(scenario: Scenario) -> DesiredMotion:
     """The desired motion of a scenario."""
-    path = scenario.trajectory
-    return Sine(np.array(path.center), np.array(path.amplitude), np.array(path.frequency), np.array(path.phase))
+    return build_motion(scenario.trajectory)
 
 
-def desired_at(trajectory: Sine, t: float) -> np.ndarray:
+def desired_at(trajectory: DesiredMotion, t: float) -> np.ndarray:
     """x_d, ẋ_d, ẍ_d at time t, (3, 3)."""
-    desired = np.zeros((3, 3))
-    desired_motion(trajectory, t, desired)
-    return desired
+    return poses(trajectory, np.array([t]))[0]
 
 
 def build_system(scenario: Scenario, beam: Beam) -> System:

@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import inlined
+from flexlab.compiled import compiled, inlined
 from flexlab.control.law import Control, control_law
-from flexlab.control.trajectory import Sine, desired_motion
+from flexlab.control.path import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
 from flexlab.physics.dynamics import find_velocities, momentum_rates
-from flexlab.physics.plant import MEMORY, G, Plant
+from flexlab.physics.plant import G, Plant, Workspace, make_workspace, memory_start, state_size
 
 
 class System(NamedTuple):
@@ -17,9 +17,36 @@ class System(NamedTuple):
 
     plant: Plant
     control: Control
-    trajectory: Sine
+    trajectory: DesiredMotion
     held_torque: np.ndarray
     """Joint torques that a sampled controller holds, N·m, (arms, 3)."""
+
+
+def new_workspace(system: System) -> Workspace:
+    """Scratch memory for the kernels of a system."""
+    plant, control = system.plant, system.control
+    return make_workspace(len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count)
+
+
+def state_length(system: System) -> int:
+    """Length of the state y of a system."""
+    return state_size(system.plant.modal.shape[1], system.control.memory_size, system.control.signal_count)
+
+
+def memory_slice(system: System) -> slice:
+    """Where in y the law's memory stands."""
+    start = state_size(system.plant.modal.shape[1], 0)
+    return slice(start, start + system.control.memory_size)
+
+
+@inlined
+def law_places(system):
+    """Where in y the law's memory begins, and where it ends and the law's own signals begin.
+
+    The signals are of this state under continuous control, of the last control instant otherwise.
+    """
+    start = memory_start(system.plant)
+    return start, start + system.control.memory_size
 
 
 @inlined
@@ -43,20 +70,21 @@ def find_inputs(system, t, y, ws):
     if control.sampled:
         for i in range(len(plant.arms)):
             task_input(ws.arm.J[i], system.held_torque[i], ws.u[i])
-        for a in range(3):
+        for a in range(control.memory_size):
             ws.memory_rate[a] = 0.0
         return
+    start, end = law_places(system)
     control_law(
         control,
         plant.gravity,
         y[0:3],
         v,
         ws.beam_rate,
-        ws.arm,
         ws.desired,
-        y[MEMORY : MEMORY + 3],
-        ws.u,
+        ws.truth[0],
+        y[start:end],
         ws.memory_rate,
+        y[end:],
     )
     if control.limited:
         for i in range(len(plant.arms)):
@@ -87,6 +115,13 @@ def rates(system, t, y, ws, dy, whole):
     if code != 0:
         return code
     momentum_rates(system.plant, y, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, dy, whole)
-    for a in range(3):
-        dy[MEMORY + a] = ws.memory_rate[a]
+    start = memory_start(system.plant)
+    for a in range(system.control.memory_size):
+        dy[start + a] = ws.memory_rate[a]
     return code
+
+
+@compiled
+def rates_at(system, t, y, ws, dy, whole):
+    """`rates` for Python."""
+    return rates(system, t, y, ws, dy, whole)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlab.errors import ScenarioError
-from flexlab.physics.plant import ETA, HELD_ARM, ON_BEAM, PULL, P, Plant
+from flexlab.physics.plant import ETA, HELD_ARM, ON_BEAM, PULL, P, Plant, forget_rates
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam, payload_row
 from flexlab.sim.commands import Pull, Tap
@@ -84,4 +84,4 @@ def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None
     y[P : P + 2] += command.impulse
     y[P + 2] += command.beam_position * across - deflection * along
     y[ETA + n : ETA + 2 * n] += shape * across
-    y[ETA + 2 * n :] = np.nan  # what integrators noted of rates and accelerations holds no longer
+    forget_rates(y, n)

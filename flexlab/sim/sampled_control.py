@@ -11,11 +11,10 @@ import numpy as np
 
 from flexlab.compiled import compiled, inlined
 from flexlab.control.law import control_law
-from flexlab.control.trajectory import desired_motion
+from flexlab.control.path import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
-from flexlab.physics.plant import MEMORY
-from flexlab.sim.closed_loop import find_state, limit_torques
+from flexlab.sim.closed_loop import find_state, law_places, limit_torques
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
 """First channels of the random numbers of hᵀq̇, gᵀq̇ and of the strain gauges; pose and pose rate have those before."""
@@ -85,7 +84,8 @@ def control_instant(system, sampling, instant, t, y, ws):
     code = find_state(system, t, y, ws)
     if code != 0:
         return code
-    x, v, beam = ws.stage[8, 0:3], ws.stage[8, 3:6], ws.stage[8, 6:8]
+    now = ws.measured[0]
+    x, v, beam = now.x, now.v, now.beam_rate
     for a in range(3):
         x[a] = y[a] + sampling.noise[a] * gaussian(sampling.seed, instant, a)
         v[a] = ws.velocity[a] + sampling.noise[3 + a] * gaussian(sampling.seed, instant, 3 + a)
@@ -98,12 +98,13 @@ def control_instant(system, sampling, instant, t, y, ws):
         arm_velocity_terms(plant.arms[i], c, s, v[0], v[1], v[2], ws.seen.J[i], ws.seen.direction[i], ws.seen.C[i])
     desired_motion(system.trajectory, t, ws.desired)
     ws.desired_time[0] = t
-    memory = y[MEMORY : MEMORY + 3]
-    control_law(control, plant.gravity, x, v, beam, ws.seen, ws.desired, memory, ws.u, ws.memory_rate)
-    for a in range(3):
+    start, end = law_places(system)
+    memory = y[start:end]
+    control_law(control, plant.gravity, x, v, beam, ws.desired, now, memory, ws.memory_rate, y[end:])
+    for a in range(control.memory_size):
         memory[a] += sampling.period * ws.memory_rate[a]
     for i in range(len(plant.arms)):
-        joint_torques(plant.arms[i], c, s, ws.seen.direction[i], ws.u[i], ws.tau)
+        joint_torques(plant.arms[i], c, s, ws.seen.direction[i], now.u[i], ws.tau)
         limit_torques(control.torque_limit, ws.tau)
         for joint in range(3):
             for place in range(sampling.delay):

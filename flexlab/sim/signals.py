@@ -2,7 +2,7 @@
 
 Row layout, arrays with their documentation, export columns, recordings and empty runs follow from the table. A signal that
 follows from others is one more `@derived` property; one that is simulated is one more row, and its line in `write_sample`.
-A control law adds signals of its own by `LAW_SIGNALS`: they are entries of its memory, in the memory's order.
+A control law adds signals of its own, which its kernel writes (`control.law.Law.signals`).
 
 A row of samples holds the signals of fixed size, then those of each arm, those of the beam's coordinates, and the law's own.
 """
@@ -14,21 +14,19 @@ from typing import Any, dataclass_transform
 import numpy as np
 
 from flexlab.compiled import inlined
-from flexlab.control.adaptive_sliding_mode import sliding_variable
+from flexlab.control.law import laws
+from flexlab.control.laws.adaptive_sliding_mode import sliding_variable
 from flexlab.physics.arm import joint_angles, joint_torques
 from flexlab.physics.dynamics import acceleration
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
 from flexlab.physics.internal_force import internal_forces
-from flexlab.physics.plant import DISSIPATED, ETA, MEMORY, MID, WORK
+from flexlab.physics.plant import DISSIPATED, ETA, MID, WORK, memory_start
 from flexlab.physics.quasi_static import quasi_static_deflection
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Axis, Signal, numbered
 
 POSE_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m", "m", "rad"), ("m/s", "m/s", "rad/s"), ("m/s²", "m/s²", "rad/s²")
 FORCE_UNITS = ("N", "N", "N·m")
-
-LAW_SIGNALS: dict[str, tuple[Signal, ...]] = {}
-"""By a law's kind: the signals that its memory holds, from the first entry on."""
 
 
 def row(symbol: str, unit: str | tuple[str, ...], meaning: str, *axes: Axis, equation: str = "", since: int = 1) -> Any:
@@ -123,12 +121,12 @@ DERIVED: Mapping[str, Signal] = {name: part.signal for name, part in vars(Signal
 
 def own_signals(scenario: Scenario) -> tuple[Signal, ...]:
     """The signals that the law of a scenario adds to the table's."""
-    return LAW_SIGNALS.get(scenario.controller.kind, ())
+    return laws()[scenario.controller.kind].signals
 
 
 def known_signals() -> Mapping[str, Signal]:
     """Every signal that any law or the table has, by name."""
-    return {**TABLE, **{signal.name: signal for own in LAW_SIGNALS.values() for signal in own}}
+    return {**TABLE, **{signal.name: signal for law in laws().values() for signal in law.signals}}
 
 
 def _offsets(signals: list[Signal]) -> dict[str, int]:
@@ -174,11 +172,12 @@ def write_sample(system, t, y, beam_rate, ws, row):
     x_ddot = row[ACCELERATION : ACCELERATION + 3]
     acceleration(plant, y, beam_rate, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
     row[TIME] = t
-    sliding_variable(system.control.adaptive.Lambda, y[0:3], ws.velocity, ws.desired, row[SLIDING : SLIDING + 3])
+    estimates = memory_start(plant) + system.control.estimates
+    sliding_variable(system.control.sliding_slope, y[0:3], ws.velocity, ws.desired, row[SLIDING : SLIDING + 3])
     for a in range(3):
         row[POSE + a], row[RATE + a] = y[a], ws.velocity[a]
         row[DESIRED + a], row[ERROR + a] = ws.desired[0, a], y[a] - ws.desired[0, a]
-        row[ESTIMATES + a] = y[MEMORY + a]
+        row[ESTIMATES + a] = y[estimates + a] if system.control.estimates >= 0 else np.nan
     row[SATURATED] = 0.0
     arms = row[ARMS : ARMS + PER_ARM * len(plant.arms)].reshape(len(plant.arms), PER_ARM)
     force = arms[:, INTERNAL : INTERNAL + 3]
@@ -196,11 +195,14 @@ def write_sample(system, t, y, beam_rate, ws, row):
     row[GRAVITY] = gravity_energy(plant, ws.arm, y, ws.w_bar[0])
     row[INPUT_WORK], row[DISSIPATION] = y[WORK], y[DISSIPATED]
     _write_beam(plant, y, beam_rate, row)
+    own, first = memory_start(plant) + system.control.memory_size, len(row) - system.control.signal_count
+    for k in range(system.control.signal_count):
+        row[first + k] = y[own + k]
 
 
 @inlined
 def _write_beam(plant, y, beam_rate, row):
-    """Write the mid-span deflection, q, q̇ and what follows them: the law's own signals."""
+    """Write the mid-span deflection, q and q̇."""
     n_q, n = plant.V.shape
     middle = 0.0
     for k in range(n):
@@ -213,5 +215,3 @@ def _write_beam(plant, y, beam_rate, row):
             q += plant.V[j, k] * y[ETA + k]
             rate += plant.V[j, k] * beam_rate[k]
         row[first + j], row[first + n_q + j] = q, rate
-    for k in range(first + 2 * n_q, len(row)):
-        row[k] = y[MEMORY + k - first - 2 * n_q]

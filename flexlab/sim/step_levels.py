@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import inlined
-from flexlab.control.law import ADAPTIVE_SLIDING_MODE, VIBRATION_DAMPING
-from flexlab.control.rates import largest_ratio
-from flexlab.physics.plant import ETA, MEMORY
+from flexlab.control.law import fastest_control_rate
+from flexlab.physics.plant import ETA
 from flexlab.sim.build import Beam
+from flexlab.sim.closed_loop import law_places
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.step_size import CONTROLLED_STEP, SHORTEST_CHOSEN, build_scheme, control_limits
@@ -46,29 +46,15 @@ class StepWatch(NamedTuple):
 
 
 @inlined
-def fastest_control_rate(system, y, ws):
-    """Fastest rate, 1/s, that a continuous law's memory can change, after `find_state`; 0: no memory."""
-    control = system.control
-    if control.sampled or not (control.kind == ADAPTIVE_SLIDING_MODE or control.kind == VIBRATION_DAMPING):
-        return 0.0
-    x, v, gains = y[0:3], ws.velocity, control.adaptive
-    x_norm = np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
-    bound = y[MEMORY] + y[MEMORY + 1] * x_norm + y[MEMORY + 2] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    gain, B = ws.stage[8, 0:3], ws.stage[8, 3:12].reshape(3, 3)
-    for a in range(3):
-        gain[a] = gains.K[a] + bound / gains.epsilon
-    rate = largest_ratio(ws.S, gain, B) + max(gains.Lambda[0], gains.Lambda[1], gains.Lambda[2])
-    if control.kind == VIBRATION_DAMPING:
-        rate += control.vibration_gains[0] * system.plant.kappa[0] + control.vibration_gains[1] * system.plant.kappa[2]
-    return rate
-
-
-@inlined
 def wanted_level(system, watch, y, ws):
     """The level of the step from state y, after `find_state`."""
     level = 0
     if watch.most > 0:
-        rate = fastest_control_rate(system, y, ws)
+        # Of a sampled controller, the control period says how fast it is.
+        rate = 0.0
+        start, end = law_places(system)
+        if not system.control.sampled:
+            rate = fastest_control_rate(system.control, ws.truth[0], y[start:end], ws.S, system.plant.kappa)
         if rate > 0:
             longest = SLACK * min(watch.coarsest / rate, max(watch.wished / rate, CONTROLLED_STEP))
             while level < watch.most and watch.step / 2.0**level > longest:

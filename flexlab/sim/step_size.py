@@ -6,14 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.control.law import COMPUTED_TORQUE, PROPORTIONAL_DERIVATIVE, VIBRATION_DAMPING
+from flexlab.compiled import compiled
+from flexlab.control.law import fastest_control_rate
+from flexlab.control.path import Trajectory, poses
 from flexlab.errors import ScenarioError
 from flexlab.physics.dynamics import inertias_at
-from flexlab.physics.plant import make_workspace
 from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import SMALLEST_STEP
-from flexlab.sim.build import Beam, desired_at
-from flexlab.sim.closed_loop import System
+from flexlab.sim.build import Beam
+from flexlab.sim.closed_loop import System, new_workspace
 from flexlab.sim.integrators.beam_flow import ROWS
 from flexlab.sim.integrators.etdrk4 import beam_operators
 from flexlab.sim.integrators.generalized_alpha import effective_inverse
@@ -78,20 +79,18 @@ class Rates(NamedTuple):
     """As `coupling_rate`, 1/s."""
 
 
-def find_rates(beam: Beam, system: System, free_rate: float) -> Rates:
+def find_rates(beam: Beam, system: System, trajectory: Trajectory, free_rate: float) -> Rates:
     """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s."""
-    S = inertias(system)
+    S = inertias(system, trajectory)
     return Rates(S, beam_rate(free_rate, system, S), coupling_rate(beam, S))
 
 
-def inertias(system: System) -> np.ndarray:
+def inertias(system: System, trajectory: Trajectory) -> np.ndarray:
     """S at `POSES_TRIED` desired poses of the first period, as far as the arms can take them, (k, 3, 3)."""
-    plant = system.plant
-    frequency = max(float(np.max(system.trajectory.frequency)), 1e-3)
-    workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
-    poses = np.array([desired_at(system.trajectory, k / (POSES_TRIED * frequency))[0] for k in range(POSES_TRIED)])
+    times = np.arange(POSES_TRIED) * (trajectory.fastest_period / POSES_TRIED)
     found = np.zeros((POSES_TRIED, 3, 3))
-    return found[: inertias_at(plant, poses, workspace, found)]
+    desired = np.ascontiguousarray(poses(system.trajectory, times)[:, 0])
+    return found[: inertias_at(system.plant, desired, new_workspace(system), found)]
 
 
 def _largest(S: np.ndarray, numerator: np.ndarray) -> float:
@@ -100,19 +99,23 @@ def _largest(S: np.ndarray, numerator: np.ndarray) -> float:
 
 
 def control_rate(system: System, S: np.ndarray) -> float:
-    """Fastest rate of the closed loop's rigid part, 1/s: the largest eigenvalue of S⁻¹(damping gain), plus Λ.
+    """Fastest rate of the part of the closed loop that the law shapes, 1/s.
 
-    Stiffness alone counts with its frequency, vibration gains with the rate at which they take from hᵀq̇ and gᵀq̇.
+    As the law says it, at the inertias S and with the memory it begins with.
     """
-    control = system.control
-    gain, extra = control.adaptive.K, float(np.max(control.adaptive.Lambda))
-    if control.kind == COMPUTED_TORQUE:
-        gain, extra = np.zeros(3), float(np.max(control.feedback.velocity))
-    elif control.kind == PROPORTIONAL_DERIVATIVE:
-        gain, extra = control.feedback.velocity, math.sqrt(_largest(S, np.diag(control.feedback.position)))
-    elif control.kind == VIBRATION_DAMPING:
-        extra += float(control.vibration_gains @ system.plant.kappa[[0, 2]])
-    return _largest(S, np.diag(gain)) + extra
+    memory = np.zeros(system.control.memory_size)
+    return fastest_rate_at(system.control, system.plant.kappa, S, memory, new_workspace(system))
+
+
+@compiled
+def fastest_rate_at(control, kappa, S, memory, ws):
+    """The largest of the law's fastest rates, 1/s, at rest at the origin where the pose feels the inertias S (k, 3, 3)."""
+    now, fastest = ws.truth[0], 0.0
+    for a in range(3):
+        now.x[a] = now.v[a] = 0.0
+    for k in range(len(S)):
+        fastest = max(fastest, fastest_control_rate(control, now, memory, S[k], kappa))
+    return fastest
 
 
 def free_beam_rate(beam: Beam) -> float:

@@ -4,14 +4,12 @@ import math
 
 import numpy as np
 
+from flexlab.control.path import poses as desired_motions
 from flexlab.physics.arm import SINGULAR_SINE
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_trajectory, desired_at
 from flexlab.sim.samples import Status
 from flexlab.sim.termination import elbow_sine, pose_fault, wrist_reach
-
-POINTS_PER_PERIOD = 200
-"""Samples per period of the fastest component: the path between two is under 1e-3 of the amplitude from a chord."""
 
 LONGEST_CHECK = 20_000
 """Most instants looked at; motions of incommensurable frequencies never repeat, so somewhere the check must end."""
@@ -25,18 +23,12 @@ def check_trajectory(scenario: Scenario, duration: float | None = None) -> Statu
     """The fault of the first desired pose that an arm cannot take, over one period (or `duration`, s); None if all can."""
     if _surely_reached(scenario):
         return None
-    path = scenario.trajectory
-    moving = [f for f, a in zip(path.frequency, path.amplitude, strict=True) if a != 0 and f > 0]
-    trajectory = build_trajectory(scenario)
-    if not moving:
-        return pose_fault(scenario, desired_at(trajectory, 0.0)[0], 0.0, "the desired pose")
-    span = 1 / min(moving) * (1 if len(set(moving)) == 1 else 10)
-    if duration is not None:
-        span = min(span, duration)
-    step = 1 / (POINTS_PER_PERIOD * max(moving))
-    times = np.linspace(0, span, min(LONGEST_CHECK, max(2, int(span / step) + 1)))
-    angle = 2 * np.pi * np.outer(times, path.frequency) + path.phase
-    poses = np.array(path.center) + np.array(path.amplitude) * np.sin(angle)
+    path, motion = scenario.trajectory, build_trajectory(scenario)
+    span = path.span if duration is None else min(path.span, duration)
+    if span == 0:
+        return pose_fault(scenario, desired_at(motion, 0.0)[0], 0.0, "the desired pose")
+    times = np.linspace(0, span, min(LONGEST_CHECK, max(2, int(span / path.shortest_time) + 1)))
+    poses = desired_motions(motion, times)[:, 0]
     doubtful = np.zeros(len(times), bool)
     for index in range(len(scenario.arms)):
         l1, l2, _ = scenario.arms[index].link_length
@@ -53,12 +45,12 @@ def _surely_reached(scenario: Scenario) -> bool:
     as far as its pose's origin and the chord of its turn; the elbow's sine is least at an end of a range of distances.
     """
     path = scenario.trajectory
-    x, y, turn = (abs(amplitude) for amplitude in path.amplitude)
+    x, y, turn = path.reach
     for index in range(len(scenario.arms)):
         arm = scenario.arms[index]
         l1, l2, l3 = arm.link_length
         chord = 2 * (scenario.payload.length / 2 + l3) * math.sin(min(turn, math.pi) / 2)
-        middle, moved = float(wrist_reach(scenario, index, np.array(path.center))[0]), math.hypot(x, y) + chord
+        middle, moved = float(wrist_reach(scenario, index, np.array(path.middle))[0]), math.hypot(x, y) + chord
         nearest, farthest = max(middle - moved, 0.0), middle + moved
         sines = elbow_sine(np.array([nearest, farthest]), l1, l2)
         if sines.min() < SURE * SINGULAR_SINE:

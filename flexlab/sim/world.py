@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 
 from flexlab.errors import ScenarioError, StudyError
-from flexlab.physics.dynamics import find_velocities, set_momenta
-from flexlab.physics.plant import ETA, Workspace, make_workspace, state_size
+from flexlab.physics.dynamics import set_momenta, velocities_at
+from flexlab.physics.plant import ETA, forget_rates, noted_rates
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import row_layout
 from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, advance
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.build import Beam, desired_at
-from flexlab.sim.closed_loop import System
+from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row, without_hand
+from flexlab.sim.law_memory import carry_memory, start_memory
 from flexlab.sim.projection import project_beam
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
@@ -48,8 +49,8 @@ class World:
         assembly = build_assembly(self.scenario, tick_period, known, at_once)
         # What is known may belong to a world whose beam or link somebody holds.
         self._assembly = assembly._replace(system=assembly.system._replace(plant=without_hand(assembly.system.plant)))
-        self._y = np.zeros(state_size(len(self._assembly.beam.modes.omega)))
-        self._workspace = _workspace_for(self._assembly)
+        self._y = np.zeros(state_length(self._assembly.system))
+        self._workspace = new_workspace(self._assembly.system)
         self.status = Status("running", "Running.")
         fault = self._start()
         if fault is not None:
@@ -68,6 +69,7 @@ class World:
         q = np.zeros(plant.V.shape[0]) if initial.beam_coordinates is None else np.array(initial.beam_coordinates)
         eta = _to_modes(self._assembly.beam, q)
         self._set_motion(pose, rate, eta, np.zeros_like(eta))
+        start_memory(self.scenario, self._assembly.system, self._y, self._workspace)
         self._act_at_start()
         return None
 
@@ -81,7 +83,7 @@ class World:
         n = len(eta)
         self._y[:3] = pose
         self._y[ETA : ETA + n] = eta
-        self._y[ETA + 2 * n :] = np.nan  # generalized-alpha finds its first accelerations itself
+        forget_rates(self._y, n)
         set_momenta(self._assembly.system.plant, self._y, rate, eta_dot, self._workspace)
 
     @property
@@ -178,7 +180,7 @@ class World:
             return 0
         self.tick += done
         if code != 0:
-            find_velocities(self._assembly.system.plant, self._y, self._workspace)
+            velocities_at(self._assembly.system.plant, self._y, self._workspace)
             rate = self._workspace.velocity
             self.status = runtime_fault(self.scenario, code, self._y[:3], rate, self.time, self.tick_period)
         return done
@@ -250,10 +252,10 @@ class World:
         """Go on with a new assembly: coordinates and velocities stay, momenta follow."""
         old, plant = self._assembly, self._assembly.system.plant
         n = plant.modal.shape[1]
-        find_velocities(plant, self._y, self._workspace)
+        velocities_at(plant, self._y, self._workspace)
         rate, eta_dot = self._workspace.velocity.copy(), self._workspace.eta_dot.copy()
-        if old.levels.scheme(0).flow.shape[1] and np.isfinite(self._y[-1]):
-            eta_dot = self._y[-n:].copy()  # the rates that the samples show
+        if old.levels.scheme(0).flow.shape[1] and np.isfinite(noted_rates(self._y, n)[-1]):
+            eta_dot = noted_rates(self._y, n).copy()  # the rates that the samples show
         q, q_dot = plant.V @ self._y[ETA : ETA + n], plant.V @ eta_dot
         if not _same_mesh(self.scenario, scenario):
             q = project_beam(self.scenario.payload, scenario.payload, assembly.beam.matrices.M_q, q)
@@ -264,13 +266,15 @@ class World:
         if not starts_sampling:
             kept = min(len(assembly.sampling.line), len(old.sampling.line))
             assembly.sampling.line[-kept:] = old.sampling.line[-kept:]
-        self.scenario, self._assembly, self._level = scenario, assembly, 0
+        before, self.scenario, self._assembly, self._level = self.scenario, scenario, assembly, 0
         if assembly.beam is not old.beam:
             assembly.system.plant.pull[:] = plant.pull
             set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
-            y = np.zeros(state_size(len(assembly.beam.modes.omega)))
+        if assembly.beam is not old.beam or scenario.controller.kind != before.controller.kind:
+            y = np.zeros(state_length(assembly.system))
             y[:ETA] = self._y[:ETA]
-            self._y, self._workspace = y, _workspace_for(assembly)
+            carry_memory(before, old.system, self._y, scenario, assembly.system, y)
+            self._y, self._workspace = y, new_workspace(assembly.system)
         self._workspace.desired_time[0] = np.nan
         # The same arithmetic even where only a gain changed: the first recordings were made with it.
         eta, eta_dot = _to_modes(assembly.beam, q), _to_modes(assembly.beam, q_dot)
@@ -305,12 +309,8 @@ class World:
         self._assembly.sampling.line[:] = state.torque_line
         self._assembly.system.plant.pull[:] = state.pull
         set_pull_row(self._assembly.system.plant, self.scenario.payload, self._assembly.beam)
-        self._workspace = _workspace_for(self._assembly)
+        self._workspace = new_workspace(self._assembly.system)
         self.status = Status("running", "Running.")
-
-
-def _workspace_for(assembly: Assembly) -> Workspace:
-    return make_workspace(len(assembly.system.plant.arms), len(assembly.beam.modes.omega))
 
 
 def _to_modes(beam: Beam, q: np.ndarray) -> np.ndarray:
@@ -331,14 +331,10 @@ def _same_mesh(one: Scenario, other: Scenario) -> bool:
 
 
 def keep_phase(scenario: Scenario, changes: Mapping[str, Any], time: float) -> Scenario:
-    """The changed scenario; a new frequency alone keeps the sine's argument, so that the target does not jump."""
+    """The changed scenario, its path adjusted so that the target does not jump where a path can avoid it."""
     changed = scenario.replace(changes)
-    old, new = scenario.trajectory, changed.trajectory
-    if old.frequency == new.frequency or {"trajectory", "trajectory.phase"} & changes.keys():
+    own = {path.removeprefix("trajectory."): value for path, value in changes.items() if path.startswith("trajectory.")}
+    if not own or "trajectory" in changes:
         return changed
-    turn = 2 * np.pi
-    phase = tuple(
-        float(np.remainder(p + turn * (f0 - f1) * time, turn)) if f0 != f1 else p
-        for p, f0, f1 in zip(old.phase, old.frequency, new.frequency, strict=True)
-    )
-    return changed.replace({"trajectory.phase": phase})
+    kept = scenario.trajectory.keeping(changed.trajectory, own, time)
+    return changed if kept is changed.trajectory else changed.model_copy(update={"trajectory": kept})

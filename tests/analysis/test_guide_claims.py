@@ -8,7 +8,7 @@ from flexlab.guide import chapters
 from flexlab.physics.plant import make_workspace
 from flexlab.presets import load_preset
 from flexlab.sim.build import build_beam, build_system
-from flexlab.sim.closed_loop import rates
+from flexlab.sim.closed_loop import rates_at
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
@@ -42,7 +42,7 @@ def test_the_formula_of_the_internal_force_is_exact(preset: str):
     beam = build_beam(scenario.payload)
     system, workspace = build_system(scenario, beam), make_workspace(2, len(beam.modes.omega))
     y = world.state().y
-    assert rates(system, world.time, y, workspace, np.zeros_like(y), True) == 0
+    assert rates_at(system, world.time, y, workspace, np.zeros_like(y), True) == 0
     sample = world.observe()
     s, slope = sample.sliding_variable[0], scenario.controller.sliding_slope
     error_rate = sample.pose_rate[0] - workspace.desired[1]

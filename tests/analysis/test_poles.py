@@ -11,7 +11,7 @@ from flexlab.analysis.linearization import Linearization
 from flexlab.analysis.loop_poles import NEUTRAL, find_poles, loop_map
 from flexlab.analysis.modes import Modes, modes
 from flexlab.errors import StudyError
-from flexlab.physics.plant import DISSIPATED, WORK
+from flexlab.physics.plant import DISSIPATED, ETA, WORK
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.simulate import simulate
@@ -97,7 +97,7 @@ def test_the_map_is_one_simulated_period(law: str, delay: int, changes: dict):
     world = World(scenario.replace({"initial.pose": tuple(rest.motion.x)}), 2e-3)
     state, n = world.state(), len(rest.motion.eta)
     y = state.y.copy()
-    first = len(y) - (3 * n + 3)
+    first = ETA
     y[first : first + n] = rest.motion.eta
     line = np.broadcast_to(rest.torque.reshape(-1, 3), state.torque_line.shape).copy()
     index = np.r_[0:6, first : first + 2 * n]

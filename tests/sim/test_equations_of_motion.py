@@ -15,7 +15,7 @@ from flexlab.physics.beam import free_coordinates
 from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.plant import DISSIPATED, ETA, WORK, P, X, make_workspace
 from flexlab.sim.build import nodal_damping_matrix
-from flexlab.sim.closed_loop import rates
+from flexlab.sim.closed_loop import rates_at
 from flexlab.sim.commands import Pull
 from flexlab.sim.world import World
 
@@ -72,8 +72,8 @@ def derivative(request) -> Derivative:
     p, p_rate = np.concatenate([pose, q]), np.concatenate([rate, q_dot])
     assert set_momenta(world.system.plant, y, rate, V.T @ world.beam.matrices.M_q @ q_dot, workspace) == 0
     dy, partial = np.zeros_like(y), np.zeros_like(y)
-    assert rates(world.system, 0.0, y, workspace, dy, True) == 0
-    assert rates(world.system, 0.0, y, workspace, partial, False) == 0
+    assert rates_at(world.system, 0.0, y, workspace, dy, True) == 0
+    assert rates_at(world.system, 0.0, y, workspace, partial, False) == 0
     return Derivative(world, lagrangian, held, p, p_rate, y, dy, partial)
 
 

@@ -2,7 +2,7 @@
 
 from flexlab.compiled import compiled
 from flexlab.control.law import control_law
-from flexlab.control.trajectory import desired_motion
+from flexlab.control.path import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
 
@@ -21,7 +21,10 @@ def joint_torque_law(system, t, x, v, memory, ws, tau):
     for i in range(len(plant.arms)):
         arm_velocity_terms(plant.arms[i], c, s, v[0], v[1], v[2], ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
     desired_motion(system.trajectory, t, ws.desired)
-    control_law(system.control, plant.gravity, x, v, ws.beam_rate, ws.arm, ws.desired, memory, ws.u, ws.memory_rate)
+    # The other engines keep the laws' memory, not their signals: an empty vector stands for these.
+    control_law(
+        system.control, plant.gravity, x, v, ws.beam_rate, ws.desired, ws.truth[0], memory, ws.memory_rate, memory[:0]
+    )
     for i in range(len(plant.arms)):
         joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], tau[i])
     return code

@@ -5,6 +5,7 @@ from collections import deque
 import numpy as np
 import viser
 
+from flexlab.control.path import poses
 from flexlab.lab import colors
 from flexlab.lab.scene import arm_models
 from flexlab.lab.scene.arm_meshes import scene_size
@@ -12,7 +13,7 @@ from flexlab.lab.scene.beam_mesh import SIDES, tube_faces, tube_vertices
 from flexlab.lab.scene.stage import floor_extent
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.scenario import Scenario
-from flexlab.sim.build import build_trajectory, desired_at
+from flexlab.sim.build import build_trajectory
 from flexlab.sim.geometry import link_points
 from flexlab.sim.samples import Samples
 
@@ -32,10 +33,8 @@ GHOST_RADIUS = 0.016
 
 def path_points(scenario: Scenario) -> np.ndarray:
     """The desired path of the payload's middle over one period, m, (PATH_POINTS, 2)."""
-    moving = [f for f, a in zip(scenario.trajectory.frequency, scenario.trajectory.amplitude, strict=True) if f and a]
-    period = min(1 / min(moving), LONGEST_PATH_TIME) if moving else 1.0
-    trajectory = build_trajectory(scenario)
-    return np.array([desired_at(trajectory, t)[0, :2] for t in np.linspace(0, period, PATH_POINTS)])
+    times = np.linspace(0, min(scenario.trajectory.slowest_period, LONGEST_PATH_TIME), PATH_POINTS)
+    return poses(build_trajectory(scenario), times)[:, 0, :2]
 
 
 def segments(plane: np.ndarray, height: float) -> np.ndarray:

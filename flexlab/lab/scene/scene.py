@@ -106,4 +106,4 @@ class Scene:
 
 def _structure(scenario: Scenario) -> tuple:
     """What the drawn parts were built from; a change rebuilds them, everything else only moves them."""
-    return scenario.left_arm, scenario.right_arm, scenario.payload.length, scenario.trajectory.center
+    return scenario.left_arm, scenario.right_arm, scenario.payload.length, scenario.trajectory.middle

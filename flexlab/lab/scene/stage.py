@@ -19,7 +19,7 @@ MARGIN = 0.25
 def floor_extent(scenario: Scenario) -> tuple[float, float, float, float]:
     """x_min, x_max, y_min, y_max of the floor, m, on whole cells: bases, and where trajectory and elbows go."""
     bases = np.array([arm.base for arm in scenario.arms])
-    center, swing = np.array(scenario.trajectory.center[:2]), np.abs(scenario.trajectory.amplitude[:2])
+    center, swing = np.array(scenario.trajectory.middle[:2]), np.array(scenario.trajectory.reach[:2])
     half = 0.5 * scenario.payload.length
     elbow = max(arm.link_length[0] for arm in scenario.arms)
     low = np.minimum(bases.min(axis=0) - [ELBOW_SHARE * elbow, MARGIN], center - swing - half - MARGIN)

@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from flexlab.control.path import poses
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario
 from flexlab.server.pages.markup import Markup, fill, join
-from flexlab.sim.build import build_trajectory, desired_at
+from flexlab.sim.build import build_trajectory
 from flexlab.sim.geometry import arm_points, beam_points
 from flexlab.sim.world import World
 
@@ -32,9 +33,7 @@ def thumbnail(scenario: Scenario) -> Markup:
     except FlexlabError:
         return Markup("")
     arms, beam = arm_points(scenario, start)[0], beam_points(scenario, start, BEAM_POINTS)[0]
-    path = np.array(
-        [desired_at(build_trajectory(scenario), t)[0, :2] for t in np.linspace(0.0, PATH_TIME, PATH_POINTS)]
-    )
+    path = poses(build_trajectory(scenario), np.linspace(0.0, PATH_TIME, PATH_POINTS))[:, 0, :2]
     everything = np.concatenate([arms.reshape(-1, 2), beam, path])
     if not np.isfinite(everything).all():
         return Markup("")

@@ -91,7 +91,7 @@ def end_flow(plant, flow, dt, free, y, ws):
     `free`: (η, π) at the step's end had the grips kept their velocity.
     """
     n = plant.modal.shape[1]
-    kept, rate, b = ws.stage[SAVED], y[ETA + 2 * n + 3 :], y[ETA + 2 * n : ETA + 2 * n + 2]
+    kept, rate, b = ws.stage[SAVED], y[ETA + 2 * n + 3 : ETA + 3 * n + 3], y[ETA + 2 * n : ETA + 2 * n + 2]
     if beam_is_held(plant):
         for k in range(n):
             rate[k] = np.nan
@@ -127,7 +127,12 @@ def end_flow(plant, flow, dt, free, y, ws):
 def meet_acceleration(plant, flow, y, ws):
     """Give the noted η̇ the curved part of b, after `end_flow` of the same instant."""
     n = plant.modal.shape[1]
-    b, rate, x_ddot, across = y[ETA + 2 * n : ETA + 2 * n + 2], y[ETA + 2 * n + 3 :], ws.stage[8, 0:3], ws.stage[8, 3:6]
+    b, rate, x_ddot, across = (
+        y[ETA + 2 * n : ETA + 2 * n + 2],
+        y[ETA + 2 * n + 3 : ETA + 3 * n + 3],
+        ws.stage[8, 0:3],
+        ws.stage[8, 3:6],
+    )
     if not np.isfinite(rate[0]):
         return
     c, s = ws.arm.trig[0], ws.arm.trig[1]

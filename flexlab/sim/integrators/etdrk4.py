@@ -15,7 +15,7 @@ and e^{hL} y + h φ1(hL) N1 = e^{hL/2} a + ½h φ1(½hL) N1, which saves two mat
 import numpy as np
 
 from flexlab.compiled import inlined, inlined_sums
-from flexlab.physics.plant import ETA
+from flexlab.physics.plant import ETA, memory_start
 from flexlab.sim.closed_loop import rates
 from flexlab.sim.integrators.beam_flow import MIDDLE, begin_flow, flow_rows, note_grips
 
@@ -112,8 +112,26 @@ def add_product(block_start, n, operator, z, out):
 
 
 @inlined
+def classical_stage(low, high, stage, dt, y, ws):
+    """`next_stage` for the part low..high of the state, which has no linear part: the classical Runge-Kutta formulas."""
+    N1, N2, N3, N4, z = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3], ws.stage[5]
+    if stage == 0:
+        for i in range(low, high):
+            z[i] = y[i] + dt / 2 * N1[i]
+    elif stage == 1:
+        for i in range(low, high):
+            z[i] = y[i] + dt / 2 * N2[i]
+    elif stage == 2:
+        for i in range(low, high):
+            z[i] = y[i] + dt * N3[i]
+    else:
+        for i in range(low, high):
+            y[i] += dt / 6 * (N1[i] + 2 * (N2[i] + N3[i]) + N4[i])
+
+
+@inlined
 def next_stage(starts, n, operators, stage, dt, y, ws):
-    """From N1..N(stage + 1) in ws.stage, the next stage's state in ws.stage[5], or after the last one the new y.
+    """From N1..N(stage + 1) in ws.stage, the beam's next stage in ws.stage[5], or after the last one the new y.
 
     ws.stage[4] keeps a, ws.stage[FREE] e^{hL} y + h φ1(hL) N1.
     """
@@ -128,27 +146,19 @@ def next_stage(starts, n, operators, stage, dt, y, ws):
             a[i] = whole[i]
         add_product(starts, n, operators[HALF_EXP], y, a)
         add_product(starts, n, operators[HALF_EXP], a, whole)
-        for i in range(ETA):
-            z[i] = y[i] + dt / 2 * N1[i]
         for i in range(ETA, end):
             z[i] = a[i]
     elif stage == 1:
-        for i in range(ETA):
-            z[i] = y[i] + dt / 2 * N2[i]
         for i in range(ETA, end):
             d[i] = N2[i] - N1[i]
             z[i] = a[i]
         add_product(starts, n, operators[HALF_PHI2], d, z)
     elif stage == 2:
-        for i in range(ETA):
-            z[i] = y[i] + dt * N3[i]
         for i in range(ETA, end):
             d[i] = 2 * (N3[i] - N1[i])
             z[i] = whole[i]
         add_product(starts, n, operators[PHI2], d, z)
     else:
-        for i in range(ETA):
-            y[i] += dt / 6 * (N1[i] + 2 * (N2[i] + N3[i]) + N4[i])
         for i in range(ETA, end):
             y[i] = whole[i]
             d[i] = 2 * (N2[i] + N3[i]) - 3 * N1[i] - N4[i]
@@ -163,7 +173,7 @@ def etdrk4_step(system, operators, t, dt, y, ws):
 
     What `beam_flow.end_flow` needs stays in the workspace.
     """
-    starts, n = system.plant.block_start, system.plant.modal.shape[1]
+    starts, n, memory = system.plant.block_start, system.plant.modal.shape[1], memory_start(system.plant)
     begin_flow(system.plant, y, ws)
     for stage in range(4):
         if stage > 0:
@@ -172,5 +182,7 @@ def etdrk4_step(system, operators, t, dt, y, ws):
                 return code
         if stage == 2:
             note_grips(system.plant, ws, MIDDLE)
+        classical_stage(0, ETA, stage, dt, y, ws)
+        classical_stage(memory, memory + system.control.memory_size, stage, dt, y, ws)
         next_stage(starts, n, operators, stage, dt, y, ws)
     return 0

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexlab.compiled import inlined, inlined_sums
 from flexlab.physics.dynamics import acceleration, momentum_rates, set_momenta, solve_symmetric
-from flexlab.physics.plant import ETA, MEMORY, G, H, X
+from flexlab.physics.plant import ETA, WORK, G, H, X, memory_start
 from flexlab.sim.closed_loop import find_state
 
 RHO = 0.8
@@ -122,10 +122,13 @@ def generalized_alpha_step(system, scheme, t, dt, y, ws):
     plant, n = system.plant, system.plant.modal.shape[1]
     first_rate, z, velocity, middle, new = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3], ws.stage[4]
     x_ddot, late_rate = ws.stage[5, 0:3], ws.stage[6]
-    old = y[ETA + 2 * n :]
+    memory, memory_end = memory_start(plant), memory_start(plant) + system.control.memory_size
+    old = y[ETA + 2 * n : memory]
     for stage in range(CORRECTIONS + 1):
         state, instant = (y, t) if stage == 0 else (z, t + (1 - ALPHA_F) * dt)
         if stage > 0:
+            for i in range(memory, memory_end):
+                z[i] = y[i] + (1 - ALPHA_F) * dt * first_rate[i]
             code = _alpha_point(plant, dt, y, velocity, old, new, first_rate, middle, z, ws)
             if code != 0:
                 return code
@@ -135,14 +138,16 @@ def generalized_alpha_step(system, scheme, t, dt, y, ws):
         acceleration(plant, state, ws.eta_dot, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
         if stage == CORRECTIONS:
             momentum_rates(plant, z, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, late_rate, True)
-            for a in range(3):
-                late_rate[MEMORY + a] = ws.memory_rate[a]
+            for a in range(system.control.memory_size):
+                late_rate[memory + a] = ws.memory_rate[a]
         if stage == 0:
             _begin_step(plant, x_ddot, velocity, old, new, ws)
         else:
             correct(system, scheme, x_ddot, middle, new, ws)
     weight = 0.5 / (1 - ALPHA_F)
-    for i in range(MEMORY, ETA):
+    for i in range(WORK, ETA):
+        y[i] += dt * ((1 - weight) * first_rate[i] + weight * late_rate[i])
+    for i in range(memory, memory_end):
         y[i] += dt * ((1 - weight) * first_rate[i] + weight * late_rate[i])
     for i in range(3 + n):
         at = X + i if i < 3 else ETA + i - 3
@@ -180,6 +185,6 @@ def _alpha_point(plant, dt, y, velocity, old, new, first_rate, middle, z, ws):
         z[at] = y[at] + now * (dt * velocity[i] + dt * dt * ((0.5 - BETA) * old[i] + BETA * new[i]))
         rate[i] = velocity[i] + now * dt * ((1 - GAMMA) * old[i] + GAMMA * new[i])
         middle[i] = (1 - ALPHA_M) * new[i] + ALPHA_M * old[i]
-    for i in range(MEMORY, ETA):
+    for i in range(WORK, ETA):
         z[i] = y[i] + now * dt * first_rate[i]
     return set_momenta(plant, z, rate[0:3], rate[3 : 3 + n], ws)

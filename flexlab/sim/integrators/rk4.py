@@ -1,7 +1,7 @@
 """Classical Runge-Kutta of order 4: for soft or coarse beams, where Δt ω_max stays under its stability limit."""
 
 from flexlab.compiled import inlined
-from flexlab.physics.plant import ETA
+from flexlab.physics.plant import memory_start
 from flexlab.sim.closed_loop import rates
 
 STABILITY_LIMIT = 2.7
@@ -11,7 +11,7 @@ STABILITY_LIMIT = 2.7
 @inlined
 def rk4_step(system, t, dt, y, ws):
     """Advance y by dt in place, after its rates are in ws.stage[0]; returns a fault code."""
-    end = ETA + 2 * system.plant.modal.shape[1]
+    end = memory_start(system.plant) + system.control.memory_size
     total, k, z = ws.stage[0], ws.stage[1], ws.stage[2]
     for i in range(end):
         z[i] = y[i] + dt / 2 * total[i]

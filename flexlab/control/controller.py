@@ -1,0 +1,56 @@
+"""What all control laws share: how they meet the arms: sampling, limits, noise, and what they believe of the payload."""
+
+from pydantic import model_validator
+from pydantic_core import PydanticCustomError
+
+from flexlab.quantities import Count, Number, Pair, Part, Triple, quantity
+
+
+class PayloadModel(Part):
+    """What the controller believes of the payload: factors on the true values."""
+
+    linear_density_factor: Number = quantity(1.0, title="Believed ρ / true ρ", unit="1", low=1e-3, high=1e3)
+    length_factor: Number = quantity(1.0, title="Believed L / true L", unit="1", low=1e-1, high=10)
+
+
+class SensorNoise(Part):
+    """White Gaussian noise on what a sampled controller measures; the same seed gives the same run."""
+
+    pose: Triple = quantity((0.0, 0.0, 0.0), title="Pose noise", symbol="σ_x", unit="m, m, rad", low=0, high=1)
+    pose_rate: Triple = quantity(
+        (0.0, 0.0, 0.0), title="Pose rate noise", symbol="σ_v", unit="m/s, m/s, rad/s", low=0, high=10
+    )
+    strain: Number = quantity(0.0, title="Strain gauge noise", symbol="σ_ε", unit="1", low=0, high=1)
+    """Of each reading of each strain gauge; hᵀq̇ and gᵀq̇ come from the change of the readings over one control period."""
+    moment_rate: Pair = quantity(
+        (0.0, 0.0), title="Noise of measured hᵀq̇, gᵀq̇", symbol="σ_h", unit="kg·m/s, kg·m²/s", low=0, high=1e6
+    )
+    """White noise on the two rates themselves, for another sensor than gauges; what `strain` meant in scenarios until 0.1."""
+    seed: Count = quantity(0, title="Seed", low=0, high=2**31 - 1)
+
+    @property
+    def active(self) -> bool:
+        """Whether any noise is asked for."""
+        return any(self.pose) or any(self.pose_rate) or self.strain > 0 or any(self.moment_rate)
+
+
+class Controller(Part):
+    """What all control laws share: sampling, limits and what the controller knows."""
+
+    control_period: Number | None = quantity(
+        None, title="Control period (null: continuous)", symbol="T_c", unit="s", low=1e-5, high=0.1
+    )
+    input_delay: Count = quantity(0, title="Input delay", symbol="d", unit="samples", low=0, high=64)
+    torque_limit: Triple | None = quantity(
+        None, title="Torque limit per joint (null: none)", symbol="τ_max", unit="N·m", low=1e-3, high=1e6
+    )
+    model: PayloadModel = PayloadModel()
+    sensor_noise: SensorNoise = SensorNoise()
+
+    @model_validator(mode="after")
+    def _sampled(self) -> "Controller":
+        if self.control_period is None and (self.input_delay or self.sensor_noise.active):
+            raise PydanticCustomError(
+                "sampling", "input_delay and sensor_noise belong to sampled control: give control_period a value in s"
+            )
+        return self

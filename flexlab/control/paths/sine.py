@@ -1,0 +1,103 @@
+"""The paper's path: a sine in x, y and θ (Section IV)."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+
+from flexlab.compiled import pluggable
+from flexlab.control.path import Path, Trajectory
+from flexlab.quantities import Triple, quantity
+
+POINTS_PER_PERIOD = 200
+"""Instants per period of the fastest component: the path between two is under 1e-3 of the amplitude from a chord."""
+
+
+class SineTrajectory(Trajectory):
+    """x_d(t) = center + amplitude · sin(2π frequency t + phase), for x, y and θ (Section IV of the paper)."""
+
+    kind: Literal["sine"] = "sine"
+    center: Triple = quantity(
+        (0.0, 0.75, 0.0), title="Centre (x, y, θ)", symbol="x_c", unit="m, m, rad", low=-20, high=20
+    )
+    amplitude: Triple = quantity(
+        (0.2, 0.2, 0.2), title="Amplitude (x, y, θ)", symbol="A_d", unit="m, m, rad", low=-5, high=5, slider=(0, 0.4)
+    )
+    frequency: Triple = quantity(
+        (1.0, 1.0, 1.0), title="Frequency", symbol="f_d", unit="Hz", low=0, high=50, slider=(0.1, 3)
+    )
+    phase: Triple = quantity((0.0, 0.0, 0.0), title="Phase", symbol="φ_d", unit="rad", low=-100, high=100)
+
+    def _moving(self) -> list[float]:
+        """Frequencies that move something, Hz."""
+        return [f for f, a in zip(self.frequency, self.amplitude, strict=True) if a != 0 and f > 0]
+
+    @property
+    def span(self) -> float:
+        """One period, or ten of the slowest component where the frequencies differ; 0 of a path at rest."""
+        moving = self._moving()
+        return 1 / min(moving) * (1 if len(set(moving)) == 1 else 10) if moving else 0.0
+
+    @property
+    def shortest_time(self) -> float:
+        """s."""
+        return 1 / (POINTS_PER_PERIOD * max(self._moving(), default=1.0))
+
+    @property
+    def fastest_period(self) -> float:
+        """s."""
+        return 1 / max(max(self.frequency), 1e-3)
+
+    @property
+    def slowest_period(self) -> float:
+        """s; 1 of a path at rest."""
+        return 1 / min(self._moving(), default=1.0)
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        """Its centre."""
+        return self.center
+
+    @property
+    def reach(self) -> tuple[float, ...]:
+        """Its amplitudes."""
+        return tuple(abs(a) for a in self.amplitude)
+
+    @property
+    def peak_acceleration(self) -> tuple[float, ...]:
+        """A (2πf)²."""
+        return tuple(abs(a) * (2 * np.pi * f) ** 2 for a, f in zip(self.amplitude, self.frequency, strict=True))
+
+    def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
+        """A new frequency alone keeps the sine's argument, so that the target does not jump."""
+        if not isinstance(changed, SineTrajectory) or self.frequency == changed.frequency or "phase" in changes:
+            return changed
+        turn = 2 * np.pi
+        phase = tuple(
+            float(np.remainder(p + turn * (f0 - f1) * time, turn)) if f0 != f1 else p
+            for p, f0, f1 in zip(self.phase, self.frequency, changed.frequency, strict=True)
+        )
+        return changed.model_copy(update={"phase": phase})
+
+
+@pluggable
+def sine(path, t, desired):
+    """x_d = center + amplitude sin(2π frequency t + phase)."""
+    sine = cosine = 0.0
+    for a in range(3):
+        rate = 2 * np.pi * path.frequency[a]
+        # Equal motions in x, y and θ are the common case; a sine costs as much as an arm's mass matrix.
+        if a == 0 or path.frequency[a] != path.frequency[0] or path.phase[a] != path.phase[0]:
+            angle = rate * t + path.phase[a]
+            own_sine, own_cosine = np.sin(angle), np.cos(angle)
+            if a == 0:
+                sine, cosine = own_sine, own_cosine
+        else:
+            own_sine, own_cosine = sine, cosine
+        amplitude = path.amplitude[a]
+        desired[0, a] = path.center[a] + amplitude * own_sine
+        desired[1, a] = amplitude * rate * own_cosine
+        desired[2, a] = -amplitude * rate * rate * own_sine
+
+
+PATH = Path(SineTrajectory, sine, place=10)

@@ -1,0 +1,44 @@
+"""What a control law sees of one instant, and the inputs it gives back: one record, filled by the engine.
+
+The engine keeps two of them: one at the true state, one at what a sampled controller measures.
+"""
+
+import numpy as np
+
+MOST_ARMS = 2
+
+LAW_INPUT = np.dtype(
+    [
+        ("arm_count", "i8"),
+        ("x", "f8", (3,)),
+        ("v", "f8", (3,)),
+        ("beam_rate", "f8", (2,)),
+        ("desired", "f8", (3, 3)),
+        ("trig", "f8", (2,)),
+        ("M", "f8", (MOST_ARMS, 3, 3)),
+        ("C", "f8", (MOST_ARMS, 3, 3)),
+        ("G", "f8", (MOST_ARMS, 3)),
+        ("J", "f8", (MOST_ARMS, 2, 3)),
+        ("direction", "f8", (MOST_ARMS, 4)),
+        ("gravity", "f8"),
+        ("m", "f8"),
+        ("I", "f8"),
+        ("kappa", "f8", (3,)),
+        ("share", "f8", (MOST_ARMS,)),
+        ("scratch", "f8", (8, 3)),
+        ("u", "f8", (MOST_ARMS, 3)),
+    ],
+    align=True,
+)
+"""`arm_count`: arms that are there. `x`, `v`: pose and its rate. `beam_rate`: hᵀq̇, gᵀq̇, kg·m/s, kg·m²/s.
+`desired`: x_d, ẋ_d, ẍ_d. `trig`: cos θ, sin θ. `M`, `C`, `G`, `J`, `direction`: M̄_i, C̄_i, Ḡ_i and more of `arm.ArmTerms`.
+`gravity`: m/s², along -y. `m` (kg), `I` (kg·m²), `kappa` (hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g): the payload as the controller
+believes it to be. `share`: what each arm carries of the common part, 1. `scratch`: free for the law. `u`: the law's
+answer, u_i, N, N, N·m."""
+
+
+def make_law_input(arm_count: int) -> np.ndarray:
+    """One record (1,) for `arm_count` arms."""
+    record = np.zeros(1, LAW_INPUT)
+    record["arm_count"] = arm_count
+    return record.view(np.recarray)

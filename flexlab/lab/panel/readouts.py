@@ -4,6 +4,7 @@ import numpy as np
 
 from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
+from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.panel.text import escaped, factor
 from flexlab.lab.view_settings import Legend, ViewSettings
 from flexlab.sim.commands import Pull
@@ -11,7 +12,7 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event, Snapshot
 
 LARGE_DEFLECTION = 0.05
-"""|w|/L above which the linear beam model is no longer trusted."""
+"""|w|/L, anywhere along the beam, above which the linear beam model is no longer trusted."""
 CLEARLY_SLOWER = 0.95
 """Share of the wanted speed below which being too slow is worth a sentence, not just a word."""
 SHOWN_EVENTS = 40
@@ -81,7 +82,8 @@ def _warnings(snapshot: Snapshot) -> list[str]:
     warnings = []
     if snapshot.status.failed:
         warnings.append(snapshot.status.text)
-    bending = abs(float(snapshot.latest.midspan_deflection[0])) / snapshot.scenario.payload.length
+    payload = snapshot.scenario.payload
+    bending = peak_deflection(payload, snapshot.latest.beam_coordinates[0]) / payload.length
     if bending > LARGE_DEFLECTION:
         warnings.append(
             f"Large deflection: |w|/L = {100 * bending:.0f} %, above {100 * LARGE_DEFLECTION:.0f} %. "

@@ -1,0 +1,37 @@
+"""What the head of the panel and the notices over the picture say of a run."""
+
+import pytest
+
+from flexlab.lab.lab_state import Notice
+from flexlab.lab.panel.readouts import notices_html
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.runner import Runner
+
+
+def notices(scenario: Scenario) -> str:
+    return notices_html(Runner(scenario, playing=False).snapshot, Notice(""))
+
+
+def bent_at_its_free_end(share: float) -> Scenario:
+    """A beam in one arm, bent like a parabola: the free end is `share` L off the axis, the middle a quarter of that."""
+    arm = load_preset("single-arm").replace({"payload.element_count": 2})
+    length = arm.payload.length
+    shape = [(share * s**2 * length, 2 * share * s) for s in (0.5, 1.0)]
+    return arm.replace({"initial.beam_coordinates": [value for node in shape for value in node]})
+
+
+def test_a_free_end_that_bends_too_far_is_flagged():
+    """6.3 % of L at the end are 1.6 % at mid-span."""
+    assert "Large deflection: |w|/L = 6 %, above 5 %" in notices(bent_at_its_free_end(0.063))
+    assert "Large deflection" not in notices(bent_at_its_free_end(0.045))
+
+
+@pytest.mark.parametrize(("share", "flagged"), [(0.045, False), (0.055, True)])
+def test_bending_beside_the_middle_is_flagged(share: float, flagged: bool):
+    """A wave over the whole length of a beam in two arms: its middle stays on the axis."""
+    paper = load_preset("paper").replace({"payload.element_count": 4})
+    crest = share * paper.payload.length
+    shape = (0.0, crest, 0.0, 0.0, 0.0, -crest, 0.0, 0.0)
+    world = paper.replace({"initial.beam_coordinates": shape})
+    assert ("Large deflection" in notices(world)) is flagged

@@ -13,8 +13,8 @@ from flexlab.errors import FlexlabError
 from flexlab.log_limits import limited
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.pages.layout import message
-from flexlab.server.pages.markup import fill, join
 from flexlab.server.pages.page_context import Context, context_of
+from flexlab.server.pages.templating import button, render
 from flexlab.sockets import LOOPBACK
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -45,10 +45,6 @@ HEADERS = {
 """Sent with everything that does not set its own."""
 
 _HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+)(?::\d{1,5})?\Z", re.ASCII)
-
-SIGN_IN = """<form method="get" action="{path}" class="sign-in">{query}
-<label>Token <input name="token" autocomplete="off" autofocus required></label> <button class="button">Open</button>
-</form>"""
 
 log = limited(__name__)
 
@@ -201,7 +197,7 @@ def _sign_in(request: web.Request, context: Context, token: str) -> web.Response
     to = "/" + str(request.rel_url.without_query_params("token")).lstrip("/")
     if request.headers.get("Sec-Fetch-Site", "none") == "cross-site":
         # After a redirect, the browser still counts as coming from the other site and keeps a strict cookie back.
-        answer = message("Welcome", "One moment.", 200, fill('<a class="button" href="{to}">Go on</a>', to=to))
+        answer = message("Welcome", "One moment.", 200, button(to, "Go on"))
         answer.headers["Refresh"] = f"0; url={to}"
     else:
         answer = web.Response(status=303, headers={hdrs.LOCATION: to})
@@ -217,8 +213,8 @@ def _ask_for_token(request: web.Request) -> web.Response:
     # Who came by a link should get where it leads.
     here = request.method == "GET" and not is_websocket(request)
     query = request.query.items() if here else ()
-    hidden = (fill('<input type="hidden" name="{n}" value="{v}">', n=n, v=v) for n, v in query if n != "token")
-    form = fill(SIGN_IN, path=request.rel_url.raw_path if here else "/", query=join(hidden))
+    query = [(name, value) for name, value in query if name != "token"]
+    form = render("sign_in.html", path=request.rel_url.raw_path if here else "/", query=query)
     return message("Sign in", sentence, 401, form)
 
 

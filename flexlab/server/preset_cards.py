@@ -5,11 +5,12 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
+from markupsafe import Markup
+
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_scenario_file, preset_files
 from flexlab.scenario import Scenario
 from flexlab.server.jobs import Jobs
-from flexlab.server.pages.markup import Markup
 from flexlab.server.pages.thumbnail import thumbnail
 
 MOST_DRAWN = 200

@@ -5,12 +5,12 @@ import socket
 
 import aiohttp
 from aiohttp import WSCloseCode, WSMsgType, hdrs, web
+from markupsafe import Markup
 
 from flexlab.lab.browser_messages import LARGEST_MESSAGE
 from flexlab.lab.viser_server import SECRET_HEADER
 from flexlab.log_limits import limited
 from flexlab.server.labs.lab_provider import Lab
-from flexlab.server.pages.markup import fill
 from flexlab.server.pages.page_context import context_of
 
 SOCKET_BUFFER = 64 * 1024
@@ -27,9 +27,9 @@ LAB_POLICY = (
 )
 """viser unpacks its program, and a compiled part of it, inside the page. It may talk to this address and to nobody else."""
 
-ADDITION = """<link rel="stylesheet" href="/static/lab.css">
+ADDITION = Markup("""<link rel="stylesheet" href="/static/lab.css">
 <script src="/static/lab.js" data-state="{state}" defer></script>
-"""
+""")
 """What the server adds to the lab's page: the way back, and a word when the lab is gone."""
 
 log = limited(__name__)
@@ -76,7 +76,7 @@ async def proxy_page(request: web.Request, place: Lab, path: str) -> web.StreamR
 
 def _furnish(body: bytes, place: Lab) -> bytes:
     head, mark, rest = body.rpartition(b"</head>")
-    addition = fill(ADDITION, state=f"/state{place.path}")
+    addition = ADDITION.format(state=f"/state{place.path}")
     return head + addition.encode() + mark + rest if mark else body
 
 

@@ -295,7 +295,8 @@ def write_notes(path: Path, **changes: Any) -> None:
     """Change some of the notes beside a recording; others stay. Raises OSError."""
     notes = read_notes(path) | changes
     with replacing(notes_path(path)) as draft:
-        draft.write_text(json.dumps(notes, indent=1, ensure_ascii=False), encoding="utf-8")
+        # What is no text becomes an escape that JSON knows.
+        draft.write_bytes(json.dumps(notes, indent=1, ensure_ascii=False).encode("utf-8", "backslashreplace"))
 
 
 def remove_run(path: Path) -> None:

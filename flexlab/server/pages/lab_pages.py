@@ -4,14 +4,15 @@ import asyncio
 import secrets
 
 from aiohttp import hdrs, web
+from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset, preset_names
 from flexlab.server.auth import is_foreign_link, is_opened_by_person, is_websocket, refuse
 from flexlab.server.labs.lab_provider import Choice, FullError, Lab
 from flexlab.server.pages.layout import message
-from flexlab.server.pages.markup import Markup, fill
 from flexlab.server.pages.page_context import Context, context_of
+from flexlab.server.pages.templating import button
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
 from flexlab.sockets import LOOPBACK
@@ -20,6 +21,7 @@ VISITOR_BYTES = 18
 """Randomness of the cookie by which a visitor finds their own lab again."""
 LINKED = "shared-scenario"
 """Name of the runs of a scenario that came by a link."""
+START_PAGE = Markup(' <a class="button quiet" href="/">Start page</a>')
 NEW_LAB = Markup('<a class="button" href="/lab/">Open a new lab</a> <a class="button quiet" href="/runs">Runs</a>')
 NOT_YOURS = "This lab belongs to another browser, or was closed long ago. You can have one of your own."
 
@@ -88,8 +90,7 @@ def _ask_first(request: web.Request, choice: Choice) -> web.Response:
     shared = "" if context_of(request).places.is_private else " for everybody who watches"
     title = choice.scenario.title or choice.name
     sentence = f"A page of another site leads to {title}. Opening it ends the present run{shared}; the run is kept."
-    more = fill('<a class="button" href="{to}">Open it</a> <a class="button quiet" href="/">Start page</a>',
-                to="/" + str(request.rel_url).lstrip("/"))  # fmt: skip
+    more = button("/" + str(request.rel_url).lstrip("/"), "Open it") + START_PAGE
     return message("Open this scenario?", sentence, 200, more)
 
 
@@ -100,7 +101,7 @@ async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamRe
     try:
         place = await context.places.enter(visitor, choice, request.remote or "")
     except FullError as error:
-        return message("No free lab", str(error), 503, Markup('<a class="button" href="/lab/">Try again</a>'))
+        return message("No free lab", str(error), 503, button("/lab/", "Try again"))
     except LabError as error:
         return message("The lab did not open", str(error), 503, NEW_LAB)
     # What the page itself understands (its drawing settings) goes along.

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 from aiohttp import hdrs, web
+from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.store.run_index import RunRow, find_row
@@ -14,7 +15,6 @@ from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.figure_jobs import figures_into
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.layout import message
-from flexlab.server.pages.markup import fill
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.run_jobs import choice_at, export_into
 
@@ -24,9 +24,7 @@ EXPORTS = TABLES | FIGURES
 """What a run can be had as → in words."""
 PIECE = 1024 * 1024
 """Bytes sent at once."""
-BACK = (
-    """<a class="button" href="/runs/{address}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>"""
-)
+BACK = Markup('<a class="button" href="/runs/{}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>')
 
 
 def add_run_actions(router: web.UrlDispatcher) -> None:
@@ -51,7 +49,7 @@ async def recorded_row_of(request: web.Request) -> RunRow:
 
 
 def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:
-    return message(title, str(error), 422, fill(BACK, address=row.address))
+    return message(title, str(error), 422, BACK.format(row.address))
 
 
 async def start_replay(request: web.Request) -> web.Response:

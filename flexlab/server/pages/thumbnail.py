@@ -1,11 +1,12 @@
 """A small drawing of a scenario: arms, beam and path, for presets without a picture."""
 
 import numpy as np
+from markupsafe import Markup
 
 from flexlab.control.path import poses
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario
-from flexlab.server.pages.markup import Markup, fill, join
+from flexlab.server.pages.templating import render
 from flexlab.sim.build import build_trajectory
 from flexlab.sim.geometry import arm_points, beam_points
 from flexlab.sim.world import World
@@ -16,13 +17,6 @@ PATH_TIME = 4.0
 MARGIN = 0.12
 """Share of the drawing's width around what is drawn."""
 ASPECT = 16 / 10
-
-DRAWING = """<svg viewBox="{box}" role="img" aria-label="Arms, beam and path">
-<polyline class="path" points="{path}"/>
-{arms}
-<polyline class="beam" points="{beam}"/>
-</svg>"""
-ARM = """<polyline class="arm" points="{points}"/><circle class="base" cx="{x}" cy="{y}" r="0.045"/>"""
 
 
 def thumbnail(scenario: Scenario) -> Markup:
@@ -37,11 +31,11 @@ def thumbnail(scenario: Scenario) -> Markup:
     everything = np.concatenate([arms.reshape(-1, 2), beam, path])
     if not np.isfinite(everything).all():
         return Markup("")
-    return fill(
-        DRAWING,
+    return render(
+        "drawing.svg",
         box=_box(everything),
         path=_points(path),
-        arms=join(fill(ARM, points=_points(arm), x=f"{arm[0, 0]:.3f}", y=f"{-arm[0, 1]:.3f}") for arm in arms),
+        arms=[{"points": _points(arm), "x": f"{arm[0, 0]:.3f}", "y": f"{-arm[0, 1]:.3f}"} for arm in arms],
         beam=_points(beam),
     )
 

@@ -12,8 +12,8 @@ from flexlab.recording.importing import IMPORTED
 from flexlab.recording.store.run_files import file_word
 from flexlab.recording.store.run_index import size_text
 from flexlab.server.pages.layout import message
-from flexlab.server.pages.markup import Markup
 from flexlab.server.pages.page_context import context_of
+from flexlab.server.pages.templating import button
 from flexlab.server.run_jobs import take_in
 
 LARGEST_UPLOAD = 1_000_000_000
@@ -21,7 +21,7 @@ LARGEST_UPLOAD = 1_000_000_000
 PIECE = 256 * 1024
 """Bytes read at once."""
 MULTIPART = "multipart/form-data"
-ALL_RUNS = Markup('<a class="button" href="/runs">All runs</a>')
+ALL_RUNS = button("/runs", "All runs")
 
 TOO_LARGE = (
     f"This file is larger than {size_text(LARGEST_UPLOAD)}: export a shorter range of time, "

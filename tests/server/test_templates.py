@@ -1,0 +1,35 @@
+"""Templates escape whatever is inserted, and name nothing that is not there."""
+
+import pytest
+from jinja2 import UndefinedError
+from markupsafe import Markup
+
+from flexlab.server.pages.templating import TEMPLATES, button, render
+
+HOSTILE = "<script>alert('x')</script>\"&\ud800"
+
+
+def test_what_is_inserted_is_escaped_and_can_be_sent():
+    text = render("message.html", title=HOSTILE, sentence=HOSTILE, more="<b>", here="", kind=HOSTILE, scripts=())
+    assert "<script>alert" not in text
+    assert text.count("&lt;script&gt;alert(&#x27;x&#x27;)&lt;/script&gt;&quot;&amp;?") == 4
+    assert "&lt;b&gt;" in text, "only what a template made is HTML"
+    assert text.encode()
+
+
+def test_a_button_escapes_its_address_and_its_words():
+    assert button('"><script>', "<i>").count("<") == 2
+    assert isinstance(button("/", "x"), Markup)
+
+
+def test_a_value_that_is_missing_is_an_error_and_no_empty_place():
+    with pytest.raises(UndefinedError, match="sentence"):
+        render("message.html", title="x", here="", kind="", scripts=())
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in TEMPLATES.iterdir()))
+def test_no_template_lifts_the_escaping_or_runs_a_script_of_its_own(name: str):
+    text = (TEMPLATES / name).read_text(encoding="utf-8")
+    assert "safe" not in text
+    assert "autoescape" not in text
+    assert "<script>" not in text

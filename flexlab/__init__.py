@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flexlab.analysis.internal_force import internal_force_eq_26
     from flexlab.analysis.linear_model import LinearModel
     from flexlab.analysis.metrics import RunMetrics
     from flexlab.analysis.modes import Modes
@@ -24,6 +25,7 @@ _HOMES = {
     "RunMetrics": "flexlab.analysis.metrics",
     "modes": "flexlab.api",
     "Modes": "flexlab.analysis.modes",
+    "internal_force_eq_26": "flexlab.analysis.internal_force",
     "linearize": "flexlab.api",
     "LinearModel": "flexlab.analysis.linear_model",
 }
@@ -36,6 +38,7 @@ __all__ = [
     "RunMetrics",
     "Scenario",
     "__version__",
+    "internal_force_eq_26",
     "linearize",
     "load_preset",
     "modes",

@@ -13,7 +13,7 @@ class Symbol(NamedTuple):
     symbol: str
     """As printed, in Unicode."""
     code: str
-    """Name in `flexlab.physics` and `flexlab.control`."""
+    """Name in `flexlab.physics`, `flexlab.control` and the table of signals; `NOT_FORMED` if the code needs no such thing."""
     word: str
     """Name in scenarios, samples and on the screen."""
     unit: str
@@ -23,6 +23,9 @@ class Symbol(NamedTuple):
     equation: str
     """Where the paper introduces it; empty if the paper does not."""
 
+
+NOT_FORMED = "–"
+"""Code name of what stands in the paper only: the code goes from what is before it to what is behind it at once."""
 
 POSE, RATE, FORCE = "m, m, rad", "m/s, m/s, rad/s", "N, N, N·m"
 INERTIA = "kg, kg·m, kg·m²"
@@ -35,8 +38,8 @@ MOTION = (
     Symbol("θ", "theta", "angle of the virtual link", "rad", "()", "(1)"),
     Symbol("ω", "w", "turning rate of the virtual link", "rad/s", "()", "(1)"),
     Symbol("x_d", "desired[0]", "desired pose", POSE, "(3,)", "Section IV"),
-    Symbol("e", "e", "tracking error", POSE, "(3,)", "Section III"),
-    Symbol("p", "p", "coordinates of pose and beam", "m, rad", "(3 + n_q,)", "(8)"),
+    Symbol("e", "tracking_error", "tracking error", POSE, "(3,)", "Section III"),
+    Symbol("p", NOT_FORMED, "coordinates of pose and beam", "m, rad", "(3 + n_q,)", "(8)"),
 )
 """Where the payload is and should be."""
 
@@ -71,18 +74,18 @@ SYSTEM = (
     Symbol("B", "B", "payload velocity matrix", "kg/s, kg·m/s, kg·m²/s", "(3 + n_q, 3 + n_q)", "(8)"),
     Symbol("P", "P", "momentum of the pose", "kg·m/s, kg·m/s, kg·m²/s", "(3,)", ""),
     Symbol("S", "S", "inertia that the pose feels", INERTIA, "(3, 3)", "(19)"),
-    Symbol("φ_i", "phi", "angle of an arm's last link", "rad", "()", ""),
-    Symbol("θ_i", "joint_angle", "joint angles", "rad", "(3,)", "(11)"),
-    Symbol("J_i", "J_grip", "pose rate to grip velocity", "1, m", "(3, 3)", "(12)"),
+    Symbol("φ_i", NOT_FORMED, "angle of an arm's last link", "rad", "()", ""),
+    Symbol("θ_i", "joint_angles", "joint angles", "rad", "(3,)", "(11)"),
+    Symbol("J_i", NOT_FORMED, "pose rate to grip velocity", "1, m", "(3, 3)", "(12)"),
     Symbol("𝒥_i", "J", "pose rate to joint rates", "1/m, 1", "(3, 3)", "(12)"),
     Symbol("M̄_i", "M", "arm inertia seen by the pose", INERTIA, "(3, 3)", "(13)"),
     Symbol("C̄_i", "C", "arm velocity matrix seen by the pose", "kg/s, kg·m/s, kg·m²/s", "(3, 3)", "(13)"),
     Symbol("Ḡ_i", "G", "arm weight seen by the pose", FORCE, "(3,)", "(13)"),
     Symbol("u_i", "u", "arm input", FORCE, "(3,)", "(13)"),
     Symbol("τ_i", "tau", "joint torque", "N·m", "(3,)", "(11)"),
-    Symbol("f_i", "f_i", "grip force", FORCE, "(3,)", "(11)"),
-    Symbol("f", "f", "moving force on the payload", FORCE, "(3,)", "(7)"),
-    Symbol("F_i", "F", "internal force", FORCE, "(3,)", "(15)"),
+    Symbol("f_i", "grip", "grip force", FORCE, "(3,)", "(11)"),
+    Symbol("f", "moving", "moving force on the payload", FORCE, "(3,)", "(7)"),
+    Symbol("F_i", "force", "internal force", FORCE, "(3,)", "(15)"),
 )
 """Arms and payload together."""
 
@@ -94,7 +97,7 @@ CONTROL = (
     Symbol("ε", "epsilon", "boundary layer", "m/s", "()", "(23)"),
     Symbol("b̂", "b_hat", "bound estimates", "N, N/m, N·s²/m²", "(3,)", "(23)"),
     Symbol("k_i", "k", "adaptation", "m/N, m³/N, m⁵/(N·s⁴)", "(3,)", "(23)"),
-    Symbol("Ψ", "Psi", "what the beam does to the pose", FORCE, "(3,)", "(22)"),
+    Symbol("Ψ", NOT_FORMED, "what the beam does to the pose", FORCE, "(3,)", "(22)"),
 )
 """The controller of the paper."""
 

@@ -1,8 +1,11 @@
 """The symbol table is complete and free of contradictions."""
 
+import ast
+from pathlib import Path
+
 import pytest
 
-from flexlab.notation import SYMBOLS, lookup, markdown_table
+from flexlab.notation import NOT_FORMED, SYMBOLS, lookup, markdown_table
 
 PAPER = (
     "x x_d e s r Λ K ε b̂ k_i A B M_q K_F h g w̄ M̄_i C̄_i Ḡ_i 𝒥_i J_i u_i τ_i f f_i F_i q q̇ L ρ EI m I θ θ_i p Ψ w N ẋ ẍ"
@@ -33,8 +36,30 @@ def test_every_row_is_whole():
 
 def test_code_names_of_one_room_differ():
     # `w` is a turning rate in physics and a deflection on paper; no other name serves twice.
-    names = [row.code for row in SYMBOLS if row.code != "w"]
+    names = [row.code for row in SYMBOLS if row.code not in ("w", NOT_FORMED)]
     assert sorted(names) == sorted(set(names))
+
+
+def names_in_code(root: Path) -> set[str]:
+    """Everything that a kernel or the table of signals gives a name to: functions, arguments, variables, fields."""
+    names = set()
+    files = [file for room in ("physics", "control") for file in (root / "flexlab" / room).rglob("*.py")]
+    for file in (*files, root / "flexlab" / "sim" / "signals.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.arg):
+                names.add(node.arg)
+            elif isinstance(node, ast.FunctionDef):
+                names.add(node.name)
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                names.add(node.id)
+    return names
+
+
+def test_every_code_name_stands_in_the_code(root: Path):
+    names = names_in_code(root)
+    for row in SYMBOLS:
+        assert row.code == NOT_FORMED or row.code.split("[")[0] in names, f"{row.symbol} is called {row.code} nowhere"
+    assert [row.symbol for row in SYMBOLS if row.code == NOT_FORMED] == ["p", "φ_i", "J_i", "Ψ"]
 
 
 def test_lookup_by_code_and_word():

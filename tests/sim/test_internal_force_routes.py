@@ -5,6 +5,8 @@ import pytest
 from reference.solutions import CASES, PAPER, Solution
 from reference.terms import arm_terms
 
+import flexlab
+from flexlab.errors import StudyError
 from flexlab.physics.internal_force import internal_force_by_eq_26
 from flexlab.sim.build import nodal_damping_matrix
 from flexlab.sim.world import World
@@ -40,6 +42,16 @@ def test_both_routes_agree(case: Solution):
         )
         scale = max(np.abs(samples.arm_input[k]).max(), np.abs(terms.M @ samples.pose_acceleration[k]).max())
         np.testing.assert_allclose(force, samples.internal_force[k], atol=1e-9 * scale)
+
+
+def test_a_user_gets_the_other_route_too():
+    """`flexlab.internal_force_eq_26` of a run, at the samples asked for; in a sentence, where it makes no sense."""
+    run = flexlab.simulate("paper", 0.3)
+    found = flexlab.internal_force_eq_26(run, every=10)
+    assert found.shape == (31, 2, 3)
+    np.testing.assert_allclose(found, run.internal_force[::10], atol=1e-9 * np.abs(run.arm_input).max())
+    with pytest.raises(StudyError, match="two arms"):
+        flexlab.internal_force_eq_26(flexlab.simulate("single-arm", 0.01))
 
 
 def test_internal_forces_of_two_arms_cancel():

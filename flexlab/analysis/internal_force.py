@@ -1,0 +1,41 @@
+"""The internal force of a run by the paper's other route, Eq. (26): from x, q and u alone, without ẍ."""
+
+import numpy as np
+
+from flexlab.errors import StudyError
+from flexlab.physics.arm import arm_velocity_terms
+from flexlab.physics.dynamics import configure_arms
+from flexlab.physics.internal_force import internal_force_by_eq_26
+from flexlab.physics.plant import make_workspace
+from flexlab.sim.build import build_beam, build_plant, nodal_damping_matrix
+from flexlab.sim.samples import Run
+
+
+def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
+    """F_i by Eq. (26) of every `every`-th sample of a run with two arms, N, N, N·m, (samples, 2, 3).
+
+    `run.internal_force` is the same by Eqs. (13)-(15), from the grips' forces and the simulated ẍ; Eq. (26) finds ẍ anew from
+    dense matrices in nodal coordinates. Signs as in `run.internal_force`, opposite to the print. Of the scenario that the run
+    started from, which nothing changes or pulls, with all modes of the mesh. Raises `StudyError` for one arm, modes left out, or no samples.
+    """
+    scenario = run.scenario
+    if len(scenario.arms) != 2:
+        raise StudyError("Eq. (26) needs two arms: a single one has nobody to press against.")
+    if scenario.payload.mode_count is not None:
+        raise StudyError("Eq. (26) is in nodal coordinates: leave payload.mode_count out, so that all modes are kept.")
+    if len(run) == 0:
+        raise StudyError("The run has no samples.")
+    beam = build_beam(scenario.payload)
+    plant, D = build_plant(scenario, beam), nodal_damping_matrix(beam)
+    workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
+    terms = workspace.arm
+    found = []
+    for k in range(0, len(run), every):
+        pose, rate = run.pose[k].copy(), run.pose_rate[k]
+        configure_arms(plant, pose, terms, workspace.fault)
+        c, s = terms.trig
+        for i in range(2):
+            arm_velocity_terms(plant.arms[i], c, s, *map(float, rate), terms.J[i], terms.direction[i], terms.C[i])
+        motion = (run.arm_input[k], pose, rate, run.beam_coordinates[k], run.beam_rates[k])
+        found.append(internal_force_by_eq_26(beam.matrices, D, terms.M, terms.C, terms.G, *motion, scenario.gravity))
+    return np.array(found)

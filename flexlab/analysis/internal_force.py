@@ -16,7 +16,8 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
 
     `run.internal_force` is the same by Eqs. (13)-(15), from the grips' forces and the simulated ẍ; Eq. (26) finds ẍ anew from
     dense matrices in nodal coordinates. Signs as in `run.internal_force`, opposite to the print. Of the scenario that the run
-    started from, which nothing changes or pulls, with all modes of the mesh. Raises `StudyError` for one arm, modes left out, or no samples.
+    started from, which nothing changes or pulls, with all modes of the mesh. Raises `StudyError` for one arm, modes left out,
+    or no samples.
     """
     scenario = run.scenario
     if len(scenario.arms) != 2:

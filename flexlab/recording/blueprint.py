@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
-from flexlab.recording.chunks import TIMELINE
 from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, PlotSignal, plot_signals
+from flexlab.recording.rerun_internals.columns import TIMELINE
 from flexlab.recording.scene_log import VIEW_SHAPE, eye
 from flexlab.scenario import Scenario
 

@@ -10,11 +10,11 @@ import rerun.blueprint as rrb
 
 from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import plot_view, scene_view
-from flexlab.recording.chunks import TIMELINE, scalars, send_columns
 from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
 from flexlab.recording.recorded_plots import PlotSignal, plot_signals
-from flexlab.recording.repair import Mending
-from flexlab.recording.rrd_file import messages
+from flexlab.recording.rerun_internals.columns import TIMELINE, scalars, send_columns
+from flexlab.recording.rerun_internals.message_layout import messages
+from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.scene_log import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
 from flexlab.recording.store.run_files import replacing

@@ -3,26 +3,14 @@
 Rerun can write files itself, but when a disk is full its writer dies silently, all later data is lost, and letting go of it
 may wait forever, even when the program ends. So rerun only encodes, into memory, and the bytes are written here: an error
 is known at once, a half-written message is cut off again, and what could not be written waits until there is room.
-
-Each piece that rerun encodes is a small file of its own: a head, messages (kind and length, 8 bytes each, then the body), an
-end message with an index, and a foot. A larger file is one head and the messages of all pieces; `finishing` adds the end.
 """
 
 import os
-import struct
 from collections import deque
 from typing import IO
 
 from flexlab.errors import RecordingError
-
-MAGIC = b"RRF2"
-"""How a rerun file of this generation begins."""
-HEAD = 12
-"""Bytes of the head: magic, version, options."""
-MESSAGE = struct.Struct("<QQ")
-"""Kind and length of a message's body."""
-END = 0
-"""Kind of the end message."""
+from flexlab.recording.rerun_internals.message_layout import messages
 
 HELD_BYTES = 48_000_000
 """What waits for a full disk at most: one and a half minutes of the paper's run. Then the oldest is given up."""
@@ -80,16 +68,3 @@ class RrdFile:
             os.lseek(self._handle.fileno(), self._size, os.SEEK_SET)
             raise
         self._size += len(data)
-
-
-def messages(piece: bytes, with_head: bool) -> bytes:
-    """A piece without its end and foot, and without its head unless asked for."""
-    if piece[: len(MAGIC)] != MAGIC:
-        raise RecordingError(f"Rerun encodes as {piece[:4]!r}, not {MAGIC!r}: this flexlab needs rerun-sdk 0.41.")
-    place = HEAD
-    while place < len(piece):
-        kind, length = MESSAGE.unpack_from(piece, place)
-        if kind == END:
-            break
-        place += MESSAGE.size + length
-    return piece[0 if with_head else HEAD : place]

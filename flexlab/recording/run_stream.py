@@ -8,9 +8,9 @@ import rerun.blueprint as rrb
 
 from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import run_blueprint
-from flexlab.recording.chunks import Column, send_columns
 from flexlab.recording.documents import parameters_text, run_properties, signals_text
 from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, PlotSignal, plot_signals
+from flexlab.recording.rerun_internals.columns import Column, send_columns
 from flexlab.recording.rrd_file import RrdFile
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.scene_log import fixed_shapes

@@ -8,9 +8,9 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import RecordingError, ScenarioError
-from flexlab.recording.chunks import blobs, line_strips, scalars, texts
 from flexlab.recording.commands_json import command_to_json
 from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, plot_signals
+from flexlab.recording.rerun_internals.columns import blobs, line_strips, scalars, texts
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_notes import StartNotes
 from flexlab.recording.run_stream import RunStream

@@ -6,8 +6,8 @@ import numpy as np
 import rerun as rr
 
 from flexlab.control.path import build_motion, poses
-from flexlab.recording.chunks import Column, line_strips, vectors
 from flexlab.recording.recorded_plots import BLUE, GRAY, GREEN, ORANGE, PURPLE, VERMILION
+from flexlab.recording.rerun_internals.columns import Column, line_strips, vectors
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import arm_points, beam_points, link_points
 from flexlab.sim.samples import Samples

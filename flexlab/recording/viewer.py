@@ -1,26 +1,20 @@
 """Opens recordings in rerun's viewer, in the browser: served piece by piece, so that an hour opens as fast as a minute."""
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import TracebackType
 
-import rerun as rr
 import rerun.blueprint as rrb
-from rerun.catalog import DatasetEntry
-from rerun_bindings import CatalogClientInternal
 
 from flexlab.errors import RecordingError
 from flexlab.recording import overlay
 from flexlab.recording.blueprint import run_blueprint
 from flexlab.recording.reader import read_scenarios
 from flexlab.recording.repair import finish
-from flexlab.recording.rrd_rows import quiet_reader
+from flexlab.recording.rerun_internals.catalog import serve
 from flexlab.recording.run_stream import APPLICATION
 from flexlab.recording.scene_log import exaggeration
 from flexlab.recording.store.run_files import check_recording
 from flexlab.recording.web_viewer import LOOPBACK, ViewerServer, viewer_link
-
-DATASET = "runs"
 
 
 class Review:
@@ -32,12 +26,7 @@ class Review:
         application, layout = _layout_of(path)
         self._viewer = ViewerServer(LOOPBACK, port)
         try:
-            self._server = rr.server.Server(host=LOOPBACK, port=0, datasets={DATASET: [path]})
-            # Rerun's public client answers what follows only with a 43 MB library of queries, so its core is asked.
-            (core,) = CatalogClientInternal(self._server.url()).datasets(False)
-            _lay_out(DatasetEntry(core), application, layout)
-            with quiet_reader(path) as reader:
-                source = core.segment_url(reader.recordings()[0].recording_id)
+            self._server, source = serve(path, application, layout)
         except (RuntimeError, ValueError, OSError, LookupError) as error:
             self._viewer.close()
             reason = str(error).split("\n")[0]
@@ -76,11 +65,3 @@ def _layout_of(path: Path) -> tuple[str, rrb.Blueprint]:
         name, scenario = runs[0]
         return APPLICATION, run_blueprint(scenario, exaggeration(scenario), name)
     return overlay.APPLICATION, overlay.comparison_blueprint(runs)
-
-
-def _lay_out(dataset: DatasetEntry, application: str, layout: rrb.Blueprint) -> None:
-    """Give the served recording its layout: the server does not look for the one inside the file."""
-    with TemporaryDirectory(prefix="flexlab-") as folder:
-        file = Path(folder) / "layout.rbl"
-        layout.save(application, file)
-        dataset.register_blueprint(file.as_uri())

@@ -17,7 +17,7 @@ from flexlab.presets import load_preset
 from flexlab.recording.live import LiveHub
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
-from flexlab.recording.repair import rerun_tool
+from flexlab.recording.rerun_internals.tool import rerun_tool
 from flexlab.recording.store.run_files import list_runs
 from flexlab.sim.commands import ChangeScenario, Reset
 from flexlab.sim.runner import Runner

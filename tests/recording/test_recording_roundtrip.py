@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_blocks, read_recording, read_scenarios
-from flexlab.recording.repair import rerun_tool
+from flexlab.recording.rerun_internals.tool import rerun_tool
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.sample_codec import join_blocks
 from flexlab.recording.store.run_files import run_state

@@ -19,6 +19,7 @@ from typing import IO, Any, Literal
 
 from flexlab.errors import RecordingError
 from flexlab.plain_text import visible
+from flexlab.recording.rerun_internals.message_layout import FAMILY, has_footer
 
 try:
     import fcntl
@@ -28,10 +29,6 @@ except ImportError:  # Windows: see `is_in_use`
 SUFFIX = ".rrd"
 TIME_FORMAT = "%Y-%m-%dT%H-%M-%S"
 """Of file names: sorts by time, allowed on every file system."""
-FOOTER = b"RRF2FOOT"
-"""How the last 12 bytes of a finished rerun file begin."""
-MAGIC = b"RRF"
-"""How a rerun file of any version begins."""
 
 LARGEST_NOTES = 10_000_000
 """Bytes of a file of notes that is read: an hour of dragging sliders makes one."""
@@ -165,14 +162,14 @@ def check_recording(path: Path) -> None:
             kind = next(words for is_kind, words in _OTHER_KINDS if is_kind(mode))
             raise RecordingError(f"{name} cannot be read: it is {kind}.")
         with path.open("rb") as file:
-            head = file.read(len(MAGIC))
+            head = file.read(len(FAMILY))
     except (FileNotFoundError, NotADirectoryError):
         raise RecordingError(f"There is no recording {name}: check the name.") from None
     except OSError as error:
         raise RecordingError(f"{name} cannot be read ({error.strerror}): check its name and rights.") from None
     if not head:
         raise RecordingError(f"{name} is empty: its run was lost before anything was written.")
-    if head != MAGIC:
+    if head != FAMILY:
         raise RecordingError(
             f"{name} is not a rerun recording: choose a file that ends in .rrd and was made by flexlab."
         )
@@ -185,14 +182,6 @@ def check_own_recording(path: Path) -> None:
             f"{visible(path)} is a link: only files that lie in the folder themselves are shown; copy what it leads to."
         )
     check_recording(path)
-
-
-def has_footer(path: Path) -> bool:
-    """Whether the file ends as a finished rerun file does."""
-    with path.open("rb") as file:
-        file.seek(0, os.SEEK_END)
-        file.seek(max(0, file.tell() - 12))
-        return file.read().startswith(FOOTER)
 
 
 def run_state(path: Path) -> State:
@@ -215,7 +204,7 @@ def run_state(path: Path) -> State:
 
 def _begins_well(path: Path) -> bool:
     with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
+        return file.read(len(FAMILY)) == FAMILY
 
 
 def list_runs(logs: Path) -> list[Path]:

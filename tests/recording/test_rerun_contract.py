@@ -1,0 +1,123 @@
+"""What flexlab uses of rerun without rerun having promised it. Each failure says what a new version no longer does."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+import rerun.blueprint as rrb
+
+from flexlab.recording.rerun_internals import catalog, chunk_reader, message_layout, tool, viewer_files
+from flexlab.recording.rerun_internals.columns import TIMELINE, blobs, scalars, send_columns
+
+INTERNALS = Path("flexlab/recording/rerun_internals")
+UNPROMISED = ("rerun.chunk", "rerun.catalog", "rerun.experimental", "rerun_bindings", "rerun_cli")
+"""Modules of rerun that its documentation does not describe, or calls experimental."""
+
+TIMES = np.array([0.001, 0.002, 0.003])
+
+
+@pytest.fixture
+def pieces() -> list[bytes]:
+    """Two pieces of one stream as rerun encodes them."""
+    stream = rr.RecordingStream("contract", send_properties=False)
+    encoded = stream.binary_stream()
+    stream.set_sinks(encoded)
+    stream.send_recording_name("contract")
+    send_columns(stream, "curve", TIMES, [scalars(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))])
+    first = encoded.read(flush_timeout_sec=5.0)
+    send_columns(stream, "exact", TIMES[-1:], [blobs("flexlab.Block", "data", [b"\x00\xff"])])
+    second = encoded.read(flush_timeout_sec=5.0)
+    stream.disconnect()
+    assert first, "BinaryStream.read gives no bytes of what was sent"
+    assert second, "BinaryStream.read gives no bytes of what was sent"
+    return [first, second]
+
+
+@pytest.fixture
+def joined(pieces: list[bytes], tmp_path: Path) -> Path:
+    """Their messages behind one head: a file without an end, as the recorder writes it."""
+    path = tmp_path / "joined.rrd"
+    path.write_bytes(b"".join(message_layout.messages(piece, with_head=not n) for n, piece in enumerate(pieces)))
+    return path
+
+
+def test_nobody_else_uses_what_is_not_promised(root: Path):
+    for file in (root / "flexlab").rglob("*.py"):
+        if file.is_relative_to(root / INTERNALS):
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                assert not name.startswith(UNPROMISED), f"{file} uses {name}: that belongs into {INTERNALS}"
+
+
+def test_a_piece_is_a_head_messages_and_an_end(pieces: list[bytes]):
+    for piece in pieces:
+        assert piece.startswith(message_layout.MAGIC), f"a piece begins with {piece[:4]!r}, no longer with RRF2"
+        place, kinds = message_layout.HEAD, []
+        while place < len(piece) and message_layout.END not in kinds:
+            kind, length = message_layout.MESSAGE.unpack_from(piece, place)
+            kinds.append(kind)
+            place += message_layout.MESSAGE.size + length
+            assert place <= len(piece), "a message is longer than its piece: kind and length stand otherwise"
+        assert len(kinds) > 1, "a piece has no message before its end"
+        assert kinds[-1] == message_layout.END, "a piece has no end message"
+
+
+def test_joined_pieces_are_one_file(joined: Path):
+    rows = list(chunk_reader.stream_rows(joined, ["/curve", "/exact"]))
+    assert {entity for entity, _ in rows} == {"/curve", "/exact"}, "joined pieces are not read as one recording"
+    assert not message_layout.has_footer(joined)
+
+
+def test_columns_arrive_as_they_were_sent(joined: Path):
+    rows = [row for entity, row in chunk_reader.stream_rows(joined, ["/curve"]) if entity == "/curve"]
+    assert [time for time, _ in rows] == [1_000_000, 2_000_000, 3_000_000], "times are no longer whole nanoseconds"
+    assert {name for _, row in rows for name in row} == {"scalars"}, "a batch names its components otherwise"
+    (exact,) = [row for entity, (_, row) in chunk_reader.stream_rows(joined, ["/exact"]) if entity == "/exact"]
+    assert bytes(exact["data"]) == b"\x00\xff", "bytes do not come back as they were sent"
+
+
+def test_the_reader_filters_and_counts(joined: Path):
+    with chunk_reader.quiet_reader(joined) as reader:
+        assert len(reader.recordings()) == 1, "RrdReader.recordings does not list the recording"
+        entities = {chunk.entity_path for chunk in reader.stream().filter(content=["/exact"])}
+    assert entities == {"/exact"}, "a filtered stream has other entities too"
+    batch = next(batch for _, batch in chunk_reader._batches(joined, ["/curve"]))
+    assert TIMELINE in batch.schema.names, "a batch has no column of the timeline's name"
+
+
+def test_the_tool_gives_a_file_its_end(joined: Path, tmp_path: Path):
+    whole = tmp_path / "whole.rrd"
+    assert tool.Mending().rewrite(joined, whole), "`rerun rrd optimize` does not mend a file without an end"
+    assert message_layout.has_footer(whole), "a finished file does not end with RRF2FOOT"
+    assert chunk_reader.has_recording(whole)
+    torn = tmp_path / "torn.rrd"
+    torn.write_bytes(joined.read_bytes()[:-7])
+    assert tool.Mending().rewrite(torn, whole), "`--continue-on-error` does not read a torn file up to its tear"
+
+
+def test_the_tool_says_which_error_the_system_gave(joined: Path, tmp_path: Path):
+    # Rerun's program says it in its warnings only; without them a full disk would pass for success.
+    with pytest.raises(OSError, match="No such file"):
+        tool.Mending().rewrite(joined, tmp_path / "no" / "folder.rrd")
+
+
+def test_the_server_gives_an_address_and_takes_a_layout(joined: Path, tmp_path: Path):
+    whole = tmp_path / "whole.rrd"
+    tool.Mending().rewrite(joined, whole)
+    layout = rrb.Blueprint(rrb.TimeSeriesView(origin="/curve"))
+    server, address = catalog.serve(whole, "contract", layout)
+    server.shutdown()
+    assert address.startswith("rerun+http://127.0.0.1:"), "a segment's address is no longer one that the viewer opens"
+
+
+def test_the_viewer_is_three_files():
+    folder = viewer_files.viewer_folder()
+    for name in viewer_files.VIEWER_FILES:
+        assert (folder / name).stat().st_size > 0, f"rerun's program does not serve {name} of its viewer"
+    page = (folder / "index.html").read_bytes()
+    assert b"re_viewer" in page, "the viewer's page loads another script"

@@ -59,7 +59,7 @@ def _simulate(world: "World", name: str, duration: float, logs: Path) -> int:
     from flexlab.cli.run_report import Summary
     from flexlab.recording.headless import HeadlessRecording
     from flexlab.recording.run_info import RunInfo
-    from flexlab.sim.samples import Status
+    from flexlab.sim.simulate import finished
 
     summary = Summary()
     began = time.perf_counter()
@@ -69,7 +69,7 @@ def _simulate(world: "World", name: str, duration: float, logs: Path) -> int:
             recording.write(samples)
         status = world.status
         if not status.failed:
-            status = Status("finished", f"Finished at t = {world.time:g} s.", world.time)
+            status = finished(world)
         recording.end(status)
     took = time.perf_counter() - began
     output().print(f"{name}: {world.scenario.title}", style="bold", markup=False)
@@ -79,6 +79,8 @@ def _simulate(world: "World", name: str, duration: float, logs: Path) -> int:
         f"{summary.count} samples in {took:.2f} s with {world.integrator}, steps of {1e6 * world.step:.4g} µs."
     )
     output().print(f"Recorded in {recording.path}", markup=False, soft_wrap=True)
+    if world.accuracy_warning:
+        complain(world.accuracy_warning)
     if status.failed:
         complain(status.text)
         return 1

@@ -75,7 +75,7 @@ def _derive(scenario: Scenario, tick_period: float, known: Sequence[Assembly], a
         raise Unprepared(scenario)
     levels = fitting[0] if fitting else StepLevels(integrator, beam, dt)
     watch = levels.watch(scenario.simulation.step is not None, scenario.simulation.accuracy)
-    for level in range(watch.disturbed + 1):
+    for level in range(watch.disturbed + 2):  # and the half step of `accuracy`
         levels.scheme(level)
     sampling = _build_sampling(scenario, beam, per_control)
     return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, count)

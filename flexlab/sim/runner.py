@@ -323,7 +323,8 @@ class Runner:
     def _end(self) -> None:
         status = self._world.status
         if not status.failed:
-            status = Status("finished", f"Ended at t = {self._world.time:.3f} s.", self._world.time)
+            text = f"Ended at t = {self._world.time:.3f} s. {self._world.accuracy_warning}".rstrip()
+            status = Status("finished", text, self._world.time)
         for consumer in self._consumers:
             consumer.end_run(self._run_number, status)
 
@@ -333,10 +334,12 @@ class Runner:
 
     def _advance(self, most: int) -> int:
         """Move by a block of up to `most` ticks, as long as commands may wait; returns the ticks done."""
-        ticks, begun = self._block.ticks(most), self._clock()
+        ticks, begun, warned = self._block.ticks(most), self._clock(), self._world.accuracy_warning
         rows = self._world.advance_rows(ticks)
         self._block.note(len(rows), self._clock() - begun)
         self._hand_out(rows)
+        if self._world.accuracy_warning != warned:
+            self._report(Event(self._world.time, self._world.accuracy_warning, level="error"))
         if self._world.status.failed:
             self._fail()
         return len(rows)
@@ -376,4 +379,5 @@ class Runner:
             dropped_samples=self._dropped,
             first_frequency=world.first_frequency,
             events=tuple(self._events),
+            accuracy_warning=world.accuracy_warning,
         )

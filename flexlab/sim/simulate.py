@@ -46,8 +46,13 @@ def simulate(
     done += world.fill(rows[done:])
     status = world.status
     if not status.failed:
-        status = Status("finished", f"Finished at t = {world.time:g} s.", world.time)
+        status = finished(world)
     return Run(**world.to_samples(rows[:done]).signals(), scenario=scenario, status=status)
+
+
+def finished(world: World) -> Status:
+    """The status of a run that ended as it should; its sentence says if results were no longer accurate."""
+    return Status("finished", f"Finished at t = {world.time:g} s. {world.accuracy_warning}".rstrip(), world.time)
 
 
 def _check_commands(commands: Sequence[tuple[float, WorldCommand]]) -> None:

@@ -48,3 +48,5 @@ class Snapshot:
     """f1 of the payload beam with its grips held, Hz."""
     events: tuple[Event, ...]
     """The newest events of this run, oldest first."""
+    accuracy_warning: str = ""
+    """Since when and why the run's results are no longer accurate, a sentence; empty: they are."""

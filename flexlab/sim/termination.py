@@ -7,7 +7,10 @@ import numpy as np
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import BENT
+from flexlab.sim.assembly import Assembly
+from flexlab.sim.sampled_control import Sampling, gaussian
 from flexlab.sim.samples import Status
+from flexlab.sim.step_size import control_rate
 
 DEFLECTION_LIMIT = 1.0
 """Deflection at mid-span, or of a free end, over length at which a run stops: the linear beam model has lost all meaning
@@ -68,11 +71,50 @@ def pose_fault(scenario: Scenario, pose: np.ndarray, time: float, what: str) -> 
     return None
 
 
+def measurement_fault(
+    scenario: Scenario, sampling: Sampling, pose: np.ndarray, pose_rate: np.ndarray, time: float, tick_period: float
+) -> str:
+    """What a sampled controller's noise did to the pose that it measured within a tick after `time`; empty: no harm."""
+    if not sampling.noise[:3].any():
+        return ""
+    first = math.floor(time / sampling.period + 1e-9) + 1
+    for instant in range(first, math.floor((time + tick_period) / sampling.period + 1e-9) + 1):
+        now = instant * sampling.period
+        true = pose + (now - time) * pose_rate
+        with np.errstate(over="ignore"):  # its counters wrap around
+            noise = [sampling.noise[a] * gaussian(sampling.seed, instant, a) for a in range(3)]
+        fault = pose_fault(scenario, true + noise, now, "the measured pose")
+        if fault is not None and pose_fault(scenario, true, now, "the pose") is None:
+            return fault.text.partition(": its wrist")[0]
+    return ""
+
+
+def is_unstable(scenario: Scenario, assembly: Assembly) -> bool:
+    """Whether a held torque overshoots what it corrects: the loop's fastest rate λ against the sampling.
+
+    x(k+1) = x(k) - λT_c x(k-d), with d samples of delay, is stable up to λT_c = 2 sin(π / (2 (2d + 1))) (Levin and May 1976).
+    """
+    law, delay = scenario.controller, assembly.sampling.delay
+    if law.control_period is None or law.kind == "none":
+        return False
+    limit = 2 * math.sin(math.pi / (2 * (2 * delay + 1)))
+    return control_rate(assembly.system, assembly.rates.S) * law.control_period > limit
+
+
 def runtime_fault(
-    scenario: Scenario, code: int, pose: np.ndarray, pose_rate: np.ndarray, time: float, tick_period: float
+    assembly: Assembly, code: int, pose: np.ndarray, pose_rate: np.ndarray, time: float, tick_period: float
 ) -> Status:
     """The status for a kernel's fault code; `pose`, `pose_rate` (3,): the last good ones, at `time`, s."""
+    scenario = assembly.scenario
     kept = f"The last good state, at t = {time:.3f} s, is kept."
+    law = scenario.controller
+    sampled = law.control_period is not None and law.kind != "none"
+    if sampled and code in (UNREACHABLE, SINGULAR):
+        measured = measurement_fault(scenario, assembly.sampling, pose, pose_rate, time, tick_period)
+        if measured:
+            name = "unreachable" if code == UNREACHABLE else "singular"
+            text = f"{measured}: sensor noise threw the measured pose out of the workspace."
+            return Status(name, f"{text} {kept} Reset with less noise in controller.sensor_noise.pose.", time)
     margins = []
     for index in range(len(scenario.arms)):
         reach, shortest, longest = wrist_reach(scenario, index, pose)
@@ -84,13 +126,23 @@ def runtime_fault(
     # A wrist that could not have come to its limit at ten times its speed, or that is faster than any arm, did not move
     # there: the numbers ran away.
     near = wrist_speed < FASTEST_WRIST and margin < 10 * wrist_speed * tick_period + longest * SINGULAR_SINE
+    if sampled and (is_unstable(scenario, assembly) or (code != BENT and not near)):
+        name = {UNREACHABLE: "unreachable", SINGULAR: "singular"}.get(code, "diverged") if near else "diverged"
+        delay = f" and an input delay of {law.input_delay} samples" if law.input_delay else ""
+        return Status(
+            name,
+            f"The sampled control loop ran away just after t = {time:.3f} s: with a control period of "
+            f"{law.control_period:g} s{delay}, torques that are held act too late for these gains. {kept} "
+            "Reset with a shorter control period or lower gains.",
+            time,
+        )
     if code in (UNREACHABLE, SINGULAR) and near:
         name = "unreachable" if code == UNREACHABLE else "singular"
         return Status(
             name,
             f"The {arm_name(scenario, index)} left its workspace just after t = {time:.3f} s, near x = {pose[0]:.3f} m, "
             f"y = {pose[1]:.3f} m, θ = {pose[2]:.3f} rad: its wrist is {distance:.3f} m from its base, {margin:.3f} m from "
-            f"the limit of what it spans (up to {longest:.3f} m). {kept} Reset, then use a smaller amplitude or higher gains.",
+            f"the limit of what it spans (up to {longest:.3f} m). {kept} {_cure(law.kind)}",
             time,
         )
     if code == BENT:
@@ -101,9 +153,20 @@ def runtime_fault(
             f"where the linear beam model means nothing. {kept} Reset with a stiffer beam, more damping or lower gains.",
             time,
         )
+    cure = "lower gains" if scenario.simulation.step is None else "lower gains or a shorter simulation.step"
     return Status(
         "diverged",
         f"The computation diverged just after t = {time:.3f} s: a state is no longer a finite number. {kept} "
-        "Reset with lower gains or a shorter step.",
+        f"Reset with {cure}.",
         time,
     )
+
+
+def _cure(kind: str) -> str:
+    """What keeps an arm within its workspace."""
+    if kind == "none":
+        return (
+            "The motors are off (controller.kind = none): reset with a controller that holds the arms, or start at rest "
+            "without gravity."
+        )
+    return "Reset, then use a smaller amplitude or higher gains."

@@ -13,7 +13,7 @@ from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import set_momenta, velocities_at
 from flexlab.physics.plant import ETA, forget_rates, noted_rates
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.sim import row_layout
+from flexlab.sim import accuracy, row_layout
 from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, advance
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.build import Beam, desired_at
@@ -52,6 +52,9 @@ class World:
         self._y = np.zeros(state_length(self._assembly.system))
         self._workspace = new_workspace(self._assembly.system)
         self.status = Status("running", "Running.")
+        self._estimate = accuracy.nothing_yet(self._assembly)
+        self.accuracy_warning = ""
+        """Since when and why results are no longer accurate, a sentence; empty: they are."""
         fault = self._start()
         if fault is not None:
             self.status = fault
@@ -173,17 +176,33 @@ class World:
         """Move by one tick per row of rows (ticks, row length), writing the samples there; returns the ticks done."""
         if self.status.failed:
             return 0
-        before = self.state()
-        done, code = self._advance(rows, first_is_present=False)
-        if code == INTERRUPTED:
-            self.restore(before)
-            return 0
-        self.tick += done
+        before, estimate, warning, done, code = self.state(), self._estimate, self.accuracy_warning, 0, 0
+        while done < len(rows) and code == 0:
+            part = rows[done : done + accuracy.ticks_to_check(self.tick)]
+            start = self.state() if accuracy.is_due(self.tick) else None
+            ticks, code = self._advance(part, first_is_present=False)
+            if code == INTERRUPTED:
+                self.restore(before)
+                self._estimate, self.accuracy_warning = estimate, warning
+                return 0
+            self.tick, done = self.tick + ticks, done + ticks
+            if ticks:
+                self._watch_accuracy(part[:ticks], start)
         if code != 0:
             velocities_at(self._assembly.system.plant, self._y, self._workspace)
             rate = self._workspace.velocity
-            self.status = runtime_fault(self.scenario, code, self._y[:3], rate, self.time, self.tick_period)
+            self.status = runtime_fault(self._assembly, code, self._y[:3], rate, self.time, self.tick_period)
         return done
+
+    def _watch_accuracy(self, rows: np.ndarray, start: WorldState | None) -> None:
+        """Take note of `rows` since the last comparison; of a tick that has a `start`, compare it with half the step."""
+        assembly, watch, again = self._assembly, self._assembly.watch, None
+        if start is not None and (self._level < watch.most or watch.most == 0):
+            again = accuracy.redo_tick(assembly, self._level, start, self.tick_period, self.new_rows(1))
+        arms = len(self.scenario.arms)
+        self._estimate = accuracy.note(self._estimate, assembly, arms, rows, self._y, again, self.tick_period)
+        if not self.accuracy_warning:
+            self.accuracy_warning = accuracy.warning(self._estimate, self.scenario, self.time)
 
     def interrupt(self) -> None:
         """Make a `fill` that runs on another thread, or the next one, return with nothing done, within a step's time."""
@@ -267,6 +286,7 @@ class World:
             kept = min(len(assembly.sampling.line), len(old.sampling.line))
             assembly.sampling.line[-kept:] = old.sampling.line[-kept:]
         before, self.scenario, self._assembly, self._level = self.scenario, scenario, assembly, 0
+        self._estimate = accuracy.nothing_yet(assembly)
         if assembly.beam is not old.beam:
             assembly.system.plant.pull[:] = plant.pull
             set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)

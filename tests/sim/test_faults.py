@@ -90,6 +90,49 @@ def test_an_arm_that_falls_out_of_its_workspace_stops_the_run():
     assert len(world.advance(5)) == 0
 
 
+def test_motors_that_are_off_are_named():
+    """No gain and no amplitude holds an arm that falls freely."""
+    world = World(paper(**{"controller.kind": "none", "gravity": 9.81, "initial.pose": (0.05, 0.9, 0.0)}))
+    world.run(3000)
+    assert "arm left its workspace" in world.status.text
+    assert "The motors are off (controller.kind = none)" in world.status.text
+    assert "gains" not in world.status.text
+
+
+def test_noise_that_throws_the_measured_pose_out_of_reach_is_named():
+    """The arms are well within their workspace; what the controller is told of them is not."""
+    noise = {"controller.control_period": 0.001, "controller.sensor_noise.pose": (0.1, 0.1, 0.0)}
+    world = World(paper(**noise))
+    world.run(3000)
+    assert world.status in ("unreachable", "singular")
+    assert "sensor noise threw the measured pose out of the workspace" in world.status.text
+    assert "less noise in controller.sensor_noise.pose" in world.status.text
+    assert "gains" not in world.status.text
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"controller.control_period": 0.1},
+        {"controller.control_period": 0.02},
+        {"controller.kind": "pd", "controller.control_period": 0.05},
+        {"controller.feedback_gain": 1e5, "controller.control_period": 0.001},
+    ],
+    ids=str,
+)
+def test_an_unstable_sampled_loop_asks_for_a_shorter_control_period(changes: dict):
+    """Neither higher gains nor a shorter step would help."""
+    world = World(paper(**changes))
+    world.run(400)
+    assert world.status.failed
+    assert "sampled control loop ran away" in world.status.text
+    assert f"control period of {changes['controller.control_period']:g} s" in world.status.text
+    assert "shorter control period or lower gains" in world.status.text
+    assert "last good state" in world.status.text
+    for wrong in ("higher gains", "shorter step", "simulation.step"):
+        assert wrong not in world.status.text
+
+
 ABSURD = {
     "gain with a step too long for it": {"controller.feedback_gain": 1e6, "simulation.step": 1e-3},
     "gain, second order": {

@@ -339,7 +339,7 @@ class Runner:
         self._block.note(len(rows), self._clock() - begun)
         self._hand_out(rows)
         if self._world.accuracy_warning != warned:
-            self._report(Event(self._world.time, self._world.accuracy_warning, level="error"))
+            self._report(Event(self._world.time, self._world.accuracy_warning, level="warning"))
         if self._world.status.failed:
             self._fail()
         return len(rows)

@@ -114,6 +114,6 @@ class Panel:
             return
         seen = next((index for index, event in enumerate(events) if event is self._last_event), -1)
         for event in events[seen + 1 :]:
-            if event.level == "error":
+            if event.level != "info":
                 self._lab_state.say(event.text, "error")
         self._last_event = events[-1]

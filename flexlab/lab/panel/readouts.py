@@ -107,7 +107,7 @@ def events_html(snapshot: Snapshot) -> str:
     """The newest events first, with their simulation times."""
     lines = []
     for event in reversed(_without_drags(snapshot.events)[-SHOWN_EVENTS:]):
-        bad = ' class="fl-bad"' if event.level == "error" else ""
+        bad = ' class="fl-bad"' if event.level != "info" else ""
         time = f"{event.time:.3f} s".replace("-", "−")
         lines.append(f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(event.text)}</span></div>')
     return f'<div class="fl fl-list">{"".join(lines) or "Nothing yet."}</div>'

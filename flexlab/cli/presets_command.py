@@ -2,7 +2,6 @@
 
 from flexlab.cli.console import complain, output
 from flexlab.errors import FlexlabError
-from flexlab.presets import load_scenario_file, preset_files
 
 
 def command() -> int:
@@ -12,6 +11,8 @@ def command() -> int:
     """
     from rich.table import Table
     from rich.text import Text
+
+    from flexlab.presets import load_scenario_file, preset_files
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 1, 0), show_header=False)
     table.add_column(no_wrap=True, style="bold")

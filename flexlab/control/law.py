@@ -205,6 +205,16 @@ def add_law(law: Law) -> None:
     if law.kind in _laws and _laws[law.kind] != law:
         raise ImportError(f"Two control laws are called {law.kind!r}: give one of them another kind.")
     _laws[law.kind] = law
+    _tell()
+
+
+def forget_law(kind: str) -> None:
+    """Make an added law unknown again."""
+    del _laws[kind]
+    _tell()
+
+
+def _tell() -> None:
     for listener in _listeners:
         listener()
 
@@ -219,7 +229,7 @@ def add_law_file(path: Path) -> Law:
 
 
 def on_new_law(listener: Callable[[], None]) -> None:
-    """Have `listener` called whenever a law was added."""
+    """Have `listener` called whenever a law was added or forgotten."""
     _listeners.append(listener)
 
 

@@ -23,7 +23,11 @@ def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | 
     """Dotted path and description of the place that pydantic names, where unions put the kind they chose in between."""
     owners, names, about = [model], [], None
     for item in map(str, location):
-        if item in {owner.model_fields["kind"].default for owner in owners if "kind" in owner.model_fields}:
+        chosen = [
+            owner for owner in owners if "kind" in owner.model_fields and owner.model_fields["kind"].default == item
+        ]
+        if chosen:
+            owners = chosen
             continue
         names.append(item if len(item) <= LONGEST and (item.isidentifier() or item.isdecimal()) else _shown(item))
         holders = [owner for owner in owners if item in owner.model_fields]

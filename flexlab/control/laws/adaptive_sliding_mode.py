@@ -99,6 +99,17 @@ def sliding_slope(law: AdaptiveSlidingMode) -> np.ndarray:
     return np.array(np.broadcast_to(law.sliding_slope, 3), dtype=float)
 
 
+def limits(law: AdaptiveSlidingMode) -> dict[str, dict[str, float]]:
+    """Within the boundary layer the law is smooth."""
+    return {"sliding_variable": {"boundary layer ε (m/s)": law.boundary_layer}}
+
+
 LAW = Law(
-    AdaptiveSlidingMode, adaptive_sliding_mode, fastest_rate, (BOUND_ESTIMATES,), sliding_slope=sliding_slope, place=10
+    AdaptiveSlidingMode,
+    adaptive_sliding_mode,
+    fastest_rate,
+    (BOUND_ESTIMATES,),
+    sliding_slope=sliding_slope,
+    limits=limits,
+    place=10,
 )

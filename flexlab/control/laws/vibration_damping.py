@@ -11,6 +11,7 @@ from flexlab.control.law import BOUND_ESTIMATES, Law
 from flexlab.control.laws.adaptive_sliding_mode import (
     AdaptiveSlidingMode,
     drive_to_surface,
+    limits,
     sliding_slope,
     surface_rate,
 )
@@ -59,4 +60,12 @@ def fastest_rate(gains, now, b_hat, S, kappa):
     return surface_rate(K, Lambda, epsilon, now, b_hat, S) + vibration
 
 
-LAW = Law(VibrationDamping, vibration_damping, fastest_rate, (BOUND_ESTIMATES,), sliding_slope=sliding_slope, place=20)
+LAW = Law(
+    VibrationDamping,
+    vibration_damping,
+    fastest_rate,
+    (BOUND_ESTIMATES,),
+    sliding_slope=sliding_slope,
+    limits=limits,
+    place=20,
+)

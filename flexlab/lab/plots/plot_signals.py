@@ -5,14 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlab.control.law import BOUND_ESTIMATES, laws
 from flexlab.lab import colors
 from flexlab.lab.plots.lyapunov import tracking_energy
-from flexlab.scenario import AdaptiveSlidingMode, Scenario
+from flexlab.scenario import Scenario
+from flexlab.signal import Signal
 from flexlab.sim.samples import Samples
+from flexlab.sim.signals import own_signals
 
 MILLI = 1e3
 """m to mm, rad to mrad, J to mJ."""
 THREE = (colors.LIGHT_BLUE, colors.VERMILION, colors.GREEN)
+
+LEAST_OWN = 1e-6
+"""Smallest range of a plot of a law's own signal, whose size nobody knows beforehand."""
 
 Values = Callable[[Scenario, Samples], np.ndarray]
 
@@ -54,11 +60,34 @@ def _torque_limits(scenario: Scenario) -> tuple[Limit, ...]:
     return tuple(Limit(f"limit {k + 1} (N·m)", value, THREE[k]) for k, value in enumerate(limits))
 
 
-def _boundary_layer(scenario: Scenario) -> tuple[Limit, ...]:
-    law = scenario.controller
-    if not isinstance(law, AdaptiveSlidingMode):
-        return ()
-    return (Limit("boundary layer ε (m/s)", law.boundary_layer, colors.GRAY),)
+def _law_limits(signal: str) -> Callable[[Scenario], tuple[Limit, ...]]:
+    """The levels that the control law knows for a signal."""
+
+    def limits(scenario: Scenario) -> tuple[Limit, ...]:
+        levels = laws()[scenario.controller.kind].limits(scenario.controller).get(signal, {})
+        return tuple(Limit(label, value, colors.GRAY) for label, value in levels.items())
+
+    return limits
+
+
+def _own_plot(signal: Signal) -> Plot:
+    """A law's own signal."""
+    parts = [f" {label}" for label in signal.axes[-1].labels] if signal.axes else [""]
+    units = signal.units * len(parts) if len(signal.units) == 1 else signal.units
+    return Plot(
+        f"{signal.meaning[:1].upper()}{signal.meaning[1:]} {signal.symbol}",
+        tuple(f"{signal.symbol}{part} ({unit})" for part, unit in zip(parts, units, strict=True)),
+        tuple(THREE[k % len(THREE)] for k in range(len(parts))),
+        lambda _, samples: _own_values(samples, signal, len(parts)),
+        LEAST_OWN,
+        limits=_law_limits(signal.name),
+    )
+
+
+def _own_values(samples: Samples, signal: Signal, count: int) -> np.ndarray:
+    """(parts, N); NaN in samples of another law."""
+    found = samples.own.get(signal.name)
+    return np.full((count, len(samples)), np.nan) if found is None else found.reshape(len(samples), count).T
 
 
 def _torque_plot(arm: int, name: str) -> Plot:
@@ -93,7 +122,7 @@ SLIDING = Plot(
     THREE,
     lambda _, samples: samples.sliding_variable.T,
     0.01,
-    limits=_boundary_layer,
+    limits=_law_limits("sliding_variable"),
 )
 ESTIMATES = Plot(
     "Bound estimates b̂",
@@ -133,9 +162,10 @@ LYAPUNOV = Plot(
 def tabs(scenario: Scenario) -> dict[str, tuple[Plot, ...]]:
     """Tab name → its plots over time, for the arms that are there."""
     torques = (_torque_plot(0, "left"), _torque_plot(1, "right"))[: len(scenario.arms)]
+    estimates = (ESTIMATES,) if BOUND_ESTIMATES in laws()[scenario.controller.kind].memory else ()
     return {
         "Motion": (ERROR, DEFLECTION, INTERNAL_FORCE),
         "Torques": torques,
-        "Control": (SLIDING, ESTIMATES),
+        "Control": (SLIDING, *estimates, *map(_own_plot, own_signals(scenario))),
         "Energy": (ENERGY, ELASTIC, LYAPUNOV),
     }

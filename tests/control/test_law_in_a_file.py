@@ -1,0 +1,104 @@
+"""A law in one file outside the package: simulated, recorded, plotted, exported, replayed, continued, refused when incomplete."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexlab.analysis.replay import replay
+from flexlab.control.law import Law, add_law, add_law_file, forget_law
+from flexlab.errors import ScenarioError
+from flexlab.lab.panel.sections import entries
+from flexlab.lab.plots.plot_signals import tabs
+from flexlab.presets import load_preset
+from flexlab.recording.export import export_run, import_run
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+from flexlab.recording.recorded_plots import plot_signals
+from flexlab.scenario import Scenario, parse_scenario
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+FILE = Path(__file__).parent / "own_laws" / "leaky_integral.py"
+
+
+@pytest.fixture(scope="module")
+def law() -> Iterator[Law]:
+    """The law of the file, known to flexlab."""
+    yield add_law_file(FILE)
+    forget_law("leaky-integral")
+
+
+@pytest.fixture(scope="module")
+def scenario(law: Law) -> Scenario:
+    """The paper's scenario under that law."""
+    return load_preset("paper").replace({"controller.kind": law.kind, "controller.velocity_gain": 900.0})
+
+
+def test_it_drives_the_payload_and_its_signal_tells_the_work_of_the_motors(scenario: Scenario):
+    run = simulate(scenario, 0.5)
+    assert run.status == "finished"
+    assert np.abs(run.tracking_error[-1]).max() < 0.05
+    np.testing.assert_allclose(run["asked_work"], run.input_work, rtol=1e-7, atol=1e-9)
+    assert np.isnan(run.bound_estimates).all(), "it estimates no bounds"
+
+
+@pytest.mark.parametrize("period", [None, 0.002])
+def test_it_goes_on_bit_for_bit_from_a_state(scenario: Scenario, period: float | None):
+    one, other = (World(scenario.replace({"controller.control_period": period})) for _ in range(2))
+    one.advance(37)
+    other.restore(one.state())
+    first, second = one.advance_rows(20), other.advance_rows(20)
+    assert first.tobytes() == second.tobytes()
+
+
+def test_it_takes_over_and_gives_back_in_motion(scenario: Scenario):
+    world = World(load_preset("paper"))
+    world.advance(20)
+    world.apply(ChangeScenario({"controller.kind": "leaky-integral"}))
+    assert len(world.advance(20)["asked_work"]) == 20
+    world.apply(ChangeScenario({"controller.kind": "adaptive-sliding-mode"}))
+    assert len(world.advance(20)) == 20
+    assert "asked_work" not in world.observe().own
+
+
+def test_it_is_recorded_plotted_exported_and_replayed(scenario: Scenario, tmp_path: Path):
+    run = simulate(scenario, 0.1)
+    path = write_run(run, tmp_path, "own law")
+    recording = read_recording(path)
+    assert recording.samples["asked_work"].tobytes() == run["asked_work"].tobytes()
+    assert replay(recording).identical
+    assert "own/asked_work" in [plot.entity for plot in plot_signals(scenario)]
+    export_run(run, tmp_path / "run.csv")
+    np.testing.assert_array_equal(import_run(tmp_path / "run.csv")[0]["asked_work"], run["asked_work"])
+
+
+def test_the_screen_has_its_sliders_and_its_plot(scenario: Scenario):
+    names = [entry.name for entry in entries(scenario, "controller")]
+    assert names == ["Velocity gain D", "Largest integral I_max"]
+    plot = next(plot for plot in tabs(scenario)["Control"] if "W_u" in plot.title)
+    assert plot.limits(scenario)[0].label == "none (J)"
+
+
+def test_a_law_that_does_not_say_its_fastest_rate_is_refused(law: Law):
+    with pytest.raises(ImportError, match="does not say its fastest rate"):
+        add_law(replace(law, fastest_rate=None))
+
+
+def test_two_laws_of_one_name_are_refused(law: Law):
+    with pytest.raises(ImportError, match="Two control laws are called"):
+        add_law(replace(law, place=1))
+
+
+def test_a_file_without_a_law_is_refused(tmp_path: Path):
+    (tmp_path / "empty.py").write_text("pass\n")
+    with pytest.raises(ImportError, match="defines no control law"):
+        add_law_file(tmp_path / "empty.py")
+
+
+def test_its_gains_are_checked_like_all_others(law: Law):
+    with pytest.raises(ScenarioError, match=r"controller\.velocity_gain = -1 N·s/m is outside .* 0 to 1e\+06 N·s/m"):
+        parse_scenario({"controller": {"kind": law.kind, "velocity_gain": -1.0}})

@@ -39,8 +39,8 @@ def digest(signal: np.ndarray) -> str:
     return hashlib.sha256(np.ascontiguousarray(signal).tobytes()).hexdigest()
 
 
-def test_there_is_a_golden_recording_of_every_older_format() -> None:
-    assert {number for number, _ in CASES} >= set(range(1, FORMAT))
+def test_there_is_a_golden_recording_of_every_format() -> None:
+    assert {number for number, _ in CASES} == set(range(1, FORMAT + 1))
     assert STEPS.keys() == set(range(1, FORMAT))
 
 
@@ -70,15 +70,13 @@ def test_its_blocks_and_ranges_are_those_of_the_whole(number: int, path: Path) -
 
 @every_recording
 def test_it_replays_and_says_what_wrote_it(number: int, path: Path) -> None:
-    """Bit for bit where the engine computes as it did; else the first difference, and who recorded it."""
+    """Bit for bit where engine and machine compute as they did; else the first difference, and who recorded it."""
     recording = read_recording(path)
     found = replay(recording)
-    if number == FORMAT:
-        assert found.identical, found.text
-    elif found.identical:
+    if found.identical and number < FORMAT:
         assert f"recorded by flexlab {recording.properties['flexlab_version']} in format {number}" in found.text
         assert all(name in found.text for name in TABLE.keys() - same_meaning(number))
-    else:
+    elif not found.identical:
         assert f"recorded by flexlab {recording.properties['flexlab_version']} (format {number})" in found.text
         assert found.difference.signal in same_meaning(number)
 

@@ -18,8 +18,9 @@ from flexlab.sim.closed_loop import new_workspace
 from flexlab.sim.signals import ARMS, INTERNAL, PER_ARM
 from flexlab.sim.world_state import WorldState
 
-CHECK_TICKS, CHECK_OFFSET = 128, 64
-"""A tick is redone every so many, at the cost of two: 2 %; and how far from the first, whose jerk stands for no other tick."""
+CHECK_TICKS, CHECK_OFFSET = 1024, 64
+"""A tick is redone every so many: with 128 the copies that it takes cost a small beam as much as its motion. And how far from
+the first, whose jerk stands for no other tick."""
 
 POSE_BOUND = 1e-8
 """Estimated error of the pose, m or rad, up to which a run is called accurate."""

@@ -147,7 +147,7 @@ def test_a_second_lab_on_the_same_port_is_refused_and_the_first_goes_on(
         (["--host", "192.0.2.1"], "192.0.2.1"),
         (["--logs", "/proc/logs"], "/proc/logs"),
         (["--max-sessions", "0"], "max-sessions = 0"),
-        (["--token", "abc"], "8 characters"),
+        (["--token", "abc"], "16 characters"),
     ],
 )
 def test_bad_input_is_one_sentence(flexlab_command: Command, words: list[str], says: str):

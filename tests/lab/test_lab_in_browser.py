@@ -55,7 +55,7 @@ def test_the_slider_moves_on_a_logarithmic_scale(page: LabPage) -> None:
 def test_a_gain_slider_sets_all_three_and_adaptation_sets_one(page: LabPage) -> None:
     for label, typed, field, wanted in (
         ("Feedback gain K (N·s/m, N·m·s/rad)", "300", "controller.feedback_gain", 300.0),
-        ("Adaptation k1", "25", "controller.adaptation", (10.0, 25.0, 10.0)),
+        ("Adaptation k1 (m³/N)", "25", "controller.adaptation", (10.0, 25.0, 10.0)),
         ("Amplitude θ (rad)", "0.1", "trajectory.amplitude", (0.2, 0.2, 0.1)),
         ("Frequency f_d (Hz)", "0.5", "trajectory.frequency", (0.5, 0.5, 0.5)),
     ):

@@ -167,8 +167,8 @@ class PrivateLabs:
         return max(filter(None, recordings), key=lambda path: path.name, default=self._last)
 
     def _taken(self) -> set[str]:
-        """Visitors who have a lab, or are getting one."""
-        return {place.visitor for place in self._places.values()} | set(self._opening)
+        """Visitors who have a lab, or are getting one; a lab that is closing has already made room."""
+        return {place.visitor for place in self._places.values() if not place.why} | set(self._opening)
 
     async def _close_idle_ones(self) -> None:
         idle = self._settings.idle_time

@@ -10,9 +10,9 @@ from rerun.chunk import RrdReader
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording import repair
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
+from flexlab.recording.rerun_internals import tool
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import open_file_stream
 from flexlab.recording.run_writer import RunWriter
@@ -90,7 +90,7 @@ def test_a_torn_tail_costs_what_is_behind_the_tear_only(unfinished: Path, run: R
 def test_a_file_too_large_to_be_joined_is_mended_piece_by_piece(
     unfinished: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(repair, "LARGE_FILE", 0)
+    monkeypatch.setattr(tool, "LARGE_FILE", 0)
     data = unfinished.read_bytes()
     unfinished.write_bytes(data[: int(0.8 * len(data))])
     found = read_recording(unfinished)

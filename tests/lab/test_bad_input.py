@@ -9,7 +9,9 @@ from lab_page import wait_until
 from raw_browser import RawBrowser, widget
 
 from flexlab.lab.input_guard import LARGEST_UPLOAD, LONGEST_INPUT
+from flexlab.lab.render_loop import RenderLoop
 from flexlab.lab.session import Session
+from flexlab.presets import load_preset
 
 EI = "Bending stiffness EI (N·m²)"
 K_SLIDER = "Feedback gain K, slider"
@@ -106,6 +108,24 @@ def test_a_number_out_of_range_is_refused_and_put_right(
         assert session.lab_state.view == view
         wait_until(lambda: handle.value == pytest.approx(truth, rel=1e-3), "the widget shows the truth again", SETTLED)
         still_works(session, browser)
+
+
+def test_the_first_look_at_the_run_leaves_a_complaint_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page can be quicker than the panel's first update, which took every sentence away again."""
+    begin = RenderLoop.start
+    held: list[RenderLoop] = []
+    monkeypatch.setattr(RenderLoop, "start", lambda drawing: held.append(drawing))
+    with Session(load_preset("paper"), "paper", port=0, shadows=False) as session, RawBrowser(session) as browser:
+
+        def said() -> bool:
+            return any(html.visible and "left_arm.link_length" in html.content for html in problems(session))
+
+        browser.update(widget(session, "Link lengths l (m)"), {"value": [0.7, -0.6, 0.2]})
+        wait_until(said, "a sentence", 20)
+        begin(held[0])
+        wait_until(lambda: any("mid-span deflection" in html.content for html in problems(session)), "an update", 20)
+        time.sleep(0.3)
+        assert said()
 
 
 def problems(session: Session) -> list[Any]:

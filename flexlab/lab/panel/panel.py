@@ -43,7 +43,7 @@ class Panel:
         link: Callable[[Scenario], str] | None,
     ):
         self._lab_state, self._recording = lab_state, recording
-        self._run_number = -1
+        self._run_number = lab_state.snapshot.run_number
         self._last_event: Event | None = None
         gui.add_html(style_element())
         self._notices = gui.add_html("")

@@ -13,6 +13,7 @@ from flexlab.analysis import linearize as linear
 from flexlab.analysis import modes as mode_study
 from flexlab.analysis.linear_model import LinearModel
 from flexlab.analysis.metrics import RunMetrics, run_metrics
+from flexlab.analysis.result_hash import result_hash
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import StudyError
 from flexlab.presets import find_scenario
@@ -43,6 +44,11 @@ class Run(samples.Run):
     def metrics(self) -> RunMetrics:
         """Tracking errors, vibration, settling time, torques…: of the whole run, in SI units; `print` shows a table."""
         return run_metrics(self)
+
+    @property
+    def result_hash(self) -> str:
+        """16 digits that only the same samples have, bit for bit: `flexlab run` prints them too."""
+        return result_hash(self)
 
     def save(self, folder: str | Path = LOGS) -> Path:
         """Record the run, with its metrics, as `<folder>/<time>-<name>.rrd`; returns that path. Raises `RecordingError`.

@@ -1,5 +1,6 @@
 """The command line says what it can do and answers bad input with one sentence, never a traceback."""
 
+import json
 import subprocess
 import sys
 from collections.abc import Callable
@@ -8,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from flexlab.cli import COMMANDS
-from flexlab.presets import preset_names, save_scenario
+from flexlab.presets import load_preset, load_scenario_file, preset_names, save_scenario
 from flexlab.scenario import Scenario
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -66,6 +67,19 @@ def test_presets_are_listed_with_what_to_watch(flexlab_command: Command):
     for name in preset_names():
         assert name in done.stdout
     assert "45.5 Hz" in " ".join(done.stdout.split())
+
+
+def test_a_preset_is_printed_changed_as_a_scenario_file(flexlab_command: Command, tmp_path: Path):
+    done = flexlab_command("presets", "soft-beam", "--set", "gravity=9.81", "--law", "pd")
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "mine.json").write_text(done.stdout, encoding="utf-8")
+    wanted = load_preset("soft-beam").replace({"gravity": 9.81, "controller.kind": "pd"})
+    assert load_scenario_file(tmp_path / "mine.json") == wanted
+    listed = json.loads(flexlab_command("presets", "--json").stdout)
+    assert [preset["name"] for preset in listed] == preset_names()
+    assert listed[0]["payload"]["bending_stiffness"] == 100.0
+    assert "Say which preset to change" in refused(flexlab_command("presets", "--law", "pd"))
+    assert "did you mean gravity?" in refused(flexlab_command("presets", "paper", "--set", "gravty=1"))
 
 
 def test_own_presets_are_listed_and_broken_ones_named(flexlab_command: Command, tmp_path: Path):

@@ -1,5 +1,6 @@
 """`flexlab compare` says what differs and lays the runs over each other, in a file or in the viewer."""
 
+import json
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 from test_cli_review import showing
 
+from flexlab.analysis.metrics import run_metrics
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.sim.simulate import simulate
@@ -45,10 +47,23 @@ def test_without_a_file_the_viewer_shows_it(logs: Path, tmp_path: Path):
     assert "The overlay is open at\n" in lines
 
 
+def test_a_run_is_compared_with_itself_under_other_settings(flexlab_command: Command, logs: Path):
+    done = flexlab_command("compare", "newest", "--set", "payload.bending_stiffness=30", "--json")
+    assert done.returncode == 0, done.stderr
+    data = json.loads(done.stdout)
+    assert data["settings"] == {"payload.bending_stiffness": ["60", "30"]}
+    changed = load_preset("paper").replace({"payload.bending_stiffness": 30.0})
+    peak = run_metrics(simulate(changed, duration=0.2)).peak_vibration
+    assert data["metrics"]["Peak vibration [mm]"][1] == 1e3 * peak
+    assert data["metrics"]["Vibration below 1 % after [s]"] == [None, None]
+    assert len(list(logs.glob("*.rrd"))) == 3
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
         (["newest"], "needs two runs at least"),
+        (["newest", "--set", "gravty=1"], "did you mean gravity?"),
         (["newest", "zzz"], "no recording zzz"),
         (["newest"] * 7, "7 runs cannot be compared: choose 2 to 6"),
         (["newest", "newest", "--save", "both.png"], "let it end in .rrd"),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import flexlab
 from flexlab.presets import save_scenario
 from flexlab.scenario import Scenario
 
@@ -44,10 +45,41 @@ def test_an_unreachable_path_ends_with_its_sentence(flexlab_command: Command, tm
     assert "reach" in done.stderr
 
 
+def test_several_scenarios_with_settings_all_digits_and_the_hash_of_python(flexlab_command: Command, tmp_path: Path):
+    words = ("--set", "controller.position_gain=5000", "--law", "pd", "--seed", "3", "--duration", "0.2", "--json")
+    done = flexlab_command("run", "paper", "soft-beam", *words)
+    assert done.returncode == 0, done.stderr
+    first, second = json.loads(done.stdout)
+    assert (first["name"], second["name"]) == ("paper", "soft-beam")
+    scenario = flexlab.load_preset("soft-beam").replace(
+        {"controller.kind": "pd", "controller.position_gain": 5000, "controller.sensor_noise.seed": 3}
+    )
+    run = flexlab.simulate(scenario, 0.2)
+    assert second["result_hash"] == run.result_hash != first["result_hash"]
+    assert second["metrics"]["peak_error"] == list(run.metrics.peak_error)
+    assert second["metrics"]["settling_time"] is None
+    assert flexlab.parse_scenario(second["scenario"]) == scenario
+    assert flexlab.read(tmp_path / second["file"]).result_hash == run.result_hash
+
+
+def test_one_of_several_that_fails_makes_the_exit_code(flexlab_command: Command, tmp_path: Path):
+    done = flexlab_command("run", "paper", "--set", "trajectory.center=[0, 1.6, 0]", "--json", "--duration", "0.1")
+    assert done.returncode == 1
+    (run,) = json.loads(done.stdout)
+    assert run["status"] == "unreachable"
+    assert run["text"] == done.stderr.strip()
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
         (["run", "papr"], "did you mean paper?"),
+        (["run"], "Say what to simulate"),
+        (["run", "paper", "papr"], "did you mean paper?"),
+        (["run", "paper", "--set", "feedback_gain=1"], "did you mean controller.feedback_gain?"),
+        (["run", "paper", "--set", "gravity"], "write PATH=VALUE"),
+        (["run", "paper", "--law", "pid"], "controller.kind is not one of"),
+        (["run", "paper", "--seed", "-1"], "controller.sensor_noise.seed = -1"),
         (["run", "nothing.json"], "no scenario file nothing.json"),
         (["run", "broken.json"], "line 1"),
         (["run", "wrong.json"], "payload.bending_stiffness = -1"),

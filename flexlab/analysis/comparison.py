@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, isnan
 from pathlib import Path
+from typing import Any
 
 from flexlab.analysis.metrics import MetricCollection, MetricRow, RunMetrics
 from flexlab.analysis.run_summary import scenario_differences
@@ -70,6 +71,16 @@ class Comparison:
     def setting_table(self) -> Table:
         """The settings that differ; only the heading if none does."""
         return [["setting", *self.labels], *([path, *values] for path, values in self.settings)]
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data with all digits, in the tables' units; None where a number has no value."""
+        runs = [
+            {"label": label, "run": run.path.stem, "duration [s]": duration, "title": run.scenario.title}
+            for label, run, duration in zip(self.labels, self.recordings, self.duration, strict=True)
+        ]
+        metrics = {rows[0].key: [None if isnan(row.value) else row.value for row in rows] for rows in self.metrics}
+        settings = {path: list(values) for path, values in self.settings}
+        return {"runs": runs, "window [s]": self.window, "metrics": metrics, "settings": settings}
 
     def text(self) -> str:
         """All of it as markdown."""

@@ -1,13 +1,14 @@
 """`flexlab compare`: runs side by side, in tables and laid over each other."""
 
+import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from flexlab.cli.console import output
-from flexlab.cli.options import LOGS, Logs, NoBrowser, Runs, ViewerPort
+from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort
 from flexlab.cli.showing import show_review
 from flexlab.errors import StudyError
 
@@ -25,15 +26,26 @@ def command(
             help_behavior_hint="",
         ),
     ] = None,
+    set_: Settings = (),
+    law: Law = None,
+    seed: Seed = None,
+    as_json: Annotated[
+        bool,
+        tyro.conf.arg(name="json", help="Print the tables as JSON and show nothing.", help_behavior_hint=""),
+    ] = False,
     no_browser: NoBrowser = False,
     port: ViewerPort = 0,
     logs: Logs = LOGS,
 ) -> None:
     """Compare two to six RUNs: what was set differently, what came of it, and all curves in one view.
 
-    Time is counted from each run's first sample. The first RUN is A, to which the others are compared.
+    Time is counted from each run's first sample. The first RUN is A, to which the others are compared. With --set, --law or
+    --seed the first RUN's scenario is simulated again with these changes, recorded, and compared, too.
     """
-    if len(runs) < 2:
+    from flexlab.scenario.settings import settings_from
+
+    changes = settings_from(set_, law, seed)
+    if len(runs) + bool(changes) < 2:
         raise StudyError("A comparison needs two runs at least: name them, as in flexlab compare newest 2026-05-01T14.")
     if save is not None and save.suffix != ".rrd":
         raise StudyError(f"--save {save} is no name for a recording: let it end in .rrd.")
@@ -41,6 +53,13 @@ def command(
     from flexlab.recording.store.run_files import find_run
 
     paths = [find_run(run, logs) for run in runs]
+    if changes:
+        paths.append(_changed_run(paths[0], changes, logs))
+    if as_json:
+        from flexlab.analysis.comparison import compare
+
+        output().out(json.dumps(compare(paths).as_data(), indent=1, ensure_ascii=False))
+        return
     if save is not None:
         _print(compare_into(paths, save))
         output().print(f"Written to {save}. Look at it with: flexlab review {save}", markup=False, soft_wrap=True)
@@ -49,6 +68,24 @@ def command(
         target = Path(folder) / "comparison.rrd"
         _print(compare_into(paths, target))
         show_review(target, "The overlay", browser=not no_browser, port=port)
+
+
+def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
+    """A recorded run's scenario, simulated again for as long with some changes, as a recording."""
+    from flexlab.cli.headless_run import run_and_record
+    from flexlab.cli.warmup import warm_up
+    from flexlab.recording.reader import read_blocks, read_recording
+
+    recording = read_recording(path, with_samples=False)
+    from flexlab.scenario.settings import change_settings
+
+    scenario = change_settings(recording.scenario, changes)
+    spans = [(float(block.time[0]), float(block.time[-1])) for block in read_blocks(path)]
+    duration = spans[-1][1] - spans[0][0] if spans else 0.0
+    if duration <= 0:
+        raise StudyError(f"{path.stem} has no samples: there is nothing to compare with.")
+    warm_up(scenario)
+    return run_and_record(recording.name, scenario, duration, recording.sample_period, logs, quiet=True).path
 
 
 def _print(comparison: "Comparison") -> None:

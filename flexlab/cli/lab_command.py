@@ -83,6 +83,7 @@ def command(
       flexlab import FILE      take an exported run or a recording into logs
       flexlab presets          list the presets and what to watch in each
       flexlab bench            measure speed and accuracy on this machine
+      flexlab completion       let your shell complete all this
     """
     from flexlab.presets import find_scenario
 

@@ -1,31 +1,65 @@
-"""`flexlab presets`: what there is to try."""
+"""`flexlab presets`: what there is to try, or one of them in full."""
+
+import json
+from typing import Annotated
+
+import tyro
 
 from flexlab.cli.console import complain, output
-from flexlab.errors import FlexlabError
+from flexlab.cli.options import Law, Seed, Settings, chosen_scenarios
+from flexlab.errors import FlexlabError, StudyError
 
 
-def command() -> int:
-    """List the presets: name, title and what to watch.
+def command(
+    preset: tyro.conf.Positional[
+        Annotated[
+            str, tyro.conf.arg(metavar="[PRESET]", help="Print this one as a scenario file.", help_behavior_hint="")
+        ]
+    ] = "",
+    set_: Settings = (),
+    law: Law = None,
+    seed: Seed = None,
+    as_json: Annotated[
+        bool, tyro.conf.arg(name="json", help="List them as JSON, with all their fields.", help_behavior_hint="")
+    ] = False,
+) -> int:
+    """List the presets: name, title and what to watch. Or print one, changed as you say: a new scenario file.
 
     A scenario file NAME.json in a folder `presets` where you work is a preset too.
     """
+    if preset:
+        from flexlab.presets import scenario_text
+
+        ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
+        output().out(scenario_text(scenario), end="")
+        return 0
+    if set_ or law is not None or seed is not None:
+        raise StudyError("Say which preset to change, as in flexlab presets paper --set gravity=9.81.")
+    from flexlab.presets import load_scenario_file, preset_files
+
+    scenarios, unreadable = {}, []
+    for name, file in preset_files().items():
+        try:
+            scenarios[name] = load_scenario_file(file)
+        except FlexlabError as error:
+            unreadable.append(str(error))
+    if as_json:
+        data = [{"name": name, **scenario.model_dump(mode="json")} for name, scenario in scenarios.items()]
+        output().out(json.dumps(data, indent=1, ensure_ascii=False))
+    else:
+        _print({name: (scenario.title, scenario.watch) for name, scenario in scenarios.items()})
+    for sentence in unreadable:
+        complain(sentence)
+    return 2 if unreadable else 0
+
+
+def _print(presets: dict[str, tuple[str, str]]) -> None:
     from rich.table import Table
     from rich.text import Text
-
-    from flexlab.presets import load_scenario_file, preset_files
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 1, 0), show_header=False)
     table.add_column(no_wrap=True, style="bold")
     table.add_column()
-    unreadable = []
-    for name, file in preset_files().items():
-        try:
-            scenario = load_scenario_file(file)
-        except FlexlabError as error:
-            unreadable.append(str(error))
-            continue
-        table.add_row(Text(name), Text.assemble((scenario.title, "bold"), "\n", scenario.watch))
+    for name, (title, watch) in presets.items():
+        table.add_row(Text(name), Text.assemble((title, "bold"), "\n", watch))
     output().print(table)
-    for sentence in unreadable:
-        complain(sentence)
-    return 2 if unreadable else 0

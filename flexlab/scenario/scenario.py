@@ -11,12 +11,14 @@ from flexlab.control.law import on_new_law
 from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
+from flexlab.plain_text import visible
 from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, quantity
 from flexlab.scenario.arms import Arm
 from flexlab.scenario.earlier_versions import in_present_terms
+from flexlab.scenario.field_names import field_paths, value_paths
 from flexlab.scenario.kinds import any_law, any_path, law_models
 from flexlab.scenario.payload import Payload
-from flexlab.scenario.validation_errors import problem
+from flexlab.scenario.validation_errors import LONGEST, problem, unknown_field
 
 AnyLaw = Any
 AnyPath = Any
@@ -124,7 +126,8 @@ class Scenario(Part):
         # Parts that nothing touches go in as they are: they have been validated, and a slider sends many changes.
         data = dict(self)
         for path, value in changes.items():
-            _set(data, path, value)
+            if not _set(data, path, value):
+                raise self._unknown(path)
         return parse_scenario(data)
 
     def get(self, path: str) -> Any:
@@ -132,7 +135,7 @@ class Scenario(Part):
         value: Any = self
         for name in path.split("."):
             if not isinstance(value, BaseModel) or name not in type(value).model_fields:
-                raise ScenarioError([(path, f"{path} is not a scenario field: check the name.")])
+                raise self._unknown(path)
             value = getattr(value, name)
         return value
 
@@ -141,8 +144,13 @@ class Scenario(Part):
         *parents, name = path.split(".")
         owner = self.get(".".join(parents)) if parents else self
         if not isinstance(owner, BaseModel) or name not in type(owner).model_fields:
-            raise ScenarioError([(path, f"{path} is not a scenario field: check the name.")])
+            raise self._unknown(path)
         return describe(type(owner), name)
+
+    def _unknown(self, path: str) -> ScenarioError:
+        """About a path that is no field of this scenario."""
+        shown = visible(path, LONGEST)
+        return ScenarioError([(path, unknown_field(shown, value_paths(self), field_paths(type(self))))])
 
 
 def _know_new_law() -> None:
@@ -170,12 +178,13 @@ def parse_scenario(data: Any) -> Scenario:
         raise ScenarioError(problems) from None
 
 
-def _set(data: dict[str, Any], path: str, value: Any) -> None:
+def _set(data: dict[str, Any], path: str, value: Any) -> bool:
+    """Set the value at a path; False if what should hold it is not there."""
     *parents, name = path.split(".")
     for parent in parents:
         inner = data.get(parent)
         if not isinstance(inner, (Part, dict)):
-            raise ScenarioError([(path, f"{path} is not a scenario field here: check the name.")])
+            return False
         # A copy, one level deep: what the caller or the old scenario holds stays as it is.
         inner = data[parent] = dict(inner)
         data = inner
@@ -184,3 +193,4 @@ def _set(data: dict[str, Any], path: str, value: Any) -> None:
         for field in [key for key in data if key not in common]:
             del data[field]
     data[name] = value
+    return True

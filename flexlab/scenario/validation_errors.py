@@ -2,25 +2,22 @@
 
 import math
 import reprlib
-from collections.abc import Sequence
-from typing import Any, get_args
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 from flexlab.plain_text import visible
 from flexlab.quantities import Part, Quantity, describe
+from flexlab.scenario.field_names import close_paths, did_you_mean, field_paths, parts_of
 
 LONGEST = 60
 """Characters of a name or value that a sentence repeats."""
 
 
-def parts_of(annotation: Any) -> list[type[Part]]:
-    """The scenario parts that a field's type names, through unions and annotations."""
-    if isinstance(annotation, type) and issubclass(annotation, Part):
-        return [annotation]
-    return [part for inner in get_args(annotation) for part in parts_of(inner)]
+def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | None, list[type[Part]]]:
+    """Dotted path and description of the place that pydantic names, where unions put the kind they chose in between.
 
-
-def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | None]:
-    """Dotted path and description of the place that pydantic names, where unions put the kind they chose in between."""
+    Also the parts that may stand there: none where a value stands, or nothing known.
+    """
     owners, names, about = [model], [], None
     for item in map(str, location):
         chosen = [
@@ -33,18 +30,29 @@ def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | 
         holders = [owner for owner in owners if item in owner.model_fields]
         if holders:
             about = describe(holders[0], item)
-            owners = [part for owner in holders for part in parts_of(owner.model_fields[item].annotation)]
-    return ".".join(names), about
+        owners = [part for owner in holders for part in parts_of(owner.model_fields[item].annotation)]
+    return ".".join(names), about, owners
+
+
+def unknown_field(path: str, here: Iterable[str], anywhere: Iterable[str] = ()) -> str:
+    """The sentence about a path that is no field: `here` are the fields where it was given, `anywhere` all there are."""
+    elsewhere = set(anywhere)
+    if path in elsewhere:
+        return f"{path} is not a scenario field here but one of another kind: choose that kind first, or remove it."
+    close = close_paths(path, here) or close_paths(path, elsewhere)
+    return f"{path} is not a scenario field: {did_you_mean(close)}"
 
 
 def problem(model: type[Part], item: Any) -> tuple[str, str]:
     """(path, sentence) for one pydantic error in data for `model`."""
-    path, about = locate(model, item["loc"])
+    path, about, _ = locate(model, item["loc"])
     unit = about.unit_text() if about else ""
     shown = _shown(item["input"])
     kind, text = item["type"], item["msg"]
     if kind == "extra_forbidden":
-        return path, f"{path} is not a scenario field: check the spelling or remove it."
+        above, _, owners = locate(model, item["loc"][:-1])
+        here = [f"{above}.{name}" if above else name for owner in owners for name in owner.model_fields]
+        return path, unknown_field(path, here, field_paths(model))
     if kind == "missing":
         return path, f"{path} is missing: give it a value."
     if kind == "range":

@@ -88,6 +88,12 @@ class RunMetrics:
             for column, value in zip(METRICS[name].columns, values, strict=True)
         )
 
+    def as_data(self) -> dict[str, Any]:
+        """Plain data with all digits, SI: a number per metric, or a list of several; None for NaN, which JSON has not."""
+        plain = {name: [None if isnan(value) else value for value in values] for name, values in self._values.items()}
+        window = None if self.window is None else list(self.window)
+        return {name: values[0] if len(values) == 1 else values for name, values in plain.items()} | {"window": window}
+
     @property
     def window_text(self) -> str:
         """The window in words."""

@@ -8,7 +8,7 @@ from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.quantities import Part
 from flexlab.scenario import Scenario
-from flexlab.scenario.validation_errors import parts_of
+from flexlab.scenario.field_names import parts_of
 
 CHOICES = {
     "controller.kind": ("Control law", "Keeps the motion; fields that the new law lacks are dropped."),

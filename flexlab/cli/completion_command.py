@@ -1,0 +1,73 @@
+"""`flexlab completion`: the shell completes commands and options."""
+
+import importlib
+import io
+import os
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from flexlab.cli.console import note, output
+from flexlab.errors import StudyError
+
+Shell = Literal["bash", "zsh", "fish"]
+
+PLACES = {
+    "bash": (".local/share/bash-completion/completions/flexlab", "It works in new shells that have bash-completion."),
+    "zsh": (
+        ".zfunc/_flexlab",
+        "It works in new shells whose .zshrc has, once: fpath+=~/.zfunc; autoload -U compinit && compinit",
+    ),
+    "fish": (".config/fish/completions/flexlab.fish", "It works in new shells."),
+}
+"""Where a shell looks for it below the home folder, and what to say then."""
+
+
+def command(
+    shell: tyro.conf.Positional[
+        Annotated[
+            Shell | None, tyro.conf.arg(metavar="[bash|zsh|fish]", help="The shell; without it, yours as $SHELL says.")
+        ]
+    ] = None,
+    install: Annotated[
+        bool, tyro.conf.arg(help="Write it where the shell looks for it, in your home folder.", help_behavior_hint="")
+    ] = False,
+) -> None:
+    """Print what makes a shell complete flexlab's commands and options, or install it."""
+    chosen = shell or Path(os.environ.get("SHELL", "")).name
+    if chosen not in PLACES:
+        raise StudyError(f"The shell {chosen or 'that you use'} is not known: name bash, zsh or fish.")
+    script = completion_script(chosen)
+    if not install:
+        output().out(script, end="")
+        return
+    place, then = PLACES[chosen]
+    target = Path.home() / place
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(script, encoding="utf-8")
+    except OSError as error:
+        raise StudyError(f"{target} cannot be written ({error.strerror}): choose another home folder.") from None
+    output().print(str(target), markup=False, soft_wrap=True)
+    note(then)
+
+
+def completion_script(shell: str) -> str:
+    """The script for a shell, with every command and option."""
+    from flexlab.cli import COMMANDS
+
+    commands = {name: importlib.import_module(f"flexlab.cli.{name}_command").command for name in COMMANDS}
+    printed = io.StringIO()
+    try:
+        with redirect_stdout(printed):
+            tyro.extras.subcommand_cli_from_dict(
+                commands,
+                prog="flexlab",
+                args=["--tyro-print-completion", shell],
+                config=(tyro.conf.FlagCreatePairsOff,),
+            )
+    except SystemExit:
+        pass
+    return printed.getvalue()

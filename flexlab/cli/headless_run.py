@@ -1,0 +1,110 @@
+"""A simulation without a screen: recorded, told on the terminal, or kept as numbers for a program."""
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flexlab.analysis.metrics import MetricCollection, RunMetrics
+from flexlab.analysis.result_hash import ResultHash
+from flexlab.analysis.run_summary import run_notes
+from flexlab.cli.console import complain, notes, output
+from flexlab.cli.run_report import Summary
+from flexlab.recording.headless import HeadlessRecording
+from flexlab.recording.run_info import RunInfo
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Samples, Status
+from flexlab.sim.simulate import finished
+from flexlab.sim.world import World
+
+BLOCK = 1000
+"""Samples between two writes: a megabyte at most, so that long runs need no more memory than short ones."""
+
+
+@dataclass(frozen=True)
+class EndedRun:
+    """What is known of a run that has been recorded."""
+
+    name: str
+    path: Path
+    world: World
+    status: Status
+    samples: int
+    seconds: float
+    """Of the clock."""
+    result_hash: str
+    metrics: RunMetrics
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data, all digits, SI units; null where a number has no value."""
+        return {
+            "name": self.name,
+            "file": str(self.path),
+            "status": str(self.status),
+            "text": self.status.text,
+            "samples": self.samples,
+            "sample_period": self.world.tick_period,
+            "time": self.status.time,
+            "result_hash": self.result_hash,
+            "metrics": self.metrics.as_data(),
+            "accuracy_warning": self.world.accuracy_warning,
+            "integrator": self.world.integrator,
+            "step": self.world.step,
+            "seconds": self.seconds,
+            "scenario": self.world.scenario.model_dump(mode="json"),
+        }
+
+
+def run_and_record(
+    name: str, scenario: Scenario, duration: float, sample_period: float, logs: Path, quiet: bool = False
+) -> EndedRun:
+    """Simulate and record a scenario; unless `quiet`, print how it went. Complaints go to standard error in any case."""
+    world, summary, hashed, metrics = World(scenario, sample_period), Summary(), ResultHash(), MetricCollection()
+    began = time.perf_counter()
+    with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), run_notes) as recording:
+        for samples in _blocks(world, math.floor(duration / world.tick_period * (1 + 1e-12) + 1e-9)):
+            summary.add(samples)
+            hashed.update(samples)
+            metrics.update(samples)
+            recording.write(samples)
+        status = world.status if world.status.failed else finished(world)
+        recording.end(status)
+    took = time.perf_counter() - began
+    ended = EndedRun(name, recording.path, world, status, summary.count, took, hashed.text(), metrics.compute())
+    if not quiet:
+        _tell(ended, summary)
+    if world.accuracy_warning:
+        complain(world.accuracy_warning)
+    if status.failed:
+        complain(status.text)
+    return ended
+
+
+def _tell(run: EndedRun, summary: Summary) -> None:
+    output().print(f"{run.name}: {run.world.scenario.title}", style="bold", markup=False)
+    output().print(summary.table(run.status))
+    output().print(summary.settling_text())
+    output().print(
+        f"{run.samples} samples in {run.seconds:.2f} s with {run.world.integrator}, "
+        f"steps of {1e6 * run.world.step:.4g} µs. Result {run.result_hash}."
+    )
+    output().print(f"Recorded in {run.path}", markup=False, soft_wrap=True)
+
+
+def _blocks(world: World, ticks: int) -> Iterator[Samples]:
+    """The run from the present instant on, in blocks, under a progress bar."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn("simulating"), BarColumn(), TextColumn("{task.percentage:.0f} %"), TimeRemainingColumn()
+    with Progress(*columns, console=notes(), transient=True, disable=not notes().is_terminal) as progress:
+        task = progress.add_task("simulating", total=ticks)
+        samples = world.run(min(BLOCK, ticks))
+        while True:
+            if len(samples):
+                yield samples
+            progress.update(task, completed=world.tick)
+            if world.status.failed or world.tick >= ticks:
+                return
+            samples = world.advance(min(BLOCK, ticks - world.tick))

@@ -1,0 +1,56 @@
+"""Settings as people type them, `controller.feedback_gain=400`, applied to a scenario."""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from flexlab.errors import ScenarioError
+from flexlab.plain_text import visible
+from flexlab.scenario.scenario import Scenario
+
+LONGEST = 60
+"""Characters of a setting that a sentence repeats."""
+
+LAW, SEED = "controller.kind", "controller.sensor_noise.seed"
+"""The fields behind `--law` and `--seed`."""
+
+
+def parse_setting(text: str) -> tuple[str, Any]:
+    """(dotted path, value) of `PATH=VALUE`: the value as JSON, or the text itself where it is none (`kind=pd`).
+
+    Raises `ScenarioError` for a text without a path or an equals sign.
+    """
+    path, equals, value = (part.strip() for part in text.partition("="))
+    if not equals or not path:
+        raise ScenarioError(
+            [("", f"{visible(text, LONGEST)!r} is no setting: write PATH=VALUE, as in controller.feedback_gain=400.")]
+        )
+    return path, parse_value(value)
+
+
+def parse_value(text: str) -> Any:
+    """A value as typed: JSON (numbers, lists, true, null), or the text itself where it is none."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return text
+
+
+def settings_from(texts: Sequence[str] = (), law: str | None = None, seed: int | None = None) -> dict[str, Any]:
+    """Changes by path, as `change_settings` takes them, of what was typed. Raises `ScenarioError`."""
+    changes = {path: value for path, value in ((LAW, law), (SEED, seed)) if value is not None}
+    for text in texts:
+        path, value = parse_setting(text)
+        if path in changes:
+            raise ScenarioError([(path, f"{visible(path, LONGEST)} is set twice: give it one value.")])
+        changes[path] = value
+    return changes
+
+
+def change_settings(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
+    """A copy with fields changed by path, kinds first, so that fields of a new kind may be named in any order.
+
+    Raises `ScenarioError`.
+    """
+    ordered = sorted(changes.items(), key=lambda item: not item[0].endswith(".kind"))
+    return scenario.replace(dict(ordered))

@@ -1,0 +1,72 @@
+"""Settings as typed: values, kinds in any order, and a sentence with close names for what is no field."""
+
+import pytest
+
+from flexlab.errors import ScenarioError
+from flexlab.presets import load_preset
+from flexlab.scenario import parse_scenario
+from flexlab.scenario.settings import change_settings, parse_value, settings_from
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("400", 400), ("1e3", 1000.0), ("[1, 2, 3]", [1, 2, 3]), ("null", None), ("pd", "pd"), ("clamped-free", "clamped-free"),
+     ('{"kind": "modal"}', {"kind": "modal"}), ("", ""), ("[" * 100_000, "[" * 100_000)],
+)  # fmt: skip
+def test_a_value_is_json_or_the_text_itself(text: str, value: object):
+    assert parse_value(text) == value
+
+
+def test_settings_change_fields_by_path_and_kinds_come_first():
+    paper = load_preset("paper")
+    changes = settings_from(
+        ("controller.position_gain=3000", "gravity = 9.81", "payload.damping.ratio=0.02",
+         "payload.damping.kind=modal"),
+        law="pd", seed=7,
+    )  # fmt: skip
+    changed = change_settings(paper, changes)
+    assert (changed.controller.kind, changed.controller.position_gain) == ("pd", 3000.0)
+    assert (changed.controller.sensor_noise.seed, changed.gravity) == (7, 9.81)
+    assert changed.payload.damping.ratio == 0.02
+    assert change_settings(paper, {}) == paper
+
+
+@pytest.mark.parametrize(
+    ("texts", "says"),
+    [
+        (("feedback_gain=4",), "feedback_gain is not a scenario field: did you mean controller.feedback_gain?"),
+        (("controller.feedbck_gain=4",), "did you mean controller.feedback_gain?"),
+        (("payload.dampng.kind=modal",), "did you mean payload.damping.kind"),
+        (("right_arm.link_mas=3",), "did you mean right_arm.link_mass?"),
+        (("controller.position_gain=4",), "is not a scenario field here but one of another kind: choose that kind"),
+        (("zzz.yyy=4",), "zzz.yyy is not a scenario field: check the spelling or remove it."),
+        (("a" * 10_000 + "=4",), "is not a scenario field: check the spelling"),
+        (("payload.bending_stiffness=-3",), "payload.bending_stiffness = -3 N·m² is outside the allowed range 0.001"),
+        (("payload.bending_stiffness=soft",), "payload.bending_stiffness = 'soft' needs a finite number"),
+        (("controller.kind=pdd",), "controller.kind is not one of"),
+        (("gravity=NaN",), "gravity = nan needs a finite number"),
+        (("gravity",), "'gravity' is no setting: write PATH=VALUE, as in controller.feedback_gain=400."),
+        (("=3",), "'=3' is no setting"),
+        (("gravity=1", "gravity=2"), "gravity is set twice: give it one value."),
+        (("simulation.step.a=1",), "did you mean simulation.step?"),
+        (("\x1b[31m.b=1",), "is not a scenario field"),
+    ],
+)
+def test_what_cannot_be_set_is_said(texts: tuple[str, ...], says: str):
+    with pytest.raises(ScenarioError) as caught:
+        change_settings(load_preset("paper"), settings_from(texts))
+    sentence = str(caught.value)
+    assert says in sentence
+    assert "\n" not in sentence
+    assert "\x1b" not in sentence
+    assert len(sentence) < 500
+
+
+def test_a_law_may_be_set_twice_over_only_once():
+    with pytest.raises(ScenarioError, match=r"controller\.kind is set twice"):
+        settings_from(("controller.kind=pd",), law="none")
+
+
+def test_a_file_with_a_misspelt_field_says_which_was_meant():
+    with pytest.raises(ScenarioError, match=r"payload\.bending_stifness is not a scenario field: did you mean "):
+        parse_scenario({"payload": {"bending_stifness": 3}})

@@ -7,7 +7,8 @@ if TYPE_CHECKING:
     from flexlab.analysis.linear_model import LinearModel
     from flexlab.analysis.metrics import RunMetrics
     from flexlab.analysis.modes import Modes
-    from flexlab.api import Run, linearize, modes, read, simulate, simulate_many
+    from flexlab.analysis.sweep.result import Sweep
+    from flexlab.api import Run, linearize, modes, read, simulate, simulate_many, sweep
     from flexlab.presets import load_preset, preset_names
     from flexlab.scenario import Scenario, parse_scenario
 
@@ -21,6 +22,8 @@ _HOMES = {
     "simulate": "flexlab.api",
     "simulate_many": "flexlab.api",
     "read": "flexlab.api",
+    "sweep": "flexlab.api",
+    "Sweep": "flexlab.analysis.sweep.result",
     "Run": "flexlab.api",
     "RunMetrics": "flexlab.analysis.metrics",
     "modes": "flexlab.api",
@@ -37,6 +40,7 @@ __all__ = [
     "Run",
     "RunMetrics",
     "Scenario",
+    "Sweep",
     "__version__",
     "internal_force_eq_26",
     "linearize",
@@ -47,6 +51,7 @@ __all__ = [
     "read",
     "simulate",
     "simulate_many",
+    "sweep",
 ]
 """The same names, written out for type checkers (a test compares)."""
 

@@ -15,6 +15,11 @@ from flexlab.analysis.linear_model import LinearModel
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.result_hash import result_hash
 from flexlab.analysis.run_summary import note_metrics
+from flexlab.analysis.sweep.axes import parse_axes
+from flexlab.analysis.sweep.execution import cell_progress, on_threads, run_sweep
+from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
+from flexlab.analysis.sweep.result import Sweep
+from flexlab.analysis.sweep.table import sweep_folder
 from flexlab.errors import StudyError
 from flexlab.presets import find_scenario
 from flexlab.recording.headless import write_run
@@ -121,6 +126,40 @@ def simulate_many(
     pairs = [("run", scenario) if isinstance(scenario, Mapping) else _named(scenario) for scenario in scenarios]
     runs = batch.simulate_many([scenario for _, scenario in pairs], duration, sample_period, workers, progress)
     return [_run(run, name) for (name, _), run in zip(pairs, runs, strict=True)]
+
+
+def sweep(
+    scenario: AnyScenario,
+    vary: Mapping[str, Any] | Sequence[str],
+    duration: float = 3.0,
+    sample_period: float = 0.001,
+    design: str = "grid",
+    samples: int | None = None,
+    seed: int = 0,
+    accuracy: float | None = DEFAULT_ACCURACY,
+    folder: str | Path | None = None,
+    workers: int | None = None,
+    progress: bool = True,
+    most_cells: int = MANY_CELLS,
+) -> Sweep:
+    """Simulate a scenario with fields varied over ranges, on all cores, and gather the metrics of every cell in a table.
+
+    `vary`: {"payload.bending_stiffness": "1:1000:log:25", "controller.kind": ["pd", "computed-torque"]}, or the same as
+    the shell takes it, ["payload.bending_stiffness=1:1000:log:25"]. `design`: "grid" (all combinations), or
+    "latin-hypercube" or "sobol" with so many `samples` and a `seed`. `accuracy`: pose accuracy of the runs, m; None: the
+    scenario's own. `folder` (None: `sweeps/<name>-<key>`) keeps the table; a sweep that was interrupted goes on there, and
+    the same sweep is not computed twice. `workers`: threads, None: one per core. A cell that fails says why and stops
+    nobody. Raises `PresetError` or `ScenarioError` for the scenario and `StudyError` for other unusable arguments, and for
+    more than `most_cells` cells.
+    """
+    name, valid = _named(scenario)
+    plan = make_plan(valid, parse_axes(vary, valid), duration, sample_period, design, samples, seed, accuracy)
+    if plan.cell_count > most_cells:
+        raise StudyError(f"The sweep has {plan.cell_count} cells: say most_cells={plan.cell_count} if you mean it.")
+    place = sweep_folder(name, plan) if folder is None else Path(folder)
+    with cell_progress(progress) as told:
+        run_sweep(plan, place, on_threads(workers), told)
+    return Sweep(plan, place)
 
 
 def read(run: str | Path, logs: str | Path = LOGS) -> Run:

@@ -12,7 +12,20 @@ from collections.abc import Sequence
 from flexlab.cli.console import complain
 from flexlab.errors import FlexlabError
 
-COMMANDS = ("lab", "run", "review", "logs", "compare", "replay", "export", "import", "presets", "bench", "completion")
+COMMANDS = (
+    "lab",
+    "run",
+    "review",
+    "logs",
+    "compare",
+    "replay",
+    "export",
+    "import",
+    "presets",
+    "sweep",
+    "bench",
+    "completion",
+)
 """`flexlab` without a command means `flexlab lab`."""
 
 EXIT_OK, EXIT_FAILED_RUN, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130

@@ -82,6 +82,7 @@ def command(
       flexlab export [RUN]     write a run's signals as a table, or its figures
       flexlab import FILE      take an exported run or a recording into logs
       flexlab presets          list the presets and what to watch in each
+      flexlab sweep PRESET     vary fields over ranges: a table of metrics, heat maps
       flexlab bench            measure speed and accuracy on this machine
       flexlab completion       let your shell complete all this
     """

@@ -1,0 +1,163 @@
+"""What a sweep varies: a field by its path, over a range or a list of values."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexlab.errors import ScenarioError, StudyError
+from flexlab.plain_text import visible
+from flexlab.scenario import Scenario
+from flexlab.scenario.field_names import field_paths
+from flexlab.scenario.settings import parse_value
+from flexlab.scenario.validation_errors import LONGEST, unknown_field
+
+LINEAR, LOGARITHMIC = "lin", "log"
+EXAMPLE = "payload.bending_stiffness=1:1000:log:25, or controller.kind=pd,computed-torque"
+DEFAULT_COUNT = 10
+"""Values of a range that does not say how many."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One varied field. Of a range, `values` are the grid's; designs that sample take any value between the limits."""
+
+    path: str
+    values: tuple[Any, ...]
+    low: float | None = None
+    """Limits of a range; None: `values` are all there are."""
+    high: float | None = None
+    logarithmic: bool = False
+    whole: bool = False
+    """Whether the field takes whole numbers only."""
+
+    @property
+    def numeric(self) -> bool:
+        """Whether its values are numbers."""
+        return all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in self.values)
+
+    def at(self, share: float) -> Any:
+        """The value at a share of the way, 0 <= share < 1: equal shares are equal ratios on a logarithmic range."""
+        if self.low is None or self.high is None:
+            return self.values[int(share * len(self.values))]
+        if self.logarithmic:
+            return self._fit(self.low * (self.high / self.low) ** share)
+        return self._fit(self.low + (self.high - self.low) * share)
+
+    def _fit(self, value: float) -> float:
+        return float(round(value)) if self.whole else value
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, for a key and for a file."""
+        return {
+            "path": self.path,
+            "values": list(self.values),
+            "low": self.low,
+            "high": self.high,
+            "logarithmic": self.logarithmic,
+        }
+
+
+def parse_axes(vary: Mapping[str, Any] | Sequence[str], scenario: Scenario) -> tuple[Axis, ...]:
+    """The axes of `path=range` texts, or of a mapping from paths to ranges (as text) or lists of values.
+
+    A range is `low:high`, then `lin` or `log`, then how many values: "1:1000:log:25". Raises `StudyError` or
+    `ScenarioError`.
+    """
+    if isinstance(vary, Mapping):
+        items = [(str(path), given) for path, given in vary.items()]
+    elif isinstance(vary, Sequence) and not isinstance(vary, str) and all(isinstance(text, str) for text in vary):
+        items = [_split(text) for text in vary]
+    else:
+        raise StudyError(f"vary = {_shown(vary)} is not usable: give a dictionary or a list, as in [{EXAMPLE!r}].")
+    if not items:
+        raise StudyError(f"Nothing is varied: say what, as in {EXAMPLE}.")
+    paths = [path for path, _ in items]
+    for path in paths:
+        if paths.count(path) > 1:
+            raise StudyError(f"{_shown(path)} is varied twice: give it one range.")
+    return tuple(_axis(path, given, scenario) for path, given in items)
+
+
+def _split(text: str) -> tuple[str, str]:
+    path, equals, given = (part.strip() for part in text.partition("="))
+    if not (equals and path and given):
+        raise StudyError(f"{_shown(text)} does not say what to vary: write {EXAMPLE}.")
+    return path, given
+
+
+def _axis(path: str, given: Any, scenario: Scenario) -> Axis:
+    whole, about = False, None
+    try:
+        whole, about = isinstance(scenario.get(path), int), scenario.about(path)
+    except ScenarioError:
+        known = set(field_paths(Scenario))
+        if path not in known:
+            raise ScenarioError([(path, unknown_field(visible(path, LONGEST), known))]) from None
+    axis = _range(path, given, whole) if _is_range(given) else Axis(path, _list(path, given))
+    if about is not None and axis.numeric:
+        for value in axis.values:
+            if not about.low <= value <= about.high:
+                text = f"{path} = {value:g}{about.unit_text()} is outside the allowed range {about.range_text()}"
+                raise StudyError(f"{text}: choose a range within it.")
+    return axis
+
+
+def _is_range(given: Any) -> bool:
+    return isinstance(given, str) and ":" in given and not given.lstrip().startswith(("{", "[", '"'))
+
+
+def _range(path: str, text: str, whole: bool) -> Axis:
+    words = [word.strip() for word in text.split(":")]
+    wrong = StudyError(f"{path}={_shown(text)} is no range: write LOW:HIGH, LOW:HIGH:COUNT or LOW:HIGH:log:COUNT.")
+    spacing = LINEAR
+    if len(words) > 2 and words[2] in (LINEAR, LOGARITHMIC):
+        spacing = words.pop(2)
+    if len(words) not in (2, 3):
+        raise wrong
+    try:
+        low, high = float(words[0]), float(words[1])
+        count = int(words[2]) if len(words) == 3 else DEFAULT_COUNT
+    except ValueError:
+        raise wrong from None
+    if not (math.isfinite(low) and math.isfinite(high)):
+        raise wrong
+    if low >= high:
+        raise StudyError(f"{path}={text} runs backwards or nowhere: write the smaller limit first.")
+    if count < 2:
+        raise StudyError(f"{path}={text} asks for {count} values: a range has 2 at least.")
+    logarithmic = spacing == LOGARITHMIC
+    if logarithmic and low <= 0:
+        raise StudyError(f"{path}={text} is logarithmic and begins at {low:g}: begin above 0, or leave log out.")
+    points = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
+    values = [float(round(point)) if whole else float(point) for point in points]
+    return Axis(path, tuple(dict.fromkeys(values)), low, high, logarithmic, whole)
+
+
+def _list(path: str, given: Any) -> tuple[Any, ...]:
+    values = _listed(given) if isinstance(given, str) else given
+    if isinstance(values, np.ndarray):
+        values = values.tolist()
+    if not isinstance(values, Sequence) or isinstance(values, str):
+        values = [values]
+    try:
+        plain = json.loads(json.dumps(list(values), allow_nan=False))
+    except (TypeError, ValueError):
+        raise StudyError(
+            f"{path} = {_shown(given)} is not usable: give a range as text, or a list of values."
+        ) from None
+    if not plain:
+        raise StudyError(f"{path} has no values: zero cells cannot be computed; give one value at least.")
+    return tuple(tuple(value) if isinstance(value, list) else value for value in plain)
+
+
+def _listed(text: str) -> list[Any]:
+    values = parse_value(f"[{text}]")
+    return values if isinstance(values, list) else [parse_value(word.strip()) for word in text.split(",")]
+
+
+def _shown(value: Any) -> str:
+    return visible(repr(value), LONGEST)

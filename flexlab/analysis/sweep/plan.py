@@ -1,0 +1,151 @@
+"""Which cells a sweep has: the base scenario, its axes and the design that combines them; the same plan has the same key."""
+
+import hashlib
+import json
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+from typing import Any
+
+import numpy as np
+from scipy.stats import qmc
+
+from flexlab.analysis.metrics import METRICS
+from flexlab.analysis.sweep.axes import Axis
+from flexlab.compiled import cache_folder
+from flexlab.errors import StudyError
+from flexlab.scenario import Scenario
+from flexlab.scenario.settings import change_settings
+from flexlab.sim.simulate import sample_count
+
+DESIGNS = ("grid", "latin-hypercube", "sobol")
+MOST_CELLS = 100_000_000
+"""Beyond this nobody waits for the end."""
+MANY_CELLS = 100_000
+"""Beyond this the person is asked: it takes an hour."""
+PARTS, LARGEST_PART = 64, 256
+"""A sweep is cut into about so many parts, which are computed and saved one by one, of at most so many cells."""
+
+DEFAULT_ACCURACY = 1e-7
+"""Pose accuracy of a cell, m: metrics are exact to five digits, and steps five times as long as those of a lab's run."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep, complete: the same plan gives the same table, byte for byte."""
+
+    scenario: Scenario
+    axes: tuple[Axis, ...]
+    duration: float
+    """s."""
+    sample_period: float
+    """s."""
+    design: str = "grid"
+    samples: int | None = None
+    """Cells of a design that samples."""
+    seed: int = 0
+    """Of a design that samples."""
+
+    @property
+    def cell_count(self) -> int:
+        """How many cells there are."""
+        return prod(self.shape) if self.samples is None else self.samples
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Values per axis, of a grid."""
+        return tuple(len(axis.values) for axis in self.axes)
+
+    def values(self, cell: int) -> tuple[Any, ...]:
+        """The value of each axis in a cell; the last axis changes fastest."""
+        if self.samples is not None:
+            return tuple(axis.at(share) for axis, share in zip(self.axes, self._shares[cell], strict=True))
+        places = np.unravel_index(cell, self.shape)
+        return tuple(axis.values[place] for axis, place in zip(self.axes, places, strict=True))
+
+    @cached_property
+    def _shares(self) -> np.ndarray:
+        """Of a design that samples: where on each axis each cell lies, (cells, axes) in [0, 1)."""
+        count, axes = self.samples or 0, len(self.axes)
+        if self.design == "sobol":
+            with warnings.catch_warnings():
+                # Any number of points is allowed here; powers of two are the best balanced.
+                warnings.simplefilter("ignore", UserWarning)
+                return qmc.Sobol(axes, rng=np.random.default_rng(self.seed)).random(count)
+        return qmc.LatinHypercube(axes, rng=np.random.default_rng(self.seed)).random(count)
+
+    def changes(self, cell: int) -> dict[str, Any]:
+        """The changes by path that make the base scenario into a cell's."""
+        return dict(zip((axis.path for axis in self.axes), self.values(cell), strict=True))
+
+    def cell_scenario(self, cell: int) -> Scenario:
+        """The scenario of a cell. Raises `ScenarioError` for one that is not valid."""
+        return change_settings(self.scenario, self.changes(cell))
+
+    @property
+    def part_size(self) -> int:
+        """Cells of a part."""
+        return min(LARGEST_PART, -(-self.cell_count // PARTS))
+
+    def parts(self) -> Iterator[range]:
+        """The cells of each part."""
+        for first in range(0, self.cell_count, self.part_size):
+            yield range(first, min(first + self.part_size, self.cell_count))
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, with what the results depend on besides."""
+        return {
+            "scenario": self.scenario.model_dump(mode="json"),
+            "vary": [axis.as_data() for axis in self.axes],
+            "duration": self.duration,
+            "sample_period": self.sample_period,
+            "design": self.design,
+            "samples": self.samples,
+            "seed": self.seed,
+            "metrics": list(METRICS),
+            "engine": engine(),
+        }
+
+    @cached_property
+    def key(self) -> str:
+        """Sixteen digits that only the same sweep has, computed by the same engine."""
+        text = json.dumps(self.as_data(), sort_keys=True, ensure_ascii=False)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def engine() -> str:
+    """A name for the numerical sources that compute here."""
+    return cache_folder().name
+
+
+def make_plan(
+    scenario: Scenario,
+    axes: tuple[Axis, ...],
+    duration: float,
+    sample_period: float,
+    design: str = "grid",
+    samples: int | None = None,
+    seed: int = 0,
+    accuracy: float | None = DEFAULT_ACCURACY,
+) -> Plan:
+    """A checked plan; `accuracy`: pose accuracy of the runs, m (None: the scenario's own). Raises `StudyError`."""
+    sample_count(duration, sample_period)
+    if design not in DESIGNS:
+        raise StudyError(f"design = {design!r:.60} is not known: choose one of {', '.join(DESIGNS)}.")
+    for name, number, low in (("samples", samples, 1), ("seed", seed, 0)):
+        if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number < low):
+            raise StudyError(f"{name} = {number!r:.60} is not usable: give a whole number of at least {low}.")
+    if (design == "grid") != (samples is None):
+        raise StudyError(
+            "samples says how many cells a design draws: give it with latin-hypercube or sobol, and not with a grid."
+        )
+    if accuracy is not None and not any(axis.path.startswith("simulation") for axis in axes):
+        scenario = scenario.replace({"simulation.accuracy": max(accuracy, scenario.simulation.accuracy)})
+    # What a scenario says of itself changes no result.
+    scenario = scenario.replace({"watch": ""})
+    plan = Plan(scenario, axes, float(duration), float(sample_period), design, samples, seed)
+    if plan.cell_count > MOST_CELLS:
+        raise StudyError(f"{plan.cell_count} cells are too many: choose fewer values, {MOST_CELLS} cells at most.")
+    return plan

@@ -1,0 +1,195 @@
+"""Sweeps: what is varied, which cells that makes, and one table whatever happens on the way."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as parquet
+import pytest
+
+import flexlab
+from flexlab.analysis.sweep.axes import parse_axes
+from flexlab.analysis.sweep.figures import draw_metric, pareto_front, write_figures
+from flexlab.analysis.sweep.plan import make_plan
+from flexlab.errors import FlexlabError, ScenarioError, StudyError
+from flexlab.presets import load_preset
+
+EI, K = "payload.bending_stiffness", "controller.feedback_gain"
+
+
+def axes(*texts: str):
+    return parse_axes(texts, load_preset("paper"))
+
+
+def test_ranges_and_lists_are_read():
+    stiffness, gain, law, count, pose, several = axes(
+        f"{EI}=1:1000:log:4", f"{K}=50:500:10", "controller.kind=pd,none", "payload.element_count=2:5:9",
+        "trajectory.center=[0, 0.7, 0], [0, 0.8, 0]", "gravity=0, 9.81",
+    )  # fmt: skip
+    assert stiffness.values == pytest.approx((1.0, 10.0, 100.0, 1000.0))
+    assert (stiffness.at(0.5), stiffness.logarithmic) == (pytest.approx(1000**0.5), True)
+    assert gain.values == tuple(np.linspace(50, 500, 10))
+    assert (law.values, law.numeric) == (("pd", "none"), False)
+    assert count.values == (2.0, 3.0, 4.0, 5.0), "a field of whole numbers takes each once"
+    assert pose.values == ((0, 0.7, 0), (0, 0.8, 0))
+    assert several.values == (0, 9.81)
+    assert len(axes(f"{EI}=1:2")[0].values) == 10
+    (one,) = parse_axes({EI: np.array([1.0, 2.0])}, load_preset("paper"))
+    assert one.values == (1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("vary", "kind", "says"),
+    [
+        (["bending_stiffness=1:2"], ScenarioError, "did you mean payload.bending_stiffness?"),
+        ([f"{EI}=5:1"], StudyError, "runs backwards or nowhere: write the smaller limit first"),
+        ([f"{EI}=1:5:0"], StudyError, "asks for 0 values"),
+        ([f"{EI}=-1:5:3"], StudyError, "-1 N·m² is outside the allowed range 0.001 to 1e+12 N·m²"),
+        (["gravity=0:5:log:3"], StudyError, "is logarithmic and begins at 0"),
+        ([f"{EI}=1:nan"], StudyError, "is no range"),
+        ([f"{EI}=1:5:cubic:3"], StudyError, "is no range"),
+        ([EI], StudyError, "does not say what to vary"),
+        ([f"{EI}="], StudyError, "does not say what to vary"),
+        ([f"{EI}=1:2", f"{EI}=2:3"], StudyError, "is varied twice"),
+        ([], StudyError, "Nothing is varied"),
+        ({EI: []}, StudyError, "zero cells cannot be computed"),
+        ({EI: [float("nan")]}, StudyError, "is not usable"),
+        ({EI: [object()]}, StudyError, "is not usable"),
+        (5, StudyError, "vary = 5 is not usable"),
+        ("gravity=1:2", StudyError, "is not usable"),
+    ],
+)
+def test_what_cannot_be_varied_is_said(vary: object, kind: type[FlexlabError], says: str):
+    with pytest.raises(kind) as caught:
+        flexlab.sweep("paper", vary)  # type: ignore[arg-type]
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"duration": -1}, "duration = -1 s is not usable"),
+        ({"design": "random"}, "choose one of grid, latin-hypercube, sobol"),
+        ({"design": "sobol"}, "samples says how many"),
+        ({"samples": 5}, "samples says how many"),
+        ({"design": "sobol", "samples": 0}, "samples = 0 is not usable"),
+        ({"workers": 0}, "workers = 0 is not usable"),
+        ({"design": "sobol", "samples": 10_000_000}, "say most_cells=10000000 if you mean it"),
+        ({"folder": "/proc/sweep"}, "/proc/sweep cannot be written"),
+    ],
+)
+def test_what_cannot_be_swept_is_said(options: dict, says: str):
+    with pytest.raises(StudyError, match=says):
+        flexlab.sweep("paper", [f"{EI}=1:2:2"], **options)
+
+
+def test_designs_cover_the_ranges():
+    paper, ranges = load_preset("paper"), axes(f"{EI}=1:1000:log", f"{K}=50:500")
+    grid = make_plan(paper, axes(f"{EI}=1:1000:log:4", f"{K}=50:500:3"), 1.0, 0.001)
+    assert [grid.values(cell)[1] for cell in range(4)] == [50.0, 275.0, 500.0, 50.0], "the last axis changes fastest"
+    latin = make_plan(paper, ranges, 1.0, 0.001, "latin-hypercube", 20)
+    strata = [int(20 * np.log(latin.values(cell)[0]) / np.log(1000)) for cell in range(20)]
+    assert sorted(strata) == list(range(20)), "each twentieth of the range once"
+    sobol = make_plan(paper, ranges, 1.0, 0.001, "sobol", 64)
+    gains = np.array([sobol.values(cell)[1] for cell in range(64)])
+    assert np.histogram(gains, 8, (50, 500))[0].tolist() == [8] * 8
+    other = make_plan(paper, ranges, 1.0, 0.001, "sobol", 64, seed=1)
+    assert other.values(3) != sobol.values(3) == make_plan(paper, ranges, 1.0, 0.001, "sobol", 64).values(3)
+    assert len({plan.key for plan in (grid, latin, sobol, other)}) == 4
+
+
+def test_a_cell_is_the_run_of_its_scenario_and_a_failed_one_says_why(tmp_path: Path):
+    sweep = flexlab.sweep(
+        "paper", [f"{EI}=50:200:2", "trajectory.center=[0,0.75,0],[0,1.6,0]", "controller.kind=pd,adaptive-sliding-mode"],
+        0.2, folder=tmp_path / "one",
+    )  # fmt: skip
+    assert len(sweep) == sweep.table.num_rows == 8
+    assert sorted(sweep.failed) == [2, 3, 6, 7]
+    assert "reach" in sweep.failed[2]
+    run = flexlab.simulate(sweep.scenario(5), 0.2)
+    for row in run.metrics.rows:
+        np.testing.assert_equal(sweep.column(row.key)[5], row.value)
+    assert np.isnan(sweep.column("RMS error x [mm]")[2])
+    assert repr(sweep).startswith(
+        "<Sweep of 8 cells over payload.bending_stiffness, trajectory.center, controller.kind, 4"
+    )
+    assert "<th>payload.bending_stiffness</th>" in sweep._repr_html_()
+    about = json.loads(sweep.table.schema.metadata[b"flexlab"])
+    assert flexlab.parse_scenario(about["sweep"]["scenario"]) == sweep.plan.scenario
+    (tmp_path / "two").mkdir()
+    with pytest.raises(StudyError, match="holds another sweep"):
+        flexlab.sweep("paper", [f"{EI}=50:200:2"], 0.2, folder=tmp_path / "one")
+    with pytest.raises(StudyError, match="cell = 8 is none: give a whole number from 0 to 7"):
+        sweep.scenario(8)
+
+
+KILLED = """
+import flexlab, sys
+flexlab.sweep("paper", ["payload.bending_stiffness=1:1000:log:12", "controller.feedback_gain=50:500:11"], 0.3,
+              folder=sys.argv[1], workers=int(sys.argv[2]))
+"""
+
+
+def test_a_killed_sweep_goes_on_to_the_same_bytes(tmp_path: Path):
+    words = [sys.executable, "-c", KILLED]
+    subprocess.run([*words, str(tmp_path / "whole"), "1"], check=True)
+    killed = subprocess.Popen([*words, str(tmp_path / "killed"), "2"])
+    parts = tmp_path / "killed" / "parts"
+    deadline = time.monotonic() + 120
+    while len(list(parts.glob("*.parquet"))) < 5:
+        assert time.monotonic() < deadline
+        assert killed.poll() is None, "killed in time"
+        time.sleep(0.005)
+    killed.send_signal(signal.SIGKILL)
+    killed.wait()
+    assert not (tmp_path / "killed" / "cells.parquet").exists()
+    begun = {file.name: file.stat().st_mtime_ns for file in parts.glob("0*.parquet")}
+    assert begun
+    subprocess.run([*words, str(tmp_path / "killed"), "2"], check=True)
+    assert (tmp_path / "killed" / "cells.parquet").read_bytes() == (tmp_path / "whole" / "cells.parquet").read_bytes()
+    assert sorted(os.listdir(tmp_path / "killed")) == ["cells.parquet", "sweep.json"]
+    assert parquet.read_table(tmp_path / "killed" / "cells.parquet").num_rows == 132
+
+
+def test_the_same_sweep_is_not_computed_twice_and_needs_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    first = flexlab.sweep("paper", {EI: [50.0, 100.0]}, 0.1)
+    stamp = (first.folder / "cells.parquet").stat().st_mtime_ns
+    again = flexlab.sweep("paper", {EI: [50.0, 100.0]}, 0.1)
+    assert again.folder == first.folder
+    assert again.folder.parent == Path("sweeps")
+    assert (again.folder / "cells.parquet").stat().st_mtime_ns == stamp
+
+
+def test_the_front_is_what_no_cell_betters():
+    x = np.array([1.0, 2.0, 2.0, 3.0, np.nan, 4.0, 0.5])
+    y = np.array([5.0, 4.0, 3.0, 3.0, 0.0, 1.0, 9.0])
+    assert pareto_front(x, y).tolist() == [6, 0, 2, 5]
+    assert pareto_front(np.array([np.nan]), np.array([1.0])).tolist() == []
+
+
+def test_figures_say_units_and_mark_what_failed(tmp_path: Path):
+    sweep = flexlab.sweep(
+        "paper", [f"{EI}=1:1000:log:4", "trajectory.frequency=0.5:3:3", "trajectory.center=[0,0.75,0],[0,1.6,0]"], 0.1,
+        folder=tmp_path / "map",
+    )  # fmt: skip
+    paths = write_figures(sweep, ("rms-y", "settled"))
+    assert [path.name for path in paths] == ["rms-y.svg", "settled.svg", "pareto.svg"]
+    drawn = paths[0].read_text(encoding="utf-8")
+    for words in ("RMS error y (mm)", "Bending stiffness, EI (N·m²)", "failed"):
+        assert words in drawn
+    for vary in ([f"{EI}=1:10:3"], ["controller.kind=pd,none"]):
+        curve = flexlab.sweep("paper", vary, 0.1, folder=tmp_path / vary[0][:9])
+        assert len(draw_metric(curve, "force").axes) == 1
+    drawn_cells = flexlab.sweep(
+        "paper", [f"{EI}=1:10", f"{K}=1:10"], 0.1, design="sobol", samples=4, folder=tmp_path / "sobol"
+    )
+    assert len(drawn_cells.plot("force").axes) == 2
+    with pytest.raises(StudyError, match="'forc' is no metric: choose one of window, rms-x"):
+        sweep.plot("forc")

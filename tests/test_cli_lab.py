@@ -185,10 +185,12 @@ def test_a_cold_start_says_that_it_compiles(start_lab: Callable[..., Lab], tmp_p
 def test_live_data_is_offered_with_rerun(start_lab: Callable[..., Lab]):
     lab = start_lab("--rerun")
     lab.url()
-    page = lab.wait(lambda: re.search(r"http://[^ ]+/\?url=rerun\S+", "".join(lab.said)))[0]
+    page = lab.wait(lambda: re.search(r"Live data in your browser: (http://\S+/live)", "".join(lab.said)))[1]
     with urllib.request.urlopen(page) as viewer:
         assert viewer.status == 200
-    lab.wait(lambda: re.search(r"rerun --connect rerun\+http://127\.0\.0\.1:\d+/proxy", "".join(lab.said)))
+    source = lab.wait(lambda: re.search(r"rerun (http://\S+/live/lab\.rrd)", "".join(lab.said)))[1]
+    with urllib.request.urlopen(source) as data:
+        assert data.read(4) == b"RRF2"
     assert lab.end() == 0
 
 

@@ -4,8 +4,7 @@ import secrets
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -14,7 +13,6 @@ from flexlab.cli.options import LOGS, Logs, Preset
 from flexlab.cli.showing import ending, open_browser, wait_for
 
 if TYPE_CHECKING:
-    from flexlab.recording.live import LiveHub
     from flexlab.server.front_server import FrontServer
     from flexlab.server.settings import Settings
 
@@ -107,6 +105,7 @@ def command(
         most_bytes=most_bytes,
         most_days=max_age,
         max_per_address=max_per_address,
+        live=rerun,
     )
     if not settings.is_local and token is None:
         # Made up here, so that a page opened while compiling can turn into the lab.
@@ -117,12 +116,8 @@ def command(
     shown: list[str] = []
     warm_up(scenario, meanwhile=_waiting_page(settings, not no_browser, shown) if port else None)
     with ending() as ended, ExitStack() as closing:
-        live = _serve_live(closing, private) if rerun else None
-        settings = replace(settings, viewer=live.viewer if live else "")
-        front_server = closing.enter_context(
-            open_front_server(settings, scenario, name, hub=live.hub if live else None, on_problem=complain)
-        )
-        _welcome(front_server, settings.is_local, live, logs)
+        front_server = closing.enter_context(open_front_server(settings, scenario, name, on_problem=complain))
+        _welcome(front_server)
         if not no_browser and not shown:
             open_browser(front_server.lab_url)
         wait_for(ended)
@@ -153,42 +148,18 @@ def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Iter
 GIGABYTE = 1e9
 
 
-class Live(NamedTuple):
-    """Where the data of all runs can be watched in rerun while the lab runs."""
-
-    hub: "LiveHub | None"
-    """None: each private lab has one of its own."""
-    viewer: str
-    """Page of the web viewer."""
-
-
-def _serve_live(closing: ExitStack, private: bool) -> Live:
-    """Serve live data and a web viewer for it until `closing` closes. Raises `RecordingError` if that is not possible."""
-    from flexlab.recording.live import LiveHub
-    from flexlab.recording.web_viewer import ViewerServer
-
-    viewer = ViewerServer()
-    closing.callback(viewer.close)
-    if private:
-        return Live(None, viewer.page)
-    hub = LiveHub()
-    closing.callback(hub.close)
-    return Live(hub, viewer.page)
-
-
-def _welcome(front_server: "FrontServer", is_local: bool, live: Live | None, logs: Path) -> None:
-    from flexlab.recording.web_viewer import viewer_link
-
+def _welcome(front_server: "FrontServer") -> None:
+    settings = front_server.settings
     lines = [f"The lab is open at {front_server.lab_url}", f"Start page, with all runs: {front_server.url}"]
-    if not is_local:
+    if not settings.is_local:
         lines.append("From other machines: the same with this machine's name instead of 127.0.0.1.")
-    if live is not None and live.hub is not None:
-        page = viewer_link(live.viewer, live.hub.url)
-        lines += [f"Live data in your browser: {page}", f"or in rerun itself: rerun --connect {live.hub.url}"]
-    elif live is not None:
-        lines.append("Live data of each private lab: by the button Live data in its page, on this machine.")
-    if front_server.settings.most_bytes is not None or front_server.settings.most_days is not None:
+    if settings.live and settings.private:
+        lines.append("Live data of each private lab: by the button Live data in its page.")
+    elif settings.live:
+        source = front_server.live_source
+        lines += [f"Live data in your browser: {front_server.address('/live')}", f"or in rerun itself: rerun {source}"]
+    if settings.most_bytes is not None or settings.most_days is not None:
         lines.append("Runs over the limits are deleted, oldest first; never those that are kept.")
-    lines.append(f"Runs are recorded in {logs}. Ctrl-C ends the lab.")
+    lines.append(f"Runs are recorded in {settings.logs}. Ctrl-C ends the lab.")
     for line in lines:
         output().print(line, style="bold" if line is lines[0] else "", markup=False, soft_wrap=True)

@@ -14,8 +14,11 @@ MAIN_PLOTS = ("error", "vibration", "internal_force", "joint_torque")
 """Seen at once; the other plots are tabs."""
 
 
-def run_blueprint(scenario: Scenario, factor: float, title: str) -> rrb.Blueprint:
-    """The layout of one run. `factor`: exaggeration of the drawn deflection, which the view's name states."""
+def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = False) -> rrb.Blueprint:
+    """The layout of one run. `factor`: exaggeration of the drawn deflection, which the view's name states.
+
+    `follow`: show the newest instant, as it comes.
+    """
     signals = plot_signals(scenario)
     left = rrb.Vertical(
         scene_view(f"{title}: deflection drawn × {factor:g}", scenario),
@@ -33,7 +36,7 @@ def run_blueprint(scenario: Scenario, factor: float, title: str) -> rrb.Blueprin
         rrb.Horizontal(left, right, column_shares=[1, 1]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following" if follow else None),
         auto_views=False,
         auto_layout=False,
     )

@@ -8,10 +8,10 @@ from types import TracebackType
 
 from flexlab.errors import RecordingError
 from flexlab.recording.repair import finish
+from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_notes import StartNotes
-from flexlab.recording.run_stream import open_file_stream
-from flexlab.recording.run_writer import RunWriter
+from flexlab.recording.run_stream import RunStream, open_file_stream
 from flexlab.recording.store.run_files import claim_run_file, write_notes
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
@@ -27,18 +27,19 @@ class HeadlessRecording:
     """
 
     def __init__(self, logs: Path, info: RunInfo, start_notes: StartNotes | None = None):
-        """Create `logs/<time>-<name>.rrd`; `start_notes` as for `RunWriter`."""
-        self._run = RunWriter(info, start_notes)
+        """Create `logs/<time>-<name>.rrd`; `start_notes` as for `RunEncoder`."""
         self._file = claim_run_file(logs, info.name, info.started)
         self._status: Status | None = None
         self._safe: float | None = None
+        self._stream: RunStream | None = None
         try:
             self._stream = open_file_stream(self._file, info)
         except BaseException:
             self._file.release()
             self._file.path.unlink(missing_ok=True)
             raise
-        self._run.add_stream(self._stream)
+        self._sinks = [self._stream]
+        self._run = RunEncoder(info, self._sinks, start_notes)
 
     @property
     def path(self) -> Path:
@@ -48,9 +49,9 @@ class HeadlessRecording:
     def write(self, samples: Samples) -> None:
         """Write the next block (N >= 1)."""
         with self._telling():
-            if not (self._file.in_place and self._stream.is_whole):
-                self._run.drop_stream(self._stream)
+            if self._stream is None or not (self._file.in_place and self._stream.is_whole):
                 self._safe = None
+                self._let_go()
                 raise RecordingError(f"{self.path} was changed or taken away while it was being written.")
             self._run.write_samples(samples)
             self._stream.push()
@@ -75,6 +76,8 @@ class HeadlessRecording:
         try:
             with self._telling():
                 self._run.end(status)
+                if self._stream is not None:
+                    self._stream.close()
             write_notes(self.path, **self._run.summary(status, dropped=0))
         except OSError:
             pass  # The recording is there; its state is then told from the file alone.
@@ -82,6 +85,12 @@ class HeadlessRecording:
             self._file.release()
         with contextlib.suppress(RecordingError):  # What is left to do needs room; all of the run is there.
             finish(self.path)
+
+    def _let_go(self) -> None:
+        if self._stream is not None:
+            self._stream.abandon()
+        self._stream = None
+        self._sinks.clear()
 
     @contextlib.contextmanager
     def _telling(self) -> Iterator[None]:

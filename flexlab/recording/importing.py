@@ -20,8 +20,8 @@ from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
 from flexlab.recording.import_checks import check_events, check_period, checked_blocks
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
+from flexlab.recording.run_encoder import END
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.run_writer import END
 from flexlab.recording.state_json import state_from_json
 from flexlab.recording.store.run_files import SUFFIX, claim_run_file, remove_run, write_notes
 from flexlab.recording.store.run_index import LONGEST_NAME

@@ -1,72 +1,109 @@
-"""One place in this process where rerun viewers watch all runs live, and where late ones still find the last minutes."""
+"""The live data of all runs, for rerun viewers that join at any time: the newest minutes of them, in memory.
 
-import rerun as rr
+Nothing listens here. The front server passes the bytes on at an address of its own, to whoever may come in there: a port of
+rerun's would answer everybody on this machine.
+"""
 
-from flexlab.errors import LabError, RecordingError
-from flexlab.recording.run_info import RunInfo
-from flexlab.recording.run_stream import FLUSH_TIMEOUT, RunStream, open_live_stream
-from flexlab.sockets import PortInUse, listen
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
 
-MEMORY_LIMIT = "64MiB"
-"""What the hub keeps for viewers that join late: about four minutes of the paper's run. What never changes stays."""
+from flexlab.errors import RecordingError
+from flexlab.recording.rerun_internals.message_layout import HEAD, messages
 
-HUB_APPLICATION = "flexlab hub"
-"""The hub is itself a (silent) rerun stream: runs come and go, and a port opened anew for each would fail."""
+MOST_BYTES = 64_000_000
+"""What is kept for viewers that join late: about four minutes of the paper's run. What a run begins with stays."""
 
-LOOPBACK = "127.0.0.1"
-ATTEMPTS = 5
-"""Free ports tried before giving up: another program may take one between the question and the answer."""
+Take = Callable[[str, bytes], None]
+"""Takes one piece of a run (its id, the bytes as rerun encodes them). Raises `RecordingError` once nobody takes any."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some whole messages of one run."""
+
+    number: int
+    """Counted over all runs, from 0."""
+    run: str
+    data: bytes
+    is_first: bool
+    """It says what the run is, without which the others mean nothing."""
 
 
 class LiveHub:
-    """Serves the live stream of every run on one port, until `close`."""
+    """Keeps the newest pieces of all runs, until `close`. Any thread may use it."""
 
-    def __init__(self, host: str = LOOPBACK, port: int = 0):
-        """Listen on `host` (an IPv4 address); port 0 takes a free one. Raises `RecordingError` if it cannot."""
-        self._stream: rr.RecordingStream | None = None
-        self.host = host
-        for _ in range(1 if port else ATTEMPTS):
-            # Rerun tells neither a bad address nor a port in use apart, so both are tried first.
-            try:
-                plug = listen(host, port)
-            except PortInUse:
-                self.port = port
-                break
-            except LabError as error:
-                raise RecordingError(str(error)) from None
-            self.port = plug.getsockname()[1]
-            plug.close()
-            if self._listen():
+    def __init__(self, most_bytes: int = MOST_BYTES):
+        self._most_bytes = most_bytes
+        self._lock = threading.Lock()
+        self._pieces: list[Piece] = []
+        self._bytes = self._count = 0
+        self._head = b""
+        self._closed = False
+
+    def take(self, run: str, piece: bytes) -> None:
+        """One piece of a run as rerun encodes it. Raises `RecordingError` once the hub is closed."""
+        data = messages(piece, with_head=False)
+        with self._lock:
+            if self._closed:
+                raise RecordingError("The live stream is closed.")
+            self._head = self._head or piece[:HEAD]
+            is_first = not any(other.run == run for other in self._pieces)
+            self._pieces.append(Piece(self._count, run, data, is_first))
+            self._count += 1
+            self._bytes += len(data)
+            self._make_room()
+
+    def _make_room(self) -> None:
+        while self._bytes > self._most_bytes:
+            oldest = next((piece for piece in self._pieces[:-1] if not self._is_needed(piece)), None)
+            if oldest is None:
                 return
-        raise RecordingError(
-            f"The live stream cannot listen on {host}:{self.port}: the port is in use. Choose another one, or 0 for any."
-        )
+            self._pieces.remove(oldest)
+            self._bytes -= len(oldest.data)
 
-    def _listen(self) -> bool:
-        stream = rr.RecordingStream(HUB_APPLICATION, send_properties=False)
-        try:
-            stream.set_sinks(rr.GrpcServerSink(self.host, self.port, server_memory_limit=MEMORY_LIMIT))
-            stream.flush(timeout_sec=FLUSH_TIMEOUT)  # Only this tells whether the server stands.
-        except (RuntimeError, ValueError, OSError):
-            stream.disconnect()
-            return False
-        self._stream = stream
-        return True
+    def _is_needed(self, piece: Piece) -> bool:
+        return piece.is_first and any(other.run == piece.run and not other.is_first for other in self._pieces)
+
+    def after(self, number: int) -> tuple[int, list[bytes]]:
+        """(number of the newest piece, what came after piece `number`); from -1 on, all that is kept, as a rerun file."""
+        with self._lock:
+            found = [piece for piece in self._pieces if piece.number > number]
+            if not found:
+                return number, []
+            head = [self._head] if number < 0 else []
+            return found[-1].number, head + [piece.data for piece in found]
 
     @property
-    def url(self) -> str:
-        """What a rerun viewer connects to: `rerun --connect <url>`."""
-        host = LOOPBACK if self.host == "0.0.0.0" else self.host
-        return f"rerun+http://{host}:{self.port}/proxy"
-
-    def open_stream(self, info: RunInfo) -> RunStream:
-        """The stream of one run, for all viewers present and to come. Raises `RecordingError` once the hub is closed."""
-        if self._stream is None:
-            raise RecordingError("The live stream is closed.")
-        return open_live_stream(self.url, info)
+    def is_closed(self) -> bool:
+        """Whether nothing comes any more."""
+        return self._closed
 
     def close(self) -> None:
-        """Stop serving. Runs that still stream into the hub must be closed first. May be called twice."""
-        stream, self._stream = self._stream, None
-        if stream is not None:
-            stream.disconnect()
+        """Let go of it all; viewers come to the end. May be called twice."""
+        with self._lock:
+            self._closed = True
+            self._pieces.clear()
+
+
+class LiveTarget:
+    """Where the encoded messages of one run go that is watched live: as they come, to whoever takes them."""
+
+    exact = False
+    """Viewers have no use for exact samples."""
+    given_up = 0
+    is_whole = True
+
+    def __init__(self, run: str, take: Take):
+        self._run, self._take = run, take
+        self._waiting: list[bytes] = []
+
+    def hold(self, piece: bytes) -> None:
+        """Take one piece as rerun encodes it, to be passed on by `write`."""
+        self._waiting.append(piece)
+
+    def write(self) -> None:
+        """Pass on all that waits. Raises `RecordingError` once nobody takes it any more."""
+        waiting, self._waiting = self._waiting, []
+        for piece in waiting:
+            self._take(self._run, piece)

@@ -12,12 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from flexlab.errors import RecordingError
-from flexlab.recording.file_keeper import FileKeeper
-from flexlab.recording.live import LiveHub
+from flexlab.recording.file_sink import FileSink
+from flexlab.recording.live import LiveTarget, Take
 from flexlab.recording.repair_thread import Finisher
+from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_notes import StartNotes
-from flexlab.recording.run_writer import RunWriter
+from flexlab.recording.run_stream import RunStream, open_live_stream
 from flexlab.recording.sample_codec import join_blocks
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
@@ -39,12 +40,12 @@ QUEUE_ROWS = 20_000
 
 
 class Recorder:
-    """A consumer (see `sim.runner`) that records every run into `logs`, and sends it to `hub` if there is one."""
+    """A consumer (see `sim.runner`) that records every run into `logs`, and hands it to `live` if somebody watches."""
 
     def __init__(
         self,
         logs: Path,
-        hub: LiveHub | None = None,
+        live: Take | None = None,
         on_problem: Callable[[str], None] | None = None,
         sample_period: float = TICK,
         queue_rows: int = QUEUE_ROWS,
@@ -53,17 +54,18 @@ class Recorder:
         """Start the recorder's thread; nothing is written before a run begins.
 
         `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes; `start_notes` as
-        for `RunWriter`.
+        for `RunEncoder`.
         """
-        self._logs, self._hub, self._on_problem = logs, hub, on_problem
+        self._logs, self._live_to, self._on_problem = logs, live, on_problem
         self._sample_period, self._queue_rows = sample_period, queue_rows
         self._queue: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._waiting_rows = 0
         self._dropped = 0
         self._stumble: str | None = None
-        self._run: RunWriter | None = None
-        self._keeper: FileKeeper | None = None
+        self._run: RunEncoder | None = None
+        self._file: FileSink | None = None
+        self._live: RunStream | None = None
         self._blocks: list[Samples] = []
         self._unshown: list[Samples] = []
         self._speeds: list[tuple[float, float]] = []
@@ -76,14 +78,14 @@ class Recorder:
     @property
     def problem(self) -> str | None:
         """Why nothing is being recorded just now, as a sentence; None while all is well."""
-        keeper = self._keeper
-        return self._stumble if keeper is None else keeper.problem or self._stumble
+        file = self._file
+        return self._stumble if file is None else file.problem or self._stumble
 
     @property
     def path(self) -> Path | None:
         """The file being written."""
-        keeper = self._keeper
-        return None if keeper is None else keeper.path
+        file = self._file
+        return None if file is None else file.path
 
     @property
     def dropped_rows(self) -> int:
@@ -151,18 +153,30 @@ class Recorder:
             if now >= self._next_show:
                 self._next_show = now + SHOW_PERIOD
                 self._write_shown()
-            if self._keeper is not None:
-                self._keeper.keep_up(now)
+            if self._file is not None:
+                self._file.keep_up(now)
+            self._push_live()
 
     def _begin(self, info: RunInfo) -> None:
         self._end(Status("finished", "A new run began."), self._dropped)
-        self._run, self._stumble = RunWriter(info, self._start_notes), None
-        if self._hub is not None:
-            try:
-                self._run.add_stream(self._hub.open_stream(info))
-            except RecordingError as error:
-                self._report(str(error))
-        self._keeper = FileKeeper(self._logs, self._run, self._tell)
+        self._stumble, self._live = None, self._open_live(info)
+        self._file = FileSink(self._logs, info, self._tell)
+        sinks = [self._file] if self._live is None else [self._file, self._live]
+        self._run = RunEncoder(info, sinks, self._start_notes)
+
+    def _open_live(self, info: RunInfo) -> RunStream | None:
+        try:
+            return None if self._live_to is None else open_live_stream(LiveTarget(info.run_id, self._live_to), info)
+        except RecordingError as error:
+            self._report(str(error))
+            return None
+
+    def _push_live(self) -> None:
+        try:
+            if self._live is not None:
+                self._live.push()
+        except RecordingError as error:
+            self._report(str(error))
 
     def _take(self, samples: Samples, speed: float) -> None:
         self._blocks.append(samples)
@@ -196,11 +210,15 @@ class Recorder:
             self._run.write_shown(join_blocks(blocks), *zip(*speeds, strict=True))
 
     def _end(self, status: Status, dropped: int) -> None:
-        if self._keeper is None:
+        if self._run is None or self._file is None:
             return
         self._write()
-        path = self._keeper.end(status, dropped)
-        self._run = self._keeper = None
+        self._run.end(status, dropped)
+        path = self._file.close(self._run.summary(status, dropped))
+        if self._live is not None:
+            self._push_live()
+            self._live.abandon()
+        self._run = self._file = self._live = None
         if path is not None:
             self._finisher.add(path)
 

@@ -1,10 +1,10 @@
-"""One run's recording on its way to one place: a file, or the hub for live viewers."""
+"""One run's recording, encoded by rerun on its way to one target: a file, or live viewers."""
 
 from collections.abc import Iterable
+from typing import Protocol
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import run_blueprint
@@ -14,6 +14,7 @@ from flexlab.recording.rerun_internals.columns import Column, send_columns
 from flexlab.recording.rrd_file import RrdFile
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.scene_log import fixed_shapes
+from flexlab.recording.sink import Kept
 from flexlab.recording.state_json import state_json
 from flexlab.recording.store.run_files import RunFile
 
@@ -21,27 +22,45 @@ APPLICATION = "flexlab"
 """Rerun keeps one layout per application: while runs are watched live, a person's own changes hold for the next one."""
 
 FLUSH_TIMEOUT = 5.0
-"""s: rerun's encoder or the hub, if silent for so long, counts as failed."""
+"""s: rerun's encoder, if silent for so long, counts as failed."""
+
+
+class Target(Protocol):
+    """Where the encoded messages of a run go."""
+
+    @property
+    def exact(self) -> bool:
+        """Whether blocks of exact samples belong here: in files they do, viewers have no use for them."""
+        ...
+
+    @property
+    def given_up(self) -> int:
+        """Pieces that were lost on the way."""
+        ...
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether what was brought here is still there."""
+        ...
+
+    def hold(self, piece: bytes) -> None:
+        """Take one piece as rerun encodes it, to be written by `write`. Raises `RecordingError` for what is none."""
+
+    def write(self) -> None:
+        """Write all that waits. Raises `RecordingError` if that is not possible now."""
 
 
 class RunStream:
     """A rerun stream that has already said what the run is. Not for use by two threads at once."""
 
-    def __init__(
-        self, stream: rr.RecordingStream, info: RunInfo, encoded: rr.BinaryStream | None, file: RrdFile | None
-    ):
-        """`stream` has its sink already; for a file, `encoded` is that sink and `file` where its bytes go.
+    def __init__(self, stream: rr.RecordingStream, info: RunInfo, encoded: rr.BinaryStream, target: Target):
+        """`stream` encodes into `encoded` already, whose bytes go to `target`.
 
         Raises `RecordingError` if what does not change cannot be brought to its place.
         """
-        self._stream, self._encoded, self._file = stream, encoded, file
+        self._stream, self._encoded, self._target = stream, encoded, target
         self._introduce(info)
         self.push()
-
-    @property
-    def exact(self) -> bool:
-        """Whether blocks of exact samples belong here: in files they do, viewers have no use for them."""
-        return self._file is not None
 
     def _introduce(self, info: RunInfo) -> None:
         stream, scenario = self._stream, info.scenario
@@ -76,43 +95,43 @@ class RunStream:
     def _log(self, entity: str, archetype: rr.AsComponents) -> None:
         self._stream.log(entity, archetype, static=True)
 
-    def send(self, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
+    def send(
+        self, entity: str, time: np.ndarray, columns: Iterable[Column], *, exact: bool = False, kept: Kept = "no"
+    ) -> None:
         """Send columns for the instants `time` (N,), s. Returns at once; `push` brings them to their place."""
-        send_columns(self._stream, entity, time, columns)
+        if self._target.exact or not exact:
+            send_columns(self._stream, entity, time, columns)
 
     def send_property(self, name: str, values: rr.AsComponents) -> None:
         """Add a property, as seen in listings."""
         self._stream.send_property(name, values)
 
     def push(self) -> None:
-        """Bring what was sent to its place (a live stream does so by itself).
+        """Bring what was sent to its place.
 
         Raises `RecordingError` if a file takes no more; what is left then waits for the next call.
         """
         self.hold()
-        if self._file is not None:
-            self._file.write()
+        self._target.write()
 
     def hold(self) -> None:
         """Keep what was sent for the next `push`: for a disk that is known to be full."""
-        if self._file is None or self._encoded is None:
-            return
         try:
             piece = self._encoded.read(flush_timeout_sec=FLUSH_TIMEOUT)
         except (RuntimeError, ValueError) as error:
             raise RecordingError(f"Rerun does not encode: {_one_line(error)}") from None
         if piece:
-            self._file.hold(piece)
+            self._target.hold(piece)
 
     @property
     def given_up(self) -> int:
         """Pieces of the recording that a full disk has cost."""
-        return 0 if self._file is None else self._file.given_up
+        return self._target.given_up
 
     @property
     def is_whole(self) -> bool:
         """Whether what was brought to its place is still there."""
-        return self._file is None or self._file.is_whole
+        return self._target.is_whole
 
     def abandon(self) -> None:
         """Let go of it without another byte: its file is no longer what was written."""
@@ -126,29 +145,32 @@ class RunStream:
             self._stream.disconnect()
 
 
-def open_live_stream(url: str, info: RunInfo) -> RunStream:
-    """A stream into the hub that listens at `url`. Raises `RecordingError`."""
-    stream = _new_stream(info)
-    try:
-        stream.set_sinks(rr.GrpcSink(url), default_blueprint=_layout(info))
-    except (RuntimeError, ValueError, OSError) as error:
-        raise RecordingError(f"The live stream cannot be opened: {_one_line(error)}") from None
-    return RunStream(stream, info, None, None)
+def open_live_stream(target: Target, info: RunInfo) -> RunStream:
+    """A stream to viewers that watch live. Raises `RecordingError`."""
+    return _open(target, info, follow=True)
 
 
 def open_file_stream(file: RunFile, info: RunInfo) -> RunStream:
     """A stream into a claimed, empty file. Raises `RecordingError` if it cannot be written."""
+    try:
+        return _open(RrdFile(file.handle), info)
+    except RecordingError as error:
+        raise RecordingError(f"{file.path.name}: {error}") from None
+
+
+def _open(target: Target, info: RunInfo, follow: bool = False) -> RunStream:
     stream = _new_stream(info)
     encoded = stream.binary_stream()
     stream.set_sinks(encoded)
     # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own, and
     # would keep that.
-    stream.send_blueprint(_layout(info), make_active=True, make_default=True)
+    layout = run_blueprint(info.scenario, info.exaggeration, info.name, follow)
+    stream.send_blueprint(layout, make_active=True, make_default=True)
     try:
-        return RunStream(stream, info, encoded, RrdFile(file.handle))
-    except RecordingError as error:
+        return RunStream(stream, info, encoded, target)
+    except RecordingError:
         stream.disconnect()
-        raise RecordingError(f"{file.path.name}: {error}") from None
+        raise
 
 
 def _new_stream(info: RunInfo) -> rr.RecordingStream:
@@ -157,10 +179,6 @@ def _new_stream(info: RunInfo) -> rr.RecordingStream:
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     return stream
-
-
-def _layout(info: RunInfo) -> rrb.Blueprint:
-    return run_blueprint(info.scenario, info.exaggeration, info.name)
 
 
 def _one_line(error: BaseException) -> str:

@@ -8,10 +8,11 @@ import contextlib
 import http.server
 import threading
 from pathlib import Path
-from urllib.parse import quote
+from urllib.parse import quote, urlsplit
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.viewer_files import VIEWER_FILES, viewer_folder
+from flexlab.sockets import LOOPBACK as LOOPBACK_NAMES
 
 SECURITY_POLICY = (
     "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; "
@@ -67,6 +68,9 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
 
     def do_GET(self) -> None:
+        if urlsplit(f"//{self.headers.get('Host', '')}").hostname not in LOOPBACK_NAMES:
+            self.send_error(403)  # A foreign name that leads here makes a foreign page look like this one.
+            return
         name = self.path.partition("?")[0].lstrip("/") or "index.html"
         if name not in VIEWER_FILES:
             self.send_error(404)

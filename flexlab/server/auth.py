@@ -27,8 +27,8 @@ OPEN_TO_ALL = "/static/"
 """Style sheet and scripts, which are no secret and which the sign-in page needs."""
 WITH_A_PASS = "/pass/"
 """Recordings whose address carries a pass: rerun's viewer sends no cookies."""
-COMPARISON = "comparison/"
-"""Overlays of several runs lie under this word; no run's name has a slash."""
+COMPARISON, LIVE = "comparison/", "live/"
+"""Overlays of several runs, and live data of labs, lie under these words; no run's name has a slash."""
 UPLOAD = "/runs/import"
 """The only address that takes files."""
 SAFE_METHODS = ("GET", "HEAD")
@@ -219,11 +219,16 @@ def _ask_for_token(request: web.Request) -> web.Response:
 
 
 def recording_address(context: Context, run: str) -> str:
-    """Where the viewer of a signed-in visitor finds one recording, or comparison, and with it nothing else."""
+    """Where the viewer of a signed-in visitor finds one recording, comparison or live stream, and with it nothing else."""
+    return recording_path(context.token, run)
+
+
+def recording_path(token: str | None, run: str) -> str:
+    """The same for a server with this token, or with none."""
     place = quote(run)
-    if context.token is None:
-        return f"/{place}{SUFFIX}" if run.startswith(COMPARISON) else f"/runs/{place}{SUFFIX}"
-    return f"{WITH_A_PASS}{_pass(context.token, run)}/{place}{SUFFIX}"
+    if token is None:
+        return f"/{place}{SUFFIX}" if run.startswith((COMPARISON, LIVE)) else f"/runs/{place}{SUFFIX}"
+    return f"{WITH_A_PASS}{_pass(token, run)}/{place}{SUFFIX}"
 
 
 def _has_pass(request: web.Request, token: str) -> bool:

@@ -18,6 +18,7 @@ from flexlab.recording.live import LiveHub
 from flexlab.recording.store.run_files import check_folder
 from flexlab.scenario import Scenario
 from flexlab.server.app import build_app
+from flexlab.server.auth import LIVE, recording_path
 from flexlab.server.automatic_retention import tidy_up
 from flexlab.server.comparison_jobs import Comparisons
 from flexlab.server.connections import Connections
@@ -72,6 +73,12 @@ class FrontServer:
     def lab_url(self) -> str:
         """Where a browser on this machine finds the lab, signed in."""
         return self.address("/lab/")
+
+    @property
+    def live_source(self) -> str:
+        """Where a rerun viewer on this machine finds the shared lab's live data."""
+        host = "127.0.0.1" if self.settings.host in WILDCARDS else self.settings.host
+        return base_address(host, self.port) + recording_path(self.token, f"{LIVE}lab")
 
     def address(self, path: str = "/", host: str | None = None) -> str:
         """The address of a page, with the token if there is one. `host`: as others know this machine."""
@@ -146,12 +153,11 @@ def open_front_server(
     scenario: Scenario,
     name: str,
     *,
-    hub: LiveHub | None = None,
     on_problem: Callable[[str], None] | None = None,
 ) -> FrontServer:
     """Listen, start the shared lab (private ones start when visitors come), and serve until the server is closed.
 
-    `scenario`, `name`: what a lab shows first. `hub` sees the shared lab's runs live. `on_problem` gets a sentence when
+    `scenario`, `name`: what a lab shows first. `on_problem` gets a sentence when
     recording fails or resumes. Raises `LabError` or `RecordingError`, and leaves nothing running, if it cannot.
     """
     check_folder(settings.logs)
@@ -164,18 +170,18 @@ def open_front_server(
         address = base_address(settings.public_host(), port)
         if settings.private:
             return FrontServer(settings, port, token, PrivateLabs(settings, choice, address), plug)
+        live = LiveHub() if settings.live else None
         laboratory = RecordedLab(
             choice,
             settings.logs,
             address,
-            hub=hub,
-            viewer=settings.viewer,
+            live=live.take if live else None,
             on_problem=on_problem,
             shadows=settings.shadows,
             secret=secrets.token_urlsafe(SECRET_BYTES),
         )
         try:
-            return FrontServer(settings, port, token, SharedLabProvider(laboratory), plug)
+            return FrontServer(settings, port, token, SharedLabProvider(laboratory, live), plug)
         except BaseException:
             laboratory.close()
             raise

@@ -43,8 +43,8 @@ class Settings:
     """s without an open page after which a private lab is closed."""
     shadows: bool = True
     """Whether the scene casts shadows; without a graphics card they cost most of the time."""
-    viewer: str = ""
-    """Page of a rerun viewer on this machine, for the live data of each lab; empty: no live data."""
+    live: bool = False
+    """Whether the data of each lab are to be had live, for rerun viewers."""
     most_bytes: float | None = None
     """Over which the oldest runs that are not kept are deleted; None: never."""
     most_days: float | None = None

@@ -1,10 +1,5 @@
-"""The live stream against rerun's own client: who joins late still sees parameters and what happened."""
+"""The live data as rerun's own reader finds them: who joins late still sees parameters and what happened."""
 
-import signal
-import socket
-import subprocess
-import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,82 +12,68 @@ from flexlab.presets import load_preset
 from flexlab.recording.live import LiveHub
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
-from flexlab.recording.rerun_internals.tool import rerun_tool
 from flexlab.recording.store.run_files import list_runs
 from flexlab.sim.commands import ChangeScenario, Reset
 from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Status
 from flexlab.sim.world import World
 
 
-@pytest.fixture
-def hub() -> Iterator[LiveHub]:
-    hub = LiveHub()
-    yield hub
-    hub.close()
+def joined(hub: LiveHub, path: Path) -> Path:
+    """What a viewer has that joins now, as a file."""
+    _, pieces = hub.after(-1)
+    path.write_bytes(b"".join(pieces))
+    return path
 
 
-class Client:
-    """A real rerun program that connects to a hub and saves what it gets."""
-
-    def __init__(self, url: str, path: Path):
-        self.path = path
-        nothing = subprocess.DEVNULL
-        command = [rerun_tool(), "--save", str(path), url]
-        self._process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
-
-    def received(self) -> int:
-        return self.path.stat().st_size if self.path.exists() else 0
-
-    def runs(self) -> int:
-        try:
-            return sum(entry.application_id == "flexlab" for entry in RrdReader(self.path).recordings())
-        except (ValueError, RuntimeError, OSError):
-            return 0  # Nothing there yet, or half a message.
-
-    def close(self) -> None:
-        self._process.send_signal(signal.SIGINT)
-        self._process.wait(30)
+def runs(path: Path) -> list[str]:
+    """Ids of the recordings in a file."""
+    return [entry.recording_id for entry in RrdReader(path).recordings() if entry.application_id == "flexlab"]
 
 
-def test_a_client_that_joins_after_ten_seconds_has_it_all(tmp_path: Path, hub: LiveHub) -> None:
+def test_who_joins_after_ten_seconds_has_it_all(tmp_path: Path) -> None:
     World(load_preset("paper")).advance(2)
-    recorder = Recorder(tmp_path / "logs", hub)
+    hub = LiveHub()
+    recorder = Recorder(tmp_path / "logs", hub.take)
     runner = Runner(load_preset("paper"), "paper", [recorder])
     runner.start()
     wait_until(lambda: runner.snapshot.latest.time[0] > 1.0, "some time has passed")
     runner.submit(ChangeScenario({"payload.bending_stiffness": 50.0}))
     wait_until(lambda: runner.snapshot.latest.time[0] > 10.0, "ten seconds have passed")
-    client = Client(hub.url, tmp_path / "late.rrd")
-    wait_until(lambda: client.received() > 1_000_000, "the client has received the past")
-    joined = float(runner.snapshot.latest.time[0])
-    wait_until(lambda: runner.snapshot.latest.time[0] > joined + 2, "two seconds are watched")
+    number, past = hub.after(-1)
+    then = float(runner.snapshot.latest.time[0])
+    wait_until(lambda: runner.snapshot.latest.time[0] > then + 2, "two seconds are watched")
     snapshot = runner.snapshot
-    client.close()
+    _, present = hub.after(number)
     runner.stop()
     recorder.close()
+    late = tmp_path / "late.rrd"
+    late.write_bytes(b"".join(past + present))
     assert snapshot.dropped_samples == 0
     assert not snapshot.too_slow
     (path,) = list_runs(tmp_path / "logs")
     exact = read_recording(path).samples
+    vibration = np.stack([exact.vibration, exact.midspan_deflection, exact.quasi_static_deflection], axis=1)
     expected = {
         "/error": 1e3 * exact.tracking_error,
-        "/vibration": 1e3
-        * np.stack([exact.vibration, exact.midspan_deflection, exact.quasi_static_deflection], axis=1),
+        "/vibration": 1e3 * vibration,
         "/internal_force": exact.internal_force[:, 0],
     }
     for entity, values in expected.items():
-        times, found = plotted(client.path, entity)
+        times, found = plotted(late, entity)
         assert times[0] == 0
-        assert times[-1] / 1e9 > joined
+        assert times[-1] / 1e9 > then + 1
         np.testing.assert_array_equal(np.diff(times), 1_000_000)
         np.testing.assert_array_equal(found, values[: len(found)].astype(np.float32))
-    entities = {chunk.entity_path for chunk in RrdReader(client.path).stream()}
+    entities = {chunk.entity_path for chunk in RrdReader(late).stream()}
     assert {"/parameters", "/events", "/scene/beam", "/scene/links", "/real_time_factor"} <= entities
-    assert RrdReader(client.path).blueprints()
+    assert "/exact/samples" not in entities, "viewers have no use for them"
+    assert RrdReader(late).blueprints()
 
 
-def test_all_runs_go_through_one_hub(tmp_path: Path, hub: LiveHub) -> None:
-    recorder = Recorder(tmp_path / "logs", hub)
+def test_all_runs_go_through_one_hub(tmp_path: Path) -> None:
+    hub = LiveHub()
+    recorder = Recorder(tmp_path / "logs", hub.take)
     runner = Runner(load_preset("paper"), "paper", [recorder])
     runner.start()
     for _ in range(3):
@@ -102,75 +83,47 @@ def test_all_runs_go_through_one_hub(tmp_path: Path, hub: LiveHub) -> None:
         wait_until(lambda: runner.snapshot.latest.time[0] > 0.3, "it is under way")
     runner.stop()
     recorder.close()
-    client = Client(hub.url, tmp_path / "late.rrd")
-    wait_until(lambda: client.runs() == 4, "the client has received all runs")
-    client.close()
+    assert len(set(runs(joined(hub, tmp_path / "late.rrd")))) == 4
+
+
+def test_the_oldest_data_make_room_and_what_a_run_begins_with_stays(tmp_path: Path) -> None:
+    hub = LiveHub(most_bytes=1_500_000)
+    recorder = Recorder(tmp_path / "logs", hub.take, queue_rows=10**6)
+    world = World(load_preset("paper"))
+    for number in range(2):
+        recorder.begin_run(number, "paper", world.scenario, world.state())
+        for _ in range(100):
+            recorder.take_samples(number, world.advance(200), 1.0)
+        recorder.end_run(number, Status("finished", ""))
+    recorder.close()
+    found = joined(hub, tmp_path / "late.rrd")
+    assert found.stat().st_size < 1_600_000
+    assert len(set(runs(found))) == 1, "a run of which nothing is left is gone as a whole"
+    assert {"/parameters", "/scene/beam"} <= {chunk.entity_path for chunk in RrdReader(found).stream()}
+    times, _ = plotted(found, "/error")
+    assert times[-1] / 1e9 == pytest.approx(world.time, abs=0.01)
 
 
 def test_a_recording_does_not_depend_on_viewers(tmp_path: Path) -> None:
     hub = LiveHub()
-    recorder = Recorder(tmp_path, hub)
+    told: list[str] = []
+    recorder = Recorder(tmp_path, hub.take, told.append)
     world = World(load_preset("paper"))
     recorder.begin_run(1, "paper", world.scenario, world.state())
     recorder.take_samples(1, world.advance(100), 1.0)
     wait_until(lambda: recorder.path, "there is a file")
-    recorder.close()
     hub.close()
+    hub.close()
+    recorder.take_samples(1, world.advance(100), 1.0)
+    recorder.close()
+    assert told == ["The live stream is closed."]
     (path,) = list_runs(tmp_path)
-    assert len(read_recording(path).samples) == 100
+    assert len(read_recording(path).samples) == 200
 
 
-def test_a_busy_port_is_said(hub: LiveHub) -> None:
-    with pytest.raises(RecordingError, match=rf"cannot listen on 127\.0\.0\.1:{hub.port}: the port is in use"):
-        LiveHub(port=hub.port)
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        port = other.getsockname()[1]
-        with pytest.raises(RecordingError, match="the port is in use"):
-            LiveHub(port=port)
-
-
-@pytest.mark.parametrize(
-    ("host", "port", "sentence"),
-    [
-        ("127.0.0.1", 70000, "port = 70000 is not a port"),
-        ("127.0.0.1", -1, "port = -1 is not a port"),
-        ("198.51.100.7", 0, "host = 198.51.100.7 is not an address of this machine"),
-    ],
-)
-def test_what_is_no_address_is_said(host: str, port: int, sentence: str) -> None:
-    with pytest.raises(RecordingError, match=sentence):
-        LiveHub(host, port)
-
-
-def test_hubs_take_free_ports_and_give_them_back() -> None:
-    one, two = LiveHub(), LiveHub()
-    assert one.port != two.port
-    port = one.port
-    one.close()
-    one.close()
-    open_when_free(port).close()
-    two.close()
-
-
-def open_when_free(port: int) -> LiveHub:
-    """A hub on a port that was just given back; rerun's server closes its socket on a thread of its own."""
-    deadline = time.monotonic() + 20
-    while True:
-        try:
-            return LiveHub(port=port)
-        except RecordingError:
-            assert time.monotonic() < deadline, "the port was never given back"
-            time.sleep(0.1)
-
-
-def test_the_hub_listens_on_this_machine_only(hub: LiveHub) -> None:
-    assert hub.url == f"rerun+http://127.0.0.1:{hub.port}/proxy"
-    with socket.socket() as probe:
-        probe.settimeout(5)
-        probe.connect(("127.0.0.1", hub.port))
-    with socket.socket() as probe:
-        probe.settimeout(5)
-        with pytest.raises(OSError, match="refused"):
-            probe.connect(("127.0.0.2", hub.port))
+def test_a_closed_hub_says_so(tmp_path: Path) -> None:
+    hub = LiveHub()
+    hub.close()
+    assert hub.after(-1) == (-1, [])
+    with pytest.raises(RecordingError, match="The live stream is closed"):
+        hub.take("run", b"RRF2")

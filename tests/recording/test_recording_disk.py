@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path
@@ -111,7 +112,16 @@ def write_over(path: Path) -> None:
     path.write_bytes(b"something else")
 
 
-@pytest.mark.parametrize("harm", [cut_off, replace_by_copy, write_over])
+def write_over_the_same_size(path: Path) -> None:
+    """As an editor does that keeps the length, or a program that writes into the middle."""
+    for _ in range(3):  # A date is as fine as the system's clock tick, which the lab's own write may share.
+        with path.open("rb+") as file:
+            file.seek(path.stat().st_size // 2)
+            file.write(b"something else")
+        time.sleep(0.03)
+
+
+@pytest.mark.parametrize("harm", [cut_off, replace_by_copy, write_over, write_over_the_same_size])
 def test_a_file_that_is_changed_while_it_is_written_is_told_and_the_run_goes_on_in_another(
     tmp_path: Path, harm: Callable[[Path], None]
 ) -> None:
@@ -139,6 +149,23 @@ def test_a_file_that_is_changed_while_it_is_written_is_told_and_the_run_goes_on_
     found = read_recording(second)
     assert (found.part, found.state) == (2, "complete")
     assert found.samples.time[-1] > harmed + 1
+
+
+def test_a_file_that_is_only_touched_goes_on(tmp_path: Path) -> None:
+    told: list[str] = []
+    recorder = Recorder(tmp_path, on_problem=told.append)
+    runner = Runner(load_preset("paper"), "paper", [recorder])
+    runner.start()
+    wait_until(lambda: recorder.path and recorder.path.stat().st_size > 400_000, "something is recorded")
+    assert recorder.path is not None
+    for _ in range(20):
+        os.utime(recorder.path)
+        time.sleep(0.02)
+    runner.stop()
+    recorder.close(60)
+    assert told == []
+    (path,) = list_runs(tmp_path)
+    assert read_recording(path).state == "complete"
 
 
 def test_a_run_without_a_screen_says_that_its_file_was_changed(tmp_path: Path, run: Run) -> None:

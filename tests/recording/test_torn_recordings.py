@@ -13,9 +13,9 @@ from flexlab.presets import load_preset
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals import tool
+from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import open_file_stream
-from flexlab.recording.run_writer import RunWriter
 from flexlab.recording.sample_codec import join_blocks
 from flexlab.recording.store.run_files import claim_run_file, has_footer, read_notes, run_state
 from flexlab.sim.samples import Run
@@ -28,15 +28,14 @@ def unfinished(run: Run, tmp_path: Path) -> Path:
     """A recording as a killed lab leaves it: ten blocks, no end, no footer."""
     info = RunInfo("paper", load_preset("paper"))
     file = claim_run_file(tmp_path, "paper", info.started)
-    writer = RunWriter(info)
     stream = open_file_stream(file, info)
-    writer.add_stream(stream)
+    writer = RunEncoder(info, [stream])
     for first in range(0, 1000, BLOCK):
         writer.write_samples(run.slice(first, first + BLOCK))
     stream.push()
     lost = tmp_path / "lost.rrd"
     shutil.copy(file.path, lost)
-    writer.close()
+    stream.close()
     file.release()
     file.path.unlink()
     return lost
@@ -58,9 +57,8 @@ def test_a_recording_without_an_end_is_read_and_mended(unfinished: Path, run: Ru
 def test_a_run_that_is_being_recorded_is_read_up_to_when_the_reading_began(run: Run, tmp_path: Path) -> None:
     info = RunInfo("paper", load_preset("paper"))
     file = claim_run_file(tmp_path, "paper", info.started)
-    writer = RunWriter(info)
     stream = open_file_stream(file, info)
-    writer.add_stream(stream)
+    writer = RunEncoder(info, [stream])
     for first in (0, 100, 200):
         writer.write_samples(run.slice(first, first + 100))
     stream.push()
@@ -69,7 +67,7 @@ def test_a_run_that_is_being_recorded_is_read_up_to_when_the_reading_began(run: 
     writer.write_samples(run.slice(300, 400))
     stream.push()
     assert_same_bits(join_blocks([first, *blocks]), run.slice(0, 300))
-    writer.close()
+    stream.close()
     file.release()
 
 

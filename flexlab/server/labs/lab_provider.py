@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Protocol
 
 from flexlab.errors import LabError
+from flexlab.recording.live import LiveHub
 from flexlab.scenario import Scenario
 from flexlab.sim.world_state import Origin
 
@@ -37,8 +38,6 @@ class LabStatus:
     """The file being written."""
     problem: str
     """Why nothing is being recorded, as a sentence; empty while all is well."""
-    live: str = ""
-    """Address of a rerun viewer with its live data, on this machine; empty if there is none."""
 
 
 class FullError(LabError):
@@ -61,6 +60,11 @@ class Lab(Protocol):
     @property
     def secret(self) -> str:
         """The word without which that server answers nobody."""
+        ...
+
+    @property
+    def live(self) -> LiveHub | None:
+        """Its live data, if they are served."""
         ...
 
     def status(self) -> LabStatus:

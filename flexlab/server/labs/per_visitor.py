@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.errors import FlexlabError, LabError
+from flexlab.recording.live import LiveHub
 from flexlab.recording.repair import finish
 from flexlab.server.labs.lab_provider import Choice, FullError, Lab
 from flexlab.server.labs.recorded_lab import LabStatus
@@ -53,6 +54,11 @@ class PrivateLab:
         self.why = ""
         """Why the server closes it; empty as long as it does not."""
         self._choice = choice
+
+    @property
+    def live(self) -> LiveHub | None:
+        """Its live data, if they are served."""
+        return self.worker.live
 
     def status(self) -> LabStatus:
         """Its last report; before the first one, what it is about to show."""
@@ -120,7 +126,7 @@ class PrivateLabs:
             self._settings.logs,
             self._address,
             self._settings.shadows,
-            self._settings.viewer,
+            self._settings.live,
             secrets.token_urlsafe(SECRET_BYTES),
         )
         place = PrivateLab(lab, visitor, await asyncio.to_thread(Worker, order, tell), choice)

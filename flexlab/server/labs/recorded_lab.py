@@ -7,9 +7,8 @@ from pathlib import Path
 
 from flexlab.analysis.run_summary import run_notes
 from flexlab.lab.session import Session
-from flexlab.recording.live import LiveHub
+from flexlab.recording.live import Take
 from flexlab.recording.recorder import Recorder
-from flexlab.recording.web_viewer import viewer_link
 from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Choice, LabStatus
 from flexlab.server.scenario_links import encode_scenario, scenario_path
@@ -32,20 +31,18 @@ class RecordedLab:
         logs: Path,
         address: str,
         *,
-        hub: LiveHub | None = None,
-        viewer: str = "",
+        live: Take | None = None,
         on_problem: Callable[[str], None] | None = None,
         shadows: bool = True,
         secret: str = "",
     ):
         """Start it. Raises `FlexlabError`, and leaves nothing running, if it cannot.
 
-        `address`: of the server, for links that open a scenario. `hub` gets live data, which `viewer` is a page for.
+        `address`: of the server, for links that open a scenario. `live` takes what viewers watch.
         `secret`: the word without which the lab's own port answers nobody.
         """
         self.secret = secret
-        self._live = viewer_link(viewer, hub.url) if hub is not None and viewer else ""
-        self._recorder = recorder = Recorder(logs, hub, on_problem=on_problem, start_notes=run_notes)
+        self._recorder = recorder = Recorder(logs, live, on_problem=on_problem, start_notes=run_notes)
         self._shown: tuple[Scenario | None, str] = (None, "")
         try:
             self._session = Session(
@@ -93,7 +90,6 @@ class RecordedLab:
             link=self._shown[1],
             recording=recorder.path,
             problem=recorder.problem or "",
-            live=self._live,
         )
 
     def close(self) -> Path | None:

@@ -3,6 +3,7 @@
 import asyncio
 from pathlib import Path
 
+from flexlab.recording.live import LiveHub
 from flexlab.server.labs.lab_provider import Choice, Lab
 from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
 
@@ -10,8 +11,9 @@ from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
 class SharedLab:
     """The lab at `/lab`."""
 
-    def __init__(self, laboratory: RecordedLab):
+    def __init__(self, laboratory: RecordedLab, live: LiveHub | None):
         self._laboratory = laboratory
+        self.live = live
         self.path = "/lab"
         self.visitors = 0
 
@@ -35,9 +37,9 @@ class SharedLabProvider:
 
     is_private = False
 
-    def __init__(self, laboratory: RecordedLab):
+    def __init__(self, laboratory: RecordedLab, live: LiveHub | None = None):
         self._laboratory = laboratory
-        self._place = SharedLab(laboratory)
+        self._place = SharedLab(laboratory, live)
 
     async def enter(self, visitor: str, choice: Choice | None, address: str = "") -> Lab:
         """The one lab, with what this visitor chose."""
@@ -62,4 +64,6 @@ class SharedLabProvider:
 
     async def close(self) -> Path | None:
         """End it; returns its last recording."""
+        if self._place.live is not None:
+            self._place.live.close()
         return await asyncio.to_thread(self._laboratory.close)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from flexlab.errors import FlexlabError, LabError
-from flexlab.recording.live import LiveHub
+from flexlab.errors import FlexlabError, LabError, RecordingError
+from flexlab.recording.live import LiveHub, Take
 from flexlab.server.child_processes import leave_interrupts_to_the_server, without_interrupt
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
@@ -33,8 +33,8 @@ class Order:
     address: str
     """Of the server."""
     shadows: bool
-    viewer: str
-    """Page of a rerun viewer for its live data; empty: none."""
+    live: bool
+    """Whether its data are to be had live."""
     secret: str
     """The word without which the lab's own port answers nobody."""
 
@@ -53,27 +53,31 @@ class Refusal:
     sentence: str
 
 
-def work(order: Order, pipe: Connection) -> None:
+def _sender(pipe: Connection) -> Take:
+    def take(run: str, piece: bytes) -> None:
+        try:
+            pipe.send((run, piece))
+        except OSError:
+            raise RecordingError("The live stream is closed.") from None
+
+    return take
+
+
+def work(order: Order, pipe: Connection, live: Connection | None) -> None:
     """The worker's life: open, report, follow, close. Ends when the server says so or is no more."""
     leave_interrupts_to_the_server()
     stopping = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stopping.set())
-    closing = contextlib.ExitStack()
     try:
-        hub = LiveHub() if order.viewer else None
-        if hub is not None:
-            closing.callback(hub.close)
         lab = RecordedLab(
             order.choice,
             order.logs,
             order.address,
-            hub=hub,
-            viewer=order.viewer,
+            live=None if live is None else _sender(live),
             shadows=order.shadows,
             secret=order.secret,
         )
     except FlexlabError as error:
-        closing.close()
         pipe.send(Refusal(str(error)))
         return
     try:
@@ -89,7 +93,6 @@ def work(order: Order, pipe: Connection) -> None:
         pass  # The server is gone: the run is still to be closed properly.
     finally:
         lab.close()
-        closing.close()
 
 
 class Worker:
@@ -99,10 +102,17 @@ class Worker:
         """Start the process. `on_end` is called, on a thread, when it is over for whatever reason."""
         context = multiprocessing.get_context("spawn")
         self._pipe, other = context.Pipe()
-        self._process = context.Process(target=work, args=(order, other), name="flexlab-lab", daemon=True)
+        source, target = context.Pipe(duplex=False) if order.live else (None, None)
+        self._process = context.Process(target=work, args=(order, other, target), name="flexlab-lab", daemon=True)
         with without_interrupt():
             self._process.start()
         other.close()
+        self.live: LiveHub | None = None
+        """What its visitor may watch in a viewer."""
+        if source is not None and target is not None:
+            target.close()
+            self.live = LiveHub()
+            threading.Thread(target=_feed, args=(source, self.live), name="flexlab-live", daemon=True).start()
         self.secret = order.secret
         self._on_end = on_end
         self._answered = threading.Event()
@@ -168,3 +178,11 @@ class Worker:
             self._process.join()
             self._answered.set()
             self._on_end()
+
+
+def _feed(source: Connection, hub: LiveHub) -> None:
+    """Bring what a worker tells live to who watches it, until it ends."""
+    with contextlib.suppress(EOFError, OSError, RecordingError):
+        while True:
+            hub.take(*source.recv())
+    hub.close()

@@ -15,7 +15,6 @@ from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import button
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
-from flexlab.sockets import LOOPBACK
 
 VISITOR_BYTES = 18
 """Randomness of the cookie by which a visitor finds their own lab again."""
@@ -168,8 +167,7 @@ def _state(request: web.Request, place: Lab) -> web.Response:
             "name": status.name,
             "state": status.state,
             "link": scenario_path(status.link),
-            # The viewer and its data are to be had on this machine only.
-            "live": status.live if request.remote in LOOPBACK else "",
+            "live": "/live" if place.live is not None else "",
         },
         headers={"Cache-Control": "no-store"},
     )

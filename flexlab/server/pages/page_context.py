@@ -36,6 +36,8 @@ class Context:
     preset_cards: PresetCards
     guesses: Guesses = field(default_factory=Guesses)
     """Wrong tokens of late."""
+    watchers: list[web.Request] = field(default_factory=list)
+    """Requests for live data that are being answered."""
 
     @property
     def token_cookie(self) -> str:

@@ -2,15 +2,21 @@
 
 import contextlib
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import rerun as rr
 
 from flexlab.errors import RecordingError
+from flexlab.recording.recorded_plots import PlotSignal
+from flexlab.recording.rerun_internals.columns import Column
+from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import RunStream, open_file_stream
-from flexlab.recording.run_writer import RunWriter
+from flexlab.recording.sink import Kept
 from flexlab.recording.store.run_files import RunFile, claim_run_file, write_notes
-from flexlab.sim.samples import Status
 
 RETRY_PERIOD = 1.0
 """Wall seconds between attempts to open a file."""
@@ -19,14 +25,26 @@ ROOM_TO_RESUME = 32_000_000
 """Free bytes that a full disk must have again: a minute's worth, so that it is not full again at once."""
 
 
-class FileKeeper:
+class Sent(NamedTuple):
+    """What a file that begins later is told again."""
+
+    entity: str
+    time: np.ndarray
+    columns: list[Column]
+
+
+class FileSink:
     """The file of one run. What waits while a disk is full is written when there is room (see `rrd_file`)."""
 
-    def __init__(self, logs: Path, run: RunWriter, tell: Callable[[str], None]):
+    def __init__(self, logs: Path, info: RunInfo, tell: Callable[[str], None]):
         """Open the file; if that fails, `tell` gets a sentence, and `keep_up` tries again."""
-        self._logs, self._run, self._tell = logs, run, tell
+        self._logs, self._info, self._tell = logs, info, tell
         self._file: RunFile | None = None
         self._stream: RunStream | None = None
+        self._past: list[Sent] = []
+        self._present: dict[str, Sent] = {}
+        self._curves: list[PlotSignal] = []
+        self._last_time = 0.0
         self._parts = 0
         self._given_up = 0
         self._next_try = 0.0
@@ -38,6 +56,31 @@ class FileKeeper:
     def path(self) -> Path | None:
         """The file; None while there is none."""
         return None if self._file is None else self._file.path
+
+    def send(
+        self, entity: str, time: np.ndarray, columns: Iterable[Column], *, exact: bool = False, kept: Kept = "no"
+    ) -> None:
+        """Take columns for the instants `time` (N,), s; `keep_up` brings them into the file."""
+        sent = Sent(entity, time, list(columns))
+        self._last_time = max(self._last_time, float(time[-1]))
+        if kept == "as it was":
+            self._past.append(sent)
+        elif kept == "as it stands":
+            self._present[entity] = sent
+        if self._stream is not None:
+            self._stream.send(*sent, exact=exact)
+
+    def name_curves(self, signals: Iterable[PlotSignal]) -> None:
+        """Take what the curves are called that will be sent, and how they look."""
+        new = list(signals)
+        self._curves += new
+        if self._stream is not None:
+            self._stream.name_curves(new)
+
+    def send_property(self, name: str, values: rr.AsComponents) -> None:
+        """Take a property, as seen in listings."""
+        if self._stream is not None:
+            self._stream.send_property(name, values)
 
     def keep_up(self, now: float) -> None:
         """Write what has come since the last call. `now`: wall time, s."""
@@ -54,7 +97,7 @@ class FileKeeper:
         """Begin the run's next part. Raises `RecordingError`."""
         if self.problem is not None and _free_bytes(self._logs) < ROOM_TO_RESUME:
             return
-        info = replace(self._run.info, part=self._parts + 1)
+        info = replace(self._info, part=self._parts + 1)
         file = claim_run_file(self._logs, info.name, info.started, info.part)
         try:
             stream = open_file_stream(file, info)
@@ -62,9 +105,17 @@ class FileKeeper:
             file.release()
             file.path.unlink(missing_ok=True)
             raise
-        self._run.add_stream(stream)
+        self._tell_the_past(stream)
         self._parts, self._file, self._stream, self._given_up = info.part, file, stream, 0
         self._recover(file)
+
+    def _tell_the_past(self, stream: RunStream) -> None:
+        """A part that begins later can then be replayed too."""
+        stream.name_curves(self._curves)
+        for sent in self._present.values():
+            stream.send(sent.entity, np.full(len(sent.time), self._last_time), sent.columns)
+        for sent in self._past:
+            stream.send(*sent)
 
     def _write(self, stream: RunStream, file: RunFile) -> None:
         self._check(stream, file)
@@ -75,11 +126,11 @@ class FileKeeper:
             self._recover(file)
 
     def _check(self, stream: RunStream, file: RunFile) -> None:
-        """Let go of a file that others have taken away, replaced or cut off. Raises `RecordingError`; a new part follows."""
+        """Let go of a file that others have taken away, replaced or changed. Raises `RecordingError`; a new part follows."""
         if file.in_place and stream.is_whole:
             return
         what = "changed by another program" if file.in_place else "replaced" if file.path.exists() else "taken away"
-        self._run.drop_stream(stream)
+        stream.abandon()
         file.release()
         self._file = self._stream = None
         raise RecordingError(f"{file.path} was {what} while it was being written.")
@@ -101,12 +152,13 @@ class FileKeeper:
         if told is None:
             self._tell(self.problem)
 
-    def end(self, status: Status, dropped: int) -> Path | None:
-        """The run is over: close the file and return it, if there is one."""
+    def close(self, notes: dict[str, Any]) -> Path | None:
+        """The run is over: close the file, note beside it what is to be noted, and return it, if there is one."""
         try:
             if self._stream is not None and self._file is not None:
                 self._check(self._stream, self._file)
-            self._run.end(status, dropped)
+            if self._stream is not None:
+                self._stream.close()
         except RecordingError as error:
             self._fail(str(error))
         file, self._file, self._stream = self._file, None, None
@@ -114,7 +166,7 @@ class FileKeeper:
             return None
         if self.problem is None:
             with contextlib.suppress(OSError):  # The recording is there; its state is then told from the file alone.
-                write_notes(file.path, **self._run.summary(status, dropped))
+                write_notes(file.path, **notes)
         file.release()
         return file.path
 

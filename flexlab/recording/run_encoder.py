@@ -1,4 +1,4 @@
-"""Turns a run's samples and events into what its streams hold. No thread, no queue, no file names: see `writer`."""
+"""Turns a run's samples and events into columns for its sinks. No thread, no queue, no files: see `recorder`."""
 
 import json
 from collections.abc import Sequence
@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from flexlab.errors import RecordingError, ScenarioError
+from flexlab.errors import ScenarioError
 from flexlab.recording.commands_json import command_to_json
 from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, plot_signals
-from flexlab.recording.rerun_internals.columns import blobs, line_strips, scalars, texts
+from flexlab.recording.rerun_internals.columns import Column, blobs, line_strips, scalars, texts
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_notes import StartNotes
-from flexlab.recording.run_stream import RunStream
 from flexlab.recording.sample_codec import encode_block
 from flexlab.recording.scene_log import FRAMES_PER_SECOND, desired_path, moving_shapes
+from flexlab.recording.sink import Kept, Sink
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event
@@ -27,29 +27,21 @@ END = "End of the run"
 """How a run's last event begins."""
 
 
-class RunWriter:
-    """One run on its way into any number of streams."""
+class RunEncoder:
+    """One run on its way into any number of sinks."""
 
-    def __init__(self, info: RunInfo, start_notes: StartNotes | None = None):
-        """`start_notes`: what is to be noted beside what this writer says of a run that has ended."""
+    def __init__(self, info: RunInfo, sinks: Sequence[Sink], start_notes: StartNotes | None = None):
+        """`start_notes`: what is to be noted beside what this encoder says of a run that has ended."""
         self.info = info
+        self._sinks = sinks
         self._notes = None if start_notes is None else start_notes(info)
-        self.streams: list[RunStream] = []
         self._scenario = info.scenario
-        self._events: list[Event] = []
+        self._event_count = 0
         self._signals = plot_signals(info.scenario)
         self._last_drawn = -np.inf
         self.rows = 0
         self.last_time = 0.0
         self._first_time: float | None = None
-
-    def add_stream(self, stream: RunStream) -> None:
-        """Let a stream take part; it is told all events so far (a recording that resumes can then be replayed too)."""
-        self.streams.append(stream)
-        if self._first_time is not None:
-            self._send_path([stream], self.last_time)
-        if self._events:
-            self._send_events([stream], self._events)
 
     def write_samples(self, samples: Samples, speed_time: Sequence[float] = (), speed: Sequence[float] = ()) -> None:
         """Write a block (N >= 1), exact and shown. `speed`: real-time factors at the simulation times `speed_time`, s."""
@@ -59,13 +51,11 @@ class RunWriter:
     def write_exact(self, samples: Samples) -> None:
         """Write a block (N >= 1) in full precision only, at its last instant, so that no time axis ends later."""
         column = blobs("flexlab.Block", "data", [encode_block(samples)])
-        for stream in self.streams:
-            if stream.exact:
-                stream.send("exact/samples", samples.time[-1:], [column])
+        self._send("exact/samples", samples.time[-1:], [column], exact=True)
         self.rows += len(samples)
         if self._first_time is None:
             self._first_time = float(samples.time[0])
-            self._send_path(self.streams, self._first_time)
+            self._send_path(self._first_time)
         self.last_time = float(samples.time[-1])
         if self._notes is not None:
             self._notes.add(samples)
@@ -84,9 +74,11 @@ class RunWriter:
             for entity, columns in moving_shapes(self._scenario, drawn, self.info.exaggeration):
                 self._send(entity, drawn.time, columns)
 
-    def _send(self, entity: str, time: np.ndarray, columns: list) -> None:
-        for stream in self.streams:
-            stream.send(entity, time, columns)
+    def _send(
+        self, entity: str, time: np.ndarray, columns: list[Column], exact: bool = False, kept: Kept = "no"
+    ) -> None:
+        for sink in self._sinks:
+            sink.send(entity, time, columns, exact=exact, kept=kept)
 
     def _frames(self, samples: Samples, speed: float) -> Samples:
         """The samples to draw: FRAMES_PER_SECOND a simulated second, in slow motion as many a wall second."""
@@ -103,10 +95,9 @@ class RunWriter:
 
     def write_event(self, event: Event) -> None:
         """Write an event; a change of the scenario also moves what is drawn from then on."""
-        self._events.append(event)
         if self._notes is not None:
             self._notes.add_event(event)
-        self._send_events(self.streams, [event], first=len(self._events) - 1)
+        self._send_event(event)
         if isinstance(event.command, ChangeScenario) and event.level != "error":
             self._follow(event.command, event.time)
 
@@ -118,34 +109,26 @@ class RunWriter:
         known = {signal.entity for signal in self._signals}
         new = tuple(signal for signal in plot_signals(self._scenario) if signal.entity not in known)
         self._signals += new  # Another law may have signals of its own.
-        for stream in self.streams:
-            stream.name_curves(new)
+        for sink in self._sinks:
+            sink.name_curves(new)
         if any(path.startswith("trajectory") for path in change.changes):
-            self._send_path(self.streams, time)
+            self._send_path(time)
 
-    def _send_path(self, streams: Sequence[RunStream], time: float) -> None:
+    def _send_path(self, time: float) -> None:
         """At an instant of the run, not before: the viewer's time begins with the first thing it is told."""
-        for stream in streams:
-            stream.send("scene/path", np.array([time]), [line_strips(desired_path(self._scenario))])
+        self._send("scene/path", np.array([time]), [line_strips(desired_path(self._scenario))], kept="as it stands")
 
-    def _send_events(self, streams: Sequence[RunStream], events: Sequence[Event], first: int = 0) -> None:
-        """`first`: number of the first one, which keeps those of one instant in order."""
-        time = np.array([event.time for event in events])
+    def _send_event(self, event: Event) -> None:
+        """Numbered, which keeps those of one instant in order."""
+        time = np.array([event.time])
         lines = [
-            texts("TextLog", "text", "Text", [f"t = {event.time:.3f} s: {event.text}" for event in events]),
-            texts("TextLog", "level", "TextLogLevel", [LEVELS.get(event.level, "INFO") for event in events]),
+            texts("TextLog", "text", "Text", [f"t = {event.time:.3f} s: {event.text}"]),
+            texts("TextLog", "level", "TextLogLevel", [LEVELS.get(event.level, "INFO")]),
         ]
-        records = [
-            texts(
-                "flexlab.Event",
-                "record",
-                None,
-                [self._record(number, event) for number, event in enumerate(events, first)],
-            )
-        ]
-        for stream in streams:
-            stream.send("events", time, lines)
-            stream.send("exact/events", time, records)
+        record = texts("flexlab.Event", "record", None, [self._record(self._event_count, event)])
+        self._send("events", time, lines, kept="as it was")
+        self._send("exact/events", time, [record], kept="as it was")
+        self._event_count += 1
 
     def _record(self, number: int, event: Event) -> str:
         """An event as JSON with its exact time."""
@@ -154,13 +137,13 @@ class RunWriter:
         return json.dumps(record | {"text": event.text, "level": event.level, "command": command}, ensure_ascii=False)
 
     def end(self, status: Status, dropped: int = 0) -> None:
-        """Say how the run ended, then close all streams. Raises `RecordingError` if a file does not take it all."""
-        text = Event(status.time or self.last_time, f"{END}: {status.text}", level="error" if status.failed else "info")
-        self._send_events(self.streams, [text], first=len(self._events))
+        """Say how the run ended. The sinks are then to be closed."""
+        self._send_event(
+            Event(status.time or self.last_time, f"{END}: {status.text}", level="error" if status.failed else "info")
+        )
         values = {"status": str(status), "text": status.text, "time_s": self.last_time, "rows": self.rows}
-        for stream in self.streams:
-            stream.send_property("end", rr.AnyValues(**values, dropped=dropped))
-        self.close()
+        for sink in self._sinks:
+            sink.send_property("end", rr.AnyValues(**values, dropped=dropped))
 
     def summary(self, status: Status, dropped: int) -> dict[str, Any]:
         """What the notes beside the file say of a run that has ended."""
@@ -176,19 +159,3 @@ class RunWriter:
             "dropped": dropped,
             **notes,
         }
-
-    def close(self) -> None:
-        """Close all streams without a word (the run goes on elsewhere or was lost). Raises `RecordingError`."""
-        problems = []
-        while self.streams:
-            try:
-                self.streams.pop().close()
-            except RecordingError as error:
-                problems.append(error)
-        if problems:
-            raise problems[0]
-
-    def drop_stream(self, stream: RunStream) -> None:
-        """Go on without a stream whose file is lost."""
-        self.streams.remove(stream)
-        stream.abandon()

@@ -1,0 +1,130 @@
+"""Live data for rerun viewers come through the front server only: no port of rerun's, nobody without the token."""
+
+import io
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+import psutil
+import pytest
+from http_client import ARTIFACTS, ask, wait_until
+from PIL import Image
+from playwright.sync_api import Browser
+from rerun.chunk import RrdReader
+
+from flexlab.recording.recorded_plots import BLUE, GREEN, VERMILION
+from flexlab.recording.rerun_internals.tool import rerun_tool
+from flexlab.server.front_server import FrontServer
+
+TOKEN = "a-token-for-tests"
+NEAR, SHARE = 24, 2e-4
+"""How near a pixel is to a curve's colour, and the share of such pixels where curves are."""
+
+
+def listening() -> set[int]:
+    """Ports of this process and its children."""
+    me = psutil.Process()
+    return {
+        connection.laddr.port
+        for process in (me, *me.children(recursive=True))
+        for connection in process.net_connections(kind="inet")
+        if connection.status == psutil.CONN_LISTEN
+    }
+
+
+def watch(source: str, path: Path) -> None:
+    """Let a real rerun program watch until it has some of a run."""
+    nothing = subprocess.DEVNULL
+    process = subprocess.Popen(
+        [rerun_tool(), "--save", str(path), source], stdin=nothing, stdout=nothing, stderr=nothing
+    )
+    try:
+        wait_until(lambda: path.exists() and path.stat().st_size > 300_000, "rerun has received something")
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(30)
+
+
+def entities(path: Path) -> set[str]:
+    return {chunk.entity_path for chunk in RrdReader(path).stream()}
+
+
+def test_rerun_watches_a_shared_lab_through_the_front_server(open_another: Callable[..., FrontServer], tmp_path: Path):
+    before = listening()
+    front_server = open_another(live=True, token=TOKEN)
+    (lab,) = front_server.places.running()
+    assert listening() - before == {front_server.port, lab.port}, "rerun has no port of its own"
+    watch(front_server.live_source, tmp_path / "seen.rrd")
+    assert {"/scene/beam", "/error", "/parameters"} <= entities(tmp_path / "seen.rrd")
+
+
+def test_live_data_ask_for_the_token_and_know_their_own_host(open_another: Callable[..., FrontServer]):
+    front_server = open_another(live=True, token=TOKEN)
+    assert ask(front_server.url, "/live/lab.rrd", "HEAD").status == 401
+    assert ask(front_server.url, f"/pass/{'0' * 64}/live/lab.rrd", "HEAD").status == 401
+    path = urlsplit(front_server.live_source).path
+    assert ask(front_server.url, path.replace("lab.rrd", "other.rrd"), "HEAD").status == 401
+    assert ask(front_server.url, path, "HEAD").status == 200
+    signed_in = ask(front_server.url, f"/?token={TOKEN}").cookies
+    shown = ask(front_server.url, "/live", cookies=signed_in)
+    assert shown.status == 303
+    assert parse_qs(urlsplit(shown.headers["Location"]).query)["url"][0].endswith(path)
+
+
+def test_without_the_option_there_are_no_live_data(front_server: FrontServer):
+    assert ask(front_server.url, "/live").status == 404
+    assert ask(front_server.url, "/live/lab.rrd").status == 404
+    state = ask(front_server.url, "/state/lab").text
+    assert '"live": ""' in state
+
+
+@pytest.mark.parametrize(
+    "headers", [{"Host": "evil.example"}, {"Host": "evil.example", "Origin": "http://evil.example"}]
+)
+def test_a_foreign_name_that_leads_here_gets_no_live_data(
+    open_another: Callable[..., FrontServer], headers: dict[str, str]
+):
+    front_server = open_another(live=True)
+    assert ask(front_server.url, "/live/lab.rrd", "HEAD", **headers).status == 403
+    answer = ask(front_server.url, "/live/lab.rrd", "HEAD", Origin="http://evil.example")
+    assert answer.headers["Access-Control-Allow-Origin"] is None
+    assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+
+
+def test_a_private_lab_is_watched_by_its_own_word_only(open_another: Callable[..., FrontServer], tmp_path: Path):
+    before = listening()
+    front_server = open_another(live=True, private=True, max_sessions=1)
+    answer = ask(front_server.url, "/lab/")
+    (lab,) = front_server.places.running()
+    assert listening() - before == {front_server.port, lab.port}
+    assert ask(front_server.url, "/live").status == 404, "somebody else has no lab"
+    assert ask(front_server.url, "/live/lab.rrd").status == 404
+    shown = ask(front_server.url, "/live", cookies=answer.cookies)
+    (source,) = parse_qs(urlsplit(shown.headers["Location"]).query)["url"]
+    watch(source, tmp_path / "seen.rrd")
+    assert {"/scene/beam", "/error"} <= entities(tmp_path / "seen.rrd")
+
+
+def test_the_viewer_of_a_browser_shows_live_data(open_another: Callable[..., FrontServer], chromium: Browser):
+    front_server = open_another(live=True, token=TOKEN)
+    page = chromium.new_page(viewport={"width": 1200, "height": 800})
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+
+    def drawn() -> bool:
+        page.wait_for_timeout(1000)
+        image = np.asarray(
+            Image.open(io.BytesIO(page.screenshot(path=ARTIFACTS / "live-data.png"))).convert("RGB"), int
+        )
+        plots = image[:, image.shape[1] // 2 :]
+        return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (BLUE, VERMILION, GREEN))
+
+    try:
+        page.goto(front_server.address("/live"))
+        wait_until(drawn, "the viewer draws arms and plots", patience=120)
+    finally:
+        page.close()
+    assert {urlsplit(url).port for url in asked if url.startswith("http")} == {front_server.port}

@@ -92,8 +92,10 @@ def test_the_oldest_data_make_room_and_what_a_run_begins_with_stays(tmp_path: Pa
     world = World(load_preset("paper"))
     for number in range(2):
         recorder.begin_run(number, "paper", world.scenario, world.state())
-        for _ in range(100):
-            recorder.take_samples(number, world.advance(200), 1.0)
+        for _ in range(20):
+            newest, _ = hub.after(0)
+            recorder.take_samples(number, world.advance(1000), 1.0)
+            wait_until(lambda newest=newest: hub.after(newest)[1], "the hub has it")
         recorder.end_run(number, Status("finished", ""))
     recorder.close()
     found = joined(hub, tmp_path / "late.rrd")

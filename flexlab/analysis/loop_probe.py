@@ -14,6 +14,7 @@ from flexlab.physics.plant import ETA, P, X, forget_rates
 from flexlab.scenario import Scenario, SineTrajectory
 from flexlab.sim.build import build_beam, build_system
 from flexlab.sim.closed_loop import System, memory_slice, new_workspace, rates_at, state_length
+from flexlab.sim.law_memory import outlook, start_memory
 from flexlab.sim.sampled_control import Sampling, control_instant
 
 PROBE_PERIOD = 1e-3
@@ -84,8 +85,15 @@ class LoopProbe:
         self._workspace = new_workspace(self.system)
         self._y = np.zeros(state_length(self.system))
         self._memory = memory_slice(self.system)
-        self.start_memory = self._y[self._memory].copy()
+        self.start_memory = self._begin(self.original.trajectory.middle)
         """The law's memory at the start of a run, (memory,)."""
+
+    def _begin(self, pose: tuple[float, ...]) -> np.ndarray:
+        """The memory with which the law begins at rest at a pose."""
+        y = self._y.copy()
+        y[X : X + 3] = pose
+        start_memory(self.scenario, self.system, outlook(self.scenario, self.system, 0.0, y, self._workspace, True), y)
+        return y[self._memory].copy()
 
     def at_rest(self, pose: np.ndarray) -> Motion:
         """No motion, straight beam."""

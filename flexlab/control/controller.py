@@ -44,6 +44,20 @@ class Controller(Part):
     torque_limit: Triple | None = quantity(
         None, title="Torque limit per joint (null: none)", symbol="τ_max", unit="N·m", low=1e-3, high=1e6
     )
+    load_share: Number = quantity(
+        0.5, title="Load share of the left arm", symbol="α", unit="1", low=0, high=1, slider=(0, 1)
+    )
+    """Of what all laws divide between two arms: the left one takes α, the right one 1 - α; one arm alone takes all."""
+    wanted_internal_force: Number = quantity(
+        0.0,
+        title="Wanted internal force (squeeze positive)",
+        symbol="F_d",
+        unit="N",
+        low=-1e4,
+        high=1e4,
+        slider=(-100, 100),
+    )
+    """F_d (cos θ, sin θ, 0) is added to the left arm's input and its opposite to the right arm's."""
     model: PayloadModel = PayloadModel()
     sensor_noise: SensorNoise = SensorNoise()
 

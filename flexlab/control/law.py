@@ -46,9 +46,11 @@ class Start(NamedTuple):
     """What a law may know when it begins."""
 
     now: Any
-    """`LAW_INPUT` record of the first instant, arm terms included."""
+    """`LAW_INPUT` record of the present instant: motion, arm terms, believed payload, and the inputs in force as u."""
     gains: Any
     """Record of the gains."""
+    wait: float = 0.0
+    """Time until the law acts first, s: to the next instant of sampled control; until then the inputs now.u are held."""
 
 
 BOUND_ESTIMATES = Memory("bound_estimates")
@@ -83,12 +85,17 @@ class Law:
     limits: Callable[[Any], dict[str, dict[str, float]]] = no_limits
     """Levels that mean something in plots, from the model's gains: signal → label with unit → value."""
     start: Callable[[Start], dict[str, np.ndarray]] | None = None
-    """Memory parts that do not start at zero."""
+    """Memory parts that do not start at zero, at the start of a run or where the law takes over in motion."""
+    carry: Callable[[Start, Start, dict[str, np.ndarray]], dict[str, np.ndarray]] | None = None
+    """Memory parts that must follow a change in motion of gains or of the believed payload, so that the law's answer does not
+    jump by more than the change: from what was before, what is now, and the present memory."""
     sliding_slope: Callable[[Any], np.ndarray] = no_slope
     """Λ (3,), 1/s, of s = ė + Λe in plots, from the model's gains."""
     constants: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """Further fields of the gains record and their shapes, which `derive` computes from the scenario."""
     derive: Callable[[Any], dict[str, np.ndarray]] = nothing_derived
+    drives: bool = True
+    """Whether the motors work at all."""
     place: int = 50
     """Rank in menus."""
 
@@ -159,6 +166,8 @@ class Control(NamedTuple):
     payload: BelievedPayload
     share: np.ndarray
     """What each arm carries of the common part, 1, (2,)."""
+    internal_force: float
+    """F_d, N: wanted squeeze of the payload between two arms."""
     torque_limit: np.ndarray
     """N·m per joint, infinite where there is none, (3,)."""
     limited: bool
@@ -170,7 +179,7 @@ class Control(NamedTuple):
 def control_law(control, gravity, x, v, beam_rate, desired, now, memory, memory_rate, signals):
     """Fill now.u (arms, 3), memory_rate and signals for the pose x, its rate v and hᵀq̇, gᵀq̇ in beam_rate (2,).
 
-    `now`: the `LAW_INPUT` record whose arm terms are those of x and v.
+    The wanted internal force joins in what the law gives. `now`: the `LAW_INPUT` record whose arm terms are those of x and v.
     """
     payload = control.payload
     now.gravity, now.m, now.I = gravity, payload.m, payload.I
@@ -183,6 +192,11 @@ def control_law(control, gravity, x, v, beam_rate, desired, now, memory, memory_
     for a in range(len(memory_rate)):
         memory_rate[a] = 0.0
     call_kernel(control.law, control.gains, (now, memory, memory_rate, signals))
+    if control.internal_force != 0:
+        for a in range(2):
+            squeeze = control.internal_force * now.trig[a]
+            now.u[0, a] += squeeze
+            now.u[1, a] -= squeeze
 
 
 @inlined

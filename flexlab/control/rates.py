@@ -9,7 +9,7 @@ from flexlab.compiled import inlined
 def largest_ratio(S, gain, B):
     """Largest eigenvalue of S⁻¹ diag(gain) for a symmetric positive definite S (3, 3) and gains (3,) ≥ 0; B: scratch (3, 3).
 
-    It is that of the symmetric B = √gain S⁻¹ √gain, in closed form (Smith, Commun. ACM 4 (1961) 168).
+    It is that of the symmetric B = √gain S⁻¹ √gain.
     """
     d0 = S[1, 1] * S[2, 2] - S[1, 2] * S[1, 2]
     d1 = S[0, 2] * S[1, 2] - S[0, 1] * S[2, 2]
@@ -22,6 +22,38 @@ def largest_ratio(S, gain, B):
     for a in range(3):
         for b in range(a, 3):
             B[a, b] *= np.sqrt(gain[a] * gain[b]) / determinant
+    return largest_eigenvalue(B)
+
+
+@inlined
+def largest_form_ratio(S, Q, B):
+    """Largest eigenvalue of S⁻¹Q for symmetric S > 0 and Q ≥ 0 (3, 3), of which Q is overwritten; B: scratch (3, 3).
+
+    It is that of the symmetric L⁻¹ Q L⁻ᵀ with S = LLᵀ.
+    """
+    l00 = np.sqrt(S[0, 0])
+    l10, l20 = S[1, 0] / l00, S[2, 0] / l00
+    l11 = np.sqrt(S[1, 1] - l10 * l10)
+    l21 = (S[2, 1] - l20 * l10) / l11
+    l22 = np.sqrt(S[2, 2] - l20 * l20 - l21 * l21)
+    for b in range(3):  # columns of L⁻¹Q, and then its rows, which are the columns of its transpose
+        _forward(l00, l10, l20, l11, l21, l22, Q[:, b], B[:, b])
+    for b in range(3):
+        _forward(l00, l10, l20, l11, l21, l22, B[b], Q[b])
+    return largest_eigenvalue(Q)
+
+
+@inlined
+def _forward(l00, l10, l20, l11, l21, l22, b, z):
+    """Solve L z = b, (3,)."""
+    z[0] = b[0] / l00
+    z[1] = (b[1] - l10 * z[0]) / l11
+    z[2] = (b[2] - l20 * z[0] - l21 * z[1]) / l22
+
+
+@inlined
+def largest_eigenvalue(B):
+    """Of a symmetric B (3, 3) whose upper triangle is given, in closed form (Smith, Commun. ACM 4 (1961) 168)."""
     mean = (B[0, 0] + B[1, 1] + B[2, 2]) / 3
     off = B[0, 1] * B[0, 1] + B[0, 2] * B[0, 2] + B[1, 2] * B[1, 2]
     x, y, z = B[0, 0] - mean, B[1, 1] - mean, B[2, 2] - mean

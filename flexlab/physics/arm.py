@@ -89,22 +89,30 @@ def arm_constants(
 
 
 @inlined
+def link_directions(l1, l2, elbow, rx, ry):
+    """sin and cos of α2 - α1, and cos α1, sin α1, cos α2, sin α2, for a wrist at (rx, ry) from the base, m.
+
+    The cosine is beyond ±1, and the rest not a number, where the wrist cannot be.
+    """
+    distance2 = rx * rx + ry * ry
+    cos_elbow = (distance2 - l1 * l1 - l2 * l2) / (2 * l1 * l2)
+    sin_elbow = elbow * np.sqrt(1 - cos_elbow * cos_elbow)
+    along, across = l1 + l2 * cos_elbow, l2 * sin_elbow
+    c1 = (along * rx + across * ry) / distance2
+    s1 = (along * ry - across * rx) / distance2
+    return sin_elbow, cos_elbow, c1, s1, c1 * cos_elbow - s1 * sin_elbow, s1 * cos_elbow + c1 * sin_elbow
+
+
+@inlined
 def arm_configuration(arm, x, y, c, s, g, M, G, J, direction):
     """Fill 𝒥, M̄ and Ḡ of one arm for the pose (x, y, θ); g: gravity, m/s². Returns one of the outcomes."""
     rx = x + arm.reach * c - arm.base_x
     ry = y + arm.reach * s - arm.base_y
-    distance2 = rx * rx + ry * ry
-    cos_elbow = (distance2 - arm.l1 * arm.l1 - arm.l2 * arm.l2) / (2 * arm.l1 * arm.l2)
+    sin_elbow, cos_elbow, c1, s1, c2, s2 = link_directions(arm.l1, arm.l2, arm.elbow, rx, ry)
     if not abs(cos_elbow) <= 1:
         return UNREACHABLE if np.isfinite(cos_elbow) else NOT_A_NUMBER
-    sin_elbow = arm.elbow * np.sqrt(1 - cos_elbow * cos_elbow)
     if abs(sin_elbow) < SINGULAR_SINE:
         return SINGULAR
-    along, across = arm.l1 + arm.l2 * cos_elbow, arm.l2 * sin_elbow
-    c1 = (along * rx + across * ry) / distance2
-    s1 = (along * ry - across * rx) / distance2
-    c2 = c1 * cos_elbow - s1 * sin_elbow
-    s2 = s1 * cos_elbow + c1 * sin_elbow
     direction[0], direction[1], direction[2], direction[3] = c1, s1, c2, s2
 
     first, second = 1 / (arm.l1 * sin_elbow), -1 / (arm.l2 * sin_elbow)

@@ -87,9 +87,9 @@ def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequenc
     for old in known:
         if old.scenario.trajectory == scenario.trajectory:
             trajectory = old.system.trajectory
-        if old.scenario.controller == scenario.controller:
-            control = old.system.control
         if old.scenario.arms == scenario.arms:
+            if old.scenario.controller == scenario.controller:
+                control = old.system.control
             plant = old.system.plant._replace(gravity=scenario.gravity)
             rates = old.rates if trajectory is not None else None
     system = System(

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlab.control.controller import Controller
 from flexlab.control.law import BOUND_ESTIMATES, Control, laws
 from flexlab.control.load_sharing import BelievedPayload
 from flexlab.control.path import DesiredMotion, build_motion, poses
@@ -121,11 +122,17 @@ def build_control(scenario: Scenario, beam: Beam) -> Control:
         estimates=slices[BOUND_ESTIMATES.name].start if BOUND_ESTIMATES.name in slices else -1,
         sliding_slope=law.sliding_slope(settings),
         payload=BelievedPayload(believed.m, believed.I, kappa.copy()),
-        share=np.full(MOST_ARMS, 1 / arm_count),
+        share=load_shares(settings, arm_count),
+        internal_force=settings.wanted_internal_force if arm_count == MOST_ARMS and law.drives else 0.0,
         torque_limit=np.full(3, np.inf) if settings.torque_limit is None else np.array(settings.torque_limit),
         limited=settings.torque_limit is not None,
         sampled=settings.control_period is not None,
     )
+
+
+def load_shares(settings: Controller, arm_count: int) -> np.ndarray:
+    """What each arm carries of the common part, 1, (2,)."""
+    return np.array([settings.load_share, 1 - settings.load_share]) if arm_count == MOST_ARMS else np.ones(MOST_ARMS)
 
 
 def build_trajectory(scenario: Scenario) -> DesiredMotion:

@@ -1,11 +1,19 @@
-"""What a control law remembers: where it begins, and what passes from one law to the next."""
+"""What a control law remembers: where it begins, and what passes on when the law or its gains change in motion."""
+
+import math
 
 import numpy as np
 
 from flexlab.control.law import Start, laws
+from flexlab.physics.arm import arm_velocity_terms, task_input
+from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.plant import Workspace
 from flexlab.scenario import Scenario
+from flexlab.sim.build import desired_at
 from flexlab.sim.closed_loop import System, memory_slice
+
+LATE = 1e-9
+"""Part of a control period by which an instant may seem to lie after itself."""
 
 
 def memory_parts(scenario: Scenario, system: System, y: np.ndarray) -> dict[str, np.ndarray]:
@@ -15,22 +23,59 @@ def memory_parts(scenario: Scenario, system: System, y: np.ndarray) -> dict[str,
     return {name: memory[part] for name, part in slices.items()}
 
 
-def start_memory(scenario: Scenario, system: System, y: np.ndarray, ws: Workspace) -> None:
-    """Give the memory in y the values with which the law begins at this state, where they are not zero."""
+def outlook(
+    scenario: Scenario, system: System, time: float, y: np.ndarray, ws: Workspace, acts_now: bool
+) -> Start | None:
+    """What the law sees at the state y, None if it never asks; `acts_now`: whether a sampled one acts at this instant."""
     law = laws()[scenario.controller.kind]
-    if law.start is None:
+    if law.start is None and law.carry is None:
+        return None
+    plant, control, period = system.plant, system.control, scenario.controller.control_period
+    velocities_at(plant, y, ws)
+    now, v = ws.truth[0], ws.velocity
+    c, s = ws.arm.trig
+    for i in range(len(plant.arms)):
+        arm_velocity_terms(plant.arms[i], c, s, *v, ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
+        task_input(ws.arm.J[i], system.held_torque[i], ws.u[i])
+    now.x[:], now.v[:], now.desired[:] = y[:3], v, desired_at(system.trajectory, time)
+    now.gravity, now.m, now.I = plant.gravity, control.payload.m, control.payload.I
+    now.kappa[:], now.share[:] = control.payload.kappa, control.share
+    gains = control.gains.view(law.gains_type).view(np.recarray)[0]
+    wait = 0.0
+    if period is not None and not acts_now:
+        wait = (math.floor(time / period + LATE) + 1) * period - time
+    return Start(now.copy(), gains, wait)
+
+
+def start_memory(
+    scenario: Scenario, system: System, begin: Start | None, y: np.ndarray, kept: tuple[str, ...] = ()
+) -> None:
+    """Give the memory in y the values with which the law begins, where they are not zero; not the parts that are `kept`."""
+    law = laws()[scenario.controller.kind]
+    if law.start is None or begin is None:
         return
     parts = memory_parts(scenario, system, y)
-    gains = system.control.gains.view(law.gains_type).view(np.recarray)[0]
-    for name, values in law.start(Start(ws.truth[0], gains)).items():
-        parts[name][:] = values
+    for name, values in law.start(begin).items():
+        if name not in kept:
+            parts[name][:] = values
 
 
 def carry_memory(
     old: Scenario, old_system: System, old_y: np.ndarray, new: Scenario, system: System, y: np.ndarray
-) -> None:
-    """Copy the parts of the memory that both laws have by name and length; the others stay zero."""
-    before = memory_parts(old, old_system, old_y)
+) -> tuple[str, ...]:
+    """Copy the parts of the memory that both laws have by name and length, and name them; the others stay zero."""
+    before, kept = memory_parts(old, old_system, old_y), []
     for name, part in memory_parts(new, system, y).items():
         if name in before and len(before[name]) == len(part):
             part[:] = before[name]
+            kept.append(name)
+    return tuple(kept)
+
+
+def adjust_memory(scenario: Scenario, system: System, before: Start | None, begin: Start | None, y: np.ndarray) -> None:
+    """Let the law follow what has changed from `before` to `begin`, with the memory in y."""
+    law = laws()[scenario.controller.kind]
+    if law.carry is not None and before is not None and begin is not None:
+        parts = memory_parts(scenario, system, y)
+        for name, values in law.carry(before, begin, parts).items():
+            parts[name][:] = values

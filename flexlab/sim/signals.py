@@ -15,7 +15,7 @@ import numpy as np
 
 from flexlab.compiled import inlined
 from flexlab.control.law import laws
-from flexlab.control.laws.adaptive_sliding_mode import sliding_variable
+from flexlab.control.sliding_surface import sliding_variable
 from flexlab.physics.arm import joint_angles, joint_torques
 from flexlab.physics.dynamics import acceleration
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy

@@ -10,7 +10,7 @@ from flexlab.compiled import compiled
 from flexlab.control.law import fastest_control_rate
 from flexlab.control.path import Trajectory, poses
 from flexlab.errors import ScenarioError
-from flexlab.physics.dynamics import inertias_at
+from flexlab.physics.dynamics import configure_arms, inertias_at, rigid_inertia
 from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import SMALLEST_STEP
 from flexlab.sim.build import Beam
@@ -71,8 +71,8 @@ SMALLEST_COMMON_STEP = 1e-6
 class Rates(NamedTuple):
     """What bounds the step and no gain changes: inertias on the way, and the beam's rates with arms that give way."""
 
-    S: np.ndarray
-    """The pose's inertia at up to `POSES_TRIED` desired poses, (k, 3, 3)."""
+    poses: np.ndarray
+    """`POSES_TRIED` desired poses, (k, 3)."""
     beam: float
     """As `beam_rate`, 1/s."""
     coupling: float
@@ -81,15 +81,20 @@ class Rates(NamedTuple):
 
 def find_rates(beam: Beam, system: System, trajectory: Trajectory, free_rate: float) -> Rates:
     """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s."""
-    S = inertias(system, trajectory)
-    return Rates(S, beam_rate(free_rate, system, S), coupling_rate(beam, S))
+    desired = desired_poses(system, trajectory)
+    S = inertias(system, desired)
+    return Rates(desired, beam_rate(free_rate, system, S), coupling_rate(beam, S))
 
 
-def inertias(system: System, trajectory: Trajectory) -> np.ndarray:
-    """S at `POSES_TRIED` desired poses of the first period, as far as the arms can take them, (k, 3, 3)."""
+def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
+    """`POSES_TRIED` desired poses of the first period, (k, 3)."""
     times = np.arange(POSES_TRIED) * (trajectory.fastest_period / POSES_TRIED)
-    found = np.zeros((POSES_TRIED, 3, 3))
-    desired = np.ascontiguousarray(poses(system.trajectory, times)[:, 0])
+    return np.ascontiguousarray(poses(system.trajectory, times)[:, 0])
+
+
+def inertias(system: System, desired: np.ndarray) -> np.ndarray:
+    """S at poses (k, 3), as far as the arms can take them, (up to k, 3, 3)."""
+    found = np.zeros((len(desired), 3, 3))
     return found[: inertias_at(system.plant, desired, new_workspace(system), found)]
 
 
@@ -98,23 +103,27 @@ def _largest(S: np.ndarray, numerator: np.ndarray) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(S, numerator[None]))), initial=0.0))
 
 
-def control_rate(system: System, S: np.ndarray) -> float:
+def control_rate(system: System, desired: np.ndarray) -> float:
     """Fastest rate of the part of the closed loop that the law shapes, 1/s.
 
-    As the law says it, at the inertias S and with the memory it begins with.
+    As the law says it, at rest at desired poses (k, 3) and with an empty memory.
     """
     memory = np.zeros(system.control.memory_size)
-    return fastest_rate_at(system.control, system.plant.kappa, S, memory, new_workspace(system))
+    return fastest_rate_at(system.plant, system.control, desired, memory, new_workspace(system))
 
 
 @compiled
-def fastest_rate_at(control, kappa, S, memory, ws):
-    """The largest of the law's fastest rates, 1/s, at rest at the origin where the pose feels the inertias S (k, 3, 3)."""
+def fastest_rate_at(plant, control, desired, memory, ws):
+    """The largest of the law's fastest rates, 1/s, at rest at those of the desired poses (k, 3) that the arms can take."""
     now, fastest = ws.truth[0], 0.0
-    for a in range(3):
-        now.x[a] = now.v[a] = 0.0
-    for k in range(len(S)):
-        fastest = max(fastest, fastest_control_rate(control, now, memory, S[k], kappa))
+    now.gravity = plant.gravity
+    for k in range(len(desired)):
+        if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
+            rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
+            for a in range(3):
+                now.x[a] = now.desired[0, a] = desired[k, a]
+                now.v[a] = 0.0
+            fastest = max(fastest, fastest_control_rate(control, now, memory, ws.S, plant.kappa))
     return fastest
 
 
@@ -159,7 +168,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
 
     Raises `ScenarioError` for a wished step that is unstable.
     """
-    simulation, beam_speed, control_speed = scenario.simulation, rates.beam, control_rate(system, rates.S)
+    simulation, beam_speed, control_speed = scenario.simulation, rates.beam, control_rate(system, rates.poses)
     integrator = simulation.integrator
     if integrator == "auto":
         # Only a beam so slow that rk4 resolves all its modes saves by not propagating them exactly.

@@ -98,7 +98,7 @@ def is_unstable(scenario: Scenario, assembly: Assembly) -> bool:
     if law.control_period is None or law.kind == "none":
         return False
     limit = 2 * math.sin(math.pi / (2 * (2 * delay + 1)))
-    return control_rate(assembly.system, assembly.rates.S) * law.control_period > limit
+    return control_rate(assembly.system, assembly.rates.poses) * law.control_period > limit
 
 
 def runtime_fault(

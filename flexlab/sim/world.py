@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from flexlab.control.law import Start
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import set_momenta, velocities_at
 from flexlab.physics.plant import ETA, forget_rates, noted_rates
@@ -20,7 +21,7 @@ from flexlab.sim.build import Beam, desired_at
 from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row, without_hand
-from flexlab.sim.law_memory import carry_memory, start_memory
+from flexlab.sim.law_memory import adjust_memory, carry_memory, outlook, start_memory
 from flexlab.sim.projection import project_beam
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
@@ -72,9 +73,13 @@ class World:
         q = np.zeros(plant.V.shape[0]) if initial.beam_coordinates is None else np.array(initial.beam_coordinates)
         eta = _to_modes(self._assembly.beam, q)
         self._set_motion(pose, rate, eta, np.zeros_like(eta))
-        start_memory(self.scenario, self._assembly.system, self._y, self._workspace)
+        start_memory(self.scenario, self.system, self._outlook(True), self._y)
         self._act_at_start()
         return None
+
+    def _outlook(self, acts_now: bool) -> Start | None:
+        """What the law sees at the present instant, as `law_memory.outlook`."""
+        return outlook(self.scenario, self.system, self.time, self._y, self._workspace, acts_now)
 
     def _act_at_start(self) -> None:
         """Let a sampled controller act at its instant 0."""
@@ -280,25 +285,33 @@ class World:
             q = project_beam(self.scenario.payload, scenario.payload, assembly.beam.matrices.M_q, q)
             q_dot = project_beam(self.scenario.payload, scenario.payload, assembly.beam.matrices.M_q, q_dot)
         starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
+        law_before = self._outlook(False)
         held = self.observe().joint_torque[0] if starts_sampling else old.system.held_torque
         assembly.system.held_torque[:] = assembly.sampling.line[:] = held
         if not starts_sampling:
-            kept = min(len(assembly.sampling.line), len(old.sampling.line))
-            assembly.sampling.line[-kept:] = old.sampling.line[-kept:]
+            length = min(len(assembly.sampling.line), len(old.sampling.line))
+            assembly.sampling.line[-length:] = old.sampling.line[-length:]
         before, self.scenario, self._assembly, self._level = self.scenario, scenario, assembly, 0
         self._estimate = accuracy.nothing_yet(assembly)
         if assembly.beam is not old.beam:
             assembly.system.plant.pull[:] = plant.pull
             set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
-        if assembly.beam is not old.beam or scenario.controller.kind != before.controller.kind:
+        another_law = scenario.controller.kind != before.controller.kind
+        kept: tuple[str, ...] = ()
+        if assembly.beam is not old.beam or another_law:
             y = np.zeros(state_length(assembly.system))
             y[:ETA] = self._y[:ETA]
-            carry_memory(before, old.system, self._y, scenario, assembly.system, y)
+            kept = carry_memory(before, old.system, self._y, scenario, assembly.system, y)
             self._y, self._workspace = y, new_workspace(assembly.system)
         self._workspace.desired_time[0] = np.nan
         # The same arithmetic even where only a gain changed: the first recordings were made with it.
         eta, eta_dot = _to_modes(assembly.beam, q), _to_modes(assembly.beam, q_dot)
         self._set_motion(self._y[:3].copy(), rate, eta, eta_dot)
+        law_now = self._outlook(starts_sampling)
+        if another_law:
+            start_memory(scenario, assembly.system, law_now, self._y, kept)
+        else:
+            adjust_memory(scenario, assembly.system, law_before, law_now, self._y)
         if starts_sampling:
             self._act_at_start()
 

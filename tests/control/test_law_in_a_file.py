@@ -78,7 +78,8 @@ def test_it_is_recorded_plotted_exported_and_replayed(scenario: Scenario, tmp_pa
 
 def test_the_screen_has_its_sliders_and_its_plot(scenario: Scenario):
     names = [entry.name for entry in entries(scenario, "controller")]
-    assert names == ["Velocity gain D", "Largest integral I_max"]
+    assert names[:2] == ["Velocity gain D", "Largest integral I_max"]
+    assert [name.split()[0] for name in names[2:]] == ["Load", "Wanted"], "what all laws share"
     plot = next(plot for plot in tabs(scenario)["Control"] if "W_u" in plot.title)
     assert plot.limits(scenario)[0].label == "none (J)"
 

@@ -1,4 +1,14 @@
-"""The paper's law, Eqs. (23) and (25): adaptive sliding mode with a boundary layer."""
+"""The paper's law, Eqs. (23) and (25): adaptive sliding mode with a boundary layer.
+
+    Σu_i = B ṙ + C̄ r + Ḡ - K s - b̂ᵀ(1, ‖x‖, ‖ẋ‖²) s/max(‖s‖, ε),   db̂/dt = ‖s‖(1, ‖x‖, ‖ẋ‖²)/k - σ b̂
+
+with e = x - x_d, r = ẋ_d - Λe, s = ẋ - r, and B = ΣM̄_i + Ā the inertia as the controller believes it.
+Stability (Theorem 1): V = ½ sᵀBs + ½ Σ k_j (b_j - b̂_j)² falls at least as fast as sᵀKs while ‖s‖ > ε, for any K > 0 and
+k_j > 0, if the beam's reaction obeys ‖Ψ‖ ≤ b_0 + b_1‖x‖ + b_2‖ẋ‖² (Eq. 22) with any constants b_j. That assumption needs a
+damped beam, or a motion off its resonances: in an undamped one nothing bounds the vibration, and with it Ψ.
+Without leakage b̂ never falls, so that noise in s makes it drift upwards for ever. `leakage` σ > 0 (the σ-modification of
+Ioannou & Kokotović, 1983) lets it fade to where growth and leakage balance; V then falls only outside a ball about s = 0.
+"""
 
 from typing import Literal
 
@@ -8,7 +18,7 @@ from flexlab.compiled import inlined, pluggable
 from flexlab.control.controller import Controller
 from flexlab.control.law import BOUND_ESTIMATES, Law
 from flexlab.control.load_sharing import drive_arms
-from flexlab.control.rates import largest_ratio
+from flexlab.control.sliding_surface import aim_at_surface, layer_of, layer_rate, slope_of
 from flexlab.quantities import Number, OneOrThree, Triple, quantity
 
 
@@ -35,45 +45,35 @@ class AdaptiveSlidingMode(Controller):
         slider=(0.1, 1000),
         logarithmic=True,
     )
+    leakage: Number = quantity(
+        0.0, title="Leakage of the bound estimates", symbol="σ", unit="1/s", low=0, high=1e4, slider=(0, 5)
+    )
 
 
 @inlined
-def sliding_variable(Lambda, x, v, desired, s):
-    """s = ẋ - ẋ_d + Λe (3,); returns ‖s‖."""
-    norm2 = 0.0
-    for a in range(3):
-        s[a] = v[a] - desired[1, a] + Lambda[a] * (x[a] - desired[0, a])
-        norm2 += s[a] * s[a]
-    return np.sqrt(norm2)
-
-
-@inlined
-def drive_to_surface(K, Lambda, epsilon, k, now, b_hat, b_rate):
+def drive_to_surface(K, Lambda, epsilon, k, leakage, now, b_hat, b_rate):
     """Fill now.u and db̂/dt (3,) for the estimates b̂ (3,)."""
-    x, v, desired = now.x, now.v, now.desired
+    x, v = now.x, now.v
+    s_norm = aim_at_surface(Lambda, now)
     r_dot, r, feedback, A = now.scratch[0], now.scratch[1], now.scratch[2], now.scratch[3:6]
-    s_norm = sliding_variable(Lambda, x, v, desired, feedback)
     x_norm2 = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
     v_norm2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     x_norm = np.sqrt(x_norm2)
     bound = (b_hat[0] + b_hat[1] * x_norm + b_hat[2] * v_norm2) / max(s_norm, epsilon)
     for a in range(3):
-        r[a] = v[a] - feedback[a]
-        r_dot[a] = desired[2, a] - Lambda[a] * (v[a] - desired[1, a])
         feedback[a] *= -(K[a] + bound)
     drive_arms(now, r_dot, r, feedback, A)
     # The proof needs ‖x‖ and ‖ẋ‖² here; the print of Eq. (23) has one dot too many in each.
-    b_rate[0] = s_norm / k[0]
-    b_rate[1] = s_norm * x_norm / k[1]
-    b_rate[2] = s_norm * v_norm2 / k[2]
+    b_rate[0] = s_norm / k[0] - leakage * b_hat[0]
+    b_rate[1] = s_norm * x_norm / k[1] - leakage * b_hat[1]
+    b_rate[2] = s_norm * v_norm2 / k[2] - leakage * b_hat[2]
 
 
 @pluggable
 def adaptive_sliding_mode(gains, now, b_hat, b_rate, signals):
     """Eqs. (23) and (25)."""
-    drive_to_surface(
-        gains.feedback_gain, gains.sliding_slope, gains.boundary_layer, gains.adaptation, now, b_hat, b_rate
-    )
+    K, Lambda, epsilon = gains.feedback_gain, gains.sliding_slope, gains.boundary_layer
+    drive_to_surface(K, Lambda, epsilon, gains.adaptation, gains.leakage, now, b_hat, b_rate)
 
 
 @inlined
@@ -82,10 +82,7 @@ def surface_rate(K, Lambda, epsilon, now, b_hat, S):
     x, v = now.x, now.v
     v_norm2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     bound = b_hat[0] + b_hat[1] * np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) + b_hat[2] * v_norm2
-    gain = now.scratch[0]
-    for a in range(3):
-        gain[a] = K[a] + bound / epsilon
-    return largest_ratio(S, gain, now.scratch[3:6]) + max(Lambda)
+    return layer_rate(K, Lambda, bound / epsilon, now, S)
 
 
 @pluggable
@@ -94,22 +91,12 @@ def fastest_rate(gains, now, b_hat, S, kappa):
     return surface_rate(gains.feedback_gain, gains.sliding_slope, gains.boundary_layer, now, b_hat, S)
 
 
-def sliding_slope(law: AdaptiveSlidingMode) -> np.ndarray:
-    """Λ (3,)."""
-    return np.array(np.broadcast_to(law.sliding_slope, 3), dtype=float)
-
-
-def limits(law: AdaptiveSlidingMode) -> dict[str, dict[str, float]]:
-    """Within the boundary layer the law is smooth."""
-    return {"sliding_variable": {"boundary layer ε (m/s)": law.boundary_layer}}
-
-
 LAW = Law(
     AdaptiveSlidingMode,
     adaptive_sliding_mode,
     fastest_rate,
     (BOUND_ESTIMATES,),
-    sliding_slope=sliding_slope,
-    limits=limits,
+    sliding_slope=slope_of,
+    limits=layer_of,
     place=10,
 )

@@ -27,4 +27,4 @@ def fastest_rate(gains, now, memory, S, kappa):
     return 0.0
 
 
-LAW = Law(NoControl, no_control, fastest_rate, place=90)
+LAW = Law(NoControl, no_control, fastest_rate, drives=False, place=90)

@@ -8,13 +8,8 @@ from typing import Literal
 
 from flexlab.compiled import inlined, pluggable
 from flexlab.control.law import BOUND_ESTIMATES, Law
-from flexlab.control.laws.adaptive_sliding_mode import (
-    AdaptiveSlidingMode,
-    drive_to_surface,
-    limits,
-    sliding_slope,
-    surface_rate,
-)
+from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode, drive_to_surface, surface_rate
+from flexlab.control.sliding_surface import layer_of, slope_of
 from flexlab.quantities import Number, quantity
 
 
@@ -45,9 +40,8 @@ def add_link_acceleration(now, lateral, turn):
 @pluggable
 def vibration_damping(gains, now, b_hat, b_rate, signals):
     """The paper's law, and u += (ΣM̄_i)[a_lat e2; α]."""
-    drive_to_surface(
-        gains.feedback_gain, gains.sliding_slope, gains.boundary_layer, gains.adaptation, now, b_hat, b_rate
-    )
+    K, Lambda, epsilon = gains.feedback_gain, gains.sliding_slope, gains.boundary_layer
+    drive_to_surface(K, Lambda, epsilon, gains.adaptation, gains.leakage, now, b_hat, b_rate)
     lateral, turn = gains.lateral_vibration_gain, gains.angular_vibration_gain
     add_link_acceleration(now, lateral * now.beam_rate[0], turn * now.beam_rate[1])
 
@@ -65,7 +59,7 @@ LAW = Law(
     vibration_damping,
     fastest_rate,
     (BOUND_ESTIMATES,),
-    sliding_slope=sliding_slope,
-    limits=limits,
+    sliding_slope=slope_of,
+    limits=layer_of,
     place=20,
 )

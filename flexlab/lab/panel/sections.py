@@ -19,6 +19,8 @@ CHOSEN = ("controller.kind", "payload.damping.kind", "payload.boundary")
 """Fields that are a word from a menu."""
 FIRST = ("bending_stiffness", "damping")
 """Fields that stand before the others: what a student changes first."""
+LAST = ("load_share", "wanted_internal_force")
+"""Fields that stand after the others: what all laws share."""
 
 
 class Entry(NamedTuple):
@@ -34,8 +36,13 @@ def entries(scenario: Scenario, part_path: str) -> list[Entry]:
     """The numbers of one part of the scenario that have a slider, in the order they are shown."""
     part = scenario.get(part_path) if part_path else scenario
     found = list(_walk(part, part_path))
-    rank = {name: index for index, name in enumerate(FIRST)}
-    return sorted(found, key=lambda entry: min((rank.get(name, 9) for name in entry.path.split(".")), default=9))
+    rank = {name: index - len(FIRST) for index, name in enumerate(FIRST)} | dict.fromkeys(LAST, 1)
+    return sorted(found, key=lambda entry: _extreme([rank.get(name, 0) for name in entry.path.split(".")]))
+
+
+def _extreme(ranks: list[int]) -> int:
+    """The rank that a path gets from its names."""
+    return min(ranks) or max(ranks)
 
 
 def _walk(part: Part, path: str) -> Iterator[Entry]:

@@ -1,0 +1,77 @@
+"""Every law, continuous and sampled, against an independent integration of arms, beam and law in NumPy and SciPy."""
+
+import numpy as np
+import pytest
+from reference.control_laws import LAWS, start
+from reference.flexible_system import FlexibleSystem
+from reference.terms import random_scenario
+
+from flexlab.control.law import laws
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.world import World
+
+TOLERANCE = 1e-8
+"""m and rad."""
+DURATION = 0.04
+"""s: the jerk of the start, outside of the boundary layers and within."""
+
+GAINS = {
+    "adaptive-sliding-mode": {"adaptation": (1e-2, 2e-2, 3e-2), "leakage": 4.0, "boundary_layer": 0.9},
+    "vibration-damping": {"lateral_vibration_gain": 50.0, "angular_vibration_gain": 400.0},
+    "sliding-mode": {"feedback_gain": (150.0, 200.0, 40.0), "bound": 20.0, "boundary_layer": 0.9},
+    "super-twisting": {
+        "proportional_gain": (60.0, 80.0, 20.0),
+        "integral_gain": (300.0, 200.0, 100.0),
+        "boundary_layer": 0.9,
+    },
+    "disturbance-observer": {"feedback_gain": (150.0, 200.0, 40.0), "observer_gain": 30.0},
+    "regressor-adaptive": {"adaptation_gain_mass": 0.3, "adaptation_gain_inertia": 0.004},
+    "joint-pd": {"position_gain": (6000.0, 5000.0, 900.0)},
+}
+
+
+def scenario_of(kind: str, **changes) -> Scenario:
+    """Two different arms, gravity, a soft beam, a wrong belief, unequal shares and a squeeze."""
+    gains = {f"controller.{name}": value for name, value in GAINS.get(kind, {}).items()}
+    common = {
+        "controller.kind": kind,
+        "controller.load_share": 0.6,
+        "controller.wanted_internal_force": 15.0,
+        "controller.model.linear_density_factor": 1.2,
+        "payload.bending_stiffness": 20.0,
+        "trajectory.frequency": (1.0, 1.5, 0.7),
+        "trajectory.amplitude": (0.1, 0.1, 0.1),
+        "simulation.accuracy": 1e-12,
+    }
+    return random_scenario(3).replace(common | gains | changes)
+
+
+def difference(scenario: Scenario, duration: float = DURATION) -> tuple[float, World]:
+    """Largest difference of the final pose, m or rad, and the world."""
+    world = World(scenario)
+    world.advance(round(duration / world.tick_period))
+    assert world.status == "running", world.status.text
+    system = FlexibleSystem(scenario, LAWS[scenario.controller.kind], start)
+    return float(np.abs(world.observe().pose[0] - system.run(duration)[:3]).max()), world
+
+
+def test_every_law_has_its_reference():
+    assert set(laws()) == set(LAWS)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in LAWS if kind != "none"])
+def test_continuous(kind: str):
+    assert difference(scenario_of(kind))[0] < TOLERANCE
+
+
+@pytest.mark.parametrize("kind", [kind for kind in LAWS if kind != "none"])
+def test_sampled_with_a_delay(kind: str):
+    changes = {"controller.control_period": 0.002, "controller.input_delay": 1}
+    assert difference(scenario_of(kind, **changes))[0] < TOLERANCE
+
+
+@pytest.mark.parametrize("kind", ["regressor-adaptive", "joint-pd", "disturbance-observer"])
+def test_one_arm(kind: str):
+    changes = {"controller.kind": kind, "gravity": 9.81, "simulation.accuracy": 1e-12}
+    assert difference(load_preset("single-arm").replace(changes), 0.05)[0] < TOLERANCE

@@ -1,0 +1,218 @@
+"""Arms, flexible payload and a control law in plain NumPy, integrated by SciPy: nodal coordinates, sums over mass points.
+
+Inertia and Christoffel matrices are ∫ JᵀJ dm and ∫ JᵀJ̇ dm of the points' Jacobians; nothing of the engine is used but the
+scenario's numbers.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from flexlab.scenario import Scenario
+from reference.lagrangian import hermite
+
+
+def e(angle: float) -> np.ndarray:
+    """Unit vector."""
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def normal(angle: float) -> np.ndarray:
+    """The unit vector's derivative."""
+    return np.array([-np.sin(angle), np.cos(angle)])
+
+
+class ArmAt(NamedTuple):
+    """One arm at a pose and rate; first axis of M, C, G: links, each with 1 kg and its own radius of gyration."""
+
+    M: np.ndarray
+    C: np.ndarray
+    G: np.ndarray
+    R: np.ndarray
+    """ẋ → relative joint rates, (3, 3)."""
+    angle: np.ndarray
+    """Relative joint angles, (3,)."""
+
+
+def inverse_kinematics(scenario: Scenario, index: int, x: np.ndarray) -> np.ndarray:
+    """Absolute link angles (3,) of an arm at a pose."""
+    arm, side = scenario.arms[index], (-1 if index == 0 else 1)
+    l1, l2, l3 = arm.link_length
+    wrist = x[:2] + side * (scenario.payload.length / 2 + l3) * e(x[2]) - arm.base
+    bend = arm.elbow * np.arccos((wrist @ wrist - l1**2 - l2**2) / (2 * l1 * l2))
+    first = np.arctan2(wrist[1], wrist[0]) - np.arctan2(l2 * np.sin(bend), l1 + l2 * np.cos(bend))
+    return np.array([first, first + bend, x[2] + (np.pi if side > 0 else 0)])
+
+
+def arm_at(scenario: Scenario, index: int, x: np.ndarray, v: np.ndarray) -> ArmAt:
+    """One arm's matrices over the pose."""
+    arm, side = scenario.arms[index], (-1 if index == 0 else 1)
+    l1, l2, l3 = arm.link_length
+    reach, alpha = side * (scenario.payload.length / 2 + l3), inverse_kinematics(scenario, index, x)
+    W = np.column_stack([l1 * normal(alpha[0]), l2 * normal(alpha[1])])
+    J = np.zeros((3, 3))
+    J[:2] = np.linalg.solve(W, np.column_stack([np.eye(2), reach * normal(x[2])]))
+    J[2, 2] = 1
+    rate = J @ v
+    W_dot = -np.column_stack([l1 * e(alpha[0]) * rate[0], l2 * e(alpha[1]) * rate[1]])
+    end = np.zeros((2, 3))
+    end[:, 2] = -reach * e(x[2]) * v[2]
+    J_dot = np.zeros((3, 3))
+    J_dot[:2] = np.linalg.solve(W, end - W_dot @ J[:2])
+    centers = np.array([[arm.link_center[0], 0, 0], [l1, arm.link_center[1], 0], [l1, l2, arm.link_center[2]]])
+    gyration = np.array(arm.inertia) / np.array(arm.link_mass)
+    M, C, G = np.zeros((3, 3, 3)), np.zeros((3, 3, 3)), np.zeros((3, 3))
+    for k in range(3):
+        P, P_dot = np.zeros((2, 3)), np.zeros((2, 3))
+        for j in range(3):
+            P += centers[k, j] * np.outer(normal(alpha[j]), J[j])
+            P_dot += centers[k, j] * (np.outer(normal(alpha[j]), J_dot[j]) - np.outer(e(alpha[j]), J[j]) * rate[j])
+        M[k] = P.T @ P + gyration[k] * np.outer(J[k], J[k])
+        C[k] = P.T @ P_dot + gyration[k] * np.outer(J[k], J_dot[k])
+        G[k] = scenario.gravity * P[1]
+    differences = np.array([[1, 0, 0], [-1, 1, 0], [0, -1, 1]])
+    return ArmAt(M, C, G, differences @ J, differences @ alpha)
+
+
+class Seen(NamedTuple):
+    """What a law works with."""
+
+    scenario: Scenario
+    arms: list[ArmAt]
+    x: np.ndarray
+    v: np.ndarray
+    desired: np.ndarray
+    share: np.ndarray
+    m: float
+    A: np.ndarray
+    """Believed A11 - A12 A22⁻¹A21 at q = 0, (3, 3)."""
+    beam_rate: np.ndarray
+    """hᵀq̇, gᵀq̇."""
+
+    def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """M̄_i, C̄_i, Ḡ_i with the arms' true masses, first axis: arm."""
+        parts = [
+            [np.tensordot(arm.link_mass, each, 1) for each in (at.M, at.C, at.G)]
+            for arm, at in zip(self.scenario.arms, self.arms, strict=True)
+        ]
+        return tuple(np.array(part) for part in zip(*parts, strict=True))  # type: ignore[return-value]
+
+
+Law = Callable[[Seen, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""u_i (arms, 3) and the memory's rate."""
+
+
+class FlexibleSystem:
+    """A scenario (pinned-pinned or clamped-free, nodal damping, sine) and its law."""
+
+    def __init__(self, scenario: Scenario, law: Law, start: Callable[[Seen], np.ndarray]):
+        self.scenario, self.law, self.start = scenario, law, start
+        payload, n = scenario.payload, scenario.payload.element_count
+        held = [0, 2 * n] if payload.boundary == "pinned-pinned" else [0, 1]
+        self.s, self.N, self.mass, self.K = self._points(payload, held)
+        self.M_q = (self.N.T * self.mass) @ self.N
+        self.D = payload.damping.coefficient * np.eye(len(self.K))
+        self.h, self.g = self.mass @ self.N, (self.mass * self.s) @ self.N
+        model = scenario.controller.model
+        other = payload.model_copy(
+            update={
+                "length": payload.length * model.length_factor,
+                "linear_density": payload.linear_density * model.linear_density_factor,
+            }
+        )
+        s, N, mass, _ = self._points(other, held)
+        loads = np.array([mass @ N, (mass * s) @ N])
+        kappa = loads @ np.linalg.solve((N.T * mass) @ N, loads.T)
+        self.m, self.A = mass.sum(), np.diag([mass.sum(), mass.sum(), mass @ s**2])
+        self.A[1:, 1:] -= kappa
+        share = scenario.controller.load_share
+        self.share = np.array([share, 1 - share]) if len(scenario.arms) == 2 else np.ones(1)
+
+    @staticmethod
+    def _points(payload: Any, held: list[int]) -> tuple[np.ndarray, ...]:
+        x, weight = np.polynomial.legendre.leggauss(4)
+        edges = np.linspace(-payload.length / 2, payload.length / 2, payload.element_count + 1)
+        middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+        s, part = (middle[:, None] + width[:, None] * x).ravel(), (width[:, None] * weight).ravel()
+        N, N2 = (np.delete(rows, held, axis=1) for rows in hermite(payload, s))
+        return s, N, payload.linear_density * part, payload.bending_stiffness * (N2.T * part) @ N2
+
+    def desired(self, t: float) -> np.ndarray:
+        """x_d, ẋ_d, ẍ_d."""
+        path = self.scenario.trajectory
+        rate = 2 * np.pi * np.array(path.frequency)
+        angle, size = rate * t + path.phase, np.array(path.amplitude)
+        return np.array(
+            [path.center + size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle)]
+        )
+
+    def see(self, t: float, state: np.ndarray) -> Seen:
+        """What the law sees at a state (x, ẋ, q, q̇, …)."""
+        n, x, v = len(self.K), state[:3], state[3:6]
+        q_dot = state[6 + n : 6 + 2 * n]
+        arms = [arm_at(self.scenario, i, x, v) for i in range(len(self.scenario.arms))]
+        c, s = e(x[2])
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        rate = np.array([self.h @ q_dot, self.g @ q_dot])
+        return Seen(self.scenario, arms, x, v, self.desired(t), self.share, self.m, turn @ self.A @ turn.T, rate)
+
+    def inputs(self, seen: Seen, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The law's u_i and memory rate, with the wanted internal force."""
+        u, rate = self.law(seen, memory)
+        if len(u) == 2:
+            push = self.scenario.controller.wanted_internal_force * np.array([*e(seen.x[2]), 0])
+            u = u + np.array([push, -push])
+        return u, rate
+
+    def accelerations(self, seen: Seen, state: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """p̈ (3 + n_q,), Eq. (16)."""
+        n, gravity = len(self.K), self.scenario.gravity
+        q, q_dot, theta, omega = state[6 : 6 + n], state[6 + n : 6 + 2 * n], state[2], state[5]
+        w, w_dot = self.N @ q, self.N @ q_dot
+        J, J_dot = np.zeros((2, len(self.s), 2, 3 + n))
+        J[:, :, :2] = np.eye(2)
+        J[:, :, 2] = self.s[:, None] * normal(theta) - w[:, None] * e(theta)
+        J[:, :, 3:] = normal(theta)[None, :, None] * self.N[:, None, :]
+        J_dot[:, :, 2] = -(self.s * omega + w_dot)[:, None] * e(theta) - (w * omega)[:, None] * normal(theta)
+        J_dot[:, :, 3:] = -omega * e(theta)[None, :, None] * self.N[:, None, :]
+        A = np.einsum("k,kai,kaj->ij", self.mass, J, J)
+        B = np.einsum("k,kai,kaj->ij", self.mass, J, J_dot)
+        force = -B @ np.concatenate([state[3:6], q_dot]) - gravity * self.mass @ J[:, 1]
+        force[3:] -= self.K @ q + self.D @ q_dot
+        M, C, G = seen.sums()
+        A[:3, :3] += M.sum(0)
+        force[:3] += u.sum(0) - C.sum(0) @ seen.v - G.sum(0)
+        return np.linalg.solve(A, force)
+
+    def rates(self, t: float, state: np.ndarray, torque: np.ndarray | None) -> np.ndarray:
+        """d/dt of (x, ẋ, q, q̇, memory); `torque`: held joint torques (arms, 3), None for the continuous law."""
+        n, seen = len(self.K), self.see(t, state)
+        memory_rate = np.zeros(len(state) - 6 - 2 * n)
+        if torque is None:
+            u, memory_rate = self.inputs(seen, state[6 + 2 * n :])
+        else:
+            u = np.array([at.R.T @ tau for at, tau in zip(seen.arms, torque, strict=True)])
+        a = self.accelerations(seen, state, u)
+        return np.concatenate([state[3:6], a[:3], state[6 + n : 6 + 2 * n], a[3:], memory_rate])
+
+    def begin(self) -> np.ndarray:
+        """State at t = 0: at rest on the path, the beam straight, memory as the law begins."""
+        state = np.concatenate([self.desired(0.0)[0], np.zeros(3 + 2 * len(self.K))])
+        return np.concatenate([state, self.start(self.see(0.0, state))])
+
+    def run(self, duration: float) -> np.ndarray:
+        """The state at the end, under the continuous or the sampled law of the scenario."""
+        law, state, options = self.scenario.controller, self.begin(), {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13}
+        if law.control_period is None:
+            return solve_ivp(self.rates, (0, duration), state, args=(None,), **options).y[:, -1]
+        n, line = len(self.K), [np.zeros((len(self.scenario.arms), 3))] * law.input_delay
+        for k in range(round(duration / law.control_period)):
+            t = k * law.control_period
+            seen = self.see(t, state)
+            u, rate = self.inputs(seen, state[6 + 2 * n :])
+            state[6 + 2 * n :] += law.control_period * rate
+            line.append(np.array([np.linalg.solve(at.R.T, each) for at, each in zip(seen.arms, u, strict=True)]))
+            state = solve_ivp(self.rates, (t, t + law.control_period), state, args=(line.pop(0),), **options).y[:, -1]
+        return state

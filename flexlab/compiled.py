@@ -15,7 +15,7 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
-from flexlab.numba_internals import Inlined, InlinedCompiler
+from flexlab.numba_internals import Inlined, InlinedCompiler, QuickCompiler
 
 PLAIN_PYTHON = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
 """Whether numba was told not to compile (NUMBA_DISABLE_JIT=1): then every kernel is the Python function that it is written as."""
@@ -52,7 +52,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
     Reference counting is off: a kernel that would allocate memory does not compile.
     """
-    return _compile(function, cache=True)
+    return _compile(function, cache=True, pipeline_class=QuickCompiler)
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -76,7 +76,7 @@ def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:
 
     Its first argument is the record of its parameters. So the engine's loop is compiled once, whatever is chosen.
     """
-    return _compile(function, cache=True, no_cfunc_wrapper=False)
+    return _compile(function, cache=True, no_cfunc_wrapper=False, pipeline_class=QuickCompiler)
 
 
 def _compile(function: Callable[..., Any], no_cfunc_wrapper: bool = True, **options: Any) -> Callable[..., Any]:
@@ -103,6 +103,23 @@ def kernel_address(kernel: Any, parameters: np.dtype, *arguments: Any, returns: 
         return id(kernel)
     result = kernel.get_compile_result(returns(numba.from_dtype(parameters), *arguments))
     return result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
+
+
+_addresses: dict[int, int] = {}
+
+
+def whole_address(kernel: Any, arguments: Callable[[], tuple[Any, ...]], returns: Any = numba.int64) -> int:
+    """The address of a kernel for `call_whole_kernel`, compiled (or loaded) for the types of these arguments.
+
+    They are made once: such a kernel takes arguments of the same types in every world.
+    """
+    if PLAIN_PYTHON:
+        _plain[id(kernel)] = kernel, np.dtype([])
+        return id(kernel)
+    if id(kernel) not in _addresses:
+        result = kernel.get_compile_result(returns(*(numba.typeof(value) for value in arguments())))
+        _addresses[id(kernel)] = result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
+    return _addresses[id(kernel)]
 
 
 def _call(context: Any, builder: Any, signature: Any, values: Any, result: Any) -> Any:
@@ -142,5 +159,23 @@ def call_number_kernel(typing, address, parameters, arguments):
     return numba.float64(numba.int64, parameters, arguments), code
 
 
+def _call_whole_plainly(address, arguments):
+    """The kernel at `address`, called as the Python function that it is written as."""
+    return _plain[address][0](*arguments)
+
+
+@intrinsic
+def call_whole_kernel(typing, address, arguments):
+    """Call a kernel that returns a whole number at its `whole_address` with a tuple of arguments."""
+
+    def code(context, builder, signature, values):
+        given = [builder.extract_value(values[1], k) for k in range(len(signature.args[1]))]
+        kind = ir.FunctionType(ir.IntType(64), [value.type for value in given])
+        return builder.call(builder.inttoptr(values[0], kind.as_pointer()), given)
+
+    return numba.int64(numba.int64, arguments), code
+
+
 if PLAIN_PYTHON:
+    globals().update(call_whole_kernel=_call_whole_plainly)
     globals().update(call_kernel=_call_plainly, call_number_kernel=_call_plainly)

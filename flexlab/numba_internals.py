@@ -1,17 +1,24 @@
-"""What numba does not promise and flexlab uses: inlined kernels that are compiled no further than their callers need.
+"""What numba does not promise and flexlab uses: a compiler that does no work twice, and none that nobody needs.
 
 Numba optimises every function on its own, makes machine code of it and wraps it for Python, before it inlines it. For
 kernels that only kernels call, all that is thrown away: it was more than half of the time of the first start on a machine.
-A contract test says so when a version of numba does this differently.
+Of the rest, a third went into typing the same sum of two numbers again and again, and into looking for garbage meanwhile.
+Contract tests say so when a version of numba does this differently.
 """
 
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from numba import _dynfunc
+from numba.core import ir
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
+from numba.core.targetconfig import ConfigStack, TargetConfig
 from numba.core.typed_passes import NativeLowering
+from numba.core.types.functions import BaseFunction
 
 NOWHERE = 1
 """Address of a function that is never called; numba takes 0 for a failure."""
@@ -48,12 +55,97 @@ class BitcodeLowering(NativeLowering):
         return done
 
 
-class InlinedCompiler(CompilerBase):
-    """Numba's compiler with `BitcodeLowering` in the place of its lowering."""
+class _Typing:
+    """What numba has found for calls of built-in functions, by function and argument types."""
+
+    def __init__(self, find: Callable[..., Any]):
+        self._find, self._known, self._flags = find, {}, {}
+
+    def __call__(self, function: Any, context: Any, arguments: Any, keywords: Any) -> Any:
+        """As `BaseFunction.get_call_type`, which lowering asks once more for each sum of two numbers."""
+        flags = ConfigStack.top_or_none()
+        _, summary = self._flags.setdefault(id(flags), (flags, flags.summary() if flags else ""))
+        if keywords:
+            return self._find(function, context, arguments, keywords)
+        key = context, function, tuple(arguments), summary
+        if key not in self._known:
+            self._known[key] = self._find(function, context, arguments, keywords)
+        return self._known[key]
+
+
+def _equal_flags(flags: TargetConfig, other: object) -> bool:
+    """`TargetConfig.__eq__` that looks at what is set before it looks at everything."""
+    if flags is other:
+        return True
+    if type(flags) is type(other) and flags._values == other._values:  # type: ignore[attr-defined]
+        return True
+    return _numbas_equal_flags(flags, other)
+
+
+_numbas_equal_flags = TargetConfig.__eq__
+_NO_VARIABLES = frozenset({str, int, float, bool, type(None), ir.Loc, ir.Scope, ir.Const, ir.Arg, ir.Global})
+
+
+def _variables_in(self: Any, value: Any) -> list[Any]:
+    """`Inst._rec_list_vars` without a look into what never holds variables."""
+    kind = type(value)
+    if kind in _NO_VARIABLES:
+        return []
+    if kind is ir.Var:
+        return [value]
+    return _numbas_variables_in(self, value)
+
+
+_numbas_variables_in = ir.Inst._rec_list_vars
+
+
+class _Quick:
+    """Whether numba's compiler is being hurried along; its own lock guards it."""
+
+    on = False
+
+
+@contextmanager
+def quick_compiler() -> Iterator[None]:
+    """Hurry numba along while kernels are compiled: nothing is typed twice, no garbage is looked for."""
+    if _Quick.on:
+        yield
+        return
+    find, equal, hashing = BaseFunction.get_call_type, TargetConfig.__eq__, TargetConfig.__hash__
+    collects, typing = gc.isenabled(), _Typing(find)
+    _Quick.on = True
+    gc.disable()
+    BaseFunction.get_call_type = lambda self, context, args, kws: typing(self, context, args, kws)
+    TargetConfig.__eq__, TargetConfig.__hash__ = _equal_flags, hashing
+    ir.Inst._rec_list_vars = _variables_in
+    try:
+        yield
+    finally:
+        BaseFunction.get_call_type, ir.Inst._rec_list_vars = find, _numbas_variables_in
+        TargetConfig.__eq__, TargetConfig.__hash__ = equal, hashing
+        _Quick.on = False
+        if collects:
+            gc.enable()
+
+
+class QuickCompiler(CompilerBase):
+    """Numba's compiler, hurried along."""
+
+    def _compile_core(self) -> Any:
+        with quick_compiler():
+            return super()._compile_core()
 
     def define_pipelines(self) -> list[Any]:
         """The one pipeline."""
-        pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+
+
+class InlinedCompiler(QuickCompiler):
+    """The same with `BitcodeLowering` in the place of numba's lowering."""
+
+    def define_pipelines(self) -> list[Any]:
+        """The one pipeline."""
+        (pipeline,) = super().define_pipelines()
         at = next(k for k, (each, _) in enumerate(pipeline.passes) if each is NativeLowering)
         pipeline.passes[at] = (BitcodeLowering, "inlined lowering")
         pipeline._finalized = False

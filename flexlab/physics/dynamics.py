@@ -103,12 +103,12 @@ def velocities_at(plant, y, ws):
 
 
 @compiled
-def inertias_at(plant, poses, ws, found):
+def inertias_at(plant, poses, terms, fault, found):
     """Fill found (k, 3, 3) with S for a straight beam at the poses (k, 3) that the arms can take; returns how many."""
     count = 0
     for k in range(len(poses)):
-        if configure_arms(plant, poses[k], ws.arm, ws.fault) == 0:
-            rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, found[count])
+        if configure_arms(plant, poses[k], terms, fault) == 0:
+            rigid_inertia(plant, terms, terms.trig[0], terms.trig[1], 0.0, 0.0, found[count])
             count += 1
     return count
 

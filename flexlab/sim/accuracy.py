@@ -73,7 +73,7 @@ def redo_tick(assembly: Assembly, level: int, state: WorldState, tick_period: fl
     _, code = advance(
         system._replace(held_torque=state.held_torque),
         sampling._replace(line=state.torque_line, steps=sampling.steps << finer),
-        assembly.levels.scheme(finer),
+        *assembly.levels.scheme(finer),
         assembly.watch._replace(most=0),
         0,
         np.inf,

@@ -8,9 +8,9 @@ from flexlab.physics.plant import BEND, DISSIPATED, ETA
 from flexlab.sim.closed_loop import law_places, rates
 from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration
 from flexlab.sim.integrators.etdrk4 import FREE
-from flexlab.sim.integrators.scheme import ETDRK4
-from flexlab.sim.integrators.step import integrate
-from flexlab.sim.sampled_control import control_instant
+from flexlab.sim.integrators.scheme import STATE
+from flexlab.sim.integrators.step import rates_row, stage_count, stage_instant, take_stage
+from flexlab.sim.sampled_control import act_at_instant
 from flexlab.sim.signals import write_sample
 from flexlab.sim.step_levels import wanted_level
 
@@ -41,6 +41,13 @@ def diverged(system, y):
 
 
 @inlined
+def copy(source, target):
+    """target = source, (n,)."""
+    for i in range(len(target)):
+        target[i] = source[i]
+
+
+@inlined
 def largest_deflection(plant, y):
     """|w| at mid-span, or at the free end, m."""
     w = 0.0
@@ -53,7 +60,9 @@ def largest_deflection(plant, y):
 def advance(
     system,
     sampling,
-    scheme,
+    etdrk4,
+    generalized_alpha,
+    rk4,
     watch,
     level,
     deflection_limit,
@@ -72,48 +81,62 @@ def advance(
     and a fault code, or `OTHER_STEP` plus the level of step that the next tick wants where that is not `level`. On a fault y
     is set back to the last good tick (`good`, like y, is scratch).
     """
-    # The rates at a tick serve its sample and the step that follows. They stand here once: whatever the block sizes, the
-    # same machine code gives the same bits; and handing a whole system to a function costs more than most of them.
+    # The rates at a tick serve its sample and the step that follows. They stand here once, for all stages: whatever the block
+    # sizes, the same machine code gives the same bits, and less of it has to be compiled.
     dt = tick_period / step_count
     row = 0 if first_is_present else -1
-    done = j = 0
+    # Not the literal 0, for which numba would compile kernels once more.
+    done = j = stage = np.int64(0)
     n = system.plant.modal.shape[1]
     true_rate = y[ETA + 2 * n + 3 : ETA + 3 * n + 3]
-    flows, stepped = scheme.kind == ETDRK4 and scheme.flow.shape[1] > 0, False
+    flows, stepped, whole = False, False, True
+    if etdrk4 is not None:
+        flows, whole = etdrk4.flow.shape[1] > 0, False
     while True:
-        start = (tick + done) * tick_period
-        t = start + j * dt
-        code = rates(system, t, y, ws, ws.stage[0], scheme.kind != ETDRK4)
-        if code == 0 and flows and stepped:
-            end_flow(system.plant, scheme.flow, dt, ws.stage[FREE], y, ws)
+        t = (tick + done) * tick_period + j * dt
+        state = y if stage == 0 else ws.stage[STATE]
+        code = rates(
+            system,
+            stage_instant(generalized_alpha, stage, t, dt),
+            state,
+            ws,
+            ws.stage[rates_row(etdrk4, stage)],
+            whole,
+        )
+        if stage == 0:
+            if etdrk4 is not None:
+                if code == 0 and flows and stepped:
+                    end_flow(system.plant, etdrk4.flow, dt, ws.stage[FREE], y, ws)
+                    if j == 0:
+                        since = ETA + 2 * n + TICKS
+                        y[since] = y[since] + 1 if y[since] >= 1 else 1.0
+                        meet_acceleration(system.plant, etdrk4.flow, y, ws)
             if j == 0:
-                since = ETA + 2 * n + TICKS
-                y[since] = y[since] + 1 if y[since] >= 1 else 1.0
-                meet_acceleration(system.plant, scheme.flow, y, ws)
-        if j == 0:
-            if code == 0 and row >= 0:
-                known = flows and np.isfinite(true_rate[0])
-                write_sample(system, t, y, true_rate if known else ws.eta_dot, ws, rows[row])
-                if done > 0 and not largest_deflection(system.plant, y) < deflection_limit:
-                    code = BENT
-            if code != 0 and done > 0:
-                for i in range(len(y)):
-                    y[i] = good[i]
-                return done - 1, code
-            row += 1
-            if row == len(rows):
-                return done, code
-            if code == 0:
-                wanted = wanted_level(system, watch, y, ws)
-                if wanted != level:
-                    return done, OTHER_STEP + wanted
-            for i in range(len(y)):
-                good[i] = y[i]
-        if ws.interrupt[0] != 0:
-            return done, INTERRUPTED
-        stepped = True
+                if code == 0 and row >= 0:
+                    known = flows and np.isfinite(true_rate[0])
+                    write_sample(system, t, y, true_rate if known else ws.eta_dot, ws, rows[row])
+                    if done > 0 and not largest_deflection(system.plant, y) < deflection_limit:
+                        code = BENT
+                if code != 0 and done > 0:
+                    copy(good, y)
+                    return done - 1, code
+                row += 1
+                if row == len(rows):
+                    return done, code
+                if code == 0:
+                    wanted = wanted_level(system, watch, y, ws)
+                    if wanted != level:
+                        return done, OTHER_STEP + wanted
+                copy(y, good)
+            if ws.interrupt[0] != 0:
+                return done, INTERRUPTED
+            stepped = True
         if code == 0:
-            code = integrate(system, scheme, t, dt, y, ws)
+            code = take_stage(system, etdrk4, generalized_alpha, rk4, stage, dt, y, ws)
+        stage += 1
+        if code == 0 and stage < stage_count(generalized_alpha):
+            continue
+        stage = np.int64(0)
         if code == 0 and diverged(system, y):
             code = DIVERGED
         j += 1
@@ -121,10 +144,8 @@ def advance(
         if j == step_count:
             done, j = done + 1, 0
         if code == 0 and system.control.sampled and number % sampling.steps == 0:
-            code = control_instant(
-                system, sampling, number // sampling.steps, (tick + done) * tick_period + j * dt, y, ws
-            )
+            instant = number // sampling.steps
+            code = act_at_instant(system, sampling, instant, (tick + done) * tick_period + j * dt, y, ws)
         if code != 0:
-            for i in range(len(y)):
-                y[i] = good[i]
+            copy(good, y)
             return done - (j == 0), code

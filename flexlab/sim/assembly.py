@@ -14,7 +14,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam, build_beam, build_control, build_plant, build_trajectory
 from flexlab.sim.closed_loop import System
-from flexlab.sim.sampled_control import Sampling
+from flexlab.sim.sampled_control import Sampling, with_kernel
 from flexlab.sim.step_levels import StepLevels, StepWatch
 from flexlab.sim.step_size import Rates, choose_step, find_rates, free_beam_rate, steps_per_tick
 
@@ -78,6 +78,8 @@ def _derive(scenario: Scenario, tick_period: float, known: Sequence[Assembly], a
     for level in range(watch.disturbed + 2):  # and the half step of `accuracy`
         levels.scheme(level)
     sampling = _build_sampling(scenario, beam, per_control)
+    if system.control.sampled:
+        sampling = with_kernel(sampling, system)
     return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, count)
 
 

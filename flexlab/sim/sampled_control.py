@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled, inlined
+from flexlab.compiled import call_whole_kernel, inlined, pluggable, whole_address
 from flexlab.control.law import control_law
 from flexlab.control.path import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
-from flexlab.sim.closed_loop import find_state, law_places, limit_torques
+from flexlab.sim.closed_loop import System, find_state, law_places, limit_torques, new_workspace, state_length
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
 """First channels of the random numbers of hᵀq̇, gᵀq̇ and of the strain gauges; pose and pose rate have those before."""
@@ -37,6 +37,17 @@ class Sampling(NamedTuple):
     seed: int
     line: np.ndarray
     """Torques on their way, oldest first, N·m, (delay + 1, arms, 3)."""
+    kernel: int = 0
+    """Address of `control_instant`; 0: nothing is sampled. So continuous control starts without it being compiled."""
+
+
+def with_kernel(sampling: Sampling, system: System) -> Sampling:
+    """The same with the kernel's address."""
+
+    def arguments():
+        return system, sampling, 0, 0.0, np.zeros(state_length(system)), new_workspace(system)
+
+    return sampling._replace(kernel=whole_address(control_instant, arguments))
 
 
 @inlined
@@ -77,7 +88,7 @@ def measure_beam(sampling, instant, truth, measured):
         measured[1] += sampling.gauge_noise[1, j] * change
 
 
-@compiled
+@pluggable
 def control_instant(system, sampling, instant, t, y, ws):
     """Measure, run the law, queue its torques and hold those that are due; returns a fault code."""
     plant, control = system.plant, system.control
@@ -112,3 +123,9 @@ def control_instant(system, sampling, instant, t, y, ws):
             sampling.line[sampling.delay, i, joint] = ws.tau[joint]
             system.held_torque[i, joint] = sampling.line[0, i, joint]
     return code
+
+
+@inlined
+def act_at_instant(system, sampling, instant, t, y, ws):
+    """`control_instant` of a sampled controller, by its address."""
+    return call_whole_kernel(sampling.kernel, (system, sampling, instant, t, y, ws))

@@ -15,11 +15,10 @@ from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import SMALLEST_STEP
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import System, new_workspace
-from flexlab.sim.integrators.beam_flow import ROWS
 from flexlab.sim.integrators.etdrk4 import beam_operators
 from flexlab.sim.integrators.generalized_alpha import effective_inverse
 from flexlab.sim.integrators.rk4 import STABILITY_LIMIT
-from flexlab.sim.integrators.scheme import NAMES, ORDER, Scheme
+from flexlab.sim.integrators.scheme import ORDER, Etdrk4, GeneralizedAlpha, Scheme
 
 REFERENCE_STEP = 1e-3
 REFERENCE_ERROR = {"rk4": 6e-8, "etdrk4": 3e-8, "generalized-alpha": 6e-6}
@@ -94,8 +93,8 @@ def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
 
 def inertias(system: System, desired: np.ndarray) -> np.ndarray:
     """S at poses (k, 3), as far as the arms can take them, (up to k, 3, 3)."""
-    found = np.zeros((len(desired), 3, 3))
-    return found[: inertias_at(system.plant, desired, new_workspace(system), found)]
+    found, ws = np.zeros((len(desired), 3, 3)), new_workspace(system)
+    return found[: inertias_at(system.plant, desired, ws.arm, ws.fault, found)]
 
 
 def _largest(S: np.ndarray, numerator: np.ndarray) -> float:
@@ -261,11 +260,10 @@ def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple
 def build_scheme(integrator: str, beam: Beam, dt: float) -> Scheme:
     """The integrator's constants for step dt."""
     modes = beam.modes
-    operators, inverse, coupling, flow = np.zeros((5, 0)), np.zeros((0, 0)), np.zeros((2, 0)), np.zeros((ROWS, 0))
     loads = np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g])
     if integrator == "etdrk4":
-        operators, flow = beam_operators(modes.omega, modes.D, modes.block_start, loads, dt)
-    elif integrator == "generalized-alpha":
+        return Scheme(etdrk4=Etdrk4(*beam_operators(modes.omega, modes.D, modes.block_start, loads, dt)))
+    if integrator == "generalized-alpha":
         inverse = effective_inverse(modes.omega, modes.D, modes.block_start, dt)
-        coupling = loads @ inverse
-    return Scheme(NAMES[integrator], operators, inverse, coupling, flow)
+        return Scheme(generalized_alpha=GeneralizedAlpha(inverse, loads @ inverse))
+    return Scheme(rk4=True)

@@ -220,7 +220,7 @@ class World:
             ticks, code = advance(
                 assembly.system,
                 assembly.sampling._replace(steps=assembly.sampling.steps << self._level),
-                assembly.levels.scheme(self._level),
+                *assembly.levels.scheme(self._level),
                 assembly.watch,
                 self._level,
                 DEFLECTION_LIMIT * self.scenario.payload.length,
@@ -278,7 +278,7 @@ class World:
         n = plant.modal.shape[1]
         velocities_at(plant, self._y, self._workspace)
         rate, eta_dot = self._workspace.velocity.copy(), self._workspace.eta_dot.copy()
-        if old.levels.scheme(0).flow.shape[1] and np.isfinite(noted_rates(self._y, n)[-1]):
+        if old.levels.scheme(0).notes_rates and np.isfinite(noted_rates(self._y, n)[-1]):
             eta_dot = noted_rates(self._y, n).copy()  # the rates that the samples show
         q, q_dot = plant.V @ self._y[ETA : ETA + n], plant.V @ eta_dot
         if not _same_mesh(self.scenario, scenario):

@@ -25,7 +25,7 @@ from flexlab.physics.dynamics import acceleration, beam_is_held, solve_symmetric
 from flexlab.physics.plant import DISSIPATED, ETA, OMEGA2, G, H
 
 ROWS = 15
-"""Rows of `Scheme.flow`: for lateral, then angular b: η and η̇ at the step's end under b = 1, then under b = s."""
+"""Rows of `Etdrk4.flow`: for lateral, then angular b: η and η̇ at the step's end under b = 1, then under b = s."""
 DAMPED, CURVED, CURVED_FORCE, FAST = 8, 10, 12, 14
 """Further rows, two each: DΩ⁻²h and DΩ⁻²g; η̇ at the step's end under b = 6 (s/h)² - 6 s/h + 1, and D times that, both for
 fast modes only. Last: 1 for a fast mode, else 0."""
@@ -45,7 +45,7 @@ START, MIDDLE = -6, -3
 def flow_rows(
     omega: np.ndarray, damping: np.ndarray, loads: np.ndarray, phi: tuple[np.ndarray, ...], dt: float
 ) -> np.ndarray:
-    """Part of `Scheme.flow` (15, k) of one block: its ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
+    """Part of `Etdrk4.flow` (15, k) of one block: its ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
     k = len(omega)
     rows = np.zeros((ROWS, k))
     _, phi1, phi2, phi3 = phi

@@ -16,11 +16,11 @@ import numpy as np
 
 from flexlab.compiled import inlined, inlined_sums
 from flexlab.physics.plant import ETA, memory_start
-from flexlab.sim.closed_loop import rates
 from flexlab.sim.integrators.beam_flow import MIDDLE, begin_flow, flow_rows, note_grips
+from flexlab.sim.integrators.scheme import STATE
 
 HALF_EXP, HALF_PHI1, HALF_PHI2, PHI2, PHI3 = range(5)
-"""e^{hL/2}, ½h φ1(½hL), h φ2(½hL), h φ2(hL), h φ3(hL): rows of `Scheme.operators`."""
+"""e^{hL/2}, ½h φ1(½hL), h φ2(½hL), h φ2(hL), h φ3(hL): rows of `Etdrk4.operators`."""
 
 FREE = 7
 """Row of `Workspace.stage` that after a step holds e^{hL} y + h φ1(hL) N1: the beam had nothing changed for it."""
@@ -70,7 +70,7 @@ def _factorial(k: int) -> float:
 def beam_operators(
     omega: np.ndarray, damping: np.ndarray, block_start: np.ndarray, loads: np.ndarray, dt: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix functions of the beam's linear part for step dt, as `Scheme.operators`, and `Scheme.flow`.
+    """The matrix functions of the beam's linear part for step dt, as `Etdrk4.operators`, and `Etdrk4.flow`.
 
     loads: Vᵀh and Vᵀg, (2, n_m).
     """
@@ -114,7 +114,7 @@ def add_product(block_start, n, operator, z, out):
 @inlined
 def classical_stage(low, high, stage, dt, y, ws):
     """`next_stage` for the part low..high of the state, which has no linear part: the classical Runge-Kutta formulas."""
-    N1, N2, N3, N4, z = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3], ws.stage[5]
+    N1, N2, N3, N4, z = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3], ws.stage[STATE]
     if stage == 0:
         for i in range(low, high):
             z[i] = y[i] + dt / 2 * N1[i]
@@ -131,13 +131,13 @@ def classical_stage(low, high, stage, dt, y, ws):
 
 @inlined
 def next_stage(starts, n, operators, stage, dt, y, ws):
-    """From N1..N(stage + 1) in ws.stage, the beam's next stage in ws.stage[5], or after the last one the new y.
+    """From N1..N(stage + 1) in ws.stage, the beam's next stage in ws.stage[STATE], or after the last one the new y.
 
     ws.stage[4] keeps a, ws.stage[FREE] e^{hL} y + h φ1(hL) N1.
     """
     end = ETA + 2 * n
     N1, N2, N3, N4 = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3]
-    a, z, d, whole = ws.stage[4], ws.stage[5], ws.stage[6], ws.stage[FREE]
+    a, z, d, whole = ws.stage[4], ws.stage[STATE], ws.stage[6], ws.stage[FREE]
     if stage == 0:
         for i in range(ETA, end):
             whole[i] = 0.0
@@ -168,21 +168,17 @@ def next_stage(starts, n, operators, stage, dt, y, ws):
 
 
 @inlined
-def etdrk4_step(system, operators, t, dt, y, ws):
-    """Advance y by dt in place, after its rates are in ws.stage[0]; returns a fault code.
+def etdrk4_stage(system, operators, stage, dt, y, ws):
+    """`take_stage` of this method: the rates of stage k stand in ws.stage[k].
 
     What `beam_flow.end_flow` needs stays in the workspace.
     """
     starts, n, memory = system.plant.block_start, system.plant.modal.shape[1], memory_start(system.plant)
-    begin_flow(system.plant, y, ws)
-    for stage in range(4):
-        if stage > 0:
-            code = rates(system, t + (dt if stage == 3 else dt / 2), ws.stage[5], ws, ws.stage[stage], False)
-            if code != 0:
-                return code
-        if stage == 2:
-            note_grips(system.plant, ws, MIDDLE)
-        classical_stage(0, ETA, stage, dt, y, ws)
-        classical_stage(memory, memory + system.control.memory_size, stage, dt, y, ws)
-        next_stage(starts, n, operators, stage, dt, y, ws)
-    return 0
+    if stage == 0:
+        begin_flow(system.plant, y, ws)
+    elif stage == 2:
+        note_grips(system.plant, ws, MIDDLE)
+    for part in range(2):
+        low, high = (0, ETA) if part == 0 else (memory, memory + system.control.memory_size)
+        classical_stage(low, high, stage, dt, y, ws)
+    next_stage(starts, n, operators, stage, dt, y, ws)

@@ -9,9 +9,9 @@ which belong to a slightly shifted instant, are carried at the end of the state.
 import numpy as np
 
 from flexlab.compiled import inlined, inlined_sums
-from flexlab.physics.dynamics import acceleration, momentum_rates, set_momenta, solve_symmetric
+from flexlab.physics.dynamics import acceleration, set_momenta, solve_symmetric
 from flexlab.physics.plant import ETA, WORK, G, H, X, memory_start
-from flexlab.sim.closed_loop import find_state
+from flexlab.sim.integrators.scheme import STATE
 
 RHO = 0.8
 """Spectral radius at infinite frequency: unresolved modes lose a fifth of their amplitude per step."""
@@ -71,7 +71,7 @@ def block_product(block_start, inverse, b, z):
 
 
 @inlined
-def correct(system, scheme, x_ddot, middle, new, ws):
+def correct(system, constants, x_ddot, middle, new, ws):
     """One round: move the new accelerations (x first, then η) so that the α-point's balance M (a_true - a_m) vanishes."""
     plant, n = system.plant, system.plant.modal.shape[1]
     c, s = ws.arm.trig[0], ws.arm.trig[1]
@@ -90,12 +90,12 @@ def correct(system, scheme, x_ddot, middle, new, ws):
         h_error += h * difference
         g_error += g * difference
         error[k] = difference + h * d_lateral + g * d_turn
-        hh += scheme.coupling[0, k] * h
-        hg += scheme.coupling[0, k] * g
-        gg += scheme.coupling[1, k] * g
-        h_solved += scheme.coupling[0, k] * error[k]
-        g_solved += scheme.coupling[1, k] * error[k]
-    block_product(plant.block_start, scheme.inverse, error, solved)
+        hh += constants.coupling[0, k] * h
+        hg += constants.coupling[0, k] * g
+        gg += constants.coupling[1, k] * g
+        h_solved += constants.coupling[0, k] * error[k]
+        g_solved += constants.coupling[1, k] * error[k]
+    block_product(plant.block_start, constants.inverse, error, solved)
     # (M̄ + A11) dx = S dx + A12 A21 dx; then the beam is eliminated from the balance and from the matrix.
     weight = 1 - ALPHA_M
     lateral_force = h_error + plant.kappa[0] * d_lateral + plant.kappa[1] * d_turn - weight * h_solved
@@ -113,37 +113,26 @@ def correct(system, scheme, x_ddot, middle, new, ws):
     for a in range(3):
         new[a] += dx[a] / weight
     for k in range(n):
-        new[3 + k] += solved[k] - scheme.coupling[0, k] * lateral - scheme.coupling[1, k] * turn
+        new[3 + k] += solved[k] - constants.coupling[0, k] * lateral - constants.coupling[1, k] * turn
 
 
 @inlined
-def generalized_alpha_step(system, scheme, t, dt, y, ws):
-    """Advance y by dt in place, after its rates are in ws.stage[0]; returns a fault code."""
+def generalized_alpha_stage(system, constants, stage, dt, y, ws):
+    """`take_stage` of this method: a first guess, then `CORRECTIONS` rounds with rates at the α-point; returns a fault code."""
     plant, n = system.plant, system.plant.modal.shape[1]
-    first_rate, z, velocity, middle, new = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3], ws.stage[4]
-    x_ddot, late_rate = ws.stage[5, 0:3], ws.stage[6]
+    first_rate, late_rate, velocity, middle, new = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3], ws.stage[4]
+    z, x_ddot = ws.stage[STATE], ws.stage[6, 0:3]
     memory, memory_end = memory_start(plant), memory_start(plant) + system.control.memory_size
     old = y[ETA + 2 * n : memory]
-    for stage in range(CORRECTIONS + 1):
-        state, instant = (y, t) if stage == 0 else (z, t + (1 - ALPHA_F) * dt)
-        if stage > 0:
-            for i in range(memory, memory_end):
-                z[i] = y[i] + (1 - ALPHA_F) * dt * first_rate[i]
-            code = _alpha_point(plant, dt, y, velocity, old, new, first_rate, middle, z, ws)
-            if code != 0:
-                return code
-            code = find_state(system, instant, z, ws)
-            if code != 0:
-                return code
-        acceleration(plant, state, ws.eta_dot, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
-        if stage == CORRECTIONS:
-            momentum_rates(plant, z, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, late_rate, True)
-            for a in range(system.control.memory_size):
-                late_rate[memory + a] = ws.memory_rate[a]
-        if stage == 0:
-            _begin_step(plant, x_ddot, velocity, old, new, ws)
-        else:
-            correct(system, scheme, x_ddot, middle, new, ws)
+    acceleration(plant, y if stage == 0 else z, ws.eta_dot, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
+    if stage == 0:
+        _begin_step(plant, x_ddot, velocity, old, new, ws)
+    else:
+        correct(system, constants, x_ddot, middle, new, ws)
+    if stage < CORRECTIONS:
+        for i in range(memory, memory_end):
+            z[i] = y[i] + (1 - ALPHA_F) * dt * first_rate[i]
+        return _alpha_point(plant, dt, y, velocity, old, new, first_rate, middle, z, ws)
     weight = 0.5 / (1 - ALPHA_F)
     for i in range(WORK, ETA):
         y[i] += dt * ((1 - weight) * first_rate[i] + weight * late_rate[i])

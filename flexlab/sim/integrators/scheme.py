@@ -1,24 +1,47 @@
-"""What a step needs besides the system: the method and the constants it computes once per step size."""
+"""What a step needs besides the system: the constants that an integrator computes once per step size.
+
+The kernels get `Scheme`'s members one by one: the one that is there says which integrator it is, and numba, which drops the
+branches of those that are None, compiles each integrator alone, when it is first chosen.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
-RK4, ETDRK4, GENERALIZED_ALPHA = range(3)
-NAMES = {"rk4": RK4, "etdrk4": ETDRK4, "generalized-alpha": GENERALIZED_ALPHA}
 ORDER = {"rk4": 4, "etdrk4": 4, "generalized-alpha": 2}
 """Declared order of accuracy of each integrator."""
 
+STATE = 5
+"""Row of `Workspace.stage` with the state at which a stage after the first wants the rates."""
+
+
+class Etdrk4(NamedTuple):
+    """Constants of `etdrk4`."""
+
+    operators: np.ndarray
+    """The five matrix functions of the beam's linear part, by row, block after block, (5, Σ 4k²)."""
+    flow: np.ndarray
+    """Of a damped beam the rows of `beam_flow`, (15, n_m); (15, 0) where nothing is damped."""
+
+
+class GeneralizedAlpha(NamedTuple):
+    """Constants of `generalized_alpha`."""
+
+    inverse: np.ndarray
+    """Inverse of the beam's effective mass, block diagonal, (n_m, n_m)."""
+    coupling: np.ndarray
+    """That inverse times Vᵀh and Vᵀg, (2, n_m)."""
+
 
 class Scheme(NamedTuple):
-    """Method number and its constants for one step size."""
+    """The constants of one integrator for one step size; the others are None."""
 
-    kind: int
-    operators: np.ndarray
-    """etdrk4: the five matrix functions of the beam's linear part, by row, block after block, (5, Σ 4k²)."""
-    inverse: np.ndarray
-    """generalized-alpha: inverse of the beam's effective mass, block diagonal, (n_m, n_m)."""
-    coupling: np.ndarray
-    """generalized-alpha: that inverse times Vᵀh and Vᵀg, (2, n_m)."""
-    flow: np.ndarray
-    """etdrk4 of a damped beam: the rows of `beam_flow`, (15, n_m); (15, 0) where nothing is damped."""
+    etdrk4: Etdrk4 | None = None
+    generalized_alpha: GeneralizedAlpha | None = None
+    rk4: bool | None = None
+    """It has no constants."""
+
+    @property
+    def notes_rates(self) -> bool:
+        """Whether its steps note the beam's true rates behind the state."""
+        return self.etdrk4 is not None and self.etdrk4.flow.shape[1] > 0

@@ -1,0 +1,70 @@
+"""What flexlab uses of numba without its promise is still there, and is left as it was found."""
+
+import gc
+
+import numba
+import numpy as np
+import pytest
+from numba.core import ir
+from numba.core.targetconfig import TargetConfig
+from numba.core.types.functions import BaseFunction
+
+from flexlab.compiled import PLAIN_PYTHON, inlined
+from flexlab.numba_internals import QuickCompiler
+
+pytestmark = pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
+
+
+def test_a_built_in_function_is_typed_once_for_the_same_arguments(monkeypatch):
+    asked = []
+    find = BaseFunction.get_call_type
+
+    def counted(self, context, arguments, keywords):
+        asked.append((self, tuple(arguments)))
+        return find(self, context, arguments, keywords)
+
+    monkeypatch.setattr(BaseFunction, "get_call_type", counted)
+
+    @numba.njit(pipeline_class=QuickCompiler)
+    def total(a, b):
+        return a + b + (a + b) + (a + b) * (a + b) + (b + a) * (a + b + a)
+
+    assert total(1.0, 2.0) == 3 + 3 + 9 + 12
+    assert len(asked) == len(set(asked)) > 0
+
+
+def test_numba_is_left_as_it_was_even_by_a_kernel_that_does_not_compile():
+    def parts():
+        return BaseFunction.get_call_type, TargetConfig.__eq__, TargetConfig.__hash__, ir.Inst._rec_list_vars
+
+    before = parts()
+
+    @numba.njit(pipeline_class=QuickCompiler)
+    def wrong(a):
+        return a + "text"
+
+    with pytest.raises(numba.TypingError):
+        wrong(1.0)
+    assert parts() == before
+    assert gc.isenabled()
+
+
+def test_a_branch_for_what_is_none_is_not_compiled():
+    """`sim.integrators.step` relies on it: one integrator at a time."""
+
+    @inlined
+    def never(a):
+        return a.no_such_thing
+
+    @numba.njit(pipeline_class=QuickCompiler)
+    def chosen(array, number):
+        result = 0.0
+        if array is not None:
+            result = never(array)
+        if number is not None:
+            result = number
+        return result
+
+    assert chosen(None, 2.0) == 2.0
+    assert not never._dispatcher.overloads  # type: ignore[attr-defined]
+    assert np.isfinite(chosen(None, 1.0))

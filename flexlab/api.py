@@ -16,7 +16,7 @@ from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.result_hash import result_hash
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.analysis.sweep.axes import parse_axes
-from flexlab.analysis.sweep.execution import cell_progress, on_threads, run_sweep
+from flexlab.analysis.sweep.execution import cell_progress, chosen_executor, run_sweep
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
 from flexlab.analysis.sweep.result import Sweep
 from flexlab.analysis.sweep.table import sweep_folder
@@ -139,6 +139,7 @@ def sweep(
     accuracy: float | None = DEFAULT_ACCURACY,
     folder: str | Path | None = None,
     workers: int | None = None,
+    cluster: str | None = None,
     progress: bool = True,
     most_cells: int = MANY_CELLS,
 ) -> Sweep:
@@ -148,17 +149,18 @@ def sweep(
     the shell takes it, ["payload.bending_stiffness=1:1000:log:25"]. `design`: "grid" (all combinations), or
     "latin-hypercube" or "sobol" with so many `samples` and a `seed`. `accuracy`: pose accuracy of the runs, m; None: the
     scenario's own. `folder` (None: `sweeps/<name>-<key>`) keeps the table; a sweep that was interrupted goes on there, and
-    the same sweep is not computed twice. `workers`: threads, None: one per core. A cell that fails says why and stops
-    nobody. Raises `PresetError` or `ScenarioError` for the scenario and `StudyError` for other unusable arguments, and for
-    more than `most_cells` cells.
+    the same sweep is not computed twice. `workers`: threads, None: one per core; or `cluster`: the address of a Dask
+    scheduler. A cell that fails says why and stops nobody. Raises `PresetError` or `ScenarioError` for the scenario and
+    `StudyError` for other unusable arguments, for a cluster that fails, and for more than `most_cells` cells.
     """
     name, valid = _named(scenario)
     plan = make_plan(valid, parse_axes(vary, valid), duration, sample_period, design, samples, seed, accuracy)
     if plan.cell_count > most_cells:
         raise StudyError(f"The sweep has {plan.cell_count} cells: say most_cells={plan.cell_count} if you mean it.")
+    executor = chosen_executor(workers, cluster)
     place = sweep_folder(name, plan) if folder is None else Path(folder)
     with cell_progress(progress) as told:
-        run_sweep(plan, place, on_threads(workers), told)
+        run_sweep(plan, place, executor, told)
     return Sweep(plan, place)
 
 

@@ -53,6 +53,14 @@ def command(
     workers: Annotated[
         int | None, tyro.conf.arg(metavar="N", help="Threads. (default: one per core)", help_behavior_hint="")
     ] = None,
+    cluster: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="tcp://HOST:PORT",
+            help="Compute on the Dask cluster of this scheduler (needs flexlab[cluster]).",
+            help_behavior_hint="",
+        ),
+    ] = None,
     yes: Annotated[bool, tyro.conf.arg(help="Do not ask, however many cells.", help_behavior_hint="")] = False,
 ) -> int:
     """Simulate PRESET with fields varied, gather the metrics of all cells in a table, and draw it.
@@ -62,7 +70,7 @@ def command(
     """
     ((name, scenario),) = chosen_scenarios([preset], set_, law, seed)
     from flexlab.analysis.sweep.axes import parse_axes
-    from flexlab.analysis.sweep.execution import cell_progress, on_threads, run_sweep
+    from flexlab.analysis.sweep.execution import cell_progress, chosen_executor, run_sweep
     from flexlab.analysis.sweep.figures import metric_column, write_figures
     from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, make_plan
     from flexlab.analysis.sweep.result import Sweep
@@ -78,8 +86,9 @@ def command(
         metric_column(metric)
     _ask(plan.cell_count, yes)
     folder = to or sweep_folder(name, plan)
-    executor = on_threads(workers)
-    warm_up(plan.scenario)
+    executor = chosen_executor(workers, cluster)
+    if cluster is None:
+        warm_up(plan.scenario)
     with cell_progress(True) as told:
         run_sweep(plan, folder, executor, told)
     sweep = Sweep(plan, folder)

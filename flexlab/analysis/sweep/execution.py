@@ -43,6 +43,17 @@ def on_threads(workers: int | None = None) -> Executor:
     return compute
 
 
+def chosen_executor(workers: int | None = None, cluster: str | None = None) -> Executor:
+    """Threads of this machine, or the Dask cluster of a scheduler. Raises `StudyError`."""
+    if cluster is None:
+        return on_threads(workers)
+    if workers is not None:
+        raise StudyError("workers says how many threads this machine uses: a cluster has its own; give one of the two.")
+    from flexlab.analysis.sweep.cluster import on_cluster
+
+    return on_cluster(cluster)
+
+
 def run_sweep(plan: Plan, folder: Path, executor: Executor, told: Told = lambda done, total: None) -> Path:
     """Compute what is missing of a sweep in its folder; the table's path. Raises `StudyError`.
 

@@ -1,0 +1,91 @@
+"""A sweep on a real Dask cluster: a scheduler and two workers, one of which is killed on the way."""
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from distributed import Client
+
+import flexlab
+from flexlab.errors import StudyError
+
+VARY = ["payload.bending_stiffness=1:1000:log:16", "controller.feedback_gain=50:500:16"]
+
+
+def start(folder: Path, *words: str) -> subprocess.Popen:
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli." + words[0], *words[1:]], cwd=folder, env=environment,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def address_of(scheduler: subprocess.Popen) -> str:
+    assert scheduler.stderr is not None
+    for line in scheduler.stderr:
+        if found := re.search(r"Scheduler at:\s+(tcp://\S+)", line):
+            # Goes on reading, so that what the process says never fills the pipe.
+            threading.Thread(target=scheduler.stderr.read, daemon=True).start()
+            return found[1]
+    raise AssertionError("the scheduler said no address")
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[str]:
+    process = start(tmp_path, "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    try:
+        yield address_of(process)
+    finally:
+        process.kill()
+        process.wait()
+
+
+def start_worker(folder: Path, address: str) -> subprocess.Popen:
+    words = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1", "--local-directory", str(folder))
+    process = start(folder, "dask_worker", address, *words)
+    assert process.stderr is not None
+    threading.Thread(target=process.stderr.read, daemon=True).start()
+    return process
+
+
+def test_a_killed_worker_changes_no_byte(scheduler: str, tmp_path: Path):
+    workers = [start_worker(tmp_path, scheduler) for _ in range(2)]
+    try:
+        with Client(scheduler, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=60)
+        cells = tmp_path / "cluster"
+        computed = threading.Thread(
+            target=flexlab.sweep, args=("paper", VARY, 0.3), kwargs={"folder": cells, "cluster": scheduler}
+        )
+        computed.start()
+        deadline = time.monotonic() + 120
+        while len(list((cells / "parts").glob("0*.parquet"))) < 5:
+            assert time.monotonic() < deadline
+            assert computed.is_alive()
+            time.sleep(0.005)
+        workers[0].kill()
+        assert not (cells / "cells.parquet").exists(), "killed on the way"
+        computed.join(120)
+        flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "here")
+        assert (cells / "cells.parquet").read_bytes() == (tmp_path / "here" / "cells.parquet").read_bytes()
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.wait()
+
+
+def test_a_cluster_that_cannot_be_used_is_said(scheduler: str, tmp_path: Path):
+    with pytest.raises(StudyError, match="has no workers: start some with dask worker tcp://"):
+        flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "a", cluster=scheduler)
+    for address in ("tcp://127.0.0.1:1", "nowhere", "tcp://no.such.host.invalid:8786", ""):
+        with pytest.raises(StudyError, match="No Dask scheduler answers") as caught:
+            flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "b", cluster=address)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(StudyError, match="give one of the two"):
+        flexlab.sweep("paper", VARY, 0.1, workers=2, cluster=scheduler)

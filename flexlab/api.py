@@ -5,8 +5,9 @@ Everything here stands as `flexlab.<name>`; the rooms below do the work.
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis import batch
 from flexlab.analysis import linearize as linear
@@ -25,10 +26,16 @@ from flexlab.presets import find_scenario
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import find_run
+from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import samples
 from flexlab.sim import simulate as engine
 from flexlab.sim.commands import WorldCommand
+
+if TYPE_CHECKING:
+    import pandas
+    import pyarrow
+    from matplotlib.figure import Figure
 
 LOGS = "logs"
 """The folder of recordings where somebody works."""
@@ -63,6 +70,32 @@ class Run(samples.Run):
         path = write_run(self, Path(folder), self.name)
         note_metrics(path)
         return path
+
+    def plot(self, *signals: str) -> "Figure":
+        """Curves of signals by name, `run.plot("joint_torque", "vibration")`; the usual ones without a name.
+
+        A matplotlib figure, which notebooks show. Raises `StudyError`.
+        """
+        from flexlab.analysis.signal_plots import SHOWN, draw_signals
+
+        return draw_signals(self, signals or SHOWN)
+
+    def to_arrow(self) -> "pyarrow.Table":
+        """All signals as an Arrow table: a row per instant, units in the columns' names, as `flexlab export` writes it."""
+        import pyarrow
+
+        return pyarrow.table(to_columns(self, table_columns(self.scenario)))
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """The same as a data frame. Raises `StudyError` where pandas is not installed."""
+        try:
+            return self.to_arrow().to_pandas()
+        except ImportError:
+            raise StudyError("pandas is not installed: pip install pandas brings it, or use to_arrow().") from None
+
+    def _repr_html_(self) -> str:
+        """What it is and its metrics, for notebooks."""
+        return f"<p>{escape(repr(self))}</p>{self.metrics._repr_html_()}"
 
     def __repr__(self) -> str:
         span = f", t = {self.time[0]:g} s to {self.time[-1]:g} s" if len(self) else ""

@@ -6,11 +6,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 
 import flexlab
 from flexlab.errors import FlexlabError, PresetError, RecordingError, ScenarioError, StudyError
 from flexlab.presets import scenario_text
+from flexlab.recording.export import export_run
 
 
 def test_a_scenario_is_a_name_a_file_a_value_or_plain_data(tmp_path: Path):
@@ -60,6 +62,46 @@ def test_a_run_has_its_metrics_and_says_what_it_is_in_a_line(tmp_path: Path):
         assert "\n" not in words
     assert "<th>Vibration below 1 % after [s]</th>" in run.metrics._repr_html_()
     assert repr(flexlab.simulate_many([{"gravity": 99}], progress=False)[0]) == "<Run of run: invalid, 0 samples>"
+
+
+def test_a_run_is_a_table_and_a_figure_for_other_tools():
+    run = flexlab.simulate("paper", 0.1)
+    table = run.to_arrow()
+    assert table.num_rows == 101
+    np.testing.assert_array_equal(table["joint_torque_left_2 [N·m]"].to_numpy(), run.joint_torque[:, 0, 1])
+    frame = run.to_pandas()
+    assert list(frame.columns) == table.column_names
+    np.testing.assert_array_equal(frame["pose_theta [rad]"], run.pose[:, 2])
+    assert [part.get_ylabel() for part in run.plot("joint_torque", "tracking_error").axes] == [
+        "τ_i (N·m)", "e (m)", "e (rad)",
+    ]  # fmt: skip
+    assert len(run.plot().axes) == 6
+    with pytest.raises(StudyError, match="'torque' is no signal of this run: choose from time, pose"):
+        run.plot("torque")
+    with pytest.raises(StudyError, match="nothing to draw"):
+        flexlab.simulate_many([{"gravity": 99}], progress=False)[0].plot()
+
+
+def test_notebooks_show_tables_without_anybodys_markup():
+    scenario = flexlab.load_preset("paper").replace({"title": "<script>alert(1)</script>"})
+    run = flexlab.simulate(scenario, 0.05)
+    for shown in (scenario, run, run.metrics, flexlab.modes(scenario)):
+        html = shown._repr_html_()
+        assert "<script" not in html
+        assert html.count("<table") == html.count("</table>")
+    assert "<td>payload.bending_stiffness</td><td>100.0</td><td>N·m²</td>" in scenario._repr_html_()
+    assert "RMS internal force [N]" in run._repr_html_()
+
+
+def test_a_csv_is_read_by_plain_readers(tmp_path: Path):
+    """As README says."""
+    run = flexlab.simulate("paper", 0.05)
+    file = export_run(run, tmp_path / "run.csv")
+    frame = pandas.read_csv(file, comment="#")
+    np.testing.assert_array_equal(frame["pose_x [m]"], run.pose[:, 0])
+    table = np.genfromtxt(file, delimiter=",", skip_header=2)
+    np.testing.assert_array_equal(table[:, 0], run.time)
+    assert table.shape == frame.shape
 
 
 def test_a_saved_run_is_read_again_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

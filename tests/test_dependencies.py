@@ -12,8 +12,8 @@ import pytest
 DISTRIBUTIONS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk", "pinocchio": "pin", "mujoco": "mujoco"}
 """Of modules that a part of the distribution brings, or one of another name."""
 
-BROUGHT_BY_EXTRAS = {"dask", "pandas"}
-"""Of distributed its other half; what only names the type of what pyarrow makes for those who have it."""
+FOR_TYPES = {"pandas"}
+"""Only named as the type of what pyarrow makes for those who have it."""
 
 TOOLS = {"hatchling", "pyright", "ruff", "pytest", "pytest-timeout"}
 """In the extra `test` to be run, not imported."""
@@ -59,7 +59,7 @@ def imported(folder: Path) -> set[str]:
 def test_the_package_asks_for_what_it_imports_and_no_more(root: Path, project: dict):
     asked = {requirement_name(line) for line in project["dependencies"]}
     extras = [lines for name, lines in project["optional-dependencies"].items() if name != "test"]
-    optional = {requirement_name(line) for lines in extras for line in lines} | BROUGHT_BY_EXTRAS
+    optional = {requirement_name(line) for lines in extras for line in lines} | FOR_TYPES
     # viser, pydantic and numba bring these along as part of their own interface.
     found = imported(root / "flexlab") - optional - {"pydantic-core", "llvmlite"}
     assert found == asked

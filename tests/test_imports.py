@@ -16,6 +16,7 @@ LAYERS = {
     "quantities": 0,
     "signal": 0,
     "plain_text": 0,
+    "html_table": 0,
     "boundaries": 0,
     "registry": 0,
     "numba_internals": 0,

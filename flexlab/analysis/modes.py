@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
 
 import numpy as np
 
@@ -88,6 +89,10 @@ class Modes:
 
     def __str__(self) -> str:
         return modes_text(self)
+
+    def _repr_html_(self) -> str:
+        """The modes' and the poles' tables, for notebooks."""
+        return f"<p>{escape(repr(self))}</p><pre>{escape(str(self))}</pre>"
 
     def __repr__(self) -> str:
         loop = "no rest point" if not len(self.poles) else "the loop grows" if self.unstable else "a stable loop"

@@ -11,6 +11,7 @@ from flexlab.control.law import on_new_law
 from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
+from flexlab.html_table import html_table
 from flexlab.plain_text import visible
 from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, quantity
 from flexlab.scenario.arms import Arm
@@ -31,6 +32,8 @@ SMALLEST_STEP = 1e-7
 
 SCHEMA_FIELD = "$schema"
 """In a file: where editors find what a scenario may hold. No field of the scenario itself."""
+SAID = ("title", "watch")
+"""Fields that are words about the rest."""
 MOST_PROBLEMS = 20
 """Of what is wrong with a scenario, how much is said at once."""
 
@@ -94,6 +97,12 @@ class Scenario(Part):
         )
 
     __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Every field by path, with its unit, for notebooks."""
+        rows = ((path, self.get(path), self.about(path).unit) for path in value_paths(self) if path not in SAID)
+        leaves = ((path, value, unit) for path, value, unit in rows if not isinstance(value, BaseModel))
+        return html_table(leaves, ("field", "value", "unit"), caption=self.title)
 
     @model_validator(mode="after")
     def _fits_together(self) -> "Scenario":

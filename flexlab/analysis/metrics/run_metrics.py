@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from html import escape
 from math import inf, isnan
 from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric
+from flexlab.html_table import html_table
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -109,8 +109,7 @@ class RunMetrics:
 
     def _repr_html_(self) -> str:
         """A table, for notebooks."""
-        lines = "".join(f"<tr><th>{escape(row.key)}</th><td>{escape(row.text)}</td></tr>" for row in self.rows)
-        return f"<table><caption>Over {escape(self.window_text)}</caption>{lines}</table>"
+        return html_table(((row.key, row.text) for row in self.rows), caption=f"Over {self.window_text}")
 
 
 class MetricCollection:

@@ -17,8 +17,6 @@ PATIENCE = 10.0
 """s for the scheduler to answer."""
 AHEAD = 3
 """Parts per thread of the cluster that are handed out before their turn."""
-CHANCES = 5
-"""How often a part is given to another worker because the one that had it died."""
 
 
 def on_cluster(address: str) -> Executor:
@@ -61,9 +59,6 @@ def compute_part(plan: Plan, part: range) -> tuple[str, list[Cell]]:
 
 
 def _connected(distributed: Any, address: str) -> Any:
-    import dask
-
-    dask.config.set({"distributed.scheduler.allowed-failures": CHANCES})
     try:
         return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:

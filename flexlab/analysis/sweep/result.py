@@ -13,6 +13,7 @@ from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.analysis.sweep.table import TABLE
 from flexlab.errors import StudyError
+from flexlab.html_table import html_table
 from flexlab.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -67,8 +68,11 @@ class Sweep:
         return self.plan.cell_scenario(int(cell))
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """The table as a data frame (needs pandas)."""
-        return self.table.to_pandas()
+        """The table as a data frame. Raises `StudyError` where pandas is not installed."""
+        try:
+            return self.table.to_pandas()
+        except ImportError:
+            raise StudyError("pandas is not installed: pip install pandas brings it, or use .table.") from None
 
     def plot(self, metric: str = "rms-y") -> "Figure":
         """A metric over what was varied: see `analysis.sweep.figures.draw_metric`."""
@@ -90,12 +94,8 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         """The first rows, for notebooks."""
-        heads = "".join(f"<th>{escape(name)}</th>" for name in self.table.column_names)
-        lines = "".join(
-            "<tr>" + "".join(f"<td>{escape(_text(value))}</td>" for value in row.values()) + "</tr>"
-            for row in self.table.slice(0, HTML_ROWS).to_pylist()
-        )
-        return f"<p>{escape(repr(self))}</p><table><tr>{heads}</tr>{lines}</table>"
+        rows = ([_text(value) for value in row.values()] for row in self.table.slice(0, HTML_ROWS).to_pylist())
+        return f"<p>{escape(repr(self))}</p>{html_table(rows, self.table.column_names)}"
 
 
 def _text(value: Any) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from get_browser import find_browser
+from lab_process import Lab
 from playwright.sync_api import Browser, sync_playwright
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -57,3 +58,19 @@ def chromium() -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=path, args=SOFTWARE_RENDERING)
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def start_lab(tmp_path: Path) -> Iterator[Callable[..., Lab]]:
+    """Starts the lab as a person would, in the test's folder; ends what is left after the test."""
+    labs: list[Lab] = []
+
+    def start(*words: str, **circumstances) -> Lab:
+        labs.append(Lab(tmp_path, *words, **circumstances))
+        return labs[-1]
+
+    yield start
+    for lab in labs:
+        if lab.process.poll() is None:
+            lab.process.kill()
+        lab.wait_for_end()

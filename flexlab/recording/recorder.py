@@ -35,6 +35,9 @@ WRITE_ROWS = 200
 SHOW_PERIOD = 0.2
 """Wall seconds between writes of what a viewer shows: each costs a kilobyte per curve or shape, however short it is."""
 
+FINISHING_TIME = 1.5
+"""s that closing waits for footers of runs that have just ended: a lab closes within 3 s in all."""
+
 QUEUE_ROWS = 20_000
 """Samples (rows) that may wait: 20 s at real time, 12 MB; more are dropped and counted."""
 
@@ -120,7 +123,7 @@ class Recorder:
         dropped = self._dropped
         self._queue.put(lambda: self._end(status, dropped))
 
-    def close(self, finishing_time: float = 3.0) -> None:
+    def close(self, finishing_time: float = FINISHING_TIME) -> None:
         """Write what waits and stop; up to `finishing_time` s go into footers (the next start does what is left)."""
         self._queue.put(None)
         self._thread.join()

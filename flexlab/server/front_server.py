@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import logging
 import secrets
-import shutil
 import socket
 import threading
 from collections.abc import Callable
@@ -33,7 +32,7 @@ from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
 from flexlab.server.replay_jobs import Replays
 from flexlab.server.settings import SECRET_BYTES, WILDCARDS, Settings
-from flexlab.server.workshop import make_workshop
+from flexlab.server.workshop import Workshop
 from flexlab.sockets import listen
 
 CLOSING_TIME = 1.0
@@ -48,7 +47,8 @@ class FrontServer:
     def __init__(self, settings: Settings, port: int, token: str | None, places: LabProvider, plug: socket.socket):
         self.settings, self.places, self.token = settings, places, token
         """`token`: the word that opens the server; None if it does not ask for one."""
-        self.workshop = make_workshop()
+        self._workshop = Workshop()
+        self.workshop = self._workshop.path
         """For files that nobody keeps; gone when the server closes."""
         self._plug = plug
         self.port = port
@@ -145,7 +145,7 @@ class FrontServer:
                 measuring.close()
                 jobs.close()
                 await runner.cleanup()
-                await asyncio.to_thread(shutil.rmtree, self.workshop, ignore_errors=True)
+                await asyncio.to_thread(self._workshop.close)
 
 
 def open_front_server(

@@ -1,38 +1,60 @@
-"""A folder for files that nobody keeps, named after its process; those of servers that were killed are swept."""
+"""A folder for files that nobody keeps. It is locked by its server; those of servers that were killed are swept."""
 
 import contextlib
-import os
-import re
 import shutil
-import sys
 import tempfile
+import time
 from pathlib import Path
+from typing import IO
 
-_NAME = re.compile(r"flexlab-server-(\d+)-\w+")
+try:
+    import fcntl
+except ImportError:  # Windows: there nothing is swept
+    fcntl = None
+
+PREFIX = "flexlab-server-"
+LOCK = "in-use"
+"""A file in the folder whose lock dies with its server: a process's number alone may be another one's by now."""
+YOUNG = 60.0
+"""s within which a folder without a lock may be one that is just being made."""
 
 
-def make_workshop() -> Path:
-    """A new folder of this process's own."""
-    sweep()
-    return Path(tempfile.mkdtemp(prefix=f"flexlab-server-{os.getpid()}-"))
+class Workshop:
+    """A new folder of one server's own."""
+
+    def __init__(self) -> None:
+        sweep()
+        self.path = Path(tempfile.mkdtemp(prefix=PREFIX))
+        self._lock = (self.path / LOCK).open("wb")
+        if fcntl is not None:
+            fcntl.flock(self._lock, fcntl.LOCK_EX)
+
+    def close(self) -> None:
+        """Remove it with all that is in it."""
+        self._lock.close()
+        shutil.rmtree(self.path, ignore_errors=True)
 
 
 def sweep() -> None:
     """Remove the folders of servers that are no more."""
-    if sys.platform == "win32":  # There, asking for a process would end it.
+    if fcntl is None:
         return
     with contextlib.suppress(OSError):
-        for folder in Path(tempfile.gettempdir()).glob("flexlab-server-*"):
-            found = _NAME.fullmatch(folder.name)
-            if found and folder.is_dir() and not folder.is_symlink() and not _runs(int(found[1])):
-                shutil.rmtree(folder, ignore_errors=True)
+        for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+            with contextlib.suppress(OSError):
+                if folder.is_dir() and not folder.is_symlink() and _is_left(folder):
+                    shutil.rmtree(folder, ignore_errors=True)
 
 
-def _runs(process: int) -> bool:
+def _is_left(folder: Path) -> bool:
+    """Whether no server has it. Raises OSError for a folder that is another person's."""
     try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
+        lock: IO[bytes] = (folder / LOCK).open("rb")
+    except FileNotFoundError:
+        return time.time() - folder.stat().st_mtime > YOUNG
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
     return True

@@ -19,26 +19,15 @@ from typing import Any
 
 import msgspec.msgpack
 import psutil
-import viser
-import zstandard
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does, for who runs this file by itself.
+from raw_browser import CAMERA, open_socket, text_of
 
 VISITORS = 4
 READ_RATE, PATIENCE = 75.0, 3.0
 """Messages a second that the lab is sure to read of one visitor, presses of buttons among them; s beyond that."""
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": [0.0, 0.0, 5.0],
-    "fov": 0.5,
-    "near": 0.01,
-    "far": 100.0,
-    "image_height": 900,
-    "image_width": 1440,
-    "look_at": [0.0, 0.5, 0.0],
-    "up_direction": [0.0, 0.0, 1.0],
-}
 TRIPLE = [0.0, 0.5, 0.0]
 TOUCH = {"name": "/grab", "instance_index": None, "modifier": None, "owner": ""}
 KINDS: tuple[dict[str, Any], ...] = (
@@ -115,20 +104,6 @@ def mutated(random_of: random.Random, uuids: list[str]) -> bytes:
     return bytes(data)
 
 
-def open_socket(address: str) -> ClientConnection:
-    """A connection as the page opens it."""
-    protocol: Any = f"viser-v{viser.__version__}"
-    plug = connect(address, subprotocols=[protocol], max_size=None, close_timeout=0.2, ping_interval=None)
-    plug.send(msgspec.msgpack.encode(CAMERA))
-    return plug
-
-
-def texts(data: bytes) -> str:
-    """What a window of messages from the lab says, as text."""
-    size = int.from_bytes(data[8:16], "little")
-    return zstandard.ZstdDecompressor().decompress(data[16 : 16 + size]).decode("utf-8", "replace")
-
-
 @dataclass
 class Attack:
     """Visitors who send mutated messages; each reads what comes, as a browser would."""
@@ -155,7 +130,7 @@ class Attack:
             try:
                 with open_socket(self.address) as plug:
                     if not uuids:
-                        uuids += sorted(set(re.findall(r"[0-9a-f]{8}-[0-9a-f-]{27}", texts(plug.recv(20)))))[:300]
+                        uuids += sorted(set(re.findall(r"[0-9a-f]{8}-[0-9a-f-]{27}", text_of(plug.recv(20)))))[:300]
                     began, before = time.monotonic(), left
                     reader = threading.Thread(target=_read, args=(plug,), daemon=True)
                     reader.start()

@@ -26,7 +26,7 @@ from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
 from flexlab.server.settings import Settings
 from flexlab.server.token_guesses import FREE
-from flexlab.server.workshop import make_workshop
+from flexlab.server.workshop import Workshop, sweep
 
 TOKEN = "a-token-for-tests"
 FORM = "application/x-www-form-urlencoded"
@@ -163,13 +163,13 @@ def test_a_lab_that_hangs_is_told_and_replaced(open_another: Callable[..., Front
 def test_folders_of_killed_servers_are_swept():
     left = Path(tempfile.gettempdir()) / "flexlab-server-99999999-abc"
     left.mkdir()
-    own = make_workshop()
+    os.utime(left, (0, 0))
+    own = Workshop()
     assert not left.exists()
-    assert own.exists()
-    again = make_workshop()
-    assert own.exists(), "a server that runs keeps its folder"
-    own.rmdir()
-    again.rmdir()
+    sweep()
+    assert own.path.exists(), "a server that runs keeps its folder"
+    own.close()
+    assert not own.path.exists()
 
 
 def test_presets_of_ones_own_have_a_limit_and_pictures_come_beside(

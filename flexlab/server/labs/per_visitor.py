@@ -15,7 +15,7 @@ from flexlab.recording.live import LiveHub
 from flexlab.recording.repair import finish
 from flexlab.server.labs.lab_provider import Choice, FullError, Lab
 from flexlab.server.labs.recorded_lab import LabStatus
-from flexlab.server.labs.worker import Order, Worker
+from flexlab.server.labs.worker import STOP_TIME, Order, Worker
 from flexlab.server.settings import SECRET_BYTES, Settings
 
 ID_BYTES = 12
@@ -30,6 +30,9 @@ SILENCE = 8.0
 """s without a report after which a lab counts as hanging: a new one is to be had."""
 LAST_CHANCE = 7.0
 """s that a hanging lab then gets to close its run before it is ended by force."""
+
+SILENT_AT_CLOSING, GOODBYE = 3.0, 1.0
+"""s without a report after which a lab is not waited for when the server closes, but for so long."""
 
 CRASHED = (
     "This lab ended unexpectedly ({reason}). Everybody else's lab runs on, and your run was kept up to that moment."
@@ -167,7 +170,12 @@ class PrivateLabs:
         places = list(self._places.values())
         for place in places:
             place.why = place.why or CLOSED
-        await asyncio.gather(*(asyncio.to_thread(place.worker.stop) for place in places))
+        now = time.monotonic()
+        # Who has been silent for some reports hangs: the person who closes need not wait for it.
+        silent = [now - place.worker.heard_at > SILENT_AT_CLOSING for place in places]
+        patience = [GOODBYE if hangs else STOP_TIME for hangs in silent]
+        stops = (asyncio.to_thread(place.worker.stop, seconds) for place, seconds in zip(places, patience, strict=True))
+        await asyncio.gather(*stops)
         await asyncio.gather(*self._tasks, return_exceptions=True)
         recordings = [place.status().recording for place in places]
         return max(filter(None, recordings), key=lambda path: path.name, default=self._last)

@@ -5,7 +5,8 @@ from typing import Any
 
 import msgspec.msgpack
 import viser
-from websockets.sync.client import connect
+import zstandard
+from websockets.sync.client import ClientConnection, connect
 
 from flexlab.lab.session import Session
 
@@ -29,15 +30,26 @@ def widget(session: Session, label: str) -> Any:
     return next(handle for handle in handles if getattr(handle._impl.props, "label", None) == label)
 
 
+def open_socket(address: str) -> ClientConnection:
+    """A connection as the page opens it, to ws://…; it has said where it looks from."""
+    protocol: Any = f"viser-v{viser.__version__}"
+    # The lab goes on sending and is slow to say goodbye; a browser would not wait for that either.
+    plug = connect(address, subprotocols=[protocol], max_size=None, close_timeout=0.2, ping_interval=None)
+    plug.send(msgspec.msgpack.encode(CAMERA))
+    return plug
+
+
+def text_of(data: bytes) -> str:
+    """What a window of messages from the lab says, as text."""
+    size = int.from_bytes(data[8:16], "little")
+    return zstandard.ZstdDecompressor().decompress(data[16 : 16 + size]).decode("utf-8", "replace")
+
+
 class RawBrowser:
     """A connection to a session; a context manager."""
 
     def __init__(self, session: Session):
-        protocol: Any = f"viser-v{viser.__version__}"
-        # The lab goes on sending and is slow to say goodbye; a browser would not wait for that either.
-        address = session.url.replace("http", "ws")
-        self._socket = connect(address, subprotocols=[protocol], max_size=None, close_timeout=0.2)
-        self.send(CAMERA)
+        self._socket = open_socket(session.url.replace("http", "ws"))
 
     def send(self, message: dict[str, Any]) -> None:
         """Send one message."""

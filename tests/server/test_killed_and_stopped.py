@@ -1,0 +1,178 @@
+"""Real processes, really killed and stopped: others go on, runs are kept, and nothing is left behind that hinders anybody."""
+
+import json
+import re
+import signal
+import socket
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+import pytest
+from http_client import Answer, ask, upgrade, wait_until
+from lab_process import Lab
+
+from flexlab.presets import load_preset
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+from flexlab.recording.store.run_files import is_in_use, list_runs, run_state
+from flexlab.sim.simulate import simulate
+
+StartLab = Callable[..., Lab]
+TOKEN = "a-token-for-tests"
+SLOW_STEP, SLOW_TIME = 1e-5, 8.0
+"""s: a run whose replay takes longer than anybody waits who is about to end."""
+SOON = 5.0
+"""s in which a process ends that is told to, however busy the machine; the replay above takes longer."""
+IDLE_CONNECTIONS = 400
+
+
+class Visitor:
+    """Somebody with a browser of their own: keeps cookies."""
+
+    def __init__(self, lab: Lab):
+        self.address = lab.url()
+        self.cookies: dict[str, str] = {}
+
+    def ask(self, path: str, **headers: str) -> Answer:
+        """One request."""
+        answer = ask(self.address, path, cookies=self.cookies, **headers)
+        self.cookies |= answer.cookies
+        return answer
+
+    def enter(self) -> str:
+        """The path of the visitor's private lab."""
+        answer = self.ask("/lab/")
+        assert answer.status == 303, answer.text
+        return answer.headers["Location"].rstrip("/")
+
+    def state(self, lab: str) -> str:
+        """What the lab's page is told."""
+        return self.ask(f"/state{lab}").text
+
+
+def workers(lab: Lab) -> list[psutil.Process]:
+    """Its children that were spawned to do something; not Python's own helper."""
+    return [
+        process for process in psutil.Process(lab.process.pid).children() if "spawn_main" in " ".join(process.cmdline())
+    ]
+
+
+def gone(process: psutil.Process) -> bool:
+    """Whether a process is over; what nobody waits for any more stays as a name only."""
+    try:
+        return process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+
+
+@pytest.fixture
+def temporary(tmp_path: Path) -> Path:
+    """A folder of temporary files of the test's own."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    return folder
+
+
+def test_a_replay_ends_with_its_server_and_the_next_start_sweeps(start_lab: StartLab, tmp_path: Path, temporary: Path):
+    scenario = load_preset("paper").replace({"simulation.step": SLOW_STEP})
+    run = write_run(simulate(scenario, duration=SLOW_TIME, sample_period=0.001), tmp_path / "logs", "slow")
+    lab = start_lab(TMPDIR=str(temporary))
+    visitor = Visitor(lab)
+    assert visitor.ask(f"/runs/{run.stem}/replay", method="POST").status == 303
+    (job,) = wait_until(lambda: workers(lab), "the replay's process begins")
+    said = wait_until(
+        lambda: re.search(r"Replay: ([1-9]\d?) %", visitor.ask(f"/runs/{run.stem}/replay").text), "it is under way"
+    )
+    lab.process.kill()
+    assert int(said[1]) < 50
+    wait_until(lambda: gone(job), "the replay's process ends", patience=SOON)
+    assert list(temporary.glob("flexlab-server-*")), "a killed server cannot clean up"
+    again = start_lab(TMPDIR=str(temporary))
+    again.url()
+    assert len(list(temporary.glob("flexlab-server-*"))) == 1, "that of the killed one is gone"
+    assert again.end() == 0
+    assert list(temporary.glob("flexlab-server-*")) == []
+
+
+def test_a_second_ctrl_c_ends_at_once(start_lab: StartLab):
+    lab = start_lab("--private")
+    Visitor(lab).enter()
+    (worker,) = workers(lab)
+    worker.suspend()  # A lab that hangs: closing in order waits for it.
+    try:
+        lab.process.send_signal(signal.SIGINT)
+        with pytest.raises(subprocess.TimeoutExpired):
+            lab.process.wait(0.5)
+        lab.process.send_signal(signal.SIGINT)
+        assert lab.process.wait(SOON) == 128 + signal.SIGINT
+    finally:
+        worker.resume()
+    wait_until(lambda: gone(worker), "the lab ends without its server")
+    (run,) = list_runs(lab.folder / "logs")
+    assert run_state(run) in ("complete", "unfinished")
+    assert len(read_recording(run).samples) > 0
+
+
+def test_a_member_gets_in_beside_hundreds_of_idle_connections(start_lab: StartLab):
+    lab = start_lab("--token", TOKEN, handles=256)
+    port = lab.port()
+    idle: list[socket.socket] = []
+    try:
+        for _ in range(IDLE_CONNECTIONS):
+            plug = socket.socket()
+            plug.settimeout(SOON)
+            plug.connect(("127.0.0.1", port))
+            idle.append(plug)
+        member = Visitor(lab)
+        assert member.ask(f"/lab/?token={TOKEN}").status == 303
+        assert member.ask("/lab/").status == 200
+        assert member.ask("/lab", **upgrade()).status == 101
+    finally:
+        for plug in idle:
+            plug.close()
+    assert lab.end() == 0
+    assert len("".join(lab.complained)) < 100_000, "nor do they flood the log"
+
+
+def test_a_private_lab_that_fails_is_told_replaced_and_its_run_kept(start_lab: StartLab):
+    lab = start_lab("--private")
+    anna, ben = Visitor(lab), Visitor(lab)
+    second = ben.enter()
+    others = workers(lab)
+    for how in (signal.SIGSTOP, signal.SIGSEGV, signal.SIGKILL):
+        before = list_runs(lab.folder / "logs")
+        first = anna.enter()
+        (worker,) = [worker for worker in workers(lab) if worker not in others]
+        runs = wait_until(lambda before=before: set(list_runs(lab.folder / "logs")) - set(before), "it is recorded")
+        worker.send_signal(how)
+        told = wait_until(lambda first=first: json.loads(anna.state(first)).get("sentence"), "Anna is told")
+        assert "your run was kept" in told
+        assert ("did not answer" in told) == (how == signal.SIGSTOP)
+        wait_until(lambda worker=worker: gone(worker), "the failed process is over")
+        (run,) = runs
+        wait_until(lambda run=run: run_state(run) == "recovered", "Anna's run is made whole")
+        assert len(read_recording(run).samples) > 0
+        assert ben.enter() == second, "Ben's lab runs on"
+    assert anna.enter() not in (first, second), "Anna gets a new one"
+    assert lab.end() == 0
+
+
+def test_nothing_is_left_of_a_killed_server(start_lab: StartLab, temporary: Path):
+    lab = start_lab("--private", TMPDIR=str(temporary))
+    visitor, port = Visitor(lab), lab.port()
+    visitor.enter()
+    wait_until(lambda: list_runs(lab.folder / "logs"), "it is recorded")
+    processes = psutil.Process(lab.process.pid).children(recursive=True)
+    assert processes
+    lab.process.kill()
+    wait_until(lambda: all(map(gone, processes)), "its processes end by themselves")
+    (run,) = list_runs(lab.folder / "logs")
+    assert not is_in_use(run)
+    assert run_state(run) == "complete", "the lab closed its run itself"
+    assert len(read_recording(run).samples) > 0
+    again = start_lab("--private", port=port, TMPDIR=str(temporary))
+    assert Visitor(again).enter()
+    assert again.end() == 0
+    assert not list(temporary.glob("flexlab-server-*"))

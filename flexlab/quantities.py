@@ -167,6 +167,7 @@ class Part(BaseModel):
         return value
 
 
+@cache
 def own_numbers(model: type[BaseModel], base: type[BaseModel]) -> dict[str, int]:
     """Fields of `model` that hold numbers, without those of `base`, and how many numbers a kernel gets for each.
 

@@ -50,6 +50,7 @@ class EndedRun:
             "result_hash": self.result_hash,
             "metrics": self.metrics.as_data(),
             "accuracy_warning": self.world.accuracy_warning,
+            "pace_warning": self.world.pace_warning,
             "integrator": self.world.integrator,
             "step": self.world.step,
             "seconds": self.seconds,
@@ -62,6 +63,8 @@ def run_and_record(
 ) -> EndedRun:
     """Simulate and record a scenario; unless `quiet`, print how it went. Complaints go to standard error in any case."""
     world, summary, hashed, metrics = World(scenario, sample_period), Summary(), ResultHash(), MetricCollection()
+    if world.pace_warning:
+        complain(world.pace_warning)
     began = time.perf_counter()
     with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), run_notes) as recording:
         for samples in _blocks(world, math.floor(duration / world.tick_period * (1 + 1e-12) + 1e-9)):

@@ -121,8 +121,9 @@ class Law:
             record[name] = value
         return record.view(np.float64)
 
+    @cached_property
     def addresses(self) -> tuple[int, int]:
-        """Of kernel and fastest rate, compiled or loaded from the cache."""
+        """Of kernel and fastest rate, compiled or loaded from the cache when first asked for."""
         now = numba.from_dtype(LAW_INPUT)
         return (
             kernel_address(self.kernel, self.gains_type, now, VECTOR, VECTOR, VECTOR),

@@ -87,6 +87,11 @@ class Path:
         own = own_numbers(self.model, Trajectory)
         return np.dtype([(name, "f8", (size,)) if size > 1 else (name, "f8") for name, size in own.items()])
 
+    @cached_property
+    def address(self) -> int:
+        """Of the kernel, compiled or loaded from the cache when first asked for."""
+        return kernel_address(self.kernel, self.record, numba.float64, MATRIX)
+
 
 class DesiredMotion(NamedTuple):
     """A path as kernels take it."""
@@ -127,7 +132,7 @@ def build_motion(trajectory: Trajectory) -> DesiredMotion:
     record = np.zeros(1, path.record)
     for name in path.record.names or ():
         record[name] = getattr(trajectory, name)
-    return DesiredMotion(kernel_address(path.kernel, path.record, numba.float64, MATRIX), record.view(np.float64))
+    return DesiredMotion(path.address, record.view(np.float64))
 
 
 def poses(path: DesiredMotion, times: np.ndarray) -> np.ndarray:

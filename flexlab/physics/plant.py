@@ -142,15 +142,16 @@ def make_workspace(arm_count: int, mode_count: int, memory_size: int = 3, signal
     truth, measured = make_law_input(arm_count), make_law_input(arm_count)
 
     def terms(record: np.ndarray) -> ArmTerms:
-        per_arm = (np.asarray(record[name])[0, :arm_count] for name in ("M", "C", "G", "J", "direction"))
-        return ArmTerms(*per_arm, np.asarray(record["trig"])[0])
+        plain = record.view(np.ndarray)  # whose fields are found ten times faster
+        per_arm = (plain[name][0, :arm_count] for name in ("M", "C", "G", "J", "direction"))
+        return ArmTerms(*per_arm, plain["trig"][0])
 
     return Workspace(
         truth=truth,
         measured=measured,
         arm=terms(truth),
         seen=terms(measured),
-        u=np.asarray(truth["u"])[0, :arm_count],
+        u=truth.view(np.ndarray)["u"][0, :arm_count],
         hand=np.zeros((arm_count, 3)),
         tau=np.zeros(3),
         velocity=np.zeros(3),

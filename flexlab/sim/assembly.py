@@ -5,6 +5,7 @@ a gain, and live, headless and replayed runs have the same bits whatever they kn
 """
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,11 @@ from flexlab.sim.step_size import Rates, choose_step, find_rates, free_beam_rate
 
 LIGHT_ELEMENTS = 8
 """Elements up to which modes and matrix functions are derived in a millisecond or two."""
+
+
+FORCED = 0.4
+"""Step taken over step chosen below which the sample and control periods are what makes it short: dividing a tick into whole
+steps alone leaves more than half."""
 
 
 class Unprepared(Exception):
@@ -44,6 +50,8 @@ class Assembly(NamedTuple):
     watch: StepWatch
     step_count: int
     """Integration steps per tick at level 0."""
+    bound: str
+    """What the step was chosen by, as `step_size.Choice.bound`."""
 
 
 def build_assembly(
@@ -53,12 +61,15 @@ def build_assembly(
 
     `at_once`: raise `Unprepared` instead of deriving what takes long.
     """
-    with one_blas_thread():
-        return _derive(scenario, tick_period, known, at_once and scenario.payload.element_count > LIGHT_ELEMENTS)
-
-
-def _derive(scenario: Scenario, tick_period: float, known: Sequence[Assembly], at_once: bool) -> Assembly:
     same_beam = [old for old in known if old.scenario.payload == scenario.payload]
+    # Gains and paths need no library that has threads, and telling it so costs as much as a gain.
+    with nullcontext() if same_beam else one_blas_thread():
+        heavy = scenario.payload.element_count > LIGHT_ELEMENTS
+        return _derive(scenario, tick_period, same_beam, at_once and heavy)
+
+
+def _derive(scenario: Scenario, tick_period: float, same_beam: Sequence[Assembly], at_once: bool) -> Assembly:
+    """As `build_assembly`; `same_beam`: what is known of the same beam."""
     if same_beam:
         beam, free_rate = same_beam[0].beam, same_beam[0].free_rate
     elif at_once:
@@ -67,9 +78,11 @@ def _derive(scenario: Scenario, tick_period: float, known: Sequence[Assembly], a
         beam = build_beam(scenario.payload)
         free_rate = free_beam_rate(beam)
     system, rates = _close_loop(scenario, beam, free_rate, same_beam[:1])
-    integrator, step = choose_step(scenario, system, beam, rates)
+    integrator, step, bound = choose_step(scenario, system, beam, rates)
     count, per_control = steps_per_tick(scenario, tick_period, step)
     dt = tick_period / count
+    if dt < FORCED * step and count > 1:
+        bound = "period"
     fitting = [old.levels for old in same_beam if (old.levels.integrator, old.levels.step) == (integrator, dt)]
     if at_once and not fitting:
         raise Unprepared(scenario)
@@ -80,7 +93,7 @@ def _derive(scenario: Scenario, tick_period: float, known: Sequence[Assembly], a
     sampling = _build_sampling(scenario, beam, per_control)
     if system.control.sampled:
         sampling = with_kernel(sampling, system)
-    return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, count)
+    return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, count, bound)
 
 
 def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequence[Assembly]) -> tuple[System, Rates]:

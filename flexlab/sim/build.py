@@ -111,7 +111,7 @@ def build_control(scenario: Scenario, beam: Beam) -> Control:
         believed = _matrices(scenario.payload, *factors)
         loads = np.stack([believed.h, believed.g], axis=1)
         kappa = (loads.T @ np.linalg.solve(believed.M_q, loads))[[0, 0, 1], [0, 1, 1]]
-    kernel, fastest_rate = law.addresses()
+    kernel, fastest_rate = law.addresses
     slices, arm_count = law.memory_slices(len(scenario.arms)), len(scenario.arms)
     return Control(
         law=kernel,

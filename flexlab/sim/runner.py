@@ -76,6 +76,7 @@ class Runner:
         self._block, self._runs = BlockSize(), RunRate()
         self._frame_end = float("inf")
         self._steps_left = 0
+        self._pace_warning = ""
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._run_number = 0
@@ -268,6 +269,7 @@ class Runner:
             self._begin(world, self._name)
         else:
             self._latest = world.observe()
+            self._announce_pace()
 
     def _play(self, playing: bool, wall: float) -> None:
         if playing and self._world.status.failed:
@@ -319,6 +321,15 @@ class Runner:
             self._fail()
         else:
             self._hand_out(world.observe_rows())
+            self._pace_warning = ""
+            self._announce_pace()
+
+    def _announce_pace(self) -> None:
+        """Say, once, that the run is slower than real time, before anybody waits for it."""
+        warning, before = self._world.pace_warning, self._pace_warning
+        if warning and not before:
+            self._report(Event(self._world.time, warning, level="warning"))
+        self._pace_warning = warning
 
     def _end(self) -> None:
         status = self._world.status
@@ -340,6 +351,7 @@ class Runner:
         self._hand_out(rows)
         if self._world.accuracy_warning != warned:
             self._report(Event(self._world.time, self._world.accuracy_warning, level="warning"))
+        self._announce_pace()
         if self._world.status.failed:
             self._fail()
         return len(rows)
@@ -380,4 +392,5 @@ class Runner:
             first_frequency=world.first_frequency,
             events=tuple(self._events),
             accuracy_warning=world.accuracy_warning,
+            pace_warning=self._pace_warning,
         )

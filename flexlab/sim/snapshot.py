@@ -50,3 +50,5 @@ class Snapshot:
     """The newest events of this run, oldest first."""
     accuracy_warning: str = ""
     """Since when and why the run's results are no longer accurate, a sentence; empty: they are."""
+    pace_warning: str = ""
+    """As `World.pace_warning`: what makes the run slower than real time, and what to change."""

@@ -13,6 +13,7 @@ import numpy as np
 from flexlab.compiled import inlined
 from flexlab.control.law import fastest_control_rate
 from flexlab.physics.plant import ETA
+from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import law_places
 from flexlab.sim.integrators.beam_flow import TICKS
@@ -78,7 +79,8 @@ class StepLevels:
     def scheme(self, level: int) -> Scheme:
         """The integrator's constants for a level."""
         if level not in self._schemes:
-            self._schemes[level] = build_scheme(self.integrator, self._beam, self.step / 2**level)
+            with one_blas_thread():
+                self._schemes[level] = build_scheme(self.integrator, self._beam, self.step / 2**level)
         return self._schemes[level]
 
     def watch(self, fixed: bool, accuracy: float) -> StepWatch:

@@ -73,16 +73,17 @@ class Rates(NamedTuple):
     poses: np.ndarray
     """`POSES_TRIED` desired poses, (k, 3)."""
     beam: float
-    """As `beam_rate`, 1/s."""
+    """Of the beam's fastest mode, 1/s."""
     coupling: float
-    """As `coupling_rate`, 1/s."""
+    """Norm of the modes' coupling through grips that give way, 1/s."""
 
 
 def find_rates(beam: Beam, system: System, trajectory: Trajectory, free_rate: float) -> Rates:
     """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s."""
     desired = desired_poses(system, trajectory)
     S = inertias(system, desired)
-    return Rates(desired, beam_rate(free_rate, system, S), coupling_rate(beam, S))
+    gives, coupling = giving_way(system, beam, S)
+    return Rates(desired, free_rate * math.sqrt(1 + gives), coupling)
 
 
 def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
@@ -97,9 +98,10 @@ def inertias(system: System, desired: np.ndarray) -> np.ndarray:
     return found[: inertias_at(system.plant, desired, ws.arm, ws.fault, found)]
 
 
-def _largest(S: np.ndarray, numerator: np.ndarray) -> float:
-    """Largest eigenvalue magnitude of S⁻¹ numerator over all S."""
-    return float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(S, numerator[None]))), initial=0.0))
+def _largest(S: np.ndarray, numerators: np.ndarray) -> list[float]:
+    """Largest eigenvalue magnitudes of S⁻¹ numerator over all S, for numerators (m, 3, 3)."""
+    products = np.linalg.solve(S, numerators[:, None])
+    return [float(np.max(np.abs(each), initial=0.0)) for each in np.linalg.eigvals(products)]
 
 
 def control_rate(system: System, desired: np.ndarray) -> float:
@@ -141,20 +143,17 @@ def free_beam_rate(beam: Beam) -> float:
     return fastest
 
 
-def beam_rate(free_rate: float, system: System, S: np.ndarray) -> float:
-    """Fastest rate of the beam, 1/s: `free_rate`, that of `free_beam_rate`, raised by the arms' giving way.
+def giving_way(system: System, beam: Beam, S: np.ndarray) -> tuple[float, float]:
+    """What grips that give way, at the inertias S (k, 3, 3), do to the beam, for C = (h, g): 1 and 1/s.
 
-    Grips that give way add C S⁻¹Cᵀ to the inverse mass, and with it at most its largest eigenvalue to ω².
+    They add C S⁻¹Cᵀ to the inverse mass, and with it at most its largest eigenvalue to ω². And they couple the modes with the
+    norm of the largest eigenvalue of S⁻¹(CᵀΩC).
     """
-    hh, hg, gg = system.plant.kappa
-    return free_rate * math.sqrt(1 + _largest(S, _in_pose(hh, hg, gg)))
-
-
-def coupling_rate(beam: Beam, S: np.ndarray) -> float:
-    """Norm of the modes' coupling through grips that give way, 1/s: the largest eigenvalue of S⁻¹(CᵀΩC), C = (h, g)."""
     C = np.stack([beam.modes.V.T @ beam.matrices.h, beam.modes.V.T @ beam.matrices.g])
     (hh, hg), (_, gg) = (C * beam.modes.omega) @ C.T
-    return _largest(S, _in_pose(hh, hg, gg))
+    kappa = system.plant.kappa
+    gives, coupling = _largest(S, np.stack([_in_pose(*kappa), _in_pose(hh, hg, gg)]))
+    return gives, coupling
 
 
 def _in_pose(hh: float, hg: float, gg: float) -> np.ndarray:
@@ -162,8 +161,18 @@ def _in_pose(hh: float, hg: float, gg: float) -> np.ndarray:
     return np.array([[hh, 0, hg], [0, hh, hg], [hg, hg, gg]])
 
 
-def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) -> tuple[str, float]:
-    """Integrator and longest step, s, that accuracy, stability and the scenario's wishes give.
+class Choice(NamedTuple):
+    """Integrator and step."""
+
+    integrator: str
+    step: float
+    """The longest, s."""
+    bound: str
+    """What it was chosen by: "beam", "law", "given" or, in `steps_per_tick`, "period"."""
+
+
+def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) -> Choice:
+    """Integrator and longest step that accuracy, stability and the scenario's wishes give.
 
     Raises `ScenarioError` for a wished step that is unstable.
     """
@@ -184,8 +193,9 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
         if integrator == "rk4":
             stable = min(RESOLVED * stable, RESOLVED_ANGLE / float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]))
         step = min(stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
-        _refuse_tiny(step, integrator, by_beam=step == min(stable, coupled))
-        return integrator, step
+        bound = "beam" if step == min(stable, coupled) else "law"
+        _refuse_tiny(step, integrator, bound)
+        return Choice(integrator, step, bound)
     if simulation.step > stable:
         raise ScenarioError(
             [
@@ -196,15 +206,15 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
                 )
             ]
         )
-    return integrator, simulation.step
+    return Choice(integrator, simulation.step, "given")
 
 
-def _refuse_tiny(step: float, integrator: str, by_beam: bool) -> None:
+def _refuse_tiny(step: float, integrator: str, bound: str) -> None:
     """Raise `ScenarioError` for a step that nobody would live to see the end of."""
     if step >= SHORTEST_CHOSEN:
         return
     cause, cure = "the controller's gains", "Lower the gains"
-    if by_beam:
+    if bound == "beam":
         cause, cure = "the beam's fastest mode in these arms", "Choose a softer or less damped beam or fewer elements"
     if integrator != "etdrk4":
         cure += ", or the integrator auto"

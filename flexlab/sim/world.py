@@ -21,12 +21,15 @@ from flexlab.sim.build import Beam, desired_at
 from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row, without_hand
+from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.law_memory import adjust_memory, carry_memory, outlook, start_memory
+from flexlab.sim.pace import pace_warning
 from flexlab.sim.projection import project_beam
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK
+from flexlab.sim.step_levels import DISTURBED_TICKS
 from flexlab.sim.termination import DEFLECTION_LIMIT, pose_fault, runtime_fault
 from flexlab.sim.workspace_check import check_trajectory, same_reach
 from flexlab.sim.world_state import WorldState
@@ -103,6 +106,17 @@ class World:
     def step(self) -> float:
         """The integration step in use, s."""
         return self._assembly.levels.step / 2**self._level
+
+    @property
+    def pace_warning(self) -> str:
+        """What makes the run slower than real time, and what to change, a sentence; empty: nothing, by an estimate."""
+        assembly = self._assembly
+        n, watch = len(assembly.beam.modes.omega), assembly.watch
+        settled = not self._y[ETA + 2 * n + TICKS] < DISTURBED_TICKS * watch.disturbed
+        growing = self._level > 0 and settled
+        bound = "law" if growing else assembly.bound
+        level = self._level if growing else 0
+        return pace_warning(self.integrator, assembly.beam, assembly.levels.step / 2**level, bound)
 
     @property
     def integrator(self) -> str:

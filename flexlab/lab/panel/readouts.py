@@ -91,7 +91,9 @@ def _warnings(snapshot: Snapshot) -> list[str]:
             f"Large deflection: |w|/L = {100 * bending:.0f} %, above {100 * LARGE_DEFLECTION:.0f} %. "
             "The beam model is linear and no longer exact here."
         )
-    if snapshot.too_slow and snapshot.actual_speed < CLEARLY_SLOWER * snapshot.target_speed:
+    if snapshot.pace_warning:
+        warnings.append(snapshot.pace_warning)
+    elif snapshot.too_slow and snapshot.actual_speed < CLEARLY_SLOWER * snapshot.target_speed:
         warnings.append(
             f"Too slow: this machine reaches {_measured(snapshot.actual_speed)} instead of {factor(snapshot.target_speed)}. "
             "Choose a lower speed or fewer elements."

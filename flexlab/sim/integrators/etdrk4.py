@@ -12,6 +12,8 @@ same formulas with φ_k(0) = 1/k!. With L the linear part and N the rest:
 and e^{hL} y + h φ1(hL) N1 = e^{hL/2} a + ½h φ1(½hL) N1, which saves two matrix functions.
 """
 
+from functools import cache
+
 import numpy as np
 
 from flexlab.compiled import inlined, inlined_sums
@@ -63,6 +65,7 @@ def doubled(phi0: np.ndarray, phi1: np.ndarray, phi2: np.ndarray, phi3: np.ndarr
     )
 
 
+@cache
 def _factorial(k: int) -> float:
     return float(np.prod(np.arange(1, k + 1, dtype=float)))
 

@@ -21,6 +21,7 @@ import numba
 import numpy as np
 
 from flexlab.compiled import MATRIX, VECTOR, call_kernel, call_number_kernel, inlined, kernel_address
+from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.controller import Controller
 from flexlab.control.load_sharing import BelievedPayload
 from flexlab.physics.law_input import LAW_INPUT
@@ -67,6 +68,11 @@ def no_limits(_: Any) -> dict[str, dict[str, float]]:
     return {}
 
 
+def no_conditions(_: Circumstances) -> tuple[Condition, ...]:
+    """Of laws whose own conditions cannot be computed."""
+    return ()
+
+
 def nothing_derived(_: Any) -> dict[str, np.ndarray]:
     """Of laws that need no constants besides their gains."""
     return {}
@@ -94,6 +100,8 @@ class Law:
     constants: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """Further fields of the gains record and their shapes, which `derive` computes from the scenario."""
     derive: Callable[[Any], dict[str, np.ndarray]] = nothing_derived
+    conditions: Callable[[Circumstances], tuple[Condition, ...]] = no_conditions
+    """What its stability needs where that can be computed, besides what holds for all laws (`analysis.law_conditions`)."""
     drives: bool = True
     """Whether the motors work at all."""
     place: int = 50

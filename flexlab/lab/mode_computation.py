@@ -1,11 +1,13 @@
-"""Computes the modes of the present scenario beside the lab, so that a fine mesh holds up neither picture nor controls."""
+"""Computes modes and conditions of the present scenario beside the lab: a fine mesh holds up neither picture nor controls."""
 
 import logging
 import threading
 
 import numpy as np
 
+from flexlab.analysis.law_conditions import law_conditions
 from flexlab.analysis.modes import Modes, modes
+from flexlab.control.conditions import Condition
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.blas import one_blas_thread
@@ -34,6 +36,8 @@ class ModeStudy:
         """Modes of the scenario last computed; None before the first."""
         self.problem = ""
         """Why there is no result, as a sentence."""
+        self.conditions: tuple[Condition, ...] = ()
+        """What the stability of the control law needs, met or not."""
 
     def ask(self, scenario: Scenario) -> None:
         """Have the modes of `scenario` computed, unless they are or are being computed."""
@@ -55,6 +59,7 @@ class ModeStudy:
     def _compute(self, scenario: Scenario) -> None:
         try:
             with one_blas_thread():
+                self.conditions = law_conditions(scenario)
                 result = modes(scenario)
                 _ = result.disk_margin  # worked out here, not by the thread that draws the panel
                 self.result, self.problem = result, ""
@@ -66,12 +71,12 @@ class ModeStudy:
 
 
 def _key(scenario: Scenario) -> tuple:
-    """What modes depend on."""
+    """What modes and the law's conditions depend on."""
     return (
         scenario.payload,
         scenario.left_arm,
         scenario.right_arm,
         scenario.controller,
         scenario.gravity,
-        scenario.trajectory.middle,
+        scenario.trajectory,
     )

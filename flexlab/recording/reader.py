@@ -11,14 +11,14 @@ from typing import Any
 from flexlab.errors import RecordingError, ScenarioError
 from flexlab.recording.commands_json import command_from_json
 from flexlab.recording.rrd_rows import Rows, read_rows, rows_in_order
-from flexlab.recording.sample_codec import decode_with_format, join_blocks
+from flexlab.recording.sample_codec import decode_with_format
 from flexlab.recording.state_json import state_from_json
 from flexlab.recording.store.formats import Changes, migrate, readable, same_meaning
 from flexlab.recording.store.run_files import State, run_state
 from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.row_layout import empty_samples
-from flexlab.sim.samples import Run, Samples, Status
+from flexlab.sim.samples import Run, Samples, Status, join_blocks
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world_state import WorldState

@@ -19,10 +19,9 @@ from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_notes import StartNotes
 from flexlab.recording.run_stream import RunStream, open_live_stream
-from flexlab.recording.sample_codec import join_blocks
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
-from flexlab.sim.samples import Samples, Status
+from flexlab.sim.samples import Samples, Status, join_blocks
 from flexlab.sim.snapshot import TICK, Event
 from flexlab.sim.world_state import WorldState
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from flexlab.errors import RecordingError
 from flexlab.recording.store import formats
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import Samples, join_blocks
 
 DIFFERENCES = 3
 """Order of the difference: 1 packs the paper's run to 312 kB/s, 2 to 271, 3 to 236, 4 to more again."""
@@ -109,28 +109,6 @@ def _unpack(data: bytes) -> tuple[dict, memoryview]:
     if header["format"] != FORMAT:
         raise ValueError(f"format {header['format']}, this version of flexlab reads {FORMAT}")
     return header, raw[4 + length :]
-
-
-def join_blocks(blocks: list[Samples]) -> Samples:
-    """Blocks end to end. Beam coordinates of a coarser mesh are filled up with NaN to the width of the finest.
-
-    So is a signal that some blocks do not have: one of a law that was not always at work.
-    """
-    joined: dict[str, np.ndarray] = {}
-    rows = sum(map(len, blocks))
-    every = [block.signals() for block in blocks]
-    for name in dict.fromkeys(name for signals in every for name in signals):
-        widest = max(signals[name].shape[1:] for signals in every if name in signals)
-        whole = np.full((rows, *widest), np.nan)
-        first = 0
-        for block, signals in zip(blocks, every, strict=True):
-            if name in signals:
-                part = signals[name]
-                whole[(slice(first, first + len(part)), *map(slice, part.shape[1:]))] = part
-            first += len(block)
-        whole.flags.writeable = False
-        joined[name] = whole
-    return Samples(**joined)
 
 
 def larger_blocks(blocks: Iterable[Samples], rows: int) -> Iterator[Samples]:

@@ -1,6 +1,7 @@
 """What a control law remembers: where it begins, and what passes on when the law or its gains change in motion."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,18 @@ def memory_parts(scenario: Scenario, system: System, y: np.ndarray) -> dict[str,
     return {name: memory[part] for name, part in slices.items()}
 
 
+def complete_input(system: System, x: np.ndarray, v: np.ndarray, desired: np.ndarray, ws: Workspace) -> Any:
+    """The `LAW_INPUT` record of `ws` whose arms are configured at the pose x, with all else that a law is given but q̇."""
+    plant, payload, now = system.plant, system.control.payload, ws.truth[0]
+    c, s = ws.arm.trig
+    for i in range(len(plant.arms)):
+        arm_velocity_terms(plant.arms[i], c, s, *v, ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
+    now.x[:], now.v[:], now.desired[:] = x, v, desired
+    now.gravity, now.m, now.I = plant.gravity, payload.m, payload.I
+    now.kappa[:], now.share[:] = payload.kappa, system.control.share
+    return now
+
+
 def outlook(
     scenario: Scenario, system: System, time: float, y: np.ndarray, ws: Workspace, acts_now: bool
 ) -> Start | None:
@@ -30,16 +43,11 @@ def outlook(
     law = laws()[scenario.controller.kind]
     if law.start is None and law.carry is None:
         return None
-    plant, control, period = system.plant, system.control, scenario.controller.control_period
-    velocities_at(plant, y, ws)
-    now, v = ws.truth[0], ws.velocity
-    c, s = ws.arm.trig
-    for i in range(len(plant.arms)):
-        arm_velocity_terms(plant.arms[i], c, s, *v, ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
+    control, period = system.control, scenario.controller.control_period
+    velocities_at(system.plant, y, ws)
+    for i in range(len(system.plant.arms)):
         task_input(ws.arm.J[i], system.held_torque[i], ws.u[i])
-    now.x[:], now.v[:], now.desired[:] = y[:3], v, desired_at(system.trajectory, time)
-    now.gravity, now.m, now.I = plant.gravity, control.payload.m, control.payload.I
-    now.kappa[:], now.share[:] = control.payload.kappa, control.share
+    now = complete_input(system, y[:3], ws.velocity, desired_at(system.trajectory, time), ws)
     gains = control.gains.view(law.gains_type).view(np.recarray)[0]
     wait = 0.0
     if period is not None and not acts_now:

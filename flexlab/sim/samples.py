@@ -79,6 +79,28 @@ class Samples(Signals):
         return self.take(slice(start, stop))
 
 
+def join_blocks(blocks: list[Samples]) -> Samples:
+    """Blocks end to end. Beam coordinates of a coarser mesh are filled up with NaN to the width of the finest.
+
+    So is a signal that some blocks do not have: one of a law that was not always at work.
+    """
+    joined: dict[str, np.ndarray] = {}
+    rows = sum(map(len, blocks))
+    every = [block.signals() for block in blocks]
+    for name in dict.fromkeys(name for signals in every for name in signals):
+        widest = max(signals[name].shape[1:] for signals in every if name in signals)
+        whole = np.full((rows, *widest), np.nan)
+        first = 0
+        for block, signals in zip(blocks, every, strict=True):
+            if name in signals:
+                part = signals[name]
+                whole[(slice(first, first + len(part)), *map(slice, part.shape[1:]))] = part
+            first += len(block)
+        whole.flags.writeable = False
+        joined[name] = whole
+    return Samples(**joined)
+
+
 class Status(str):
     """How a run stands or ended, as a value: "running", "finished", "diverged", "unreachable", "singular".
 

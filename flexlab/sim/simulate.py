@@ -8,9 +8,9 @@ from typing import get_args
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import WorldCommand
-from flexlab.sim.samples import Run, Status
+from flexlab.sim.samples import Run, Status, join_blocks
 from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD
-from flexlab.sim.world import World
+from flexlab.sim.world import World, same_motion
 
 LONGEST_RUN = 50_000_000
 """Most samples of one run: beyond that its arrays would fill the memory of an ordinary machine."""
@@ -26,28 +26,35 @@ def simulate(
 
     `commands`: (time in s, command) pairs, as a person in the live lab would give them; each takes effect on the first
     sample instant that is not before its time. A run that cannot start or go on ends early: `run.status` says why, and
-    the good samples are kept. Raises `ScenarioError` for a scenario or command that is not valid and `StudyError` for a
-    duration or period that is not, or a command that changes the beam's mesh or starts the run anew.
+    the good samples are kept. Signals of a law that was not always at work are NaN where it was not. Raises `ScenarioError`
+    for a scenario or command that is not valid and `StudyError` for a duration or period that is not, or a command that
+    changes the beam's mesh or starts the run anew.
     """
     count = sample_count(duration, sample_period)
     world = World(scenario, sample_period)
-    rows = world.new_rows(count + 1)
+    rows, parts = world.new_rows(count + 1), []
     rows[:1] = world.observe_rows()
-    done = 1
+    begun, done = 0, 1
     _check_commands(commands)
     for time, command in sorted(commands, key=lambda item: item[0]):
-        done += world.fill(rows[done : max(done, min(count, _tick_at(time, sample_period)) + 1)])
+        stop = max(done, min(count, _tick_at(time, sample_period)) + 1)
+        done += world.fill(rows[done - begun : stop - begun])
         if world.status.failed or done > count:
             break
+        before, part = world.scenario, world.to_samples(rows[: done - begun])
         if world.apply(command):
-            raise StudyError(
-                f"The command at t = {time:g} s changes the beam's mesh or restarts: simulate it on its own."
-            )
-    done += world.fill(rows[done:])
+            if not same_motion(before, world.scenario):
+                raise StudyError(
+                    f"The command at t = {time:g} s changes the beam's mesh or restarts: simulate it on its own."
+                )
+            parts.append(part)
+            rows, begun = world.new_rows(count + 1 - done), done
+    done += world.fill(rows[done - begun :])
     status = world.status
     if not status.failed:
         status = finished(world)
-    return Run(**world.to_samples(rows[:done]).signals(), scenario=scenario, status=status)
+    samples = world.to_samples(rows[: done - begun])
+    return Run(**(join_blocks([*parts, samples]) if parts else samples).signals(), scenario=scenario, status=status)
 
 
 def finished(world: World) -> Status:

@@ -255,8 +255,9 @@ class World:
     def apply(self, command: WorldCommand, known: Sequence[Assembly] = (), at_once: bool = False) -> bool:
         """Carry out a command at the present instant; returns whether a new run begins.
 
-        It does when the change cannot be taken on in motion (the world starts anew, at t = 0) or when the beam's coordinates
-        get another meaning (another mesh or boundary; time goes on). Raises `ScenarioError` (and changes nothing) for values
+        It does when the change cannot be taken on in motion (the world starts anew, at t = 0), when the beam's coordinates get
+        another meaning (another mesh or boundary; time goes on), or when a law with other signals of its own takes over (time
+        and motion go on). Raises `ScenarioError` (and changes nothing) for values
         that are not valid or a motion that cannot be reached. `known`: assemblies whose parts need no deriving where they fit;
         the result is the same without them. `at_once`: raise `Unprepared` (and change nothing) instead of deriving what takes
         long, see `build_assembly`.
@@ -282,7 +283,7 @@ class World:
                 raise ScenarioError([("initial", anew.status.text)])
             vars(self).update(vars(anew))
             return True
-        reshaped = not _same_mesh(self.scenario, scenario)
+        reshaped = not (_same_mesh(self.scenario, scenario) and own_signals(self.scenario) == own_signals(scenario))
         self._carry_over(scenario, build_assembly(scenario, self.tick_period, known, at_once))
         return reshaped
 
@@ -363,6 +364,11 @@ class World:
 def _to_modes(beam: Beam, q: np.ndarray) -> np.ndarray:
     """η = VᵀM_q q."""
     return beam.modes.V.T @ (beam.matrices.M_q @ q)
+
+
+def same_motion(one: Scenario, other: Scenario) -> bool:
+    """Whether a run that goes from one scenario to the other is one motion, and only a law's own signals may differ."""
+    return _goes_on(one, other) and _same_mesh(one, other)
 
 
 def _goes_on(one: Scenario, other: Scenario) -> bool:

@@ -15,9 +15,9 @@ from flexlab.analysis.run_summary import note_metrics
 from flexlab.recording.export import export_recording, import_run
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_blocks, read_range, read_recording, read_scenarios
-from flexlab.recording.sample_codec import join_blocks
 from flexlab.recording.store.formats import FORMAT, STEPS, same_meaning
 from flexlab.recording.store.run_files import list_runs, run_state
+from flexlab.sim.samples import join_blocks
 from flexlab.sim.signals import TABLE
 from flexlab.sim.world import World
 

@@ -13,10 +13,9 @@ from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_blocks, read_recording, read_scenarios
 from flexlab.recording.rerun_internals.tool import rerun_tool
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.sample_codec import join_blocks
 from flexlab.recording.store.run_files import run_state
 from flexlab.sim.commands import ChangeScenario, Tap
-from flexlab.sim.samples import Run, Status
+from flexlab.sim.samples import Run, Status, join_blocks
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import Event
 

@@ -15,10 +15,10 @@ from flexlab.presets import load_preset
 from flexlab.recording.export import export_run, import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
-from flexlab.recording.sample_codec import decode_block, encode_block, join_blocks
+from flexlab.recording.sample_codec import decode_block, encode_block
 from flexlab.signal import ARM, COORDINATE
 from flexlab.sim.row_layout import empty_samples
-from flexlab.sim.samples import Run, Samples
+from flexlab.sim.samples import Run, Samples, join_blocks
 from flexlab.sim.signals import DERIVED, TABLE
 from flexlab.sim.simulate import simulate
 
@@ -108,6 +108,7 @@ from flexlab.presets import load_preset
 from flexlab.recording.documents import signals_text
 from flexlab.recording.export import export_run, import_run
 from flexlab.recording.sample_codec import decode_block, encode_block
+from flexlab.sim.samples import join_blocks
 from flexlab.sim.row_layout import row_length, rows_to_samples
 from flexlab.sim.samples import Run, Status
 assert flexlab.__file__.startswith(sys.argv[1]), flexlab.__file__

@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from flexlab.compiled import inlined, pluggable
+from flexlab.control.conditions import Circumstances, Condition, within_layer
 from flexlab.control.controller import Controller
 from flexlab.control.law import BOUND_ESTIMATES, Law
 from flexlab.control.load_sharing import drive_arms
@@ -91,6 +92,11 @@ def fastest_rate(gains, now, b_hat, S, kappa):
     return surface_rate(gains.feedback_gain, gains.sliding_slope, gains.boundary_layer, now, b_hat, S)
 
 
+def conditions(around: Circumstances) -> tuple[Condition, ...]:
+    """Theorem 1 asks nothing of K and k; how small s becomes does."""
+    return (within_layer(around),)
+
+
 LAW = Law(
     AdaptiveSlidingMode,
     adaptive_sliding_mode,
@@ -98,5 +104,6 @@ LAW = Law(
     (BOUND_ESTIMATES,),
     sliding_slope=slope_of,
     limits=layer_of,
+    conditions=conditions,
     place=10,
 )

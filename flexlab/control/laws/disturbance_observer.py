@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from flexlab.compiled import inlined, pluggable
+from flexlab.control.conditions import SEPARATION, Circumstances, Condition, n
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law, Memory, Start
 from flexlab.control.load_sharing import drive_arms, share_payload
@@ -113,6 +114,13 @@ def carry(before: Start, begin: Start, memory: dict[str, np.ndarray]) -> dict[st
     return {"momentum_at_start": _momentum_ahead(begin) - known - passed}
 
 
+def conditions(around: Circumstances) -> tuple[Condition, ...]:
+    """That the observer stays slow against the beam's first mode."""
+    gain, first = around.scenario.controller.observer_gain, float(np.min(around.omega))
+    text = f"ℓ ≤ ω1/{SEPARATION:g}: the observer follows at {n(gain)} 1/s, a third of the beam's first mode is "
+    return (Condition(f"{text}{n(first / SEPARATION)} 1/s.", gain <= first / SEPARATION),)
+
+
 LAW = Law(
     DisturbanceObserver,
     disturbance_observer,
@@ -125,6 +133,7 @@ LAW = Law(
     ),
     start=start,
     carry=carry,
+    conditions=conditions,
     sliding_slope=slope_of,
     place=16,
 )

@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flexlab.compiled import inlined, pluggable
+from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law, Memory, Start
 from flexlab.control.rates import largest_ratio
@@ -190,6 +191,40 @@ def start(begin: Start) -> dict[str, np.ndarray]:
     }
 
 
+TOLD, TELLABLE = 1e-3, 1e-9
+"""Singular values of Y over the largest, each column times its true mass, from which on a combination of masses is told by a
+path, and could be told by some motion."""
+
+
+def conditions(around: Circumstances) -> tuple[Condition, ...]:
+    """Whether the path is rich enough to tell the masses apart, as far as any motion can."""
+    constants = known(around.scenario)
+    on_path, on_any = [], []
+    for now in around.path:
+        weight = constants["truth"][: PAYLOAD + LINKS * now.arm_count]
+        on_path.append(_regressor(now, constants["links"], now.desired[1], now.desired[2]) * weight)
+        on_any += [_regressor(now, constants["links"], np.zeros(3), unit) * weight for unit in np.eye(3)]
+    told, tellable = _rank(on_path, TOLD), _rank(on_any, TELLABLE)
+    text = f"Y rich enough: this path tells {told} combinations of masses of the {tellable} that can be told"
+    return (Condition(f"{text}; s goes to zero even so, the rest of â stays where it is.", told >= tellable),)
+
+
+def _rank(rows: list[np.ndarray], tolerance: float) -> int:
+    """Singular values of the rows above a fraction of the largest."""
+    values = np.linalg.svd(np.concatenate(rows), compute_uv=False)
+    return int(np.sum(values > tolerance * values[0]))
+
+
+def _regressor(now: Any, links: np.ndarray, r: np.ndarray, r_dot: np.ndarray) -> np.ndarray:
+    """Y (3, 2 + 3 arms)."""
+    load = np.zeros((LINKS, 3))
+    columns = [[r_dot[0], r_dot[1] + now.gravity, 0.0], [0.0, 0.0, r_dot[2]]]
+    for i in range(now.arm_count):
+        link_loads(now, i, tuple(links[i]), r, r_dot, load)
+        columns += list(load[:, :2] @ now.J[i] + load[:, 2:] * [0.0, 0.0, 1.0])
+    return np.array(columns).T
+
+
 LAW = Law(
     RegressorAdaptive,
     regressor_adaptive,
@@ -207,6 +242,7 @@ LAW = Law(
         ),
     ),
     start=start,
+    conditions=conditions,
     sliding_slope=slope_of,
     constants={"links": (MOST_ARMS, 10), "truth": (PAYLOAD + LINKS * MOST_ARMS,)},
     derive=known,

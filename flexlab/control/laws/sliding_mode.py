@@ -12,6 +12,7 @@ be bounded: damping, or a path off its resonances. Within the layer ‖s‖ ends
 from typing import Literal
 
 from flexlab.compiled import pluggable
+from flexlab.control.conditions import Circumstances, Condition, n
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law
 from flexlab.control.load_sharing import drive_arms
@@ -52,4 +53,20 @@ def fastest_rate(gains, now, memory, S, kappa):
     return layer_rate(gains.feedback_gain, gains.sliding_slope, gains.bound / gains.boundary_layer, now, S)
 
 
-LAW = Law(SlidingMode, sliding_mode, fastest_rate, sliding_slope=slope_of, limits=layer_of, place=12)
+def conditions(around: Circumstances) -> tuple[Condition, ...]:
+    """ρ̂ ≥ ‖Ψ‖ on the path."""
+    bound, force = around.scenario.controller.bound, around.largest_reaction
+    return (
+        Condition(f"ρ̂ ≥ ‖Ψ‖: {n(bound)} N against the beam's reaction on this path, {n(force)} N.", bound >= force),
+    )
+
+
+LAW = Law(
+    SlidingMode,
+    sliding_mode,
+    fastest_rate,
+    sliding_slope=slope_of,
+    limits=layer_of,
+    conditions=conditions,
+    place=12,
+)

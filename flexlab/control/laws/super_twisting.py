@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from flexlab.compiled import pluggable
+from flexlab.control.conditions import Circumstances, Condition, n
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law, Memory
 from flexlab.control.load_sharing import drive_arms
@@ -31,7 +32,7 @@ class SuperTwisting(Controller):
 
     kind: Literal["super-twisting"] = "super-twisting"
     proportional_gain: OneOrThree = quantity(
-        100.0, title="Root gain", symbol="k1", unit="N·√(s/m), N·m·√(s/rad)", low=0, high=1e6, slider=(0, 500)
+        120.0, title="Root gain", symbol="k1", unit="N·√(s/m), N·m·√(s/rad)", low=0, high=1e6, slider=(0, 500)
     )
     integral_gain: OneOrThree = quantity(
         200.0, title="Switching gain", symbol="k2", unit="N/s, N·m/s", low=0, high=1e7, slider=(0, 2000)
@@ -70,6 +71,23 @@ def fastest_rate(gains, now, w, S, kappa):
     return damping + np.sqrt(largest_ratio(S, gain, scratch)) + max(gains.sliding_slope)
 
 
+def conditions(around: Circumstances) -> tuple[Condition, ...]:
+    """Levant's, with the largest inertia and the largest change of the beam's reaction on the path."""
+    law, rate = around.scenario.controller, around.largest_reaction_rate
+    k1, k2 = float(np.min(law.proportional_gain)), float(np.min(law.integral_gain))
+    inertia = float(np.linalg.eigvalsh(around.inertias()).max())
+    enough = k2 > rate
+    needed = np.sqrt(4 * inertia * rate * (k2 + rate) / (k2 - rate)) if enough else np.inf
+    return (
+        Condition(
+            f"k2 > δ: {n(k2)} N/s against {n(rate)} N/s by which the beam's reaction changes on this path.", enough
+        ),
+        Condition(
+            f"k1² > 4 b δ (k2 + δ)/(k2 - δ): k1 = {n(k1)} against {n(needed)}, b = {n(inertia)} kg.", k1 > needed
+        ),
+    )
+
+
 LAW = Law(
     SuperTwisting,
     super_twisting,
@@ -78,5 +96,6 @@ LAW = Law(
     (Signal("twisting_force", "w", ("N", "N", "N·m"), "integrated switching force", (AXIS,)),),
     sliding_slope=slope_of,
     limits=layer_of,
+    conditions=conditions,
     place=14,
 )

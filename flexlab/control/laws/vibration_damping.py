@@ -7,6 +7,7 @@ a_lat = k_v hᵀq̇ along e2 and α = k_θ gᵀq̇ takes energy out of every mod
 from typing import Literal
 
 from flexlab.compiled import inlined, pluggable
+from flexlab.control.conditions import Circumstances, Condition, fed_modes, within_layer
 from flexlab.control.law import BOUND_ESTIMATES, Law
 from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode, drive_to_surface, surface_rate
 from flexlab.control.sliding_surface import layer_of, slope_of
@@ -54,6 +55,12 @@ def fastest_rate(gains, now, b_hat, S, kappa):
     return surface_rate(K, Lambda, epsilon, now, b_hat, S) + vibration
 
 
+def conditions(around: Circumstances) -> tuple[Condition, ...]:
+    """As the paper's law, and that torques which come late do not feed a mode."""
+    law = around.scenario.controller
+    return within_layer(around), *fed_modes(around, (law.lateral_vibration_gain, law.angular_vibration_gain))
+
+
 LAW = Law(
     VibrationDamping,
     vibration_damping,
@@ -61,5 +68,6 @@ LAW = Law(
     (BOUND_ESTIMATES,),
     sliding_slope=slope_of,
     limits=layer_of,
+    conditions=conditions,
     place=20,
 )

@@ -17,7 +17,7 @@ from flexlab.lab.panel.preset_menu import Presets
 from flexlab.lab.panel.readouts import notices_html, status_html
 from flexlab.lab.panel.run_comparison import Comparing
 from flexlab.lab.panel.scenario_files import ScenarioFiles
-from flexlab.lab.panel.sections import SECTIONS, Section, three_valued
+from flexlab.lab.panel.sections import SECTIONS, Section, conditions_html, three_valued
 from flexlab.lab.panel.style import style_element
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.panel.view_controls import Look, ViewControls
@@ -53,7 +53,10 @@ class Panel:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Parameters"):
             self._note = gui.add_html("", visible=False)
-            self._sections: list[Section | Details] = [Section(gui, lab_state, title, path) for title, path in SECTIONS]
+            notes = {"controller": lambda: conditions_html(study.conditions)}
+            self._sections: list[Section | Details] = [
+                Section(gui, lab_state, title, path, notes.get(path)) for title, path in SECTIONS
+            ]
             self._sections += [Details(gui, lab_state, group) for group in GROUPS]
         with tabs.add_tab("View"):
             self._viewing = ViewControls(gui, lab_state, look)

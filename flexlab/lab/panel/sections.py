@@ -1,15 +1,17 @@
 """The parameter folders: every scenario field with a slider range becomes a field on the screen."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import viser
 
+from flexlab.control.conditions import Condition
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.choice import Choice
 from flexlab.lab.panel.field import Field
-from flexlab.lab.panel.text import number
+from flexlab.lab.panel.number_control import put
+from flexlab.lab.panel.text import escaped, number
 from flexlab.quantities import Part, Quantity, describe
 from flexlab.scenario import Scenario
 
@@ -72,8 +74,12 @@ def _components(path: str, about: Quantity, value: object) -> Iterator[Entry]:
 class Section:
     """One folder. Its fields are built anew when the scenario's part changes its kind."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, title: str, path: str):
-        self._gui, self._lab_state, self._path = gui, lab_state, path
+    def __init__(
+        self, gui: viser.GuiApi, lab_state: LabState, title: str, path: str, note: Callable[[], str] | None = None
+    ):
+        """`note`: HTML to show below the fields, asked for at every update."""
+        self._gui, self._lab_state, self._path, self._note = gui, lab_state, path, note
+        self._noted: viser.GuiHtmlHandle | None = None
         self._folder = gui.add_folder(title)
         self._built_for: list[Entry] | None = None
         self._fields: list[Field] = []
@@ -88,6 +94,7 @@ class Section:
             choice.show(scenario)
         for field in self._fields:
             field.settle(scenario)
+        self._write_note()
 
     def show(self, scenario: Scenario) -> None:
         """Show the scenario in every field, at once."""
@@ -106,6 +113,23 @@ class Section:
         with self._folder:
             self._choices = [Choice(self._gui, self._lab_state, path) for path in chosen]
             self._fields = [Field(self._gui, self._lab_state, *entry) for entry in self._built_for]
+            if self._note is not None:
+                if self._noted is not None:
+                    self._noted.remove()
+                self._noted = self._gui.add_html(self._note())
+
+    def _write_note(self) -> None:
+        if self._note is not None and self._noted is not None:
+            put(self._noted, content=self._note())
+
+
+def conditions_html(conditions: Iterable[Condition]) -> str:
+    """The conditions of the control law, each with its numbers, met or not."""
+    lines = []
+    for condition in conditions:
+        kind, word = ("fl-dim", "met") if condition.met else ("fl-bad", "not met")
+        lines.append(f'<div class="fl-line {kind}"><b>{word}</b> {escaped(condition.sentence)}</div>')
+    return f'<div class="fl">{"".join(lines)}</div>' if lines else ""
 
 
 def three_valued(scenario: Scenario) -> str:

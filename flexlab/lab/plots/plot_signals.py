@@ -60,6 +60,11 @@ def _torque_limits(scenario: Scenario) -> tuple[Limit, ...]:
     return tuple(Limit(f"limit {k + 1} (N·m)", value, THREE[k]) for k, value in enumerate(limits))
 
 
+def _wanted_force(scenario: Scenario) -> tuple[Limit, ...]:
+    force = abs(scenario.controller.wanted_internal_force)
+    return (Limit("wanted F_d (N)", force, colors.GRAY),) if force else ()
+
+
 def _law_limits(signal: str) -> Callable[[Scenario], tuple[Limit, ...]]:
     """The levels that the control law knows for a signal."""
 
@@ -115,6 +120,7 @@ INTERNAL_FORCE = Plot(
     THREE,
     lambda _, samples: samples.internal_force[:, 0].T,
     1.0,
+    limits=_wanted_force,
 )
 SLIDING = Plot(
     "Sliding variable s",

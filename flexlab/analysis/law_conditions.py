@@ -1,0 +1,57 @@
+"""Which conditions of its control law a scenario meets: those of the law itself, and those of every law."""
+
+import numpy as np
+
+from flexlab.control.conditions import Circumstances, Condition, sampled_in_time, slower_than_the_beam
+from flexlab.control.law import laws
+from flexlab.control.path import poses
+from flexlab.physics.dynamics import configure_arms
+from flexlab.physics.law_input import LAW_INPUT
+from flexlab.scenario import Scenario
+from flexlab.sim.build import build_beam, build_system
+from flexlab.sim.closed_loop import new_workspace
+from flexlab.sim.law_memory import complete_input
+from flexlab.sim.step_size import control_rate, desired_poses
+
+INSTANTS = 32
+"""At which the desired motion is looked at, over its slowest period."""
+
+
+def law_conditions(scenario: Scenario) -> tuple[Condition, ...]:
+    """The conditions of a valid scenario's law, met or not; none where motors are off or no desired pose can be reached."""
+    law = laws()[scenario.controller.kind]
+    around = circumstances(scenario)
+    if not law.drives or not len(around.path):
+        return ()
+    return *law.conditions(around), slower_than_the_beam(around), *sampled_in_time(around)
+
+
+def circumstances(scenario: Scenario) -> Circumstances:
+    """What the conditions of a scenario's law are judged by."""
+    beam = build_beam(scenario.payload)
+    system = build_system(scenario, beam)
+    times = np.arange(INSTANTS) * (scenario.trajectory.slowest_period / INSTANTS)
+    ws, seen, reached = new_workspace(system), [], []
+    for t, desired in zip(times, poses(system.trajectory, times), strict=True):
+        if configure_arms(system.plant, desired[0], ws.arm, ws.fault) == 0:
+            seen.append(complete_input(system, desired[0], desired[1], desired, ws).copy())
+            reached.append(t)
+    path = np.array(seen, LAW_INPUT).view(np.recarray)
+    m, inertia = beam.matrices.m, beam.matrices.I
+    modes, asked = beam.modes, desired_poses(system, scenario.trajectory)
+    rigid = system._replace(plant=system.plant._replace(kappa=np.zeros(3)))
+    around = Circumstances(
+        scenario=scenario,
+        instants=np.array(reached),
+        path=path,
+        reaction=np.zeros((len(path), 3)),
+        omega=modes.omega,
+        damping=np.diag(modes.D),
+        loads=np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g]),
+        fastest_rate=control_rate(system, asked),
+        slow_rate=control_rate(rigid, asked),
+    )
+    for k, (now, B) in enumerate(zip(path, around.inertias(), strict=True)):
+        unknown = B - now.M[: now.arm_count].sum(axis=0) - np.diag([m, m, inertia])
+        around.reaction[k] = unknown @ now.desired[2] + [0.0, (now.m - m) * now.gravity, 0.0]
+    return around

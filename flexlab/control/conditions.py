@@ -1,0 +1,127 @@
+"""What the laws' stability needs, where it can be computed: sentences that a scenario meets or not."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+SEPARATION = 3.0
+"""How many times slower than the beam's first mode an observer must be, so that it follows the beam's ring by a tenth only."""
+
+
+class Condition(NamedTuple):
+    """One condition of a law, with the numbers of a scenario."""
+
+    sentence: str
+    met: bool
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """What a law's conditions can be judged by: the desired motion, on which the beam follows its load."""
+
+    scenario: Any
+    instants: np.ndarray
+    """Equally spaced over the path, s, (N,)."""
+    path: np.recarray
+    """`LAW_INPUT` records on the desired motion, arm terms and believed payload included, (N,)."""
+    reaction: np.ndarray
+    """Ψ: what the payload asks of the pose beyond what the law believes, N, N, N·m, (N, 3)."""
+    omega: np.ndarray
+    """Modes of the beam with its grips held, rad/s, (n_m,)."""
+    damping: np.ndarray
+    """D_kk of each mode alone, 1/s, (n_m,)."""
+    loads: np.ndarray
+    """h and g of the modes, kg^½ and kg^½·m, (2, n_m)."""
+    fastest_rate: float
+    """Of the loop that the law closes, 1/s, as the step control sees it."""
+    slow_rate: float
+    """The same for a rigid payload, without what the law does to the beam."""
+
+    @property
+    def largest_reaction(self) -> float:
+        """max ‖Ψ‖, N."""
+        return float(np.linalg.norm(self.reaction, axis=1).max(initial=0.0))
+
+    @property
+    def largest_reaction_rate(self) -> float:
+        """max ‖dΨ/dt‖, N/s."""
+        if len(self.instants) < 3:
+            return 0.0
+        return float(np.linalg.norm(np.gradient(self.reaction, self.instants, axis=0), axis=1).max())
+
+    def inertias(self) -> np.ndarray:
+        """B = ΣM̄_i + Ā along the path, as the law believes the payload, (N, 3, 3)."""
+        found = []
+        for now in self.path:
+            (c, s), (hh, hg, gg) = now.trig, now.kappa
+            lateral, turn = np.array([-s, c, 0.0]), np.array([0.0, 0.0, 1.0])
+            beam = hh * np.outer(lateral, lateral) + gg * np.outer(turn, turn)
+            beam += hg * (np.outer(lateral, turn) + np.outer(turn, lateral))
+            found.append(now.M[: now.arm_count].sum(axis=0) + np.diag([now.m, now.m, now.I]) - beam)
+        return np.array(found)
+
+
+def n(value: float) -> str:
+    """A number in a sentence."""
+    return f"{value:.3g}"
+
+
+def within_layer(around: Circumstances) -> Condition:
+    """Whether the feedback alone keeps ‖s‖ within the boundary layer on the path: ‖Ψ‖ ≤ K ε."""
+    law, force = around.scenario.controller, around.largest_reaction
+    gain = float(np.min(law.feedback_gain))
+    size = force / gain if gain > 0 else np.inf
+    return Condition(
+        f"‖Ψ‖ ≤ K ε: the beam's reaction on this path, {n(force)} N, is held by K = {n(gain)} N·s/m at "
+        f"‖s‖ = {n(size)} m/s, boundary layer {n(law.boundary_layer)} m/s.",
+        size <= law.boundary_layer,
+    )
+
+
+def slower_than_the_beam(around: Circumstances) -> Condition:
+    """Whether the loop is slow against the beam's first mode, so that the law may treat the payload as rigid."""
+    rate, first = around.slow_rate, float(np.min(around.omega))
+    return Condition(
+        f"λ < ω1 (singular perturbation): the loop with a rigid payload moves at {n(rate)} 1/s, the beam's first mode at "
+        f"{n(first)} 1/s; the beam follows the better, the smaller λ/ω1 = {n(rate / first)}.",
+        rate < first,
+    )
+
+
+def sampled_in_time(around: Circumstances) -> tuple[Condition, ...]:
+    """Whether held torques act in time (Levin and May 1976): λ T_c ≤ 2 sin(π/(2 (2d + 1))); nothing of a continuous law."""
+    law = around.scenario.controller
+    if law.control_period is None:
+        return ()
+    product, limit = around.fastest_rate * law.control_period, 2 * np.sin(np.pi / (2 * (2 * law.input_delay + 1)))
+    return (
+        Condition(
+            f"λ T_c ≤ {n(limit)}: the loop's fastest rate times the control period is {n(product)} with "
+            f"{law.input_delay} samples of delay.",
+            bool(product <= limit),
+        ),
+    )
+
+
+def fed_modes(around: Circumstances, gains: tuple[float, float]) -> tuple[Condition, ...]:
+    """Whether rate feedback with gains k_v, k_θ of hᵀq̇, gᵀq̇ feeds a mode, because held torques come late.
+
+    A torque held over T_c after d samples reaches a mode ω with sinc(ωT_c/2) cos(ω (d + ½) T_c) of its strength: negative, with
+    one sample of delay, from 1/(6 T_c) to 1/(2 T_c). Nothing of a continuous law.
+    """
+    law = around.scenario.controller
+    if law.control_period is None:
+        return ()
+    late = (law.input_delay + 0.5) * law.control_period
+    reaching = np.sinc(around.omega * law.control_period / (2 * np.pi)) * np.cos(around.omega * late)
+    strength = gains[0] * around.loads[0] ** 2 + gains[1] * around.loads[1] ** 2
+    growth = -0.5 * strength * reaching - 0.5 * around.damping
+    worst = int(np.argmax(growth))
+    turns = f"late by {n(1e3 * late)} ms, rate feedback feeds modes from {n(1 / (4 * late))} Hz on"
+    frequency = n(around.omega[worst] / (2 * np.pi))
+    if growth[worst] > 0:
+        return (
+            Condition(f"f < 1/(4 (d + ½) T_c): {turns}, and {frequency} Hz grows at {n(growth[worst])} 1/s.", False),
+        )
+    return (Condition(f"f < 1/(4 (d + ½) T_c): {turns}, but none against its own damping.", True),)

@@ -1,0 +1,115 @@
+"""Conditions of the laws: the numbers in their sentences, and that what they predict is what runs then do."""
+
+import re
+
+import numpy as np
+import pytest
+
+from flexlab.analysis.law_conditions import circumstances, law_conditions
+from flexlab.analysis.modes import modes
+from flexlab.control.law import laws
+from flexlab.lab.mode_computation import ModeStudy
+from flexlab.lab.panel.sections import conditions_html
+from flexlab.lab.plots.plot_signals import tabs
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.simulate import simulate
+
+
+def named(scenario: Scenario, start: str):
+    """The condition that begins with `start`."""
+    (found,) = [condition for condition in law_conditions(scenario) if condition.sentence.startswith(start)]
+    return found
+
+
+def test_the_beams_reaction_is_what_the_law_does_not_know():
+    """Ā leaves out what the beam's first modes carry: Ψ = (κ terms) ẍ_d, at most 0.81·… of m ẍ_d; nothing across its length."""
+    around = circumstances(load_preset("paper"))
+    angle = around.path.desired[:, 0, 2]
+    along = around.reaction[:, 0] * np.cos(angle) + around.reaction[:, 1] * np.sin(angle)
+    np.testing.assert_allclose(along, 0, atol=1e-12)
+    assert around.largest_reaction == pytest.approx(8.6, abs=0.1)
+
+
+def test_feedback_within_the_boundary_layer():
+    """K ε ≥ ‖Ψ‖ predicts that ‖s‖ stays inside after the start: as the two presets then do."""
+    for name, met in (("paper", True), ("weak-feedback", False)):
+        scenario = load_preset(name)
+        condition = named(scenario, "‖Ψ‖ ≤ K ε")
+        assert condition.met == met
+        run = simulate(scenario, 3.0)
+        size = np.linalg.norm(run.sliding_variable[run.time > 2.0], axis=1).max()
+        assert (size <= scenario.controller.boundary_layer) == met
+        predicted = float(re.findall(r"‖s‖ = ([\d.]+)", condition.sentence)[0])
+        assert size < predicted * 1.1
+
+
+@pytest.mark.parametrize(("bound", "met"), [(30.0, True), (5.0, False)])
+def test_a_constant_bound(bound: float, met: bool):
+    scenario = load_preset("paper").replace({"controller.kind": "sliding-mode", "controller.bound": bound})
+    assert named(scenario, "ρ̂ ≥ ‖Ψ‖").met == met
+
+
+@pytest.mark.parametrize(("delay", "ratio"), [(0, 0.001), (1, 0.0), (1, 0.02), (2, 0.001)])
+def test_late_torques_feed_the_modes_that_grow(delay: int, ratio: float):
+    """Met where the sampled poles are stable; otherwise the growth that is named is theirs to 10 % (2.65 1/s at 400 Hz)."""
+    changes = {
+        "payload.element_count": 8,
+        "payload.damping": {"kind": "modal", "ratio": ratio},
+        "controller.control_period": 1e-3,
+        "controller.input_delay": delay,
+        "controller.lateral_vibration_gain": 100.0,
+    }
+    scenario = load_preset("vibration-damping").replace(changes)
+    condition, found = named(scenario, "f < 1/(4 (d + ½) T_c)"), modes(scenario)
+    assert condition.met == (not found.unstable)
+    if not condition.met:
+        frequency, growth = re.findall(r"([\d.]+) Hz grows at ([\d.]+) 1/s", condition.sentence)[0]
+        assert float(growth) == pytest.approx(found.growth, rel=0.1)
+        if delay == 1:
+            assert "167 Hz" in condition.sentence
+            assert float(frequency) == pytest.approx(400, abs=1)
+
+
+def test_super_twisting_needs_gains_above_the_change_of_the_reaction():
+    base = load_preset("paper").replace({"controller.kind": "super-twisting"})
+    assert [condition.met for condition in law_conditions(base)] == [True, True, True]
+    weak = base.replace({"controller.integral_gain": 40.0})
+    assert [condition.met for condition in law_conditions(weak)][:2] == [False, False]
+
+
+def test_a_path_that_moves_tells_masses_apart():
+    """Of 8 masses of two arms and payload, 7 combinations can be told: the grips are part of one rigid body."""
+    moving = load_preset("paper").replace({"controller.kind": "regressor-adaptive"})
+    resting = moving.replace({"trajectory.amplitude": (0.0, 0.0, 0.0)})
+    for scenario, told in ((moving, 7), (resting, 0)):
+        condition = named(scenario, "Y rich")
+        assert condition.met == (told == 7)
+        assert f"tells {told} combinations of masses" in condition.sentence
+
+
+@pytest.mark.parametrize(("period", "met"), [(0.002, True), (0.05, False)])
+def test_held_torques_that_come_too_late(period: float, met: bool):
+    """λ T_c beyond its limit: the run ends early."""
+    scenario = load_preset("paper").replace({"controller.control_period": period})
+    assert named(scenario, "λ T_c").met == met
+    assert (simulate(scenario, 2.0).status == "finished") == met
+
+
+@pytest.mark.parametrize("kind", laws())
+def test_every_law_says_what_it_needs_and_the_panel_shows_it(kind: str):
+    study = ModeStudy()
+    study.ask(load_preset("paper").replace({"controller.kind": kind}))
+    study.stop()
+    text = conditions_html(study.conditions)
+    assert text.count("<b>met</b>") + text.count("<b>not met</b>") == len(study.conditions)
+    assert (len(study.conditions) > 0) == laws()[kind].drives
+    assert "nan" not in text
+
+
+def test_the_plot_of_the_internal_force_shows_the_wanted_one():
+    scenario = load_preset("paper")
+    plot = tabs(scenario)["Motion"][2]
+    assert plot.limits(scenario) == ()
+    (level,) = plot.limits(scenario.replace({"controller.wanted_internal_force": -40.0}))
+    assert (level.label, level.value) == ("wanted F_d (N)", 40.0)

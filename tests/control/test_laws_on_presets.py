@@ -1,0 +1,75 @@
+"""Every law's default gains on every preset, and what all laws share: load share and wanted internal force."""
+
+import numpy as np
+import pytest
+
+from flexlab.control.law import laws
+from flexlab.errors import ScenarioError
+from flexlab.presets import load_preset, preset_names
+from flexlab.sim.simulate import simulate
+
+DRIVING = [kind for kind, law in laws().items() if law.drives]
+
+
+@pytest.mark.parametrize("preset", preset_names())
+def test_default_gains_run_every_preset_for_two_seconds(preset: str):
+    for kind in DRIVING:
+        run = simulate(load_preset(preset).replace({"controller.kind": kind}), 2.0)
+        assert run.status == "finished", (kind, run.status.text)
+
+
+@pytest.mark.parametrize("kind", DRIVING)
+@pytest.mark.parametrize("period", [None, 0.001])
+def test_a_wanted_internal_force_is_there_and_moves_nothing(kind: str, period: float | None):
+    """F_d along the virtual link, squeeze positive, on top of what the law does anyway; held torques turn with the pose."""
+    changes = {"controller.kind": kind, "controller.control_period": period}
+    plain = simulate(load_preset("paper").replace(changes), 0.2)
+    squeezed = simulate(load_preset("paper").replace(changes | {"controller.wanted_internal_force": 40.0}), 0.2)
+    angle = plain.pose[:, 2]
+    wanted = 40.0 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    added = squeezed.internal_force - plain.internal_force
+    tolerance = 1e-6 if period is None else 2.0
+    np.testing.assert_allclose(added[1:, 0], wanted[1:], rtol=0, atol=tolerance)
+    np.testing.assert_allclose(added[1:, 1], -wanted[1:], rtol=0, atol=tolerance)
+    np.testing.assert_allclose(squeezed.pose, plain.pose, rtol=0, atol=1e-10 if period is None else 1e-4)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_the_load_share_divides_the_torques_and_not_the_motion(share: float):
+    """The payload moves the same; what the arms give beyond their own part stands in the proportion α : 1 - α."""
+    changes = {"controller.kind": "sliding-mode", "gravity": 9.81}
+    halves = simulate(load_preset("paper").replace(changes), 0.2)
+    run = simulate(load_preset("paper").replace(changes | {"controller.load_share": share}), 0.2)
+    np.testing.assert_allclose(run.pose, halves.pose, rtol=0, atol=1e-12)
+    total = 2 * (run.arm_input[:, 0] - halves.arm_input[:, 0]) / (2 * share - 1) if share != 0.5 else None
+    np.testing.assert_allclose(run.arm_input.sum(axis=1), halves.arm_input.sum(axis=1), rtol=0, atol=1e-8)
+    again = simulate(load_preset("paper").replace(changes | {"controller.load_share": 0.9}), 0.2)
+    np.testing.assert_allclose(total, 2 * (again.arm_input[:, 0] - halves.arm_input[:, 0]) / 0.8, rtol=0, atol=1e-7)
+
+
+def test_one_arm_carries_everything_whatever_the_share():
+    one, other = (
+        simulate(load_preset("single-arm").replace({"controller.load_share": share}), 0.1) for share in (0.5, 0.9)
+    )
+    assert one.pose.tobytes() == other.pose.tobytes()
+
+
+def test_leakage_lets_the_bound_estimates_fade():
+    """ḃ = … - σ b̂: with the payload at rest on its target b̂ falls as e^{-σt}; without leakage it stays."""
+    changes = {
+        "trajectory.amplitude": (0.0, 0.0, 0.0),
+        "initial.pose": (0.02, 0.75, 0.0),
+        "controller.adaptation": (0.1,) * 3,
+    }
+    kept, faded = (
+        simulate(load_preset("paper").replace(changes | {"controller.leakage": rate}), 3.0) for rate in (0.0, 2.0)
+    )
+    assert np.all(np.diff(kept.bound_estimates[:, 0]) >= 0)
+    np.testing.assert_allclose(faded.bound_estimates[-1, 0] / faded.bound_estimates[1500, 0], np.exp(-3.0), rtol=1e-3)
+
+
+def test_shares_and_forces_out_of_range_are_refused():
+    with pytest.raises(ScenarioError, match=r"controller\.load_share = 1\.2 is outside .* 0 to 1"):
+        load_preset("paper").replace({"controller.load_share": 1.2})
+    with pytest.raises(ScenarioError, match=r"controller\.wanted_internal_force = 1e\+06 N"):
+        load_preset("paper").replace({"controller.wanted_internal_force": 1e6})

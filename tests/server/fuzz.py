@@ -26,6 +26,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does, 
 from raw_browser import CAMERA, open_socket, text_of
 
 VISITORS = 4
+WARM_UP = 60.0
+"""s in which a lab that nobody attacks comes to its full memory."""
 READ_RATE, PATIENCE = 75.0, 3.0
 """Messages a second that the lab is sure to read of one visitor, presses of buttons among them; s beyond that."""
 TRIPLE = [0.0, 0.5, 0.0]
@@ -199,7 +201,7 @@ def main(messages: int = 20_000, seed: int = 1) -> None:
         runner = place._laboratory._session.runner  # type: ignore[attr-defined]
         with open_socket(address) as watcher:
             threading.Thread(target=_read, args=(watcher,), daemon=True).start()
-            time.sleep(15)
+            time.sleep(WARM_UP)
             memory, began = lab.memory_info().rss, time.monotonic()
             with Lateness(runner) as lateness:
                 subprocess.run([sys.executable, __file__, "attack", address, str(messages), str(seed)], check=True)

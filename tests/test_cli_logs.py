@@ -14,7 +14,8 @@ from flexlab.analysis.run_summary import note_metrics
 from flexlab.cli.runs_listing import COLUMNS
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
-from flexlab.recording.store.run_files import list_runs, write_notes
+from flexlab.recording.store.notes import write_notes
+from flexlab.recording.store.run_files import list_runs
 from flexlab.sim.simulate import simulate
 
 Command = Callable[..., subprocess.CompletedProcess[str]]

@@ -12,7 +12,8 @@ from flexlab.errors import FlexlabError, RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.store.run_files import list_runs, read_notes, run_state, write_notes
+from flexlab.recording.store.notes import read_notes, write_notes
+from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.scenario import Scenario
 from flexlab.scenario.differences import TEXTS, part_differences
 from flexlab.sim.commands import ChangeScenario, LoadScenario

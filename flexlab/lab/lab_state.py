@@ -13,7 +13,7 @@ from flexlab.lab.reference_run import ReferenceRun, differences
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
 from flexlab.log_limits import limited
-from flexlab.physics.plant import ON_BEAM
+from flexlab.physics.plant import ON_BEAM, Hand
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pull, Reset
@@ -26,9 +26,6 @@ NOTICE_TIME = 12.0
 """How long a notice stays on screen, wall seconds: time to read two lines twice."""
 CATCH_UP_TIME = 1.0
 """How long the engine may take to show a change that was asked for, wall seconds."""
-
-STIFFNESS = 3
-"""Index in `WorldState.pull`."""
 
 log = limited(__name__)
 
@@ -197,11 +194,10 @@ class LabState:
 
     def _let_go_of(self, origin: Origin | None) -> None:
         """End a pull that was going on at `origin`: its hand is not here, and nobody would see its spring."""
-        if origin is None or origin.state.pull[STIFFNESS] == 0:
+        if origin is None or not (hand := Hand(*map(float, origin.state.pull))).stiffness:
             return
-        position, x, y, _, arm, link = (float(item) for item in origin.state.pull)
-        held = None if arm == ON_BEAM else (int(arm) + 1, int(link) + 1)
-        self._runner.submit(Pull(position, (x, y), 0.0, held))
+        held = None if hand.arm == ON_BEAM else (int(hand.arm) + 1, int(hand.link) + 1)
+        self._runner.submit(Pull(hand.position, (hand.target_x, hand.target_y), 0.0, held))
 
 
 def _settings(scenario: Scenario, name: str, origin: Origin | None) -> Settings:

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlab.compiled import compiled, inlined, inlined_sums
 from flexlab.physics.arm import arm_configuration
-from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, HELD_ARM, HELD_LINK, OMEGA2, PULL, WORK, G, H, P, X
+from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, PULL, WORK, G, H, P, X, hand_of
 
 
 @inlined
@@ -143,7 +143,8 @@ def set_momenta(plant, y, velocity, eta_dot, ws):
 @inlined
 def beam_is_held(plant):
     """Whether a hand pulls at the beam itself."""
-    return plant.pull[3] != 0 and plant.pull[HELD_ARM] < 0
+    hand = hand_of(plant.pull)
+    return hand.stiffness != 0 and hand.arm < 0
 
 
 @inlined
@@ -153,9 +154,9 @@ def pull_force(plant, y, c, s):
     w = 0.0
     for k in range(n):
         w += plant.modal[PULL, k] * y[ETA + k]
-    at, stiffness = plant.pull[0], plant.pull[3]
-    fx = stiffness * (plant.pull[1] - (y[0] + at * c - w * s))
-    fy = stiffness * (plant.pull[2] - (y[1] + at * s + w * c))
+    hand = hand_of(plant.pull)
+    fx = hand.stiffness * (hand.target_x - (y[0] + hand.position * c - w * s))
+    fy = hand.stiffness * (hand.target_y - (y[1] + hand.position * s + w * c))
     return fx, fy, w
 
 
@@ -165,19 +166,20 @@ def pull_on_link(plant, terms, y, c, s, force):
 
     R = base + Σ d_k (cos α_k, sin α_k) with d_k the links' lengths up to the point, so that (∂R/∂x)ᵀF = 𝒥ᵀ(d_k n_k·F).
     """
-    held, link = int(plant.pull[HELD_ARM]), int(plant.pull[HELD_LINK])
-    arm, at, stiffness = plant.arms[held], plant.pull[0], plant.pull[3]
+    hand = hand_of(plant.pull)
+    held, link, at = int(hand.arm), int(hand.link), hand.position
+    arm = plant.arms[held]
     if link == 2:
         reach = arm.reach + arm.tip * at
-        fx = stiffness * (plant.pull[1] - (y[0] + reach * c))
-        fy = stiffness * (plant.pull[2] - (y[1] + reach * s))
+        fx = hand.stiffness * (hand.target_x - (y[0] + reach * c))
+        fy = hand.stiffness * (hand.target_y - (y[1] + reach * s))
         force[0], force[1], force[2] = fx, fy, reach * (c * fy - s * fx)
     else:
         c1, s1 = terms.direction[held, 0], terms.direction[held, 1]
         c2, s2 = terms.direction[held, 2], terms.direction[held, 3]
         d1, d2 = (at, 0.0) if link == 0 else (arm.l1, at)
-        fx = stiffness * (plant.pull[1] - (arm.base_x + d1 * c1 + d2 * c2))
-        fy = stiffness * (plant.pull[2] - (arm.base_y + d1 * s1 + d2 * s2))
+        fx = hand.stiffness * (hand.target_x - (arm.base_x + d1 * c1 + d2 * c2))
+        fy = hand.stiffness * (hand.target_y - (arm.base_y + d1 * s1 + d2 * s2))
         turn_1, turn_2 = d1 * (c1 * fy - s1 * fx), d2 * (c2 * fy - s2 * fx)
         for a in range(3):
             force[a] = terms.J[held, 0, a] * turn_1 + terms.J[held, 1, a] * turn_2
@@ -224,15 +226,16 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
             h, gk = plant.modal[H, k], plant.modal[G, k]
             dy[ETA + k] = -h * v2 - gk * w
             dy[ETA + n + k] = w * w * y[ETA + k] - h * lift + plant.modal[DH, k] * v2 + plant.modal[DG, k] * w
-    if plant.pull[3] != 0 and plant.pull[HELD_ARM] >= 0:
-        held = int(plant.pull[HELD_ARM])
+    hand = hand_of(plant.pull)
+    if hand.stiffness != 0 and hand.arm >= 0:
+        held = int(hand.arm)
         pull_on_link(plant, ws.arm, y, c, s, ws.hand[held])
         for a in range(3):
             dy[P + a] += ws.hand[held, a]
             power += ws.hand[held, a] * v[a]
-    elif plant.pull[3] != 0:
+    elif hand.stiffness != 0:
         fx, fy, deflection = pull_force(plant, y, c, s)
-        f1, f2, at = c * fx + s * fy, c * fy - s * fx, plant.pull[0]
+        f1, f2, at = c * fx + s * fy, c * fy - s * fx, hand.position
         dy[P] += fx
         dy[P + 1] += fy
         dy[P + 2] += at * f2 - deflection * f1
@@ -259,12 +262,13 @@ def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
     for i in range(len(u)):
         for a in range(3):
             ws.hand[i, a] = 0.0
-    if plant.pull[3] != 0 and plant.pull[HELD_ARM] >= 0:
-        pull_on_link(plant, ws.arm, y, c, s, ws.hand[int(plant.pull[HELD_ARM])])
-    elif plant.pull[3] != 0:
+    hand = hand_of(plant.pull)
+    if hand.stiffness != 0 and hand.arm >= 0:
+        pull_on_link(plant, ws.arm, y, c, s, ws.hand[int(hand.arm)])
+    elif hand.stiffness != 0:
         fx, fy, deflection = pull_force(plant, y, c, s)
         f1, f2 = c * fx + s * fy, c * fy - s * fx
-        pull_turn = plant.pull[0] * f2 - deflection * f1
+        pull_turn = hand.position * f2 - deflection * f1
     h_force = g_force = eta_eta_dot = 0.0
     for k in range(n):
         force = (plant.modal[OMEGA2, k] - w * w) * y[ETA + k] + ws.damping_force[k] - plant.modal[PULL, k] * f2

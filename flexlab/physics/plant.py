@@ -35,10 +35,34 @@ H, G, DH, DG, OMEGA2, MID, BEND, PULL = range(8)
 """Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape where the beam bends
 most (mid-span or the free end), shape at the pulled point N(s)V."""
 
-HELD_ARM, HELD_LINK = 4, 5
-"""Indices in `Plant.pull`."""
 ON_BEAM = -1.0
-"""`Plant.pull[HELD_ARM]` of a hand that holds the beam."""
+"""`Hand.arm` of a hand that holds the beam."""
+
+
+class Hand(NamedTuple):
+    """A hand's spring, as `Plant.pull` holds it in this order."""
+
+    position: float
+    """Of the point that it holds: on the beam the material coordinate s, on a link the distance from its inner joint, m."""
+    target_x: float
+    """Where the hand is, m."""
+    target_y: float
+    """Where the hand is, m."""
+    stiffness: float
+    """N/m; 0: no hand pulls."""
+    arm: float
+    """Counted from 0; below 0: it holds the beam."""
+    link: float
+    """Counted from 0."""
+
+
+NO_HAND = Hand(0.0, 0.0, 0.0, 0.0, ON_BEAM, 0.0)
+
+
+@inlined
+def hand_of(pull):
+    """The `Hand` that `Plant.pull` holds."""
+    return Hand(pull[0], pull[1], pull[2], pull[3], pull[4], pull[5])
 
 
 class Plant(NamedTuple):
@@ -68,11 +92,7 @@ class Plant(NamedTuple):
     Of all modes of the mesh, however few are kept.
     """
     pull: np.ndarray
-    """A hand's spring: position on what it holds, m, target x, target y, stiffness, arm, link, (6,).
-
-    Arm < 0: it holds the beam at the material coordinate s. Otherwise arm and link count from 0, and the position is the
-    distance from the link's inner joint.
-    """
+    """A `Hand`, which commands change in place, (6,)."""
 
 
 class Workspace(NamedTuple):

@@ -28,7 +28,7 @@ from flexlab.recording.reader import Recording
 from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.state_json import state_json
 from flexlab.recording.store.formats import FORMAT, Changes, migrate
-from flexlab.recording.store.run_files import replacing
+from flexlab.recording.store.notes import replacing
 from flexlab.recording.table_columns import Column, from_columns, table_columns, to_columns
 from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario

@@ -16,7 +16,8 @@ from flexlab.recording.rerun_internals.columns import Column
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import RunStream, open_file_stream
 from flexlab.recording.sink import Kept
-from flexlab.recording.store.run_files import RunFile, claim_run_file, write_notes
+from flexlab.recording.store.notes import write_notes
+from flexlab.recording.store.run_files import RunFile, claim_run_file
 
 RETRY_PERIOD = 1.0
 """Wall seconds between attempts to open a file."""

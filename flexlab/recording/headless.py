@@ -12,7 +12,8 @@ from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_notes import StartNotes
 from flexlab.recording.run_stream import RunStream, open_file_stream
-from flexlab.recording.store.run_files import claim_run_file, write_notes
+from flexlab.recording.store.notes import write_notes
+from flexlab.recording.store.run_files import claim_run_file
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 

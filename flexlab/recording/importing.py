@@ -23,7 +23,8 @@ from flexlab.recording.repair import finish
 from flexlab.recording.run_encoder import END
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.state_json import state_from_json
-from flexlab.recording.store.run_files import SUFFIX, claim_run_file, remove_run, write_notes
+from flexlab.recording.store.notes import write_notes
+from flexlab.recording.store.run_files import SUFFIX, claim_run_file, remove_run
 from flexlab.recording.store.run_index import LONGEST_NAME
 from flexlab.sim.samples import Run
 from flexlab.sim.snapshot import TICK, Event

@@ -17,7 +17,7 @@ from flexlab.recording.rerun_internals.message_layout import messages
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.scene_log import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
-from flexlab.recording.store.run_files import replacing
+from flexlab.recording.store.notes import replacing
 from flexlab.sim.samples import Samples
 
 APPLICATION = "flexlab comparison"

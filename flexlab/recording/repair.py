@@ -14,14 +14,8 @@ from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunk_reader import has_recording
 from flexlab.recording.rerun_internals.message_layout import has_footer
 from flexlab.recording.rerun_internals.tool import Mending
-from flexlab.recording.store.run_files import (
-    claim,
-    list_runs,
-    read_notes,
-    replacing,
-    run_state,
-    write_notes,
-)
+from flexlab.recording.store.notes import read_notes, replacing, write_notes
+from flexlab.recording.store.run_files import claim, list_runs, run_state
 
 GROWTH = 1.3
 """Room that the finished file may take, in sizes of the unfinished one."""

@@ -115,6 +115,8 @@ class FrontServer:
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
             measuring, jobs = Measuring(self.settings.logs), Jobs()
             tidying = asyncio.create_task(tidy_up(self.settings))
+            preset_cards = PresetCards(jobs)
+            reading = asyncio.create_task(preset_cards.read_ahead())
             context = Context(
                 self.settings,
                 self.port,
@@ -126,7 +128,7 @@ class FrontServer:
                 Comparisons(jobs, self.workshop),
                 Replays(jobs),
                 self.workshop,
-                PresetCards(jobs),
+                preset_cards,
             )
             runner = web.AppRunner(build_app(context), access_log=None, shutdown_timeout=CLOSING_TIME)
             connections: Connections | None = None
@@ -138,6 +140,7 @@ class FrontServer:
                 await self._closing.wait()
             finally:
                 tidying.cancel()
+                reading.cancel()
                 if connections is not None:
                     await connections.close()
                 # Labs first: their recordings matter more than a visitor's last request.

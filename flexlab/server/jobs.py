@@ -114,11 +114,11 @@ class Jobs:
         process = context.Process(
             target=carry_out, args=(work, arguments, on_progress is not None, other), name="flexlab-job", daemon=True
         )
-        with without_interrupt():
-            process.start()
-        other.close()
+        # Beside: what is large is handed over only once the process has come up, which takes seconds on a busy machine.
+        starting = asyncio.ensure_future(asyncio.to_thread(_start, process, other))
         self._processes.add(process)
         try:
+            await asyncio.shield(starting)
             async with asyncio.timeout(LONGEST):
                 while isinstance(word := await asyncio.to_thread(_hear, pipe), Progress):
                     if on_progress is not None:
@@ -126,6 +126,7 @@ class Jobs:
         except TimeoutError:
             raise LabError(f"This takes longer than {LONGEST:g} s: use the command line instead.") from None
         finally:
+            await asyncio.shield(starting)
             process.kill()
             await asyncio.shield(asyncio.to_thread(process.join))
             self._processes.discard(process)
@@ -133,7 +134,7 @@ class Jobs:
             return word.result
         if isinstance(word, Failed):
             raise LabError(word.sentence)
-        log.warning("An job ended unexpectedly (exit code %s).", process.exitcode)
+        log.warning("A job ended unexpectedly (exit code %s).", process.exitcode)
         raise LabError(
             f"This task ended unexpectedly (exit code {process.exitcode}): the run may be too large for this machine."
         )
@@ -141,7 +142,14 @@ class Jobs:
     def close(self) -> None:
         """End all at once."""
         for process in list(self._processes):
-            process.kill()
+            if process.pid is not None:
+                process.kill()
+
+
+def _start(process: multiprocessing.process.BaseProcess, its_end: Connection) -> None:
+    with without_interrupt():
+        process.start()
+    its_end.close()
 
 
 def _hear(pipe: Connection) -> Progress | Done | Failed | None:

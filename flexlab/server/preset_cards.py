@@ -38,13 +38,20 @@ class PresetCards:
         self._drawings: dict[FileState, str] = {}
         self._states: dict[str, FileState] = {}
         self._drawing: asyncio.Task[None] | None = None
+        self._reading = asyncio.Lock()
+
+    async def read_ahead(self) -> None:
+        """Read all presets, so that the first visitor need not wait for that."""
+        async with self._reading:
+            await asyncio.to_thread(self._read)
 
     async def look(self, pictured: Collection[str]) -> list[PresetCard]:
         """The presets that there are now, in the order of the menu; what is not yet drawn is begun.
 
         `pictured`: those that have a picture already.
         """
-        cards = await asyncio.to_thread(self._read)
+        async with self._reading:
+            cards = await asyncio.to_thread(self._read)
         plain = [card for card in cards if card.name not in pictured]
         missing = [(self._states[card.name], card.scenario) for card in plain]
         wanted = {state: found for state, found in missing if found is not None and state not in self._drawings}

@@ -14,7 +14,7 @@ from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
 from flexlab.recording.reader import read_blocks, read_recording
-from flexlab.recording.store.run_files import read_notes
+from flexlab.recording.store.notes import read_notes
 from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.sim.samples import Samples

@@ -18,7 +18,7 @@ from flexlab.physics.beam import (
     undamped_modes,
 )
 from flexlab.physics.law_input import MOST_ARMS
-from flexlab.physics.plant import ON_BEAM, Plant
+from flexlab.physics.plant import NO_HAND, Plant
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.closed_loop import System
 
@@ -93,7 +93,7 @@ def build_plant(scenario: Scenario, beam: Beam) -> Plant:
         kappa=np.array([h @ h, h @ g, g @ g]),
         V=modes.V,
         compliance=-middle @ bend,
-        pull=np.array([0.0, 0.0, 0.0, 0.0, ON_BEAM, 0.0]),
+        pull=np.array(NO_HAND),
     )
 
 

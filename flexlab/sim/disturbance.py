@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlab.errors import ScenarioError
-from flexlab.physics.plant import ETA, HELD_ARM, ON_BEAM, PULL, P, Plant, forget_rates
+from flexlab.physics.plant import ETA, NO_HAND, ON_BEAM, PULL, Hand, P, Plant, forget_rates
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam, payload_row
 from flexlab.sim.commands import Pull, Tap
@@ -53,21 +53,21 @@ def apply_pull(plant: Plant, scenario: Scenario, beam: Beam, command: Pull) -> N
     for axis, value in zip("xy", command.target, strict=True):
         _refuse(f"pull target {axis}", value, "m", -MAX_DISTANCE, MAX_DISTANCE)
     held = (ON_BEAM, 0.0) if command.link is None else (command.link[0] - 1, command.link[1] - 1)
-    plant.pull[:] = (command.position, *command.target, command.stiffness, *held)
+    plant.pull[:] = Hand(command.position, *command.target, command.stiffness, *held)
     set_pull_row(plant, scenario.payload, beam)
 
 
 def without_hand(plant: Plant) -> Plant:
     """The plant with arrays of its own where a hand may pull, and none that does."""
-    modal, pull = plant.modal.copy(), np.zeros_like(plant.pull)
-    modal[PULL], pull[HELD_ARM] = 0.0, ON_BEAM
-    return plant._replace(modal=modal, pull=pull)
+    modal = plant.modal.copy()
+    modal[PULL] = 0.0
+    return plant._replace(modal=modal, pull=np.array(NO_HAND))
 
 
 def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:
     """Make the modes' shapes at the pulled point match `plant.pull`; none while no hand holds the beam."""
-    on_beam = plant.pull[HELD_ARM] == ON_BEAM
-    plant.modal[PULL] = beam.modes.V.T @ payload_row(payload, plant.pull[0]) if on_beam else 0.0
+    hand = Hand(*plant.pull)
+    plant.modal[PULL] = beam.modes.V.T @ payload_row(payload, hand.position) if hand.arm == ON_BEAM else 0.0
 
 
 def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None:

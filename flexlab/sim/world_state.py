@@ -17,7 +17,7 @@ class WorldState:
     torque_line: np.ndarray
     """(delay + 1, arms, 3), N·m."""
     pull: np.ndarray
-    """As `Plant.pull`, (6,)."""
+    """A `physics.plant.Hand`, (6,)."""
 
 
 @dataclass(frozen=True)

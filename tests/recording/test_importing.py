@@ -16,7 +16,8 @@ from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.store.run_files import list_runs, read_notes
+from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.run_files import list_runs
 from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import Event

@@ -13,8 +13,9 @@ from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.retention import removable_runs, remove_runs
-from flexlab.recording.store.run_files import list_runs, read_notes, write_notes
+from flexlab.recording.store.run_files import list_runs
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run, Status
 from flexlab.sim.simulate import simulate

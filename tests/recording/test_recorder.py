@@ -12,7 +12,8 @@ from flexlab.presets import load_preset
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.repair import unfinished_runs
-from flexlab.recording.store.run_files import list_runs, read_notes, run_state
+from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.sim.commands import ChangeScenario, LoadScenario, Pause, Pull, Reset, SetSpeed, Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Status

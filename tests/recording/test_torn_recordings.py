@@ -16,7 +16,8 @@ from flexlab.recording.rerun_internals import tool
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import open_file_stream
-from flexlab.recording.store.run_files import claim_run_file, has_footer, read_notes, run_state
+from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.run_files import claim_run_file, has_footer, run_state
 from flexlab.sim.samples import Run, join_blocks
 
 BLOCK = 100

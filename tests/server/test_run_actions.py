@@ -19,7 +19,8 @@ from flexlab.presets import load_preset
 from flexlab.recording.export import import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
-from flexlab.recording.store.run_files import list_runs, read_notes
+from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.run_files import list_runs
 from flexlab.server import comparison_jobs
 from flexlab.server.front_server import FrontServer
 from flexlab.sim.simulate import simulate

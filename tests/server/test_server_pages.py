@@ -9,7 +9,7 @@ import pytest
 from http_client import ask, wait_until
 
 from flexlab.presets import load_preset, preset_names
-from flexlab.recording.store.run_files import read_notes
+from flexlab.recording.store.notes import read_notes
 from flexlab.server.front_server import FrontServer
 from flexlab.server.scenario_links import encode_scenario
 

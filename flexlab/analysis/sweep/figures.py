@@ -15,7 +15,7 @@ from flexlab.analysis.metrics import METRICS, Column
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.result import Sweep
 from flexlab.errors import ScenarioError, StudyError
-from flexlab.recording.store.run_files import replacing
+from flexlab.recording.store.notes import replacing
 
 SIZE = (6.0, 4.2)
 """Inches."""

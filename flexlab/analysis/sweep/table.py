@@ -13,7 +13,7 @@ from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.sweep.cell import Cell
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.errors import StudyError
-from flexlab.recording.store.run_files import replacing
+from flexlab.recording.store.notes import replacing
 
 TABLE, PARTS, PLAN = "cells.parquet", "parts", "sweep.json"
 """In a sweep's folder: the whole table; what there is of it while it is computed; what was asked for."""

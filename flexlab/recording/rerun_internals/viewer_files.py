@@ -13,7 +13,7 @@ import rerun as rr
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.tool import rerun_tool
-from flexlab.recording.store.run_files import replacing
+from flexlab.recording.store.notes import replacing
 from flexlab.sockets import free_ports
 
 LOOPBACK = "127.0.0.1"

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexlab.errors import RecordingError
-from flexlab.recording.store.run_files import list_runs, read_notes, remove_run, run_state
+from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.run_files import list_runs, remove_run, run_state
 
 DAY = 86400.0
 """s."""

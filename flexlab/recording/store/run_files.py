@@ -1,25 +1,23 @@
 """Names, claims and states of recordings in a logs folder.
 
 A recording that is being written is claimed by a lock that dies with its process, so a second lab, or the next start, can
-tell an abandoned file from one in use. Beside `<run>.rrd` stands `<run>.json` with what rerun's file cannot hold cheaply:
-how the run ended and what became of the file.
+tell an abandoned file from one in use.
 """
 
 import contextlib
-import json
 import os
 import re
 import stat
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Literal
 
 from flexlab.errors import RecordingError
 from flexlab.plain_text import visible
 from flexlab.recording.rerun_internals.message_layout import FAMILY, has_footer
+from flexlab.recording.store.notes import is_regular, notes_path, read_notes
 
 try:
     import fcntl
@@ -29,9 +27,6 @@ except ImportError:  # Windows: see `is_in_use`
 SUFFIX = ".rrd"
 TIME_FORMAT = "%Y-%m-%dT%H-%M-%S"
 """Of file names: sorts by time, allowed on every file system."""
-
-LARGEST_NOTES = 10_000_000
-"""Bytes of a file of notes that is read: an hour of dragging sliders makes one."""
 
 QUIET_TIME = 60.0
 """s without a write after which a file counts as abandoned where locks are not to be had (Windows)."""
@@ -136,14 +131,6 @@ def is_in_use(path: Path) -> bool:
 def file_word(name: str) -> str:
     """A name as part of a file name: letters, digits, dots and dashes."""
     return re.sub(r"[^\w.-]+", "-", name).strip("-.")[:60] or "run"
-
-
-def is_regular(path: Path) -> bool:
-    """Whether there is an ordinary file of this name: no link, folder, pipe or device, which may lead elsewhere or hang."""
-    try:
-        return stat.S_ISREG(path.lstat().st_mode)
-    except (OSError, ValueError):
-        return False
 
 
 _OTHER_KINDS = (
@@ -262,32 +249,6 @@ def _named_file(path: Path) -> Path:
     return path
 
 
-def notes_path(path: Path) -> Path:
-    """The file of notes beside a recording."""
-    return path.with_suffix(".json")
-
-
-def read_notes(path: Path) -> dict[str, Any]:
-    """The notes beside a recording; empty if there are none or they cannot be read."""
-    file = notes_path(path)
-    try:
-        # A pipe would hang, and a link may lead out of the folder.
-        if not is_regular(file) or file.stat().st_size > LARGEST_NOTES:
-            return {}
-        notes = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return notes if isinstance(notes, dict) else {}
-
-
-def write_notes(path: Path, **changes: Any) -> None:
-    """Change some of the notes beside a recording; others stay. Raises OSError."""
-    notes = read_notes(path) | changes
-    with replacing(notes_path(path)) as draft:
-        # What is no text becomes an escape that JSON knows.
-        draft.write_bytes(json.dumps(notes, indent=1, ensure_ascii=False).encode("utf-8", "backslashreplace"))
-
-
 def remove_run(path: Path) -> None:
     """Delete a recording and its notes. Raises `RecordingError` if it cannot be deleted."""
     try:
@@ -297,14 +258,3 @@ def remove_run(path: Path) -> None:
         raise RecordingError(
             f"{visible(path)} cannot be deleted ({error.strerror}): check its folder's rights."
         ) from None
-
-
-@contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A draft beside `path` that takes its place when the block is left without an error, at once or not at all."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
-    try:
-        yield draft
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)

@@ -13,15 +13,14 @@ from urllib.parse import quote
 
 from flexlab.errors import RecordingError
 from flexlab.plain_text import visible
+from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import (
     SUFFIX,
     TIME_FORMAT,
     check_own_recording,
     list_files,
-    read_notes,
     remove_run,
     run_state,
-    write_notes,
 )
 
 LONGEST_NOTE = 2000

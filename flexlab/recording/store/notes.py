@@ -1,0 +1,57 @@
+"""`<run>.json` beside `<run>.rrd`: what rerun's file cannot hold cheaply, how the run ended and what became of the file."""
+
+import contextlib
+import json
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+LARGEST_NOTES = 10_000_000
+"""Bytes of a file of notes that is read: an hour of dragging sliders makes one."""
+
+
+def is_regular(path: Path) -> bool:
+    """Whether there is an ordinary file of this name: no link, folder, pipe or device, which may lead elsewhere or hang."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+def notes_path(path: Path) -> Path:
+    """The file of notes beside a recording."""
+    return path.with_suffix(".json")
+
+
+def read_notes(path: Path) -> dict[str, Any]:
+    """The notes beside a recording; empty if there are none or they cannot be read."""
+    file = notes_path(path)
+    try:
+        # A pipe would hang, and a link may lead out of the folder.
+        if not is_regular(file) or file.stat().st_size > LARGEST_NOTES:
+            return {}
+        notes = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return notes if isinstance(notes, dict) else {}
+
+
+def write_notes(path: Path, **changes: Any) -> None:
+    """Change some of the notes beside a recording; others stay. Raises OSError."""
+    notes = read_notes(path) | changes
+    with replacing(notes_path(path)) as draft:
+        # What is no text becomes an escape that JSON knows.
+        draft.write_bytes(json.dumps(notes, indent=1, ensure_ascii=False).encode("utf-8", "backslashreplace"))
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A draft beside `path` that takes its place when the block is left without an error, at once or not at all."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
+    try:
+        yield draft
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from flexlab.analysis.modes import Modes
     from flexlab.analysis.sweep.result import Sweep
     from flexlab.api import Run, linearize, modes, read, simulate, simulate_many, sweep
+    from flexlab.own_laws.declaration import OwnLaw, gain, memory, readout
     from flexlab.presets import load_preset, preset_names
     from flexlab.scenario import Scenario, parse_scenario
 
@@ -31,24 +32,32 @@ _HOMES = {
     "internal_force_eq_26": "flexlab.analysis.internal_force",
     "linearize": "flexlab.api",
     "LinearModel": "flexlab.analysis.linear_model",
+    "OwnLaw": "flexlab.own_laws.declaration",
+    "gain": "flexlab.own_laws.declaration",
+    "memory": "flexlab.own_laws.declaration",
+    "readout": "flexlab.own_laws.declaration",
 }
 """Public names and the modules they live in; imported on first use, so that `flexlab --help` need not load numba."""
 
 __all__ = [
     "LinearModel",
     "Modes",
+    "OwnLaw",
     "Run",
     "RunMetrics",
     "Scenario",
     "Sweep",
     "__version__",
+    "gain",
     "internal_force_eq_26",
     "linearize",
     "load_preset",
+    "memory",
     "modes",
     "parse_scenario",
     "preset_names",
     "read",
+    "readout",
     "simulate",
     "simulate_many",
     "sweep",

@@ -21,7 +21,9 @@ from flexlab.analysis.sweep.execution import cell_progress, chosen_executor, run
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
 from flexlab.analysis.sweep.result import Sweep
 from flexlab.analysis.sweep.table import sweep_folder
+from flexlab.control.own_law_files import law_kind
 from flexlab.errors import StudyError
+from flexlab.own_laws.declaration import OwnLaw
 from flexlab.presets import find_scenario
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
@@ -110,16 +112,20 @@ def simulate(
     duration: float = 3.0,
     sample_period: float = 0.001,
     commands: Sequence[tuple[float, WorldCommand]] = (),
+    law: str | Path | type[OwnLaw] | None = None,
 ) -> Run:
     """Simulate a scenario for `duration` s with a sample exactly at every k · `sample_period` s, t = 0 included.
 
     `scenario`: a `Scenario`, the name of a preset, the path of a scenario file, or plain data. `commands`: (time in s,
     command) pairs, as a person in the live lab would give them; each takes effect on the first sample instant that is not
-    before its time. A run that cannot start or go on ends early: `run.status` says why, and the good samples are kept.
+    before its time. `law`: another control law, by its name, the path of a Python file that holds one, or a class of
+    `OwnLaw`. A run that cannot start or go on ends early: `run.status` says why, and the good samples are kept.
     Raises `PresetError` or `ScenarioError` for a scenario or command that is not valid and `StudyError` for a duration or
     period that is not, or a command that changes the beam's mesh or starts the run anew.
     """
     name, valid = _named(scenario)
+    if law is not None:
+        valid = valid.replace({"controller.kind": law_kind(law)})
     return _run(engine.simulate(valid, duration, sample_period, commands), name)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlab.control.own_law import OwnController
 from flexlab.errors import StudyError
 from flexlab.recording.documents import package_version
 from flexlab.recording.reader import Recording
@@ -75,6 +76,17 @@ def replay(recording: Recording, blocks: Iterable[Samples] | None = None) -> Rep
                 difference = Difference(late, "time", late, np.nan)
                 return Replay(done, difference, f"The replay stopped at t = {late:g} s, before the recording's end.")
     return Replay(done, None, f"All {done} samples came out again, bit for bit.{_left_out(recording, absent)}")
+
+
+def own_law_texts(recording: Recording) -> list[tuple[str, str]]:
+    """(kind, text) of the control laws in Python that a recorded run needs, in the order in which they came."""
+    law = recording.scenario.controller
+    found = [(law.kind, law.source)] if isinstance(law, OwnController) else []
+    for event in recording.events:
+        if isinstance(event.command, ChangeScenario) and "controller.source" in event.command.changes:
+            source = event.command.changes["controller.source"]
+            found.append((str(event.command.changes.get("controller.kind", law.kind)), source))
+    return list({source: (kind, source) for kind, source in reversed(found)}.values())[::-1]
 
 
 def _left_out(recording: Recording, absent: frozenset[str]) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, output
-from flexlab.cli.options import LOGS, Logs, Preset
+from flexlab.cli.options import LOGS, Law, Logs, Preset
 from flexlab.cli.showing import ending, open_browser, wait_for
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 def command(
     preset: Preset = "paper",
+    law: Law = None,
     host: Annotated[
         str,
         tyro.conf.arg(
@@ -84,9 +85,14 @@ def command(
       flexlab bench            measure speed and accuracy on this machine
       flexlab completion       let your shell complete all this
     """
-    from flexlab.presets import find_scenario
+    from flexlab.cli.options import chosen_scenarios
+    from flexlab.control.own_law_files import add_law_files
+    from flexlab.control.own_law_hosts import run_apart
 
-    name, scenario = find_scenario(preset)
+    run_apart()
+    for problem in add_law_files():
+        complain(problem)
+    [(name, scenario)] = chosen_scenarios([preset], (), law, None)
     from flexlab.cli.warmup import warm_up
     from flexlab.recording.store.run_files import check_folder
     from flexlab.server.front_server import open_front_server

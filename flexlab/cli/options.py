@@ -36,7 +36,9 @@ Settings = Annotated[
 Law = Annotated[
     str | None,
     tyro.conf.arg(
-        metavar="KIND", help="Choose another control law: --set controller.kind=KIND.", help_behavior_hint=""
+        metavar="KIND|FILE.py",
+        help="Another control law, by its name or the Python file that holds it.",
+        help_behavior_hint="",
     ),
 ]
 Seed = Annotated[
@@ -60,6 +62,7 @@ def chosen_scenarios(
     presets: Sequence[str], settings: Sequence[str], law: str | None, seed: int | None
 ) -> "list[tuple[str, Scenario]]":
     """(short name, scenario with what was set) of each preset. Raises `FlexlabError` before anything is run."""
+    from flexlab.control.own_law_files import law_kind
     from flexlab.presets import find_scenario
     from flexlab.scenario.settings import change_settings, settings_from
 
@@ -67,5 +70,5 @@ def chosen_scenarios(
         raise StudyError(
             "Say what to simulate: a preset's name, as in flexlab run paper, or a scenario file; see flexlab run --help."
         )
-    changes = settings_from(settings, law, seed)
+    changes = settings_from(settings, None if law is None else law_kind(law), seed)
     return [(name, change_settings(scenario, changes)) for name, scenario in map(find_scenario, presets)]

@@ -1,16 +1,28 @@
 """`flexlab replay`: whether a recorded run comes out again, bit for bit."""
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import tyro
+
+from flexlab.cli.asking import agreed
 from flexlab.cli.console import complain, notes, output
 from flexlab.cli.options import LOGS, Logs, Run
+from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
 
 
-def command(run: Run = "newest", logs: Logs = LOGS) -> int:
+RunOwnLaw = Annotated[
+    bool,
+    tyro.conf.arg(
+        help="Let a control law run that came with the recording as Python code, without asking.", help_behavior_hint=""
+    ),
+]
+
+
+def command(run: Run = "newest", logs: Logs = LOGS, run_own_law: RunOwnLaw = False) -> int:
     """Simulate RUN again from its start and its commands, and compare every bit of every signal.
 
     Says "bit for bit", or when and in which signal it first differs, and what recorded it. Exits with 0 if all is the same,
@@ -21,7 +33,10 @@ def command(run: Run = "newest", logs: Logs = LOGS) -> int:
 
     path = find_run(run, logs)
     recording = read_recording(path, with_samples=False)
-    from flexlab.analysis.replay import replay
+    from flexlab.analysis.replay import own_law_texts, replay
+
+    for kind, source in own_law_texts(recording):
+        _allow(kind, source, run_own_law)
     from flexlab.cli.warmup import warm_up
 
     warm_up(recording.scenario)
@@ -31,6 +46,23 @@ def command(run: Run = "newest", logs: Logs = LOGS) -> int:
         complain("The recording has no samples: there was nothing to compare.")
         return 1
     return 0 if found.identical else 1
+
+
+def _allow(kind: str, source: str, allowed: bool) -> None:
+    """Let a recording's own law run if the person agrees. Raises `StudyError` if not."""
+    from flexlab.control import own_law_hosts
+
+    if own_law_hosts.is_allowed(source):
+        return
+    lines = len(source.splitlines())
+    if not allowed:
+        notes().print(source, markup=False, highlight=False)
+        question = (
+            f"This run was controlled by {kind}, Python code of {lines} lines that stands above. Let it run here?"
+        )
+        if not agreed(question, "give --run-own-law to let it run"):
+            raise StudyError(f"The run was not replayed: its control law {kind} was not allowed to run.")
+    own_law_hosts.allow(source, f"{kind.replace('-', '_')}.py")
 
 
 def _counted(blocks: "Iterable[Samples]", end: float) -> "Iterator[Samples]":

@@ -120,6 +120,18 @@ class Law:
         fields += [(name, "f8", shape) for name, shape in self.constants.items()]
         return np.dtype(fields or [("none", "f8")])
 
+    def chosen(self) -> dict[str, Any]:
+        """The changes to a scenario that choose this law, by path."""
+        return {"controller.kind": self.kind}
+
+    def problem(self, settings: Any) -> str:
+        """What a law that is a person's own did wrong last, as a sentence; empty: nothing."""
+        return ""
+
+    def is_ready(self, settings: Any) -> bool:
+        """Whether a world can take it on at once."""
+        return True
+
     def gains(self, scenario: Any) -> np.ndarray:
         """The gains of a scenario's law, flat, as the kernels take them."""
         record = np.zeros(1, self.gains_type)
@@ -218,22 +230,25 @@ _laws: dict[str, Law] = {}
 _listeners: list[Callable[[], None]] = []
 
 
-def add_law(law: Law) -> None:
-    """Make a law known. Raises ImportError for one that lacks what the engine needs."""
+def add_law(law: Law, instead: bool = False) -> None:
+    """Make a law known, `instead` of another one of its kind. Raises ImportError for one that lacks what the engine needs."""
+    global _laws
     if law.fastest_rate is None:
         raise ImportError(
             f"The control law {law.kind!r} does not say its fastest rate, which the step control needs: "
             "give Law(..., fastest_rate=a kernel of gains, now, memory, S and kappa)."
         )
-    if law.kind in _laws and _laws[law.kind] != law:
+    if not instead and law.kind in _laws and _laws[law.kind] != law:
         raise ImportError(f"Two control laws are called {law.kind!r}: give one of them another kind.")
-    _laws[law.kind] = law
+    # A new table each time: other threads may be reading the present one.
+    _laws = {**_laws, law.kind: law}
     _tell()
 
 
 def forget_law(kind: str) -> None:
     """Make an added law unknown again."""
-    del _laws[kind]
+    global _laws
+    _laws = {name: law for name, law in _laws.items() if name != kind}
     _tell()
 
 

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Sequence
 
+from flexlab.control import own_law_hosts
 from flexlab.errors import LabError
 from flexlab.lab.client_cameras import ClientCameras
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.mode_computation import ModeStudy
+from flexlab.lab.own_law_watch import OwnLawWatch
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.picking import Picking
@@ -51,6 +53,7 @@ class Session:
         origin: Origin | None = None,
         secret: str = "",
     ):
+        own_law_hosts.run_apart()
         self._scenario, self._host, self._port = scenario, host, port
         self._shadows, self._recording, self._link = shadows, recording, link
         self._origin, self._secret = origin, secret
@@ -61,6 +64,7 @@ class Session:
         self._lab_state: LabState | None = None
         self._study = ModeStudy()
         self._drawing: RenderLoop | None = None
+        self._own_laws: OwnLawWatch | None = None
 
     @property
     def server(self) -> GuardedServer:
@@ -92,6 +96,8 @@ class Session:
         self._server = open_server(self._host, self._port, "flexlab", self.guard, self._secret)
         try:
             self._drawing = self._furnish(self._server)
+            self._own_laws = OwnLawWatch(self.lab_state)
+            self._own_laws.start()
             self.runner.start()
             self._drawing.start()
         except BaseException:
@@ -100,6 +106,8 @@ class Session:
 
     def stop(self) -> None:
         """Stop drawing, simulation and server; returns when all threads are done. May be called twice."""
+        if self._own_laws is not None:
+            self._own_laws.stop()
         if self._drawing is not None:
             self._drawing.stop()
         self._study.stop()

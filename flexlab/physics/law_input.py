@@ -10,6 +10,7 @@ MOST_ARMS = 2
 LAW_INPUT = np.dtype(
     [
         ("arm_count", "i8"),
+        ("time", "f8"),
         ("x", "f8", (3,)),
         ("v", "f8", (3,)),
         ("beam_rate", "f8", (2,)),
@@ -30,7 +31,7 @@ LAW_INPUT = np.dtype(
     ],
     align=True,
 )
-"""`arm_count`: arms that are there. `x`, `v`: pose and its rate. `beam_rate`: hᵀq̇, gᵀq̇, kg·m/s, kg·m²/s.
+"""`arm_count`: arms that are there. `time`: t, s. `x`, `v`: pose and its rate. `beam_rate`: hᵀq̇, gᵀq̇, kg·m/s, kg·m²/s.
 `desired`: x_d, ẋ_d, ẍ_d. `trig`: cos θ, sin θ. `M`, `C`, `G`, `J`, `direction`: M̄_i, C̄_i, Ḡ_i and more of `arm.ArmTerms`.
 `gravity`: m/s², along -y. `m` (kg), `I` (kg·m²), `kappa` (hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g): the payload as the controller
 believes it to be. `share`: what each arm carries of the common part, 1. `scratch`: free for the law. `u`: the law's

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
+from flexlab.control.own_law_files import know_own_laws
+from flexlab.control.own_law_hosts import allowed
 from flexlab.errors import FlexlabError, LabError
 from flexlab.server.child_processes import end_with_the_server, leave_interrupts_to_the_server, without_interrupt
 
@@ -54,8 +56,11 @@ class Failed:
     sentence: str
 
 
-def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], reports: bool, pipe: Connection) -> None:
+def carry_out(
+    work: Callable[..., Any], arguments: tuple[Any, ...], reports: bool, own_laws: dict[str, str], pipe: Connection
+) -> None:
     """The life of a job's process."""
+    know_own_laws(own_laws)
     leave_interrupts_to_the_server()
     end_with_the_server()
     with contextlib.suppress(AttributeError, OSError):
@@ -112,7 +117,10 @@ class Jobs:
         context = multiprocessing.get_context("spawn")
         pipe, other = context.Pipe(duplex=False)
         process = context.Process(
-            target=carry_out, args=(work, arguments, on_progress is not None, other), name="flexlab-job", daemon=True
+            target=carry_out,
+            args=(work, arguments, on_progress is not None, allowed(), other),
+            name="flexlab-job",
+            daemon=True,
         )
         # Beside: what is large is handed over only once the process has come up, which takes seconds on a busy machine.
         starting = asyncio.ensure_future(asyncio.to_thread(_start, process, other))

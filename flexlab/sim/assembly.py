@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlab.control.law import laws
 from flexlab.physics.strain_gauges import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
@@ -61,6 +62,9 @@ def build_assembly(
 
     `at_once`: raise `Unprepared` instead of deriving what takes long.
     """
+    law = scenario.controller
+    if at_once and not laws()[law.kind].is_ready(law):
+        raise Unprepared(scenario)
     same_beam = [old for old in known if old.scenario.payload == scenario.payload]
     # Gains and paths need no library that has threads, and telling it so costs as much as a gain.
     with nullcontext() if same_beam else one_blas_thread():

@@ -74,6 +74,7 @@ def find_inputs(system, t, y, ws):
             ws.memory_rate[a] = 0.0
         return
     start, end = law_places(system)
+    ws.truth[0].time = t
     control_law(
         control,
         plant.gravity,

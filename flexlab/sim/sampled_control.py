@@ -111,6 +111,7 @@ def control_instant(system, sampling, instant, t, y, ws):
     ws.desired_time[0] = t
     start, end = law_places(system)
     memory = y[start:end]
+    now.time = t
     control_law(control, plant.gravity, x, v, beam, ws.desired, now, memory, ws.memory_rate, y[end:])
     for a in range(control.memory_size):
         memory[a] += sampling.period * ws.memory_rate[a]

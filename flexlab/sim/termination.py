@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from flexlab.control.law import laws
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import BENT
@@ -108,6 +109,10 @@ def runtime_fault(
     scenario = assembly.scenario
     kept = f"The last good state, at t = {time:.3f} s, is kept."
     law = scenario.controller
+    own_problem = laws()[law.kind].problem(law)
+    if own_problem:
+        text = f"The control law {law.kind} stopped just after t = {time:.3f} s. {own_problem} {kept} Mend the file, then reset."
+        return Status("law failed", text, time)
     sampled = law.control_period is not None and law.kind != "none"
     if sampled and code in (UNREACHABLE, SINGULAR):
         measured = measurement_fault(scenario, assembly.sampling, pose, pose_rate, time, tick_period)

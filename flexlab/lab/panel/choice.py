@@ -4,6 +4,7 @@ from typing import Any, Literal, get_args, get_origin
 
 import viser
 
+from flexlab.control.law import laws
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.quantities import Part
@@ -39,6 +40,11 @@ def _word(value: Any) -> str:
     return f"{value:+d}".replace("-", "−") if isinstance(value, int) else str(value)
 
 
+def changes_for(path: str, value: Any) -> dict[str, Any]:
+    """The changes that choose `value` for the field at `path`."""
+    return laws()[value].chosen() if path == "controller.kind" else {path: value}
+
+
 class Choice:
     """One menu, in the GUI container that is open while it is made."""
 
@@ -64,7 +70,7 @@ class Choice:
         if value not in self._options:
             raise LabError(f"{value[:40]!r} is not an option of {CHOICES[self._path][0]}: choose one from the menu.")
         try:
-            self._lab_state.change({self._path: self._options[value]})
+            self._lab_state.change(changes_for(self._path, self._options[value]))
         finally:
             # A refused word is not something to go on typing at: the menu shows the truth at once.
             self.show(self._lab_state.intended)

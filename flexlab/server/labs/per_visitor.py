@@ -10,6 +10,7 @@ from collections.abc import Coroutine
 from pathlib import Path
 from typing import Any
 
+from flexlab.control import own_law_hosts
 from flexlab.errors import FlexlabError, LabError
 from flexlab.recording.live import LiveHub
 from flexlab.recording.repair import finish
@@ -131,6 +132,7 @@ class PrivateLabs:
             self._settings.shadows,
             self._settings.live,
             secrets.token_urlsafe(SECRET_BYTES),
+            own_law_hosts.allowed(),
         )
         place = PrivateLab(lab, visitor, await asyncio.to_thread(Worker, order, tell), choice)
         self._places[lab] = place

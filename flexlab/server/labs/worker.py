@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from flexlab.control.own_law_files import know_own_laws
 from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.recording.live import LiveHub, Take
 from flexlab.server.child_processes import leave_interrupts_to_the_server, without_interrupt
@@ -37,6 +38,8 @@ class Order:
     """Whether its data are to be had live."""
     secret: str
     """The word without which the lab's own port answers nobody."""
+    own_laws: dict[str, str]
+    """Control laws in Python that may run: `own_law_hosts.allowed`."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ def _sender(pipe: Connection) -> Take:
 def work(order: Order, pipe: Connection, live: Connection | None) -> None:
     """The worker's life: open, report, follow, close. Ends when the server says so or is no more."""
     leave_interrupts_to_the_server()
+    know_own_laws(order.own_laws)
     stopping = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stopping.set())
     try:

@@ -1,0 +1,301 @@
+"""Control laws in plain Python, as the engine sees them: a model of their gains, and one kernel that asks for the answer.
+
+The text of a law is part of the scenario (`controller.source`), so that recordings, presets and replays are complete. It runs
+only if this process was told to allow it (`allow`), here (`own_law_hosts.InProcess`) or in a process of its own.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numba
+import numpy as np
+from numba.extending import intrinsic
+from pydantic import Field, create_model, field_validator
+
+from flexlab.compiled import PLAIN_PYTHON, call_kernel, pluggable
+from flexlab.control import own_law_hosts as hosts
+from flexlab.control.controller import Controller
+from flexlab.control.law import Law, Memory, Start, add_law, laws
+from flexlab.errors import ScenarioError
+from flexlab.own_laws.declaration import (
+    LONGEST_PERIOD,
+    LONGEST_SOURCE,
+    SHORTEST_PERIOD,
+    Declaration,
+    Gain,
+    digest,
+    read_declaration,
+)
+from flexlab.own_laws.message import (
+    ANSWERED,
+    ASKED,
+    FAILED,
+    GAINS,
+    INPUTS,
+    MEMORY,
+    MESSAGE_SIZE,
+    OUTCOME,
+    PERIOD,
+    SIGNALS,
+    WAIT,
+)
+from flexlab.physics.law_input import LAW_INPUT
+from flexlab.quantities import Number, OneOrThree, quantity
+from flexlab.signal import Signal
+
+PLACE = 80
+"""Rank in menus: after the built-in laws, before the motors that are off."""
+
+CHANNEL = np.dtype([*((name, "i8") for name in hosts.Channel._fields), ("message", "f8", (MESSAGE_SIZE,))])
+"""How the kernel reaches a law. `answer`: address of a C function of message and `LAW_INPUT` record, 0: none. `late`: the
+same, asked where the answer is late. `calls`: socket to a process. `next_turn`, `done`: ends of a pipe with one byte, which
+whoever asks takes and gives back."""
+
+
+class OwnController(Controller):
+    """What all control laws in Python share."""
+
+    source: str = Field("", max_length=LONGEST_SOURCE, title="Text of the law")
+
+    def __reduce__(self) -> Any:
+        """For other processes, which make the class themselves from the text."""
+        return _restored, (self.model_dump(),)
+
+    @field_validator("control_period", mode="before")
+    @classmethod
+    def _own_period(cls, value: Any) -> Any:
+        """A law in Python always runs sampled: null means the period that its file asks for."""
+        return cls.model_fields["control_period"].default if value is None else value
+
+
+def _restored(data: dict[str, Any]) -> OwnController:
+    """What `__reduce__` took apart."""
+    kind = _known_kind(data["source"])
+    return laws()[kind].model.model_validate({**data, "kind": kind})  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class PythonLaw(Law):
+    """A law in Python, complete. Compared by what it declares: another text of the same declaration is the same law."""
+
+    declaration: Declaration | None = None
+
+    @cached_property
+    def gains_type(self) -> np.dtype:
+        """The same for all: so the kernel is compiled once."""
+        return CHANNEL
+
+    def gains(self, scenario: Any) -> np.ndarray:
+        """The channel to the law, with the gains in its message. Raises `ScenarioError` if its text may not run here."""
+        settings = scenario.controller
+        host = hosts.host_of(settings.source, settings.kind)
+        record = np.zeros(1, CHANNEL)
+        for name, value in host.channel._asdict().items():
+            record[name] = value
+        message = record["message"][0]
+        message[PERIOD] = settings.control_period
+        values = [np.broadcast_to(getattr(settings, name), _size(gain)) for name, gain in self._declared.gains]
+        flat = np.concatenate([np.zeros(0), *values])
+        message[GAINS : GAINS + len(flat)] = flat
+        return record.view(np.float64)
+
+    def chosen(self) -> dict[str, Any]:
+        """With its text, so that a recording of the choice is complete."""
+        return {**super().chosen(), "controller.source": self.model.model_fields["source"].default}
+
+    def problem(self, settings: Any) -> str:
+        """What its text did wrong last, as a sentence; empty: nothing."""
+        return hosts.problem(settings.source)
+
+    def is_ready(self, settings: Any) -> bool:
+        """Whether its process is there, or it may not have one: then the sentence needs no waiting."""
+        return hosts.is_ready(settings.source) or not hosts.is_allowed(settings.source)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether a run goes on when the file is saved anew."""
+        return self._declared.goes_on
+
+    @property
+    def _declared(self) -> Declaration:
+        assert self.declaration is not None
+        return self.declaration
+
+    def begin(self, _: Start) -> dict[str, np.ndarray]:
+        """The memory's first numbers."""
+        return {name: np.full(part.size, float(part.start)) for name, part in self._declared.memory}
+
+
+def _size(gain: Gain) -> int:
+    return 3 if isinstance(gain.default, tuple) else 1
+
+
+@intrinsic
+def _address(typing, record):
+    """Where a record stands in memory."""
+
+    def code(context, builder, signature, values):
+        return builder.ptrtoint(values[0], context.get_value_type(numba.int64))
+
+    return numba.int64(record), code
+
+
+_write = numba.types.ExternalFunction("write", numba.intp(numba.int32, numba.intp, numba.intp))
+_read = numba.types.ExternalFunction("read", numba.intp(numba.int32, numba.intp, numba.intp))
+MESSAGE_BYTES, INPUT_BYTES = 8 * MESSAGE_SIZE, LAW_INPUT.itemsize
+
+
+def _ask(gains, message, now):
+    """One call: by a C function of this process, or of a process through its socket, without Python's global lock."""
+    now_at = _address(now)
+    if gains.answer != 0:
+        call_kernel(gains.answer, message, (now_at,))
+        return
+    at = message.ctypes.data
+    if _read(np.int32(gains.next_turn), at, 1) != 1:
+        message[OUTCOME] = FAILED
+        return
+    calls = np.int32(gains.calls)
+    good = _write(calls, at, MESSAGE_BYTES) == MESSAGE_BYTES and _write(calls, now_at, INPUT_BYTES) == INPUT_BYTES
+    if not good:
+        call_kernel(gains.late, message, (now_at,))
+    got = 0
+    while good and got < MESSAGE_BYTES:
+        count = _read(calls, at + got, MESSAGE_BYTES - got)
+        got += max(count, 0)
+        if count <= 0:
+            # The socket's time limit has passed, or its end: somebody who knows the process says whether to wait.
+            call_kernel(gains.late, message, (now_at,))
+            good = message[OUTCOME] == WAIT
+    if not good:
+        message[OUTCOME] = FAILED
+    _write(np.int32(gains.done), at, 1)
+
+
+if PLAIN_PYTHON:
+    _ask = hosts.ask_plainly
+else:
+    _ask = numba.njit(nogil=True, error_model="numpy", _nrt=False)(_ask)
+
+
+@pluggable
+def own_law(gains, now, memory, memory_rate, signals):
+    """u_i as the law's `act` answers, not a number where it fails. Its memory changes at once: the law runs sampled only."""
+    message = gains.message
+    message[OUTCOME] = ASKED
+    for k in range(len(memory)):
+        message[MEMORY + k] = memory[k]
+    _ask(gains, message, now)
+    good = message[OUTCOME] == ANSWERED
+    for i in range(now.arm_count):
+        for a in range(3):
+            now.u[i, a] = message[INPUTS + 3 * i + a] if good else np.nan
+    if good:
+        for k in range(len(memory)):
+            memory[k] = message[MEMORY + k]
+        for k in range(len(signals)):
+            signals[k] = message[SIGNALS + k]
+
+
+@pluggable
+def fastest_rate(gains, now, memory, S, kappa):
+    """0: between two control instants nothing of the law moves."""
+    return 0.0
+
+
+def own_law_of(source: str, file: str, kind: str = "") -> PythonLaw:
+    """The law that a text declares, under another name if one is given. Raises `ScenarioError` with file and line."""
+    declared = read_declaration(source, file)
+    name = kind or declared.kind
+    gains: dict[str, Any] = {}
+    for gain_name, gain in declared.gains:
+        if gain_name in OwnController.model_fields or gain_name == "kind":
+            text = f"{file}: {gain_name} is a field of every controller: give the gain another name."
+            raise ScenarioError([("controller.source", text)])
+        gains[gain_name] = (OneOrThree if _size(gain) == 3 else Number, _gain_field(gain_name, gain))
+    period = quantity(
+        declared.period, title="Control period", symbol="T_c", unit="s", low=SHORTEST_PERIOD, high=LONGEST_PERIOD
+    )
+    model = create_model(
+        declared.name,
+        __base__=OwnController,
+        __doc__=declared.meaning,
+        kind=(Literal[name], name),  # type: ignore[valid-type]
+        control_period=(Number | None, period),
+        source=(str, Field(source, max_length=LONGEST_SOURCE, title="Text of the law")),
+        **gains,
+    )
+    signals = [
+        Signal(signal, one.symbol or signal, (one.unit,), one.title or signal.replace("_", " "))
+        for signal, one in declared.signals
+    ]
+    parts = tuple(Memory(part, about.size) for part, about in declared.memory)
+    law = PythonLaw(model, own_law, fastest_rate, parts, tuple(signals), place=PLACE, declaration=declared)
+    return replace(law, start=law.begin)
+
+
+def _gain_field(name: str, gain: Gain) -> Any:
+    """A gain's field; its slider covers the range, or three times the default where that is much less."""
+    top = 3 * float(np.max(np.abs(gain.default)))
+    slider = gain.slider or (gain.low, min(gain.high, top) if top > gain.low else gain.high)
+    return quantity(
+        gain.default,
+        title=gain.title or name.replace("_", " ").capitalize(),
+        symbol=gain.symbol,
+        unit=gain.unit,
+        low=gain.low,
+        high=gain.high,
+        slider=slider,
+        logarithmic=gain.logarithmic,
+    )
+
+
+def add_own_law(source: str, file: str) -> PythonLaw:
+    """Make the law of a person's own file known, in place of an earlier text of it, and let it run. Raises `ScenarioError`."""
+    law = own_law_of(source, file)
+    known = laws().get(law.kind)
+    if known is not None and not isinstance(known, PythonLaw):
+        text = f"{file}: a control law of flexlab is called {law.kind} already: give the class another name."
+        raise ScenarioError([("controller.source", text)])
+    hosts.allow(source, file)
+    if known is None or known.model.model_fields["source"].default != source:
+        add_law(law, instead=True)
+    return law
+
+
+def with_known_law(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Plain data of a scenario whose law, if it came as Python text, is known by a name; it does not run by that."""
+    law = data.get("controller")
+    if isinstance(law, OwnController):
+        known = laws().get(getattr(law, "kind", ""))
+        if known is not None and known.model is type(law):
+            return data
+        law = law.model_dump()
+    if not isinstance(law, Mapping) or not isinstance(law.get("source"), str) or not law["source"]:
+        return data
+    return {**data, "controller": {**law, "kind": _known_kind(law["source"])}}
+
+
+def _known_kind(source: str) -> str:
+    """The name under which a text's declaration is known, made known if it is not.
+
+    A law of the same name that declares something else keeps its name: this one then has a part of its digest after it.
+    """
+    named = hosts.file_of(source)
+    law = own_law_of(source, named or "the law of this scenario")
+    for kind in (law.kind, f"{law.kind}-{digest(source)[:6]}"):
+        known = laws().get(kind)
+        if known is None:
+            add_law(law if kind == law.kind else own_law_of(source, named or kind, kind))
+            return kind
+        if isinstance(known, PythonLaw) and same_declaration(known, law):
+            return kind
+    return law.kind
+
+
+def same_declaration(one: PythonLaw, other: PythonLaw) -> bool:
+    """Whether two laws have the same gains, memory and signals, so that a run can go on from one text to the other."""
+    parts = [(law._declared.gains, law._declared.memory, law._declared.signals) for law in (one, other)]
+    return parts[0] == parts[1]

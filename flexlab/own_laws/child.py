@@ -1,0 +1,122 @@
+"""A user's law in a process of its own: reads calls from a socket, answers them, says what goes wrong.
+
+python -m flexlab.own_laws.child CALLS REPORTS FILE      (numbers of inherited sockets; the source comes first)
+"""
+
+import faulthandler
+import json
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+import traceback
+from typing import Any
+
+import numpy as np
+
+from flexlab.errors import FlexlabError
+from flexlab.own_laws.execution import LawProblem, RunningLaw
+from flexlab.own_laws.message import MESSAGE_SIZE
+from flexlab.physics.law_input import LAW_INPUT
+
+MOST_MEMORY = 2_000_000_000
+"""Bytes of address space: what a control law may ask for."""
+
+
+def _receive(calls: socket.socket, size: int) -> bytearray | None:
+    """Exactly `size` bytes; None at the end."""
+    data = bytearray(size)
+    view, got = memoryview(data), 0
+    while got < size:
+        count = calls.recv_into(view[got:])
+        if count == 0:
+            return None
+        got += count
+    return data
+
+
+def _end_with_the_parent() -> None:
+    """End when the lab is gone, in whatever loop the law may be."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _limit_memory() -> None:
+    try:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    except (ImportError, ValueError, OSError):
+        pass  # Where the system has no such limit, its own must do.
+
+
+class _Reports:
+    """Sentences for the parent, a line of JSON each."""
+
+    def __init__(self, reports: socket.socket):
+        self._reports = reports
+
+    def say(self, **what: Any) -> None:
+        self._reports.sendall(json.dumps(what).encode() + b"\n")
+
+
+def _watch_exits(reports: _Reports, file: str) -> None:
+    """Have os._exit and os.abort say where they were called: nothing else would know."""
+
+    def telling(name: str, function: Any) -> Any:
+        def end(*words: Any) -> None:
+            lines = [frame.lineno for frame in traceback.extract_stack() if frame.filename == file]
+            line = f", line {lines[-1]}" if lines else ""
+            reports.say(problem=f"{os.path.basename(file)}{line}: it ended its own process with os.{name}.")
+            function(*words)
+
+        return end
+
+    os._exit, os.abort = telling("_exit", os._exit), telling("abort", os.abort)  # type: ignore[assignment]
+
+
+def main() -> None:
+    """Serve one law until the parent closes the socket."""
+    calls, reported = socket.socket(fileno=int(sys.argv[1])), socket.socket(fileno=int(sys.argv[2]))
+    file, reports = sys.argv[3], _Reports(reported)
+    # Asked for by the parent when an answer is late: the handler works even while Python cannot.
+    faulthandler.register(signal.SIGUSR1, file=reported.fileno(), all_threads=False, chain=False)
+    faulthandler.enable(file=reported.fileno(), all_threads=False)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which ends this by closing the socket.
+    _end_with_the_parent()
+    length = _receive(calls, 8)
+    if length is None:
+        return
+    text = _receive(calls, int.from_bytes(length, "little"))
+    if text is None:
+        return
+    _watch_exits(reports, file)
+    _limit_memory()
+    try:
+        law = RunningLaw(text.decode(), file)
+    except (LawProblem, FlexlabError) as error:
+        reports.say(problem=str(error))
+        return
+    reports.say(ready=True)
+    message_bytes = 8 * MESSAGE_SIZE
+    while True:
+        data = _receive(calls, message_bytes + LAW_INPUT.itemsize)
+        if data is None:
+            return
+        message = np.frombuffer(data, float, MESSAGE_SIZE)
+        text = law.answer(message, np.frombuffer(data, np.uint8, LAW_INPUT.itemsize, message_bytes))
+        if text:
+            reports.say(problem=text)
+        calls.sendall(memoryview(data)[:message_bytes])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,325 @@
+"""Control laws in plain Python: the numbers of built-in ones, here and in a process of their own, and all that goes wrong."""
+
+import re
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlab
+from flexlab import OwnLaw, gain
+from flexlab.analysis.replay import replay
+from flexlab.control import own_law_hosts as hosts
+from flexlab.control.law import forget_law, laws
+from flexlab.control.own_law import PythonLaw, add_own_law
+from flexlab.control.own_law_files import add_own_law_file, law_files, law_kind
+from flexlab.errors import ScenarioError
+from flexlab.lab.panel.sections import entries
+from flexlab.presets import load_preset, save_scenario
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+from flexlab.scenario import Scenario, parse_scenario
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.law_memory import memory_parts
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+PD = '''"""A law of one's own."""
+
+from flexlab import OwnLaw, gain, memory, readout
+
+
+class OwnPD(OwnLaw):
+    """PD with weight compensation, which adds up its error.
+
+    The rest of this text is not shown.
+    """
+
+    position_gain = gain((2e4, 2e4, 2e4), "N/m, N·m/rad", low=0, high=1e6, symbol="P")
+    velocity_gain = gain(800.0, "N·s/m, N·m·s/rad", low=0, high=1e5, symbol="D")
+    error_sum = memory(3)
+    calls = memory(1, start=5)
+    push = readout("N", "common force along x")
+
+    def act(self, at):
+        e, e_dot = at.pose - at.desired_pose, at.pose_rate - at.desired_rate
+        self.error_sum += e
+        self.calls += 1
+        common = -self.position_gain * e - self.velocity_gain * e_dot
+        self.push = common[0]
+        return at.weights + at.shared(common)
+'''
+
+
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    yield
+    hosts.run_apart(False)
+    for kind in [kind for kind, law in laws().items() if isinstance(law, PythonLaw)]:
+        forget_law(kind)
+
+
+def scenario(source: str = PD, file: str = "own_pd.py", **changes: object) -> Scenario:
+    law = add_own_law(source, file)
+    return load_preset("paper").replace({"controller.kind": law.kind, **changes})
+
+
+def acting(body: str, above: str = "") -> str:
+    """A law whose `act` is `body`, from line 6 on."""
+    lines = "".join(f"        {line}\n" for line in body.split("\n"))
+    head = "import os, time\nimport numpy as np\nfrom flexlab import OwnLaw, memory\n"
+    return f"{head}class Bad(OwnLaw):{above}\n    def act(self, at):\n{lines}"
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
+def test_it_is_the_built_in_law_to_the_last_bit(apart: bool):
+    hosts.run_apart(apart)
+    built_in = load_preset("gravity").replace({"controller.kind": "pd", "controller.control_period": 1e-3})
+    own = built_in.replace({"controller.kind": add_own_law(PD, "own_pd.py").kind})
+    one, other = simulate(built_in, 0.4), simulate(own, 0.4)
+    assert other.status == "finished"
+    np.testing.assert_array_equal(other.pose, one.pose)
+    assert other["push"].shape == other.time.shape
+    assert np.abs(other["push"]).max() > 1
+
+
+def test_joint_torques_and_angles_are_those_of_the_arms():
+    source = acting(
+        "self.angles = at.joint_angles.ravel()\nself.rates = at.joint_rates.ravel()\n"
+        "torques = np.arange(6.0).reshape(2, 3)\nself.now = at.time\nreturn at.from_torques(torques)",
+        "\n    angles = memory(6)\n    rates = memory(6)\n    now = memory(1)",
+    )
+    world = World(scenario(source, "bad.py"))
+    run = world.run(5)
+    parts = memory_parts(world.scenario, world.system, world.state().y)
+    angles = run.joint_angle.reshape(6, 6)
+    np.testing.assert_allclose(np.exp(1j * parts["angles"]), np.exp(1j * angles[5]), atol=1e-12)
+    slopes = [np.polyval(np.polyder(np.polyfit(run.time, angle, 5)), 0.005) for angle in angles.T]
+    np.testing.assert_allclose(parts["rates"], slopes, atol=1e-4)
+    assert parts["now"][0] == pytest.approx(0.005)
+    np.testing.assert_allclose(run.joint_torque[0], np.arange(6.0).reshape(2, 3), atol=1e-12)
+
+
+def test_its_memory_is_part_of_the_state():
+    chosen = scenario()
+    one, other = World(chosen), World(chosen)
+    one.advance(30)
+    other.restore(one.state())
+    assert one.advance_rows(30).tobytes() == other.advance_rows(30).tobytes()
+
+
+def test_gains_are_fields_with_sliders_and_ranges():
+    chosen = scenario()
+    names = [entry.name for entry in entries(chosen, "controller")]
+    assert names[:2] == ["Position gain P", "Velocity gain D"]
+    assert chosen.controller.control_period == 1e-3
+    with pytest.raises(ScenarioError, match=r"velocity_gain = -1 .* 0 to 100000"):
+        chosen.replace({"controller.velocity_gain": -1.0})
+    assert type(chosen.controller).__doc__ == "PD with weight compensation, which adds up its error."
+
+
+def test_gains_change_in_motion_and_a_built_in_law_takes_over():
+    world = World(scenario())
+    world.advance(20)
+    world.apply(ChangeScenario({"controller.velocity_gain": 400.0}))
+    world.advance(20)
+    world.apply(ChangeScenario({"controller.kind": "computed-torque"}))
+    assert len(world.advance(20)) == 20
+    world.apply(ChangeScenario({"controller.kind": "own-pd"}))
+    assert len(world.advance(20)["push"]) == 20
+
+
+def test_a_recording_holds_its_text_and_replays_only_when_allowed(tmp_path: Path):
+    path = write_run(simulate(scenario(), 0.2), tmp_path, "own")
+    recording = read_recording(path)
+    assert recording.scenario.controller.source == PD
+    assert replay(recording).identical
+    forget_law("own-pd")
+    hosts._allowed.clear()
+    recording = read_recording(path)  # known again by its text alone, which did not run
+    assert recording.samples["push"].shape == (201,)
+    with pytest.raises(ScenarioError, match="does not run by itself"):
+        World(recording.scenario)
+
+
+def test_an_older_text_of_a_law_keeps_apart_from_the_present_one():
+    old = scenario().model_dump(mode="json")
+    add_own_law(PD.replace('symbol="D")', 'symbol="D")\n    third = gain(1.0, "1", low=0, high=2)'), "own_pd.py")
+    kept = parse_scenario(old)
+    assert kept.controller.kind.startswith("own-pd-")
+    assert simulate(kept, 0.05).status == "finished"
+    assert "third" in type(parse_scenario({"controller": {"kind": "own-pd"}}).controller).model_fields
+
+
+BAD = {
+    "exception": (acting("x = 1\nreturn {}['grip']"), "bad.py, line 7: KeyError: 'grip'"),
+    "not finite": (acting("u = at.weights * np.nan\nreturn u"), "bad.py, line 7: act returned [[nan"),
+    "wrong shape": (
+        acting("if at.time > 0.01:\n    return np.zeros(3)\nreturn at.weights"),
+        "bad.py, line 7: .*array (3,)",
+    ),
+    "nothing": (acting("pass"), "bad.py, line 6: act returned nothing"),
+    "exit": (acting("raise SystemExit"), "bad.py, line 6: SystemExit"),
+    "text": (acting("return 'left'"), "bad.py, line 6: act returned 'left'"),
+    "memory": (acting("self.z = np.zeros(5)\nreturn at.weights", "\n    z = memory(2)"), "the memory z became"),
+}
+APART = {
+    "stall": (
+        acting("if at.time > 0.02:\n    time.sleep(0.1)\nreturn at.weights"),
+        "bad.py, line 7: act did not answer",
+    ),
+    "endless loop": (
+        acting("while at.time > 0.02:\n    pass\nreturn at.weights"),
+        "bad.py, line [67]: act did not answer",
+    ),
+    "os._exit": (
+        acting("if at.time > 0.02:\n    os._exit(3)\nreturn at.weights"),
+        "bad.py, line 7: it ended its own process",
+    ),
+    "memory of 2 GB": (acting("x = np.ones(250_000_000)\nreturn at.weights"), "bad.py, line 6: it needs more memory"),
+    "crash": (acting("import ctypes\nctypes.string_at(0)\nreturn at.weights"), "bad.py, line 7: its process ended"),
+}
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
+@pytest.mark.parametrize("wrong", BAD)
+def test_what_a_law_does_wrong_is_said_with_file_and_line(wrong: str, apart: bool):
+    hosts.run_apart(apart)
+    source, said = BAD[wrong]
+    run = simulate(scenario(source, "bad.py"), 0.05)
+    assert run.status == "law failed"
+    assert np.isfinite(run.pose).all()
+    assert_says(run.status.text, said)
+
+
+@pytest.mark.parametrize("wrong", APART)
+def test_what_would_harm_the_lab_ends_only_its_own_process(wrong: str):
+    hosts.run_apart()
+    source, said = APART[wrong]
+    chosen = scenario(source, "bad.py")
+    began = time.monotonic()
+    run = simulate(chosen, 0.5)
+    assert run.status == "law failed"
+    assert_says(run.status.text, said)
+    assert time.monotonic() - began < 30
+    assert_says(simulate(chosen, 0.5).status.text, said)  # in a new process, the same again
+
+
+def assert_says(text: str, said: str) -> None:
+    assert re.search(said.replace("(", r"\(").replace(")", r"\)").replace("[[", r"\[\["), text), text
+
+
+ACT = "    def act(self, at): ...\n"
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        ("x = (", r"own.py, line 1: is no Python text"),
+        ("x = 1\n", "has no class that inherit"),
+        ("class A(OwnLaw):\n    pass\n", r"line 1: A has no method act"),
+        (
+            "class A(OwnLaw):\n    k = gain(5.0, 'N', low=0, high=1)\n    def act(self, at): ...\n",
+            "line 2: k: the default 5.0",
+        ),
+        (
+            "class A(OwnLaw):\n    k = gain(f(), 'N', low=0, high=1)\n    def act(self, at): ...\n",
+            r"line 2: f\(\) is not a number",
+        ),
+        ("class A(OwnLaw):\n    k = gain(1.0, low=0, high=1)\n" + ACT, "line 2: k: .*unit"),
+        ("class A(OwnLaw):\n    m = memory(0)\n" + ACT, "line 2: m = memory"),
+        (
+            "class A(OwnLaw):\n    period = 5\n    def act(self, at): ...\n",
+            "line 2: period = 5 is outside 1e-05 to 0.1 s",
+        ),
+        ("class PD(OwnLaw):\n" + ACT, "a control law of flexlab is called pd already"),
+        (
+            "class A(OwnLaw):\n    model = gain(0.5, '1', low=0, high=1)\n    def act(self, at): ...\n",
+            "field of every controller",
+        ),
+    ],
+)
+def test_a_declaration_that_says_nothing_usable_is_a_sentence(source: str, said: str):
+    with pytest.raises(ScenarioError, match=said):
+        add_own_law(source, "own.py")
+
+
+def test_a_text_that_cannot_be_loaded_is_a_sentence_and_changes_nothing():
+    source = "import no_such_library\n" + PD.split("\n", 2)[2]
+    world = World(load_preset("paper"))
+    law = add_own_law(source, "own.py")
+    with pytest.raises(ScenarioError, match=r"own.py, line 1: ModuleNotFoundError"):
+        world.apply(ChangeScenario({"controller.kind": law.kind}))
+    assert world.scenario.controller.kind == "adaptive-sliding-mode"
+    assert len(world.advance(5)) == 5
+
+
+def test_a_file_that_is_not_there_is_a_sentence(tmp_path: Path):
+    with pytest.raises(ScenarioError, match="There is no file"):
+        add_own_law_file(tmp_path / "none.py")
+
+
+@pytest.mark.parametrize("file", law_files(), ids=lambda path: path.stem)
+def test_the_examples_keep_the_payload_on_its_path(file: Path):
+    run = flexlab.simulate("paper", 2.0, law=file)
+    assert run.status == "finished"
+    assert np.abs(run.tracking_error[1000:]).max() < 0.01
+    again = flexlab.simulate("paper", 0.3, law=law_kind(file))
+    np.testing.assert_array_equal(again.pose, run.pose[: len(again)])
+
+
+def test_there_are_three_examples_and_none_is_longer_than_a_page():
+    assert [path.stem for path in law_files()] == ["mpc", "pid", "sampled_lqr"]
+    assert all(len(path.read_text().splitlines()) < 80 for path in law_files())
+
+
+class ClassOfATest(OwnLaw):
+    """PD."""
+
+    damping = gain(800.0, "N·s/m", low=0, high=1e5)
+
+    def act(self, at):
+        common = -self.damping * (at.pose_rate - at.desired_rate) - 20000 * (at.pose - at.desired_pose)
+        return at.weights + at.shared(common)
+
+
+def test_a_class_is_a_law_whose_recording_holds_its_text(tmp_path: Path):
+    run = flexlab.simulate("paper", 0.2, law=ClassOfATest)
+    assert run.status == "finished"
+    source = flexlab.read(run.save(tmp_path)).scenario.controller.source
+    assert "damping = gain(800.0" in source
+    line = next(number for number, text in enumerate(source.splitlines()) if "class ClassOfATest" in text)
+    assert "class ClassOfATest" in Path(__file__).read_text().splitlines()[line]
+
+
+def test_a_scenario_with_its_law_goes_to_another_process():
+    with ProcessPoolExecutor(1, get_context("spawn")) as other:
+        again = other.submit(_same, scenario()).result(60)
+    assert again == scenario()
+
+
+def _same(chosen: Scenario) -> Scenario:
+    return chosen
+
+
+def test_presets_and_the_shell_take_a_file(tmp_path: Path, flexlab_command):
+    (tmp_path / "mine.py").write_text(PD)
+    done = flexlab_command(
+        "run", "paper", "--duration", "0.1", "--law", "mine.py", "--set", "controller.velocity_gain=900"
+    )
+    assert done.returncode == 0, done.stderr
+    save_scenario(scenario(), tmp_path / "kept.json")
+    hidden = flexlab_command("run", "kept.json", "--duration", "0.1")
+    assert hidden.returncode != 0
+    assert "does not run by itself" in hidden.stderr
+    again = flexlab_command("replay")
+    assert again.returncode != 0
+    assert "give --run-own-law to let it run" in again.stderr
+    assert "class OwnPD" in again.stderr
+    assert flexlab_command("replay", "--run-own-law").returncode == 0
+    unknown = flexlab_command("run", "paper", "--law", "none.py")
+    assert "There is no file none.py" in unknown.stderr

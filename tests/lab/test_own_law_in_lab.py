@@ -1,0 +1,96 @@
+"""A control law in Python in a running lab: chosen, saved anew, wrong, mended."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from lab_page import wait_until
+
+from flexlab.control import own_law_hosts as hosts
+from flexlab.control.law import forget_law, laws
+from flexlab.control.own_law import PythonLaw
+from flexlab.control.own_law_files import add_own_law_file
+from flexlab.lab.panel.choice import changes_for
+from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+from flexlab.sim.commands import Play, Reset
+
+PD = '''"""A law of one's own."""
+
+from flexlab import OwnLaw, gain, memory, readout
+
+
+class OwnPD(OwnLaw):
+    """PD with weight compensation, which adds up its error.
+
+    The rest of this text is not shown.
+    """
+
+    position_gain = gain((2e4, 2e4, 2e4), "N/m, N·m/rad", low=0, high=1e6, symbol="P")
+    velocity_gain = gain(800.0, "N·s/m, N·m·s/rad", low=0, high=1e5, symbol="D")
+    error_sum = memory(3)
+    calls = memory(1, start=5)
+    push = readout("N", "common force along x")
+
+    def act(self, at):
+        e, e_dot = at.pose - at.desired_pose, at.pose_rate - at.desired_rate
+        self.error_sum += e
+        self.calls += 1
+        common = -self.position_gain * e - self.velocity_gain * e_dot
+        self.push = common[0]
+        return at.weights + at.shared(common)
+'''
+
+
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    yield
+    hosts.run_apart(False)
+    for kind in [kind for kind, law in laws().items() if isinstance(law, PythonLaw)]:
+        forget_law(kind)
+
+
+def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was(tmp_path: Path):
+    file = tmp_path / "mine.py"
+    file.write_text(PD)
+    law = add_own_law_file(file)
+    with Session(load_preset("paper").replace({"controller.kind": law.kind}), port=0, shadows=False) as lab:
+        wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
+        file.write_text(PD.replace("self.push = common[0]", "self.push = 17.0"))
+        wait_until(lambda: lab.runner.snapshot.latest["push"][0] == 17.0, "the new text acts")
+        assert lab.runner.snapshot.run_number == 1
+        file.write_text("class OwnPD(OwnLaw:\n")
+        wait_until(lambda: "line 1" in lab.lab_state.notice.text, "the sentence about the new text")
+        assert lab.runner.snapshot.latest["push"][0] == 17.0
+        file.write_text(
+            PD.replace("low=0, high=1e5", "low=0, high=2e5").replace("self.push = common[0]", "self.push = 18.0")
+        )
+        wait_until(lambda: lab.runner.snapshot.run_number == 2, "another declaration starts anew")
+        wait_until(lambda: lab.runner.snapshot.latest["push"][0] == 18.0, "with its new text")
+        file.write_text(PD.replace("self.push = common[0]", "1 / 0"))
+        wait_until(lambda: lab.runner.snapshot.status.failed, "the run stops")
+        assert "mine.py, line" in lab.runner.snapshot.status.text
+        assert "ZeroDivisionError" in lab.runner.snapshot.status.text
+        file.write_text(PD)
+        time.sleep(1)
+        lab.lab_state.submit(Reset())
+        lab.lab_state.submit(Play())
+        wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.05 and lab.runner.snapshot.playing, "it runs again")
+
+
+def test_chosen_from_the_menu_it_takes_over_in_motion(tmp_path: Path):
+    file = tmp_path / "mine.py"
+    file.write_text(PD)
+    law = add_own_law_file(file)
+    with Session(load_preset("paper"), port=0, shadows=False) as lab:
+        wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
+        lab.lab_state.change(changes_for("controller.kind", law.kind))
+        wait_until(lambda: lab.runner.snapshot.scenario.controller.kind == law.kind, "it takes over")
+        at = lab.runner.snapshot.latest.time[0]
+        wait_until(lambda: lab.runner.snapshot.latest.time[0] > at + 0.5, "it drives on")
+        assert lab.runner.snapshot.run_number == 1
+        commands = [event.command for event in lab.runner.snapshot.events if event.command is not None]
+        assert commands[-1].changes["controller.source"] == PD
+        lab.lab_state.change(changes_for("controller.kind", "pd"))
+        wait_until(lambda: lab.runner.snapshot.scenario.controller.kind == "pd", "the built-in law takes over")

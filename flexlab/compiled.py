@@ -22,10 +22,14 @@ PLAIN_PYTHON = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
 
 _PACKAGE = Path(__file__).parent
 _KERNEL_ROOMS = ("physics", "control", "sim")
+_COMPILING = ("compiled.py", "numba_internals.py", "registry.py")
+"""Files that say how kernels are compiled and under which names they are found again."""
 
 
 def _digest() -> str:
-    digest = hashlib.sha256(numba.__version__.encode() + Path(__file__).read_bytes())
+    digest = hashlib.sha256(numba.__version__.encode())
+    for name in _COMPILING:
+        digest.update((_PACKAGE / name).read_bytes())
     for room in _KERNEL_ROOMS:
         for file in sorted((_PACKAGE / room).rglob("*.py")):
             digest.update(file.name.encode() + file.read_bytes())

@@ -227,6 +227,8 @@ def fastest_control_rate(control, now, memory, S, kappa):
 
 
 _laws: dict[str, Law] = {}
+_built_in = False
+"""Whether those of flexlab are in it: a person's own may come first."""
 _listeners: list[Callable[[], None]] = []
 
 
@@ -273,7 +275,9 @@ def on_new_law(listener: Callable[[], None]) -> None:
 
 def laws() -> dict[str, Law]:
     """All control laws by kind, as menus show them."""
-    if not _laws:
+    global _built_in
+    if not _built_in:
+        _built_in = True
         for module in modules_in("flexlab.control.laws"):
             add_law(module.LAW)
     return dict(sorted(_laws.items(), key=lambda item: (item[1].place, item[0])))

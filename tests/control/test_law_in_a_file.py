@@ -1,5 +1,7 @@
 """A law in one file outside the package: simulated, recorded, plotted, exported, replayed, continued, refused when incomplete."""
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -44,6 +46,17 @@ def test_it_drives_the_payload_and_its_signal_tells_the_work_of_the_motors(scena
     assert np.abs(run.tracking_error[-1]).max() < 0.05
     np.testing.assert_allclose(run["asked_work"], run.input_work, rtol=1e-7, atol=1e-9)
     assert np.isnan(run.bound_estimates).all(), "it estimates no bounds"
+
+
+def test_a_second_process_takes_its_machine_code_from_the_first():
+    script = (
+        f"from flexlab.control.law import add_law_file; from pathlib import Path; add_law_file(Path({str(FILE)!r}))\n"
+        "from flexlab.presets import load_preset; from flexlab.sim.world import World\n"
+        'print(len(World(load_preset("paper").replace({"controller.kind": "leaky-integral"})).advance(2)))\n'
+    )
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+        assert done.stdout == "2\n", done.stderr
 
 
 @pytest.mark.parametrize("period", [None, 0.002])

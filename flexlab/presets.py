@@ -94,6 +94,7 @@ def save_scenario(scenario: Scenario, path: str | Path) -> None:
 def scenario_text(scenario: Scenario) -> str:
     """The JSON text of a scenario, as `save_scenario` writes it."""
     fields = _kind_first(scenario.model_dump(mode="json"))
+    del fields["trajectory"]["transition"]  # Of a change in motion; a file begins a run anew.
     data = {"title": fields.pop("title"), "watch": fields.pop("watch"), SCHEMA_FIELD: REFERENCE, **fields}
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
     return _NUMBER_LIST.sub(lambda match: "[" + re.sub(r"\s+", " ", match[1]) + "]", text) + "\n"

@@ -9,7 +9,8 @@ import numbers
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, get_args
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -175,8 +176,17 @@ def own_numbers(model: type[BaseModel], base: type[BaseModel]) -> dict[str, int]
     """
     sizes = {}
     for name, about in model.model_fields.items():
-        if name not in base.model_fields and name != "kind":
-            forms = [about.annotation, *get_args(about.annotation)]
-            tuples = [len(get_args(form)) for form in forms if getattr(form, "__origin__", None) is tuple]
-            sizes[name] = max(tuples, default=1)
+        size = _size(about.annotation)
+        if name not in base.model_fields and size:
+            sizes[name] = size
     return sizes
+
+
+def _size(annotation: Any) -> int:
+    """How many numbers a field's type holds at most; 0: it holds none, or any number of them."""
+    if annotation in (float, int):
+        return 1
+    forms, origin = get_args(annotation), get_origin(annotation)
+    if origin is tuple:
+        return len(forms) if all(form in (float, int) for form in forms) else 0
+    return max(map(_size, forms), default=0) if origin in (Union, UnionType, Annotated) else 0

@@ -42,7 +42,8 @@ def linear_outputs(linear: Linearization, columns: tuple[Column, ...]) -> Output
     """The derivatives of columns at the rest point, by differences of the samples that the engine writes."""
     probe, rest = linear.probe, linear.rest
     pose = tuple(rest.motion.x)
-    path = {"trajectory.center": pose, "trajectory.amplitude": (0.0, 0.0, 0.0)}
+    bending = probe.scenario.trajectory.bending_feedforward
+    path = {"trajectory": {"kind": "sine", "center": pose, "amplitude": 0.0, "bending_feedforward": bending}}
     begin = {"initial.pose": None, "initial.pose_rate": (0.0, 0.0, 0.0), "initial.beam_coordinates": None}
     world = World(probe.scenario.replace({**path, **begin}))
     state = world.state()

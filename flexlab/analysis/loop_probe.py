@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.control.path import build_motion, paths
+from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.plant import ETA, P, X, forget_rates
-from flexlab.scenario import Scenario, SineTrajectory
-from flexlab.sim.build import build_beam, build_system
+from flexlab.scenario import Scenario
+from flexlab.sim.assembly import build_system
+from flexlab.sim.build import build_beam
 from flexlab.sim.closed_loop import System, memory_slice, new_workspace, rates_at, state_length
 from flexlab.sim.law_memory import outlook, start_memory
 from flexlab.sim.sampled_control import Sampling, control_instant
@@ -68,7 +70,8 @@ class LoopProbe:
         self.scenario = scenario
         self.beam = build_beam(scenario.payload)
         # A sine of 1 rad/s has value, rate and acceleration at t = 0 all three free.
-        self.system = build_system(scenario, self.beam)._replace(trajectory=build_motion(SineTrajectory()))
+        aimed = build_motion(SineTrajectory())._replace(bending=scenario.trajectory.bending_feedforward)
+        self.system = build_system(scenario, self.beam)._replace(trajectory=aimed)
         self.arm_count, self.mode_count = len(scenario.arms), len(self.beam.modes.omega)
         self.size = 2 * (3 + self.mode_count)
         """Length of a displacement of a `Motion`."""

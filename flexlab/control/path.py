@@ -1,28 +1,65 @@
 """Desired motions of the payload: what a path is, which ones there are, and the seam between them and the engine.
 
-A path is a file in `control/paths` that defines `PATH = Path(...)`: its numbers as a scenario model that also says what a
-screen and the checks before a run need (span, reach, peak acceleration), and its kernel
+A path is a file in `control/paths` (or any file, see `add_path_file`) that defines `PATH = Path(...)`: its numbers as a
+scenario model that also says what a screen and the checks before a run need, and its kernel
 
-    kernel(path, t, desired)     fills x_d, ẋ_d, ẍ_d (3, 3) at time t, s
+    kernel(path, rows, t, desired)     fills x_d, ẋ_d, ẍ_d (3, 3) at time t ≥ 0, s
 
-with `path` a record of the model's numbers under their names.
+with `path` a record of the model's numbers under their names, and `rows` what `Path.rows` makes of the model: a table of any
+length, (rows, columns), empty for most. What every path may have besides (ramp, shaper, …) is `control.motion`'s.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from functools import cached_property, lru_cache
+from pathlib import Path as FilePath
+from typing import Any
 
 import numba
 import numpy as np
 
-from flexlab.compiled import MATRIX, call_kernel, compiled, inlined, kernel_address
-from flexlab.quantities import Part, own_numbers
-from flexlab.registry import modules_in
+from flexlab.compiled import MATRIX, kernel_address
+from flexlab.control.motion import NO_ROWS, DesiredMotion, poses
+from flexlab.control.shapers import Shaper
+from flexlab.quantities import Number, Part, Triple, own_numbers, quantity
+from flexlab.registry import module_from_file, modules_in
+
+OUTLINE_POINTS = 1001
+"""Instants at which a path that does not say its extent is looked at."""
+TRANSITION_TIME = 0.5
+"""s, over which the target goes from where it was to a path that was changed in motion: about a stroke of an arm."""
+
+
+class Transition(Part):
+    """What was left over when the path was changed in motion: it fades, so that the target does not jump."""
+
+    time: Number = quantity(title="When", unit="s", low=0, high=1e9)
+    duration: Number = quantity(TRANSITION_TIME, title="Fades within", unit="s", low=1e-3, high=100)
+    pose: Triple = quantity(title="Left over", unit="m, m, rad", low=-1e3, high=1e3)
+    rate: Triple = quantity(title="Rate left over", unit="m/s, m/s, rad/s", low=-1e6, high=1e6)
+    acceleration: Triple = quantity(title="Acceleration left over", unit="m/s², m/s², rad/s²", low=-1e9, high=1e9)
 
 
 class Trajectory(Part):
-    """What every path says of itself, besides its own numbers."""
+    """What every path has and says of itself, besides its own numbers."""
+
+    smooth_start: Number = quantity(
+        0.0, title="Smooth start within", symbol="T_r", unit="s", low=0, high=60, slider=(0, 2)
+    )
+    """The path is entered at a speed that grows from 0 to 1 times its own over this time."""
+    shaper: Shaper = quantity("none", title="Input shaper")
+    shaper_frequency: Number | None = quantity(
+        None, title="Shaped mode (null: the closed loop's first)", symbol="f_s", unit="Hz", low=1e-2, high=1e5
+    )
+    shaper_damping: Number | None = quantity(
+        None, title="Its damping ratio (null: the closed loop's)", symbol="ζ_s", unit="1", low=0, high=0.9
+    )
+    bending_feedforward: Number = quantity(
+        0.0, title="Feed-forward of the bending", unit="1", low=0, high=2, slider=(0, 1)
+    )
+    """Share of the force of the beam's quasi-static bending that every law adds to its inputs."""
+    transition: Transition | None = None
+    """Set by the engine when the path is changed in motion; of no account in a run that begins anew."""
 
     @property
     def span(self) -> float:
@@ -30,14 +67,24 @@ class Trajectory(Part):
         raise NotImplementedError
 
     @property
+    def end(self) -> float | None:
+        """Time from which on the path stands still, s; None: it goes on for ever."""
+        return None
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """First and last instant between which the whole path is seen once, s."""
+        return 0.0, self.slowest_period
+
+    @property
     def shortest_time(self) -> float:
         """Time in which the path stays close to a straight line, s: between two instants at which its reach is checked."""
-        return max(self.span, 1.0) / 400
+        return (self.window[1] - self.window[0]) / 400
 
     @property
     def fastest_period(self) -> float:
         """Time over which poses repeat or differ most, s: some of it stand for all where the step is chosen."""
-        return self.span or 1.0
+        return self.slowest_period
 
     @property
     def slowest_period(self) -> float:
@@ -47,24 +94,36 @@ class Trajectory(Part):
     @property
     def middle(self) -> tuple[float, ...]:
         """The pose about which the motion happens, (3,)."""
-        raise NotImplementedError
+        low, high, _ = _outline(self)
+        return tuple(0.5 * (a + b) for a, b in zip(low, high, strict=True))
 
     @property
     def reach(self) -> tuple[float, ...]:
         """Largest distances from `middle`, (3,)."""
-        raise NotImplementedError
+        low, high, _ = _outline(self)
+        return tuple(0.5 * (b - a) for a, b in zip(low, high, strict=True))
 
     @property
     def peak_acceleration(self) -> tuple[float, ...]:
         """Largest |ẍ_d|, (3,)."""
-        raise NotImplementedError
+        return _outline(self)[2]
+
+    def place_text(self, time: float) -> str:
+        """How a sentence names the pose at `time`, s."""
+        return "the desired pose"
 
     def keeping(self, changed: "Trajectory", changes: Mapping[str, Any], time: float) -> "Trajectory":
-        """The path that replaces this one at `time`, s, adjusted so that the target does not jump where it can be avoided.
+        """The path of the same kind that replaces this one at `time`, s, adjusted so that it begins close to the target.
 
         changes: the fields of the path that a person set, by name.
         """
         return changed
+
+    def taken_up(self, old: "Trajectory", given: Collection[str], time: float) -> "Trajectory":
+        """This path as it replaces `old`, one of another kind, at `time`, s; fields in `given` are a person's and stay."""
+        if "center" in type(self).model_fields and "center" not in given:
+            return self.model_copy(update={"center": old.middle})
+        return self
 
 
 @dataclass(frozen=True)
@@ -73,6 +132,8 @@ class Path:
 
     model: type[Trajectory]
     kernel: Callable[..., None]
+    rows: Callable[[Any], np.ndarray] | None = None
+    """The kernel's table, from the model."""
     place: int = 50
     """Rank in menus."""
 
@@ -85,58 +146,74 @@ class Path:
     def record(self) -> np.dtype:
         """The record of the model's numbers."""
         own = own_numbers(self.model, Trajectory)
-        return np.dtype([(name, "f8", (size,)) if size > 1 else (name, "f8") for name, size in own.items()])
+        fields = [(name, "f8", (size,)) if size > 1 else (name, "f8") for name, size in own.items()]
+        return np.dtype(fields or [("none", "f8")])
 
     @cached_property
     def address(self) -> int:
         """Of the kernel, compiled or loaded from the cache when first asked for."""
-        return kernel_address(self.kernel, self.record, numba.float64, MATRIX)
-
-
-class DesiredMotion(NamedTuple):
-    """A path as kernels take it."""
-
-    kernel: int
-    """Address of the path's kernel."""
-    numbers: np.ndarray
-    """The path's record, flat."""
-
-
-@inlined
-def desired_motion(path, t, desired):
-    """Fill x_d, ẋ_d, ẍ_d (3, 3) at time t, s."""
-    call_kernel(path.kernel, path.numbers, (t, desired))
-
-
-@compiled
-def desired_motions(path, times, desired):
-    """Fill x_d, ẋ_d, ẍ_d (N, 3, 3) at times (N,), s."""
-    for k in range(len(times)):
-        desired_motion(path, times[k], desired[k])
+        return kernel_address(self.kernel, self.record, MATRIX, numba.float64, MATRIX)
 
 
 _paths: dict[str, Path] = {}
+_listeners: list[Callable[[], None]] = []
+
+
+def add_path(path: Path) -> None:
+    """Make a path known. Raises ImportError for one whose name is taken."""
+    if path.kind in _paths and _paths[path.kind] != path:
+        raise ImportError(f"Two paths are called {path.kind!r}: give one of them another kind.")
+    _paths[path.kind] = path
+    _tell()
+
+
+def forget_path(kind: str) -> None:
+    """Make an added path unknown again."""
+    del _paths[kind]
+    _tell()
+
+
+def _tell() -> None:
+    for listener in _listeners:
+        listener()
+
+
+def add_path_file(file: FilePath) -> Path:
+    """Make the path of a Python file known, which defines PATH. Raises ImportError, and what the file raises."""
+    path = getattr(module_from_file(file), "PATH", None)
+    if not isinstance(path, Path):
+        raise ImportError(f"{file} defines no path: it needs PATH = Path(...).")
+    paths()
+    add_path(path)
+    return path
+
+
+def on_new_path(listener: Callable[[], None]) -> None:
+    """Have `listener` called whenever a path was added or forgotten."""
+    _listeners.append(listener)
 
 
 def paths() -> dict[str, Path]:
     """All kinds of paths, as menus show them."""
     if not _paths:
         for module in modules_in("flexlab.control.paths"):
-            _paths[module.PATH.kind] = module.PATH
+            add_path(module.PATH)
     return dict(sorted(_paths.items(), key=lambda item: (item[1].place, item[0])))
 
 
 def build_motion(trajectory: Trajectory) -> DesiredMotion:
-    """The kernel and numbers of a scenario's trajectory."""
+    """The kernel and numbers of a path, without what every path may have besides."""
     path = paths()[trajectory.kind]  # type: ignore[attr-defined]
     record = np.zeros(1, path.record)
-    for name in path.record.names or ():
+    for name in own_numbers(path.model, Trajectory):
         record[name] = getattr(trajectory, name)
-    return DesiredMotion(path.address, record.view(np.float64))
+    rows = NO_ROWS if path.rows is None else np.ascontiguousarray(path.rows(trajectory), dtype=float)
+    return DesiredMotion(path.address, record.view(np.float64), rows)
 
 
-def poses(path: DesiredMotion, times: np.ndarray) -> np.ndarray:
-    """x_d, ẋ_d, ẍ_d at times (N,), (N, 3, 3)."""
-    desired = np.zeros((len(times), 3, 3))
-    desired_motions(path, np.asarray(times, float), desired)
-    return desired
+@lru_cache(maxsize=64)
+def _outline(trajectory: Trajectory) -> tuple[tuple[float, ...], ...]:
+    """Lowest and highest pose and largest |acceleration| of the path itself, (3,) each."""
+    motion = poses(build_motion(trajectory), np.linspace(*trajectory.window, OUTLINE_POINTS))
+    found = motion[:, 0].min(axis=0), motion[:, 0].max(axis=0), np.abs(motion[:, 2]).max(axis=0)
+    return tuple(tuple(map(float, part)) for part in found)

@@ -19,6 +19,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pull, Reset
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
+from flexlab.sim.target import change_path
 from flexlab.sim.workspace_check import check_trajectory, same_reach
 from flexlab.sim.world_state import Origin
 
@@ -97,7 +98,7 @@ class LabState:
     def change(self, changes: Mapping[str, Any]) -> None:
         """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid."""
         with self._lock:
-            wanted = self.intended.replace(changes)
+            wanted = change_path(self.intended, changes, float(self.snapshot.latest.time[0]))
             fault = None if same_reach(self.intended, wanted) else check_trajectory(wanted)
             if fault is not None:
                 raise ScenarioError([("trajectory", fault.text)])

@@ -45,6 +45,8 @@ def command_from_json(text: str) -> Command:
     try:
         values = json.loads(text)
         kind = KINDS[values.pop("kind")]
+        if kind is ChangeScenario:
+            values.setdefault("keeps_target", False)
         if kind is LoadScenario:
             values["scenario"] = parse_scenario(values["scenario"])
             if values.get("origin") is not None:

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import rerun as rr
 
-from flexlab.control.path import build_motion, poses
+from flexlab.control.motion import poses
+from flexlab.control.path import build_motion
 from flexlab.recording.recorded_plots import BLUE, GRAY, GREEN, ORANGE, PURPLE, VERMILION
 from flexlab.recording.rerun_internals.columns import Column, line_strips, vectors
 from flexlab.scenario import Scenario
@@ -102,8 +103,8 @@ PATH_POINTS = 256
 
 
 def desired_path(scenario: Scenario) -> np.ndarray:
-    """The desired path of the payload's origin over its slowest period, (1, 1, points, 3) for `line_strips`."""
-    times = np.linspace(0, scenario.trajectory.slowest_period, PATH_POINTS)
+    """The desired path of the payload's origin, once, (1, 1, points, 3) for `line_strips`."""
+    times = np.linspace(*scenario.trajectory.window, PATH_POINTS)
     return _in_space(poses(build_motion(scenario.trajectory), times)[:, 0, :2])[None, None]
 
 

@@ -8,6 +8,9 @@ from pydantic import BaseModel
 TEXTS = ("title", "watch")
 """Fields that say something of a scenario and change nothing in it."""
 
+ENGINE = "trajectory.transition"
+"""A field that nobody sets: what a change of the path in motion leaves over for a moment."""
+
 Difference = tuple[str, Any, Any]
 """(dotted path, value in one, value in the other)."""
 
@@ -18,7 +21,7 @@ def part_differences(one: BaseModel, other: BaseModel, path: str = "") -> Iterat
         inner, old, new = f"{path}.{name}" if path else name, getattr(one, name), getattr(other, name)
         if isinstance(old, BaseModel) and type(old) is type(new):
             yield from part_differences(old, new, inner)
-        elif old != new:
+        elif old != new and inner != ENGINE:
             yield inner, old, new
 
 
@@ -28,7 +31,7 @@ def differences(one: BaseModel, other: BaseModel) -> list[Difference]:
     for path, old, new in part_differences(one, other):
         first, second = dict(_leaves(_plain(old), path)), dict(_leaves(_plain(new), path))
         both = ((name, first.get(name), second.get(name)) for name in {**first, **second})
-        found += [item for item in both if item[0] not in TEXTS and item[1] != item[2]]
+        found += [item for item in both if not item[0].startswith((*TEXTS, ENGINE)) and item[1] != item[2]]
     return found
 
 
@@ -39,6 +42,7 @@ def changes_towards(present: BaseModel, wanted: BaseModel) -> dict[str, Any]:
         if isinstance(old, BaseModel) and isinstance(new, BaseModel):
             changes[f"{path}.kind"] = new.kind  # type: ignore[attr-defined]
             changes |= {f"{path}.{name}": value for name, value in new.model_dump().items() if name != "kind"}
+            changes.pop(ENGINE, None)
         else:
             changes[path] = _plain(new)
     return changes

@@ -12,12 +12,17 @@ from typing import Any
 from flexlab.scenario.payload import Payload
 
 RETIRED = "bending_stiffness_factor"
+ONLY_PATH = "sine"
+"""The kind of a path that names none: there was no other."""
 
 log = logging.getLogger(__name__)
 
 
 def in_present_terms(data: Mapping[str, Any]) -> Mapping[str, Any]:
     """Plain data of a scenario with the fields of today; says in the log what was left out although it was set."""
+    path = data.get("trajectory")
+    if isinstance(path, Mapping) and "kind" not in path:
+        data = {**data, "trajectory": {"kind": ONLY_PATH, **path}}
     law = data.get("controller")
     model = law.get("model") if isinstance(law, Mapping) else None
     if not isinstance(law, Mapping) or not isinstance(model, Mapping) or RETIRED not in model:

@@ -20,7 +20,11 @@ def any_law() -> Any:
     return Annotated[law_models(), Field(discriminator="kind")]
 
 
+def path_models() -> Any:
+    """The union of the models of all paths that are known now."""
+    return reduce(or_, [path.model for path in paths().values()])
+
+
 def any_path() -> Any:
-    """Any path."""
-    models = [path.model for path in paths().values()]
-    return Annotated[reduce(or_, models), Field(discriminator="kind")] if len(models) > 1 else models[0]
+    """Any path, told apart by its field `kind`."""
+    return Annotated[path_models(), Field(discriminator="kind")]

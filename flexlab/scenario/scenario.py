@@ -10,6 +10,7 @@ from flexlab.control.controller import Controller
 from flexlab.control.law import on_new_law
 from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
 from flexlab.control.own_law import with_known_law
+from flexlab.control.path import Trajectory, on_new_path
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
 from flexlab.html_table import html_table
@@ -18,7 +19,7 @@ from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe
 from flexlab.scenario.arms import Arm
 from flexlab.scenario.earlier_versions import in_present_terms
 from flexlab.scenario.field_names import field_paths, value_paths
-from flexlab.scenario.kinds import any_law, any_path, law_models
+from flexlab.scenario.kinds import any_law, any_path, law_models, path_models
 from flexlab.scenario.payload import Payload
 from flexlab.scenario.validation_errors import LONGEST, problem, unknown_field
 
@@ -35,6 +36,11 @@ SCHEMA_FIELD = "$schema"
 """In a file: where editors find what a scenario may hold. No field of the scenario itself."""
 SAID = ("title", "watch")
 """Fields that are words about the rest."""
+COMMON_FIELDS = {
+    "controller.kind": frozenset(Controller.model_fields),
+    "trajectory.kind": frozenset(Trajectory.model_fields),
+}
+"""Fields that another kind has as well."""
 MOST_PROBLEMS = 20
 """Of what is wrong with a scenario, how much is said at once."""
 
@@ -131,7 +137,7 @@ class Scenario(Part):
     def replace(self, changes: Mapping[str, Any]) -> "Scenario":
         """A copy with fields changed by dotted path; raises `ScenarioError` and changes nothing if it is not valid.
 
-        A changed `kind` (damping, controller) drops the fields that the new kind does not have.
+        A changed `kind` (damping, controller, trajectory) drops the fields that the new kind does not have.
         """
         # Parts that nothing touches go in as they are: they have been validated, and a slider sends many changes.
         data = dict(self)
@@ -139,6 +145,12 @@ class Scenario(Part):
             if not _set(data, path, value):
                 raise self._unknown(path)
         return parse_scenario(data)
+
+    def anew(self) -> "Scenario":
+        """The scenario for a run that begins: without what changes in motion left over in the path."""
+        if self.trajectory.transition is None:
+            return self
+        return self.model_copy(update={"trajectory": self.trajectory.model_copy(update={"transition": None})})
 
     def get(self, path: str) -> Any:
         """The value at a dotted path; raises `ScenarioError` for an unknown one."""
@@ -163,13 +175,15 @@ class Scenario(Part):
         return ScenarioError([(path, unknown_field(shown, value_paths(self), field_paths(type(self))))])
 
 
-def _know_new_law() -> None:
-    """Let scenarios have a law that was added after this module was read."""
+def _know_new_kinds() -> None:
+    """Let scenarios have a law or a path that was added after this module was read."""
     Scenario.model_fields["controller"].annotation = law_models()
+    Scenario.model_fields["trajectory"].annotation = path_models()
     Scenario.model_rebuild(force=True)
 
 
-on_new_law(_know_new_law)
+on_new_law(_know_new_kinds)
+on_new_path(_know_new_kinds)
 
 
 def parse_scenario(data: Any) -> Scenario:
@@ -199,7 +213,7 @@ def _set(data: dict[str, Any], path: str, value: Any) -> bool:
         inner = data[parent] = dict(inner)
         data = inner
     if name == "kind" and data.get("kind") != value:
-        common = set(Controller.model_fields) if "model" in data else set()
+        common = COMMON_FIELDS.get(path, frozenset())
         for field in [key for key in data if key not in common]:
             del data[field]
     data[name] = value

@@ -18,7 +18,9 @@ LONGEST_TEXT = 200_000
 
 def encode_scenario(scenario: Scenario) -> str:
     """The scenario as a word for a link. Numbers keep every bit."""
-    text = json.dumps(scenario.model_dump(mode="json"), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    text = json.dumps(
+        scenario.anew().model_dump(mode="json"), separators=(",", ":"), ensure_ascii=False, allow_nan=False
+    )
     return base64.urlsafe_b64encode(zlib.compress(text.encode(), 9)).decode().rstrip("=")
 
 

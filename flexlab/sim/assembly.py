@@ -14,11 +14,12 @@ from flexlab.control.law import laws
 from flexlab.physics.strain_gauges import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
-from flexlab.sim.build import Beam, build_beam, build_control, build_plant, build_trajectory
+from flexlab.sim.build import Beam, build_beam, build_control, build_plant
 from flexlab.sim.closed_loop import System
 from flexlab.sim.sampled_control import Sampling, with_kernel
 from flexlab.sim.step_levels import StepLevels, StepWatch
 from flexlab.sim.step_size import Rates, choose_step, find_rates, free_beam_rate, steps_per_tick
+from flexlab.sim.target import build_trajectory, same_target
 
 LIGHT_ELEMENTS = 8
 """Elements up to which modes and matrix functions are derived in a millisecond or two."""
@@ -104,7 +105,7 @@ def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequenc
     """Plant, law and path, with motors off until a sampled controller first acts; `known`: assemblies of the same beam."""
     plant = control = trajectory = rates = None
     for old in known:
-        if old.scenario.trajectory == scenario.trajectory:
+        if same_target(old.scenario, scenario):
             trajectory = old.system.trajectory
         if old.scenario.arms == scenario.arms:
             if old.scenario.controller == scenario.controller:
@@ -142,3 +143,13 @@ def gauge_noise(scenario: Scenario, beam: Beam) -> np.ndarray:
     rows = strain_rows(places, payload.length, payload.thickness, payload.element_count, payload.boundary)
     moments = load_moments(beam.matrices, payload.bending_stiffness, payload.thickness, weights, rows)
     return np.ascontiguousarray(law.sensor_noise.strain / law.control_period * moments)
+
+
+def build_system(scenario: Scenario, beam: Beam) -> System:
+    """Plant, control law and trajectory of a scenario, with motors off until a sampled controller first acts."""
+    return System(
+        build_plant(scenario, beam),
+        build_control(scenario, beam),
+        build_trajectory(scenario),
+        np.zeros((len(scenario.arms), 3)),
+    )

@@ -7,7 +7,6 @@ import numpy as np
 from flexlab.control.controller import Controller
 from flexlab.control.law import BOUND_ESTIMATES, Control, laws
 from flexlab.control.load_sharing import BelievedPayload
-from flexlab.control.path import DesiredMotion, build_motion, poses
 from flexlab.physics.arm import ARM, arm_constants
 from flexlab.physics.beam import (
     BeamMatrices,
@@ -20,7 +19,6 @@ from flexlab.physics.beam import (
 from flexlab.physics.law_input import MOST_ARMS
 from flexlab.physics.plant import NO_HAND, Plant
 from flexlab.scenario import Payload, Scenario
-from flexlab.sim.closed_loop import System
 
 
 class Beam(NamedTuple):
@@ -133,23 +131,3 @@ def build_control(scenario: Scenario, beam: Beam) -> Control:
 def load_shares(settings: Controller, arm_count: int) -> np.ndarray:
     """What each arm carries of the common part, 1, (2,)."""
     return np.array([settings.load_share, 1 - settings.load_share]) if arm_count == MOST_ARMS else np.ones(MOST_ARMS)
-
-
-def build_trajectory(scenario: Scenario) -> DesiredMotion:
-    """The desired motion of a scenario."""
-    return build_motion(scenario.trajectory)
-
-
-def desired_at(trajectory: DesiredMotion, t: float) -> np.ndarray:
-    """x_d, ẋ_d, ẍ_d at time t, (3, 3)."""
-    return poses(trajectory, np.array([t]))[0]
-
-
-def build_system(scenario: Scenario, beam: Beam) -> System:
-    """Plant, control law and trajectory of a scenario, with motors off until a sampled controller first acts."""
-    return System(
-        build_plant(scenario, beam),
-        build_control(scenario, beam),
-        build_trajectory(scenario),
-        np.zeros((len(scenario.arms), 3)),
-    )

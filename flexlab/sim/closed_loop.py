@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import compiled, inlined
+from flexlab.control.bending_feedforward import feed_forward_bending
 from flexlab.control.law import Control, control_law
-from flexlab.control.path import DesiredMotion, desired_motion
+from flexlab.control.motion import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
 from flexlab.physics.dynamics import find_velocities, momentum_rates
 from flexlab.physics.plant import G, Plant, Workspace, make_workspace, memory_start, state_size
@@ -87,6 +88,8 @@ def find_inputs(system, t, y, ws):
         ws.memory_rate,
         y[end:],
     )
+    if system.trajectory.bending != 0:
+        feed_forward_bending(system.trajectory.bending, control.payload, ws.truth[0])
     if control.limited:
         for i in range(len(plant.arms)):
             joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], ws.tau)

@@ -17,6 +17,8 @@ class ChangeScenario:
     """Set fields by dotted path, all or none: `{"payload.bending_stiffness": 50.0}`."""
 
     changes: Mapping[str, Any]
+    keeps_target: bool = True
+    """Whether the target goes on from where it is when its path is changed; in recordings before 0.2 it jumped."""
 
 
 @dataclass(frozen=True)

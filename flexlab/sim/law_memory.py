@@ -10,8 +10,8 @@ from flexlab.physics.arm import arm_velocity_terms, task_input
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.plant import Workspace
 from flexlab.scenario import Scenario
-from flexlab.sim.build import desired_at
 from flexlab.sim.closed_loop import System, memory_slice
+from flexlab.sim.target import desired_at
 
 LATE = 1e-9
 """Part of a control period by which an instant may seem to lie after itself."""

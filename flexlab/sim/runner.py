@@ -84,7 +84,7 @@ class Runner:
         self._dropped = 0
         self._pacing = Pacing()
         self._pacing.playing = playing
-        world = World(scenario)
+        world = World(scenario if origin is not None else scenario.anew())
         if origin is not None:
             world.restore(origin.state)
         self._begin(world, name)
@@ -221,6 +221,8 @@ class Runner:
         if isinstance(command, LoadScenario):
             self._preparation.drop()
             scenario, name, origin = command.scenario, command.name, command.origin
+        if origin is None:
+            scenario = scenario.anew()
         event = Event(old.time, command_text(command), command)
         world = World(scenario, TICK, (old.assembly, *known), at_once)
         if origin is not None:

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import call_whole_kernel, inlined, pluggable, whole_address
+from flexlab.control.bending_feedforward import feed_forward_bending
 from flexlab.control.law import control_law
-from flexlab.control.path import desired_motion
+from flexlab.control.motion import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
 from flexlab.sim.closed_loop import System, find_state, law_places, limit_torques, new_workspace, state_length
@@ -113,6 +114,8 @@ def control_instant(system, sampling, instant, t, y, ws):
     memory = y[start:end]
     now.time = t
     control_law(control, plant.gravity, x, v, beam, ws.desired, now, memory, ws.memory_rate, y[end:])
+    if system.trajectory.bending != 0:
+        feed_forward_bending(system.trajectory.bending, control.payload, now)
     for a in range(control.memory_size):
         memory[a] += sampling.period * ws.memory_rate[a]
     for i in range(len(plant.arms)):

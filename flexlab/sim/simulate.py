@@ -31,7 +31,7 @@ def simulate(
     changes the beam's mesh or starts the run anew.
     """
     count = sample_count(duration, sample_period)
-    world = World(scenario, sample_period)
+    world = World(scenario.anew(), sample_period)
     rows, parts = world.new_rows(count + 1), []
     rows[:1] = world.observe_rows()
     begun, done = 0, 1

@@ -8,7 +8,8 @@ import numpy as np
 
 from flexlab.compiled import compiled
 from flexlab.control.law import fastest_control_rate
-from flexlab.control.path import Trajectory, poses
+from flexlab.control.motion import poses
+from flexlab.control.path import Trajectory
 from flexlab.errors import ScenarioError
 from flexlab.physics.dynamics import configure_arms, inertias_at, rigid_inertia
 from flexlab.scenario import Scenario
@@ -88,7 +89,7 @@ def find_rates(beam: Beam, system: System, trajectory: Trajectory, free_rate: fl
 
 def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
     """`POSES_TRIED` desired poses of the first period, (k, 3)."""
-    times = np.arange(POSES_TRIED) * (trajectory.fastest_period / POSES_TRIED)
+    times = trajectory.window[0] + np.arange(POSES_TRIED) * (trajectory.fastest_period / POSES_TRIED)
     return np.ascontiguousarray(poses(system.trajectory, times)[:, 0])
 
 

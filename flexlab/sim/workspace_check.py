@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 
-from flexlab.control.path import poses as desired_motions
+from flexlab.control.motion import poses as desired_motions
+from flexlab.control.path import build_motion
 from flexlab.physics.arm import SINGULAR_SINE
 from flexlab.scenario import Scenario
-from flexlab.sim.build import build_trajectory, desired_at
 from flexlab.sim.samples import Status
+from flexlab.sim.target import desired_at
 from flexlab.sim.termination import elbow_sine, pose_fault, wrist_reach
 
 LONGEST_CHECK = 20_000
@@ -23,18 +24,19 @@ def check_trajectory(scenario: Scenario, duration: float | None = None) -> Statu
     """The fault of the first desired pose that an arm cannot take, over one period (or `duration`, s); None if all can."""
     if _surely_reached(scenario):
         return None
-    path, motion = scenario.trajectory, build_trajectory(scenario)
+    path, motion = scenario.trajectory, build_motion(scenario.trajectory)
     span = path.span if duration is None else min(path.span, duration)
     if span == 0:
-        return pose_fault(scenario, desired_at(motion, 0.0)[0], 0.0, "the desired pose")
-    times = np.linspace(0, span, min(LONGEST_CHECK, max(2, int(span / path.shortest_time) + 1)))
+        return pose_fault(scenario, desired_at(motion, 0.0)[0], 0.0, path.place_text(0.0))
+    begin = min(path.window[0], span)
+    times = np.linspace(begin, span, min(LONGEST_CHECK, max(2, int((span - begin) / path.shortest_time) + 1)))
     poses = desired_motions(motion, times)[:, 0]
     doubtful = np.zeros(len(times), bool)
     for index in range(len(scenario.arms)):
         l1, l2, _ = scenario.arms[index].link_length
         doubtful |= elbow_sine(wrist_reach(scenario, index, poses)[0], l1, l2) < SINGULAR_SINE
     for k in np.flatnonzero(doubtful)[:1]:
-        return pose_fault(scenario, poses[k], float(times[k]), "the desired pose")
+        return pose_fault(scenario, poses[k], float(times[k]), path.place_text(float(times[k])))
     return None
 
 

@@ -3,9 +3,8 @@
 Same scenario and same commands at the same ticks give the same bits, whatever the sizes of the blocks it is advanced by.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, advance
 from flexlab.sim.assembly import Assembly, build_assembly
-from flexlab.sim.build import Beam, desired_at
+from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row, without_hand
@@ -30,6 +29,7 @@ from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.step_levels import DISTURBED_TICKS
+from flexlab.sim.target import build_trajectory, change_path, desired_at, go_on_from, equal_motions
 from flexlab.sim.termination import DEFLECTION_LIMIT, pose_fault, runtime_fault
 from flexlab.sim.workspace_check import check_trajectory, same_reach
 from flexlab.sim.world_state import WorldState
@@ -264,28 +264,40 @@ class World:
         """
         assembly, payload = self._assembly, self.scenario.payload
         if isinstance(command, ChangeScenario):
-            return self._change(command.changes, known, at_once)
+            return self._change(command, known, at_once)
         if isinstance(command, Pull):
             apply_pull(assembly.system.plant, self.scenario, assembly.beam, command)
         else:
             apply_tap(payload, assembly.beam, self._y, command)
         return False
 
-    def _change(self, changes: Mapping[str, Any], known: Sequence[Assembly], at_once: bool) -> bool:
-        scenario = keep_phase(self.scenario, changes, self.time)
+    def _change(self, command: ChangeScenario, known: Sequence[Assembly], at_once: bool) -> bool:
+        scenario = change_path(self.scenario, command.changes, self.time)
         fault = None if same_reach(self.scenario, scenario) else check_trajectory(scenario)
         if fault is not None:
             raise ScenarioError([("trajectory", fault.text)])
         known = [self._assembly, *known]
         if not _goes_on(self.scenario, scenario):
-            anew = World(scenario, self.tick_period, known, at_once)
+            anew = World(scenario.anew(), self.tick_period, known, at_once)
             if anew.status.failed:
                 raise ScenarioError([("initial", anew.status.text)])
             vars(self).update(vars(anew))
             return True
         reshaped = not (_same_mesh(self.scenario, scenario) and own_signals(self.scenario) == own_signals(scenario))
-        self._carry_over(scenario, build_assembly(scenario, self.tick_period, known, at_once))
+        assembly = build_assembly(scenario, self.tick_period, known, at_once)
+        if command.keeps_target:
+            assembly = self._go_on_from_target(assembly)
+        self._carry_over(assembly.scenario, assembly)
         return reshaped
+
+    def _go_on_from_target(self, assembly: Assembly) -> Assembly:
+        """The assembly with a target that goes on from where it is."""
+        old = self._assembly.system.trajectory
+        if equal_motions(old, assembly.system.trajectory):
+            return assembly
+        scenario = go_on_from(desired_at(old, self.time), self.scenario, assembly.scenario, self.time)
+        system = assembly.system._replace(trajectory=build_trajectory(scenario))
+        return assembly._replace(scenario=scenario, system=system)
 
     def _carry_over(self, scenario: Scenario, assembly: Assembly) -> None:
         """Go on with a new assembly: coordinates and velocities stay, momenta follow."""
@@ -381,13 +393,3 @@ def _same_mesh(one: Scenario, other: Scenario) -> bool:
     """Whether beam coordinates mean the same in two scenarios."""
     a, b = one.payload, other.payload
     return (a.element_count, a.boundary) == (b.element_count, b.boundary)
-
-
-def keep_phase(scenario: Scenario, changes: Mapping[str, Any], time: float) -> Scenario:
-    """The changed scenario, its path adjusted so that the target does not jump where a path can avoid it."""
-    changed = scenario.replace(changes)
-    own = {path.removeprefix("trajectory."): value for path, value in changes.items() if path.startswith("trajectory.")}
-    if not own or "trajectory" in changes:
-        return changed
-    kept = scenario.trajectory.keeping(changed.trajectory, own, time)
-    return changed if kept is changed.trajectory else changed.model_copy(update={"trajectory": kept})

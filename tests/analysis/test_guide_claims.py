@@ -7,7 +7,8 @@ from flexlab.analysis.modes import modes
 from flexlab.guide import chapters
 from flexlab.physics.plant import make_workspace
 from flexlab.presets import load_preset
-from flexlab.sim.build import build_beam, build_system
+from flexlab.sim.assembly import build_system
+from flexlab.sim.build import build_beam
 from flexlab.sim.closed_loop import rates_at
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World

@@ -1,11 +1,23 @@
-"""The desired motion and its rates."""
+"""The desired motions and their rates."""
+
+from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexlab.scenario import Scenario
-from flexlab.sim.build import build_trajectory, desired_at
+from flexlab.analysis.replay import replay
+from flexlab.control.path import paths
+from flexlab.presets import load_preset
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+from flexlab.scenario import Scenario, parse_scenario
+from flexlab.server.scenario_links import decode_scenario, encode_scenario
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.simulate import simulate
+from flexlab.sim.target import build_trajectory, desired_at
+from flexlab.sim.world import World
 
 three = st.tuples(*[st.floats(-3, 3)] * 3)
 
@@ -34,3 +46,150 @@ def test_components_may_share_motion_or_not():
         found = desired_at(build_trajectory(scenario), 0.77)[0]
         angle = 2 * np.pi * np.array(path.frequency) * 0.77 + path.phase
         np.testing.assert_allclose(found, path.center + 0.2 * np.sin(angle), rtol=0, atol=1e-14)
+
+
+ALTERED = {
+    "trajectory.smooth_start": 0.3,
+    "trajectory.shaper": "zvd",
+    "trajectory.shaper_frequency": 7.0,
+    "trajectory.shaper_damping": 0.02,
+}
+TURNED = {
+    "sine": {"frequency": 0.7, "phase": 0.4, "amplitude": 0.1},
+    "circle": {"phase": 1.0},
+    "figure-eight": {"phase": 1.0},
+}
+
+
+def on(kind: str, **changes: Any) -> Scenario:
+    """The paper's scenario on another path, turned a little so that nothing is zero by chance."""
+    own = {"kind": kind, **TURNED.get(kind, {}), **changes}
+    return load_preset("paper").replace({"trajectory": own})
+
+
+@pytest.mark.parametrize("altered", [{}, ALTERED], ids=["plain", "altered"])
+@pytest.mark.parametrize("kind", paths())
+def test_every_paths_rates_are_derivatives(kind: str, altered: dict):
+    """By central differences, wherever the acceleration has no jump within them."""
+    motion, h = build_trajectory(on(kind).replace(altered)), 1e-5
+    for t in np.linspace(0.0137, 1.3, 61):
+        before, now, after = (desired_at(motion, t + k * h) for k in (-1, 0, 1))
+        np.testing.assert_allclose(now[1], (after[0] - before[0]) / (2 * h), rtol=0, atol=1e-6)
+        if np.abs(after[2] - before[2]).max() < 0.1:
+            np.testing.assert_allclose(now[2], (after[1] - before[1]) / (2 * h), rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("kind", paths())
+def test_a_path_says_its_extent_its_peak_and_its_end(kind: str):
+    path, motion = on(kind).trajectory, build_trajectory(on(kind))
+    seen = np.array([desired_at(motion, t) for t in np.linspace(*path.window, 4001)])
+    middle, reach = np.array(path.middle), np.array(path.reach)
+    np.testing.assert_allclose(seen[:, 0].max(axis=0), middle + reach, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(seen[:, 0].min(axis=0), middle - reach, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(np.abs(seen[:, 2]).max(axis=0), path.peak_acceleration, rtol=1e-3, atol=1e-9)
+    if path.end is None:
+        np.testing.assert_allclose(desired_at(motion, path.span + 0.3), desired_at(motion, 0.3), rtol=0, atol=1e-9)
+        return
+    last = desired_at(motion, path.end)[0]
+    for t in (path.end + 1e-9, path.end + 0.1, path.end + 1e4):
+        np.testing.assert_array_equal(desired_at(motion, t), [last, [0] * 3, [0] * 3])
+
+
+@pytest.mark.parametrize(("kind", "at_a_quarter"), [("rest-to-rest", 53 / 512), ("bang-bang", 1 / 8)])
+def test_motions_from_rest_to_rest(kind: str, at_a_quarter: float):
+    """A quarter of the way through, before and after."""
+    scenario = on(kind, **{"from": (0.1, 0.7, 0.2), "to": (-0.1, 0.8, -0.1), "start": 0.5, "duration": 0.8})
+    motion, way = build_trajectory(scenario), np.array([-0.2, 0.1, -0.3])
+    np.testing.assert_array_equal(desired_at(motion, 0.3), [[0.1, 0.7, 0.2], [0] * 3, [0] * 3])
+    np.testing.assert_allclose(desired_at(motion, 0.7)[0], (0.1, 0.7, 0.2) + at_a_quarter * way, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(desired_at(motion, 0.9)[0], (0.0, 0.75, 0.05), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(desired_at(motion, 1.4)[0], (-0.1, 0.8, -0.1), rtol=0, atol=1e-15)
+
+
+def test_a_smooth_start_begins_at_rest_and_goes_the_same_way():
+    plain, smooth = (build_trajectory(on("circle", smooth_start=ramp)) for ramp in (0.0, 0.6))
+    first = desired_at(smooth, 0.0)
+    np.testing.assert_array_equal(first, [desired_at(plain, 0.0)[0], [0] * 3, [0] * 3])
+    np.testing.assert_allclose(desired_at(smooth, 0.6), desired_at(plain, 0.3), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(desired_at(smooth, 1.7), desired_at(plain, 1.4), rtol=0, atol=1e-12)
+
+
+def test_the_start_velocity_may_be_the_paths():
+    run = simulate(on("circle").replace({"initial.pose_rate": None}), 0.01)
+    np.testing.assert_allclose(run.pose_rate[0], desired_at(build_trajectory(on("circle")), 0.0)[1], rtol=0, atol=1e-12)
+
+
+def test_a_path_that_names_no_kind_is_a_sine():
+    """As files and recordings before other paths have it."""
+    old = parse_scenario({"trajectory": {"center": (0, 0.7, 0), "frequency": [2, 2, 2]}})
+    assert (old.trajectory.kind, old.trajectory.frequency) == ("sine", (2.0, 2.0, 2.0))
+
+
+def test_one_number_stands_for_three():
+    three_times = {"amplitude": (0.1,) * 3, "frequency": (0.5,) * 3, "phase": (0.3,) * 3}
+    once = {"amplitude": 0.1, "frequency": 0.5, "phase": 0.3}
+    scenarios = [load_preset("paper").replace({"trajectory": {"kind": "sine", **one}}) for one in (once, three_times)]
+    runs = [simulate(one, 0.2, commands=[(0.1, ChangeScenario({"trajectory.frequency": 2.0}))]) for one in scenarios]
+    assert runs[0].pose.tobytes() == runs[1].pose.tobytes()
+
+
+@pytest.mark.parametrize("kind", paths())
+def test_every_path_is_replayed_bit_for_bit_and_shared(kind: str, tmp_path):
+    scenario = on(kind).replace({**ALTERED, "trajectory.bending_feedforward": 0.5})
+    recording = read_recording(write_run(simulate(scenario, 0.2), tmp_path, kind))
+    assert recording.scenario == scenario
+    assert replay(recording).identical
+    assert decode_scenario(encode_scenario(scenario)) == scenario
+
+
+CHANGES = [
+    *({"trajectory.kind": kind} for kind in paths() if kind != "sine"),
+    {"trajectory.amplitude": 0.1},
+    {"trajectory.center": (0.05, 0.8, 0.1)},
+    {"trajectory.phase": 1.0},
+    {"trajectory.frequency": 0.5},
+    {"trajectory.smooth_start": 1.0},
+    {"trajectory.shaper": "ei-shaper"},
+    {"trajectory": {"kind": "circle"}},
+]
+
+
+@pytest.mark.parametrize("changes", CHANGES, ids=str)
+def test_the_target_does_not_jump(changes: dict):
+    """However the path is changed in motion; half a second later the new path is reached."""
+    world = World(load_preset("paper"))
+    world.advance(333)
+    before = desired_at(world.system.trajectory, world.time)
+    assert world.apply(ChangeScenario(changes)) is False
+    after = desired_at(world.system.trajectory, world.time)
+    np.testing.assert_allclose(after[0], before[0], rtol=0, atol=1e-9)
+    if "trajectory.frequency" not in changes:
+        np.testing.assert_allclose(after[1:], before[1:], rtol=0, atol=1e-6)
+    times = world.time + np.linspace(0, 0.6, 2401)
+    way = np.array([desired_at(world.system.trajectory, t)[0] for t in times])
+    assert np.abs(np.diff(way, axis=0)).max() < 5e-4, "0.25 ms at 2 m/s"
+    new = build_trajectory(world.scenario.anew())
+    for t in (world.time + 0.501, world.time + 3.0):
+        np.testing.assert_array_equal(desired_at(world.system.trajectory, t), desired_at(new, t))
+    assert len(world.advance(60)) == 60
+
+
+def test_many_changes_one_upon_the_other_do_not_make_the_target_jump():
+    world = World(load_preset("paper"))
+    sine = [{"trajectory.kind": "sine"}, {"trajectory.amplitude": 0.1}, {"trajectory.shaper": "zvd"}]
+    others = [{"trajectory.kind": kind} for kind in ("circle", "rest-to-rest", "hold")]
+    for changes in (*sine, others[0], {"trajectory.radius": 0.05}, others[1], {"trajectory.duration": 0.2}, others[2]):
+        world.advance(31)
+        before = desired_at(world.system.trajectory, world.time)
+        world.apply(ChangeScenario(changes))
+        np.testing.assert_allclose(desired_at(world.system.trajectory, world.time)[0], before[0], rtol=0, atol=1e-9)
+
+
+def test_a_run_that_begins_anew_knows_nothing_of_a_change_in_motion():
+    world = World(load_preset("paper"))
+    world.advance(100)
+    world.apply(ChangeScenario({"trajectory.center": (0.05, 0.8, 0.1)}))
+    assert world.scenario.trajectory.transition is not None
+    fresh = simulate(world.scenario, 0.15)
+    assert fresh.pose.tobytes() == simulate(world.scenario.anew(), 0.15).pose.tobytes()
+    assert decode_scenario(encode_scenario(world.scenario)) == world.scenario.anew()

@@ -7,19 +7,20 @@ from flexlab.lab.panel.all_fields import GROUPS, SWITCHES, present
 from flexlab.presets import load_preset, preset_names
 from flexlab.quantities import Part
 from flexlab.scenario import Scenario
+from flexlab.scenario.differences import ENGINE
 
 
 def shown_in_sections(path: str) -> bool:
     """Whether a field has a place among the sliders or menus of the upper folders."""
     name = path.rsplit(".", 1)[-1]
-    return Scenario().about(path).slider is not None or name == "boundary"
+    return Scenario().about(path).slider is not None or name in ("boundary", "shaper")
 
 
 def leaves(part: Part, path: str = "") -> list[str]:
     found = []
     for name in type(part).model_fields:
         inner, value = f"{path}.{name}" if path else name, getattr(part, name)
-        if name in ("kind", "title", "watch"):
+        if name in ("kind", "title", "watch") or inner == ENGINE:
             continue
         found += leaves(value, inner) if isinstance(value, Part) else [inner]
     return found

@@ -2,7 +2,7 @@
 
 from flexlab.compiled import compiled
 from flexlab.control.law import control_law
-from flexlab.control.path import desired_motion
+from flexlab.control.motion import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
 

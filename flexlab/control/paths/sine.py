@@ -7,30 +7,34 @@ import numpy as np
 
 from flexlab.compiled import pluggable
 from flexlab.control.path import Path, Trajectory
-from flexlab.quantities import Triple, quantity
+from flexlab.control.phase import kept_phase, three
+from flexlab.quantities import OneOrThree, Triple, quantity
 
 POINTS_PER_PERIOD = 200
 """Instants per period of the fastest component: the path between two is under 1e-3 of the amplitude from a chord."""
 
 
 class SineTrajectory(Trajectory):
-    """x_d(t) = center + amplitude · sin(2π frequency t + phase), for x, y and θ (Section IV of the paper)."""
+    """x_d(t) = center + amplitude · sin(2π frequency t + phase), for x, y and θ (Section IV of the paper).
+
+    Amplitude, frequency and phase may be one number for all three.
+    """
 
     kind: Literal["sine"] = "sine"
     center: Triple = quantity(
         (0.0, 0.75, 0.0), title="Centre (x, y, θ)", symbol="x_c", unit="m, m, rad", low=-20, high=20
     )
-    amplitude: Triple = quantity(
+    amplitude: OneOrThree = quantity(
         (0.2, 0.2, 0.2), title="Amplitude (x, y, θ)", symbol="A_d", unit="m, m, rad", low=-5, high=5, slider=(0, 0.4)
     )
-    frequency: Triple = quantity(
+    frequency: OneOrThree = quantity(
         (1.0, 1.0, 1.0), title="Frequency", symbol="f_d", unit="Hz", low=0, high=50, slider=(0.1, 3)
     )
-    phase: Triple = quantity((0.0, 0.0, 0.0), title="Phase", symbol="φ_d", unit="rad", low=-100, high=100)
+    phase: OneOrThree = quantity((0.0, 0.0, 0.0), title="Phase", symbol="φ_d", unit="rad", low=-100, high=100)
 
     def _moving(self) -> list[float]:
         """Frequencies that move something, Hz."""
-        return [f for f, a in zip(self.frequency, self.amplitude, strict=True) if a != 0 and f > 0]
+        return [f for f, a in zip(three(self.frequency), three(self.amplitude), strict=True) if a != 0 and f > 0]
 
     @property
     def span(self) -> float:
@@ -46,7 +50,7 @@ class SineTrajectory(Trajectory):
     @property
     def fastest_period(self) -> float:
         """s."""
-        return 1 / max(max(self.frequency), 1e-3)
+        return 1 / max(*three(self.frequency), 1e-3)
 
     @property
     def slowest_period(self) -> float:
@@ -61,27 +65,30 @@ class SineTrajectory(Trajectory):
     @property
     def reach(self) -> tuple[float, ...]:
         """Its amplitudes."""
-        return tuple(abs(a) for a in self.amplitude)
+        return tuple(abs(a) for a in three(self.amplitude))
 
     @property
     def peak_acceleration(self) -> tuple[float, ...]:
         """A (2πf)²."""
-        return tuple(abs(a) * (2 * np.pi * f) ** 2 for a, f in zip(self.amplitude, self.frequency, strict=True))
+        both = zip(three(self.amplitude), three(self.frequency), strict=True)
+        return tuple(abs(a) * (2 * np.pi * f) ** 2 for a, f in both)
 
     def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
         """A new frequency alone keeps the sine's argument, so that the target does not jump."""
-        if not isinstance(changed, SineTrajectory) or self.frequency == changed.frequency or "phase" in changes:
+        if (
+            not isinstance(changed, SineTrajectory)
+            or three(self.frequency) == three(changed.frequency)
+            or "phase" in changes
+        ):
             return changed
-        turn = 2 * np.pi
-        phase = tuple(
-            float(np.remainder(p + turn * (f0 - f1) * time, turn)) if f0 != f1 else p
-            for p, f0, f1 in zip(self.phase, self.frequency, changed.frequency, strict=True)
-        )
-        return changed.model_copy(update={"phase": phase})
+        parts = zip(three(self.phase), three(self.frequency), three(changed.frequency), strict=True)
+        phase = tuple(kept_phase(p, f0, f1, time) for p, f0, f1 in parts)
+        same = len(set(phase)) == 1 and not isinstance(changed.phase, tuple)
+        return changed.model_copy(update={"phase": phase[0] if same else phase})
 
 
 @pluggable
-def sine(path, t, desired):
+def sine(path, rows, t, desired):
     """x_d = center + amplitude sin(2π frequency t + phase)."""
     sine = cosine = 0.0
     for a in range(3):

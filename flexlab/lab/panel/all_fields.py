@@ -5,20 +5,22 @@ from typing import Any, NamedTuple
 
 import viser
 
+from flexlab.control.path import Trajectory
 from flexlab.errors import ScenarioError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.choice import Choice
 from flexlab.lab.panel.numeric_field import NumericField
-from flexlab.quantities import describe
+from flexlab.quantities import Part, describe, own_numbers
 from flexlab.scenario import Scenario
-from flexlab.sim.build import build_trajectory, desired_at
+from flexlab.sim.target import build_trajectory, desired_at
 
-FIRST_PERIOD, FIRST_TORQUE_LIMIT, FIRST_STEP = 1e-3, 400.0, 1e-4
-"""What a switch begins with: an ordinary controller's 1 ms, two thirds of the paper's largest torque in N·m, 0.1 ms."""
+FIRST_PERIOD, FIRST_TORQUE_LIMIT, FIRST_STEP, FIRST_SHAPED = 1e-3, 400.0, 1e-4, 45.5
+"""What a switch begins with: an ordinary controller's 1 ms, two thirds of the paper's largest torque in N·m, 0.1 ms, and the
+paper's ring in Hz."""
 
 
 class Group(NamedTuple):
-    """One folder: `paths` of its fields; those that end in ".*" stand for all gains of the control law."""
+    """One folder: `paths` of its fields; those that end in ".*" stand for what a law or a path has of its own."""
 
     title: str
     paths: tuple[str, ...]
@@ -29,7 +31,7 @@ def _arm(side: str) -> tuple[str, ...]:
     return tuple(f"{side}_arm.{field}" for field in fields)
 
 
-GAINS = "controller.*"
+GAINS, PATH_NUMBERS = "controller.*", "trajectory.*"
 GROUPS = (
     Group("Gains for x, y and θ apart", (GAINS,)),
     Group("Motors, sampling and sensors", (
@@ -47,7 +49,7 @@ GROUPS = (
         "controller.model.linear_density_factor",
         "controller.model.length_factor",
     )),
-    Group("Path, part by part", ("trajectory.center", "trajectory.frequency", "trajectory.phase")),
+    Group("Path, part by part", (PATH_NUMBERS,)),
     Group("Start of a run", ("initial.pose", "initial.pose_rate")),
     Group("Left arm", _arm("left")),
     Group("Right arm", _arm("right")),
@@ -71,6 +73,8 @@ SWITCHES: dict[str, tuple[str, Callable[[Scenario], Any]]] = {
     "initial.pose_rate": ("Start with another velocity than the path's", _start(1)),
     "left_arm.link_inertia": ("Inertias other than m l²/12", lambda scenario: scenario.arms[0].inertia),
     "right_arm.link_inertia": ("Inertias other than m l²/12", lambda scenario: scenario.arms[-1].inertia),
+    "trajectory.shaper_frequency": ("Shaper made for a frequency given here", lambda _: FIRST_SHAPED),
+    "trajectory.shaper_damping": ("Shaper made for a damping given here", lambda _: 0.0),
     "simulation.step": ("Longest step chosen by hand", lambda _: FIRST_STEP),
     "payload.mode_count": ("Keep fewer modes", lambda scenario: scenario.payload.coordinate_count),
 }
@@ -85,14 +89,22 @@ def present(scenario: Scenario, group: Group) -> tuple[str, ...]:
 
 def _expanded(scenario: Scenario, group: Group) -> Iterator[str]:
     for path in group.paths:
-        if path != GAINS:
+        if path == GAINS:
+            law = type(scenario.controller)
+            numbers = (name for name in law.model_fields if describe(law, name).slider and _one_or_three(law, name))
+            yield from (f"controller.{name}" for name in numbers)
+        elif path == PATH_NUMBERS:
+            kind = type(scenario.trajectory)
+            for name in (*own_numbers(kind, Trajectory), *own_numbers(Trajectory, Part)):
+                if describe(kind, name).slider is None or _one_or_three(kind, name):
+                    yield f"trajectory.{name}"
+        else:
             yield path
-            continue
-        law = scenario.controller
-        for name, field in type(law).model_fields.items():
-            # A gain may be one number or three, and only those have both a slider and parts.
-            if describe(type(law), name).slider and field.annotation == float | tuple[float, float, float]:
-                yield f"controller.{name}"
+
+
+def _one_or_three(part: type[Part], name: str) -> bool:
+    """Whether a field may be one number or three: its slider sets all three, and its parts have boxes here."""
+    return part.model_fields[name].annotation == float | tuple[float, float, float]
 
 
 def _has(scenario: Scenario, path: str) -> bool:
@@ -138,5 +150,6 @@ class Details:
     def _field(self, path: str) -> NumericField | Choice:
         if path in CHOSEN:
             return Choice(self._gui, self._lab_state, path)
-        parts = 3 if GAINS in self._group.paths else 1
+        parent, name = path.rsplit(".", 1)
+        parts = 3 if _one_or_three(type(self._lab_state.intended.get(parent)), name) else 1
         return NumericField(self._gui, self._lab_state, path, SWITCHES.get(path), parts)

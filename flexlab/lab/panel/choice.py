@@ -13,6 +13,8 @@ from flexlab.scenario.field_names import parts_of
 
 CHOICES = {
     "controller.kind": ("Control law", "Keeps the motion; fields that the new law lacks are dropped."),
+    "trajectory.kind": ("Path", "Goes on from where the target is; fields that the new path lacks are dropped."),
+    "trajectory.shaper": ("Input shaper", "Acts at once."),
     "payload.damping.kind": ("Damping kind", "Acts at once."),
     "payload.boundary": ("Boundary", "Reshapes the beam's mesh; its shape is carried over."),
     "simulation.integrator": ("Integrator", "Acts at once."),

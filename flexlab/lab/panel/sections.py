@@ -14,10 +14,11 @@ from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped, number
 from flexlab.quantities import Part, Quantity, describe
 from flexlab.scenario import Scenario
+from flexlab.scenario.scenario import COMMON_FIELDS
 
 SECTIONS = (("Beam", "payload"), ("Controller", "controller"), ("Trajectory", "trajectory"), ("World", ""))
 """Folder title and path of the part of the scenario that it shows."""
-CHOSEN = ("controller.kind", "payload.damping.kind", "payload.boundary")
+CHOSEN = ("controller.kind", "trajectory.kind", "trajectory.shaper", "payload.damping.kind", "payload.boundary")
 """Fields that are a word from a menu."""
 FIRST = ("bending_stiffness", "damping")
 """Fields that stand before the others: what a student changes first."""
@@ -48,7 +49,8 @@ def _extreme(ranks: list[int]) -> int:
 
 
 def _walk(part: Part, path: str) -> Iterator[Entry]:
-    for name in type(part).model_fields:
+    common = COMMON_FIELDS.get(f"{path}.kind", ())
+    for name in sorted(type(part).model_fields, key=lambda name: name in common):
         value = getattr(part, name)
         inner = f"{path}.{name}" if path else name
         about = describe(type(part), name)

@@ -5,7 +5,8 @@ from collections import deque
 import numpy as np
 import viser
 
-from flexlab.control.path import poses
+from flexlab.control.motion import poses
+from flexlab.control.path import build_motion
 from flexlab.lab import colors
 from flexlab.lab.scene import arm_models
 from flexlab.lab.scene.arm_meshes import scene_size
@@ -13,7 +14,6 @@ from flexlab.lab.scene.beam_mesh import SIDES, tube_faces, tube_vertices
 from flexlab.lab.scene.stage import floor_extent
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.scenario import Scenario
-from flexlab.sim.build import build_trajectory
 from flexlab.sim.geometry import link_points
 from flexlab.sim.samples import Samples
 
@@ -21,7 +21,7 @@ DASHES = 15
 """Pieces of the dashed virtual link."""
 PATH_POINTS = 241
 LONGEST_PATH_TIME = 20.0
-"""The path is drawn for one period of its slowest part, but for no more than this, s."""
+"""The path is drawn once, but for no more than this, s."""
 TRAIL_POINTS = 91
 """Places that the trail remembers: 3 s of pictures."""
 LABEL_OFFSET = 0.05
@@ -32,9 +32,10 @@ GHOST_RADIUS = 0.016
 
 
 def path_points(scenario: Scenario) -> np.ndarray:
-    """The desired path of the payload's middle over one period, m, (PATH_POINTS, 2)."""
-    times = np.linspace(0, min(scenario.trajectory.slowest_period, LONGEST_PATH_TIME), PATH_POINTS)
-    return poses(build_trajectory(scenario), times)[:, 0, :2]
+    """The desired path of the payload's middle, once, m, (PATH_POINTS, 2)."""
+    begin, end = scenario.trajectory.window
+    times = np.linspace(begin, min(end, begin + LONGEST_PATH_TIME), PATH_POINTS)
+    return poses(build_motion(scenario.trajectory), times)[:, 0, :2]
 
 
 def segments(plane: np.ndarray, height: float) -> np.ndarray:

@@ -13,12 +13,12 @@ import numpy as np
 from flexlab.errors import ScenarioError
 from flexlab.physics.quasi_static import quasi_static_deflection
 from flexlab.scenario import Scenario
-from flexlab.sim.build import build_beam, build_plant, build_trajectory, desired_at
+from flexlab.sim.build import build_beam, build_plant
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import TABLE
 from flexlab.sim.snapshot import Event
-from flexlab.sim.world import keep_phase
+from flexlab.sim.target import build_trajectory, change_path, desired_at
 
 FORMAT = 2
 """Of what is written now."""
@@ -50,7 +50,7 @@ class Changes:
         for event in events:
             if isinstance(event.command, ChangeScenario) and event.level != "error":
                 try:
-                    scenario = keep_phase(scenario, event.command.changes, event.time)
+                    scenario = change_path(scenario, event.command.changes, event.time)
                 except ScenarioError:
                     continue  # Another version's setting: what is drawn of it stays as it was.
                 self._times.append(event.time)

@@ -3,12 +3,12 @@
 import numpy as np
 from markupsafe import Markup
 
-from flexlab.control.path import poses
+from flexlab.control.motion import poses
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario
 from flexlab.server.pages.templating import render
-from flexlab.sim.build import build_trajectory
 from flexlab.sim.geometry import arm_points, beam_points
+from flexlab.sim.target import build_trajectory
 from flexlab.sim.world import World
 
 PATH_POINTS, BEAM_POINTS = 96, 24

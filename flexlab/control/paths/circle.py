@@ -1,0 +1,74 @@
+"""Round a circle, the beam's angle held."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+
+from flexlab.compiled import pluggable
+from flexlab.control.path import Path, Trajectory
+from flexlab.control.phase import kept_phase
+from flexlab.quantities import Number, Triple, quantity
+
+POINTS_PER_TURN = 200
+"""The path between two is under 1e-3 of the radius from a chord."""
+
+
+class Circle(Trajectory):
+    """x_d = center + radius (cos α, sin α, 0), α = 2π frequency t + phase: counter-clockwise, at constant speed."""
+
+    kind: Literal["circle"] = "circle"
+    center: Triple = quantity(
+        (0.0, 0.75, 0.0), title="Centre (x, y, θ)", symbol="x_c", unit="m, m, rad", low=-20, high=20
+    )
+    radius: Number = quantity(0.1, title="Radius", symbol="R", unit="m", low=0, high=5, slider=(0, 0.4))
+    frequency: Number = quantity(
+        1.0, title="Turns per second", symbol="f_d", unit="Hz", low=0, high=50, slider=(0.1, 3)
+    )
+    phase: Number = quantity(0.0, title="Phase", symbol="φ_d", unit="rad", low=-100, high=100)
+
+    @property
+    def span(self) -> float:
+        """A turn, s."""
+        return 1 / self.frequency if self.frequency > 0 and self.radius > 0 else 0.0
+
+    @property
+    def shortest_time(self) -> float:
+        """s."""
+        return (self.span or 1.0) / POINTS_PER_TURN
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        """Its centre."""
+        return self.center
+
+    @property
+    def reach(self) -> tuple[float, ...]:
+        """Its radius."""
+        return self.radius, self.radius, 0.0
+
+    @property
+    def peak_acceleration(self) -> tuple[float, ...]:
+        """R (2πf)²."""
+        peak = self.radius * (2 * np.pi * self.frequency) ** 2
+        return peak, peak, 0.0
+
+    def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
+        """A new frequency alone keeps the angle."""
+        if not isinstance(changed, Circle) or "phase" in changes:
+            return changed
+        return changed.model_copy(update={"phase": kept_phase(self.phase, self.frequency, changed.frequency, time)})
+
+
+@pluggable
+def circle(path, rows, t, desired):
+    """The angle and its two derivatives."""
+    rate = 2 * np.pi * path.frequency
+    angle = rate * t + path.phase
+    x, y = path.radius * np.cos(angle), path.radius * np.sin(angle)
+    desired[0, 0], desired[0, 1], desired[0, 2] = path.center[0] + x, path.center[1] + y, path.center[2]
+    desired[1, 0], desired[1, 1], desired[1, 2] = -rate * y, rate * x, 0.0
+    desired[2, 0], desired[2, 1], desired[2, 2] = -rate * rate * x, -rate * rate * y, 0.0
+
+
+PATH = Path(Circle, circle, place=40)

@@ -1,0 +1,78 @@
+"""A lying figure of eight, the beam turning along."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+
+from flexlab.compiled import pluggable
+from flexlab.control.path import Path, Trajectory
+from flexlab.control.phase import kept_phase
+from flexlab.quantities import Number, Triple, quantity
+
+POINTS_PER_ROUND = 400
+"""y goes to and fro twice in a round: the path between two is under 1e-3 of the amplitude from a chord."""
+
+
+class FigureEight(Trajectory):
+    """x_d = center + (A_x sin α, A_y sin 2α, A_θ sin α), α = 2π frequency t + phase."""
+
+    kind: Literal["figure-eight"] = "figure-eight"
+    center: Triple = quantity(
+        (0.0, 0.75, 0.0), title="Centre (x, y, θ)", symbol="x_c", unit="m, m, rad", low=-20, high=20
+    )
+    amplitude: Triple = quantity(
+        (0.15, 0.1, 0.0), title="Amplitude (x, y, θ)", symbol="A_d", unit="m, m, rad", low=-5, high=5, slider=(0, 0.4)
+    )
+    frequency: Number = quantity(
+        0.5, title="Rounds per second", symbol="f_d", unit="Hz", low=0, high=50, slider=(0.1, 3)
+    )
+    phase: Number = quantity(0.0, title="Phase", symbol="φ_d", unit="rad", low=-100, high=100)
+
+    @property
+    def span(self) -> float:
+        """A round, s."""
+        return 1 / self.frequency if self.frequency > 0 and any(self.amplitude) else 0.0
+
+    @property
+    def shortest_time(self) -> float:
+        """s."""
+        return (self.span or 1.0) / POINTS_PER_ROUND
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        """Its centre."""
+        return self.center
+
+    @property
+    def reach(self) -> tuple[float, ...]:
+        """Its amplitudes."""
+        return tuple(abs(a) for a in self.amplitude)
+
+    @property
+    def peak_acceleration(self) -> tuple[float, ...]:
+        """A (2πf)², four times that in y."""
+        peak = (2 * np.pi * self.frequency) ** 2
+        return tuple(abs(a) * peak * factor for a, factor in zip(self.amplitude, (1, 4, 1), strict=True))
+
+    def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
+        """A new frequency alone keeps the angle."""
+        if not isinstance(changed, FigureEight) or "phase" in changes:
+            return changed
+        return changed.model_copy(update={"phase": kept_phase(self.phase, self.frequency, changed.frequency, time)})
+
+
+@pluggable
+def figure_eight(path, rows, t, desired):
+    """Sines of the angle and of twice the angle."""
+    rate = 2 * np.pi * path.frequency
+    angle = rate * t + path.phase
+    for a in range(3):
+        times = 2.0 if a == 1 else 1.0
+        sine, own = np.sin(times * angle), times * rate
+        desired[0, a] = path.center[a] + path.amplitude[a] * sine
+        desired[1, a] = path.amplitude[a] * own * np.cos(times * angle)
+        desired[2, a] = -path.amplitude[a] * own * own * sine
+
+
+PATH = Path(FigureEight, figure_eight, place=50)

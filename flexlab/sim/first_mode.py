@@ -1,0 +1,98 @@
+"""The beam's first mode in the closed loop, which an input shaper is made for unless it is told another."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import eig
+
+from flexlab.control.motion import DesiredMotion
+from flexlab.control.path import build_motion
+from flexlab.control.paths.hold import Hold
+from flexlab.errors import ScenarioError
+from flexlab.physics.plant import ETA, P, X
+from flexlab.scenario import Scenario
+from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.build import build_beam, build_control, build_plant
+from flexlab.sim.closed_loop import System, new_workspace, rates_at, state_length
+
+DIFFERENCE = 1e-5
+"""Step of the central differences, m, rad and their momenta: their error stays under 1e-6 of the frequency."""
+OWN_SHARE = 0.5
+"""How much of an oscillation must be the beam's for it to be one of its modes."""
+MOST_DAMPED = 0.9
+"""Damping ratio that a shaper is made for at most; what fades faster needs none."""
+
+
+class Mode(NamedTuple):
+    """An oscillation."""
+
+    omega: float
+    """Magnitude of its pole, rad/s."""
+    zeta: float
+    """Damping ratio, 1."""
+
+
+def first_mode(scenario: Scenario) -> Mode:
+    """The closed loop's slowest oscillation that is the beam's, with the payload held in the middle of its path.
+
+    Continuous control, memory as at the start. Raises `ScenarioError` if there is none, as with fast-acting damping.
+    """
+    law = scenario.controller.model_copy(
+        update={
+            "control_period": None,
+            "input_delay": 0,
+            "torque_limit": None,
+            "sensor_noise": type(scenario.controller.sensor_noise)(),
+        }
+    )
+    path = Hold(pose=scenario.trajectory.middle)  # type: ignore[arg-type]
+    with one_blas_thread():
+        return _found(
+            scenario.anew().model_copy(update={"title": "", "watch": "", "trajectory": path, "controller": law})
+        )
+
+
+@lru_cache(maxsize=32)
+def _found(scenario: Scenario) -> Mode:
+    beam = build_beam(scenario.payload)
+    nothing = np.zeros((len(scenario.arms), 3))
+    held: DesiredMotion = build_motion(scenario.trajectory)
+    system = System(build_plant(scenario, beam), build_control(scenario, beam), held, nothing)
+    n = len(beam.modes.omega)
+    parts = np.concatenate([np.arange(X, X + 3), ETA + np.arange(n), np.arange(P, P + 3), ETA + n + np.arange(n)])
+    scale = np.concatenate([np.ones(3), beam.modes.omega, np.ones(3 + n)])
+    matrix = _slopes(system, np.array(scenario.trajectory.middle), parts, scale)
+    value, left, right = eig(matrix, left=True, right=True)  # type: ignore[misc]
+    product = np.abs(left.conj() * right)
+    product /= np.maximum(product.sum(axis=0), np.finfo(float).tiny)
+    share = product[3 : 3 + n].sum(axis=0) + product[6 + n :].sum(axis=0)
+    theirs = np.flatnonzero((share > OWN_SHARE) & (value.imag > 0))
+    if len(theirs) == 0:
+        raise ScenarioError(
+            [
+                (
+                    "trajectory.shaper_frequency",
+                    "trajectory.shaper_frequency = null: no mode of the beam oscillates in this loop. "
+                    "Give the frequency that the shaper is made for, in Hz, or choose the shaper none.",
+                )
+            ]
+        )
+    pole = value[theirs[np.argmin(np.abs(value[theirs]))]]
+    return Mode(float(abs(pole)), float(np.clip(-pole.real / abs(pole), 0.0, MOST_DAMPED)))
+
+
+def _slopes(system: System, pose: np.ndarray, parts: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """The matrix of the linear loop at rest over `parts` of its state, η by its frequency; raises `ScenarioError`."""
+    y, ws = np.zeros(state_length(system)), new_workspace(system)
+    y[:3] = pose
+    rows = np.zeros((2, len(y)))
+    columns = []
+    for part in parts:
+        for row, step in zip(rows, (DIFFERENCE, -DIFFERENCE), strict=True):
+            moved = y.copy()
+            moved[part] += step
+            if rates_at(system, 0.0, moved, ws, row, True) != 0:
+                raise ScenarioError([("trajectory", "The middle of the path cannot be reached by both arms: move it.")])
+        columns.append((rows[0] - rows[1])[parts] / (2 * DIFFERENCE))
+    return np.stack(columns, axis=1) * scale[:, None] / scale

@@ -1,0 +1,89 @@
+"""The desired motion of a scenario: its path with all that it may have besides, and what a live change makes of it."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from flexlab.control.motion import NO_TRANSITION, DesiredMotion, poses
+from flexlab.control.path import TRANSITION_TIME, Transition, build_motion
+from flexlab.control.shapers import impulses
+from flexlab.scenario import Scenario
+from flexlab.sim.first_mode import MOST_DAMPED, first_mode
+
+CLOSE = 1e-9
+"""Distance, m and rad, over which a target may jump: the rounding of a phase that was kept."""
+
+
+def build_trajectory(scenario: Scenario) -> DesiredMotion:
+    """The desired motion of a scenario; raises `ScenarioError` where its shaper has no mode to be made for."""
+    path, left = scenario.trajectory, scenario.trajectory.transition
+    shaped = shaper_impulses(scenario)
+    transition = NO_TRANSITION
+    if left is not None:
+        transition = np.array([left.time, left.duration, *left.pose, *left.rate, *left.acceleration])
+    return build_motion(path)._replace(
+        plain=path.smooth_start == 0 and len(shaped) == 0 and left is None,
+        ramp=float(path.smooth_start),
+        impulses=shaped,
+        transition=transition,
+        bending=float(path.bending_feedforward),
+    )
+
+
+def shaper_impulses(scenario: Scenario) -> np.ndarray:
+    """A_j, 1, and t_j, s, of a scenario's input shaper, (impulses, 2); none without one."""
+    path = scenario.trajectory
+    if path.shaper == "none":
+        return impulses("none", 1.0, 0.0)
+    frequency, zeta = path.shaper_frequency, path.shaper_damping
+    if frequency is None or zeta is None:
+        mode = first_mode(scenario)
+        frequency = mode.omega / (2 * math.pi) if frequency is None else frequency
+        zeta = mode.zeta if zeta is None else zeta
+    return impulses(path.shaper, 2 * math.pi * frequency, min(zeta, MOST_DAMPED))
+
+
+def desired_at(trajectory: DesiredMotion, t: float) -> np.ndarray:
+    """x_d, ẋ_d, ẍ_d at time t, (3, 3)."""
+    return poses(trajectory, np.array([t]))[0]
+
+
+def change_path(scenario: Scenario, changes: Mapping[str, Any], time: float) -> Scenario:
+    """The changed scenario, its path such that it begins close to the target at `time`, s, where it can."""
+    changed = scenario.replace(changes)
+    own = {path.removeprefix("trajectory."): value for path, value in changes.items() if path.startswith("trajectory.")}
+    if not own or "trajectory" in changes:
+        return changed
+    old, new = scenario.trajectory, changed.trajectory
+    kept = old.keeping(new, own, time) if type(old) is type(new) else new.taken_up(old, own, time)
+    return changed if kept is new else changed.model_copy(update={"trajectory": kept})
+
+
+def go_on_from(target: np.ndarray, old: Scenario, scenario: Scenario, time: float) -> Scenario:
+    """The scenario with the transition that takes its path on from `target` (3, 3), that of `old`, at `time`, s.
+
+    A path of the same kind that begins where the target is needs none: a new frequency acts at once.
+    """
+    plain = scenario.anew()
+    left = target - desired_at(build_trajectory(plain), time)
+    if np.abs(left[0]).max() < CLOSE and plain.trajectory.kind == old.trajectory.kind:
+        return plain
+    pose, rate, acceleration = (tuple(map(float, part)) for part in left)
+    transition = Transition(time=time, duration=TRANSITION_TIME, pose=pose, rate=rate, acceleration=acceleration)  # type: ignore[arg-type]
+    return plain.model_copy(update={"trajectory": plain.trajectory.model_copy(update={"transition": transition})})
+
+
+def equal_motions(one: DesiredMotion, other: DesiredMotion) -> bool:
+    """Whether two targets are the same at every instant."""
+    return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+
+
+def same_target(one: Scenario, other: Scenario) -> bool:
+    """Whether two scenarios of the same beam surely have the same target; a shaper may follow the loop's first mode."""
+    path = one.trajectory
+    if path != other.trajectory:
+        return False
+    follows = path.shaper != "none" and None in (path.shaper_frequency, path.shaper_damping)
+    return not follows or (one.arms, one.controller, one.gravity) == (other.arms, other.controller, other.gravity)

@@ -29,7 +29,7 @@ from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.step_levels import DISTURBED_TICKS
-from flexlab.sim.target import build_trajectory, change_path, desired_at, go_on_from, equal_motions
+from flexlab.sim.target import build_trajectory, change_path, desired_at, equal_motions, go_on_from
 from flexlab.sim.termination import DEFLECTION_LIMIT, pose_fault, runtime_fault
 from flexlab.sim.workspace_check import check_trajectory, same_reach
 from flexlab.sim.world_state import WorldState

@@ -4,11 +4,12 @@ import numpy as np
 
 from flexlab.control.conditions import Circumstances, Condition, sampled_in_time, slower_than_the_beam
 from flexlab.control.law import laws
-from flexlab.control.path import poses
+from flexlab.control.motion import poses
 from flexlab.physics.dynamics import configure_arms
 from flexlab.physics.law_input import LAW_INPUT
 from flexlab.scenario import Scenario
-from flexlab.sim.build import build_beam, build_system
+from flexlab.sim.assembly import build_system
+from flexlab.sim.build import build_beam
 from flexlab.sim.closed_loop import new_workspace
 from flexlab.sim.law_memory import complete_input
 from flexlab.sim.step_size import control_rate, desired_poses

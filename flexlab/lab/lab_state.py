@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.errors import FlexlabError, LabError, ScenarioError
+from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.reference_run import ReferenceRun, differences
 from flexlab.lab.undo import Settings, Undo, changes_towards
-from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
+from flexlab.lab.view_settings import FollowedExaggeration, ViewSettings, fitting_exaggeration, fitting_window
 from flexlab.log_limits import limited
 from flexlab.physics.plant import ON_BEAM, Hand
 from flexlab.presets import load_preset
@@ -27,6 +28,11 @@ NOTICE_TIME = 12.0
 """How long a notice stays on screen, wall seconds: time to read two lines twice."""
 CATCH_UP_TIME = 1.0
 """How long the engine may take to show a change that was asked for, wall seconds."""
+
+SEEN_AT_ONCE = 0.3
+"""Simulated s whose largest deflection is taken for the present one: a period of the softest beam that is offered."""
+PATIENCE = 15
+"""Updates in a row (1.5 s) that find the drawn deflection too small before it is enlarged."""
 
 log = limited(__name__)
 
@@ -58,6 +64,8 @@ class LabState:
         self.kept: ReferenceRun | None = None
         """The run that is drawn behind the present one."""
         self._view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
+        self._followed = FollowedExaggeration(PATIENCE)
+        self._fitted_speed = snapshot.target_speed
         self._let_go_of(origin)
 
     @property
@@ -161,6 +169,22 @@ class LabState:
             elif snapshot.scenario != self.intended:
                 self._settings = dataclasses.replace(self._settings, scenario=snapshot.scenario)
 
+    def fit_view(self, snapshot: Snapshot) -> None:
+        """Let what is drawn follow the run, where the person has chosen nothing; called ten times a second."""
+        if snapshot.target_speed != self._fitted_speed:
+            self._fitted_speed = snapshot.target_speed
+            if self._view.follow_speed:
+                self.set_view(plot_window=fitting_window(snapshot.target_speed))
+        if not self._view.follow_deflection or not snapshot.playing:
+            return
+        payload, recent = snapshot.scenario.payload, self._runner.recent(SEEN_AT_ONCE)
+        if len(recent) and recent.beam_coordinates.shape[1] == payload.coordinate_count:
+            factor = self._followed.fit(
+                self._view.exaggeration, peak_deflection(payload, recent.beam_coordinates), payload.length
+            )
+            if factor != self._view.exaggeration:
+                self.set_view(exaggeration=factor)
+
     def say(self, text: str, level: str = "info") -> None:
         """Show a sentence to everybody who looks at this lab."""
         self._notice = Notice(text, level, time.monotonic())
@@ -189,7 +213,9 @@ class LabState:
     def _start(self, settings: Settings) -> None:
         self._settings, self._asked_at, self._run_name = settings, time.monotonic(), settings.name
         self._pull = None
-        self.set_view(exaggeration=fitting_exaggeration(settings.scenario), shown_mode=None)
+        self.set_view(shown_mode=None)
+        if self._view.follow_deflection:
+            self.set_view(exaggeration=fitting_exaggeration(settings.scenario))
         self._runner.submit(LoadScenario(settings.scenario, settings.name, settings.origin))
         self._let_go_of(settings.origin)
 

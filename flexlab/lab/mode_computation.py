@@ -20,9 +20,9 @@ log = logging.getLogger(__name__)
 
 
 def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
-    """The largest |w| along the beam for free coordinates `shape` (n_q,), m."""
+    """The largest |w| along the beam for free coordinates `shape` (n_q,), or several (N, n_q), m."""
     along = np.linspace(-0.5, 0.5, PEAK_POINTS) * payload.length
-    return float(np.abs(deflection_at(payload, shape[None], along)).max())
+    return float(np.abs(deflection_at(payload, np.atleast_2d(shape), along)).max())
 
 
 class ModeStudy:

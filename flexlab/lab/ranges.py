@@ -8,6 +8,10 @@ SHRINK_AFTER = 15
 """... for this many updates in a row (1.5 s at 10 Hz)."""
 
 
+HARDLY_SEEN, NARROWEST = 0.005, 0.1
+"""Shares of a plot's larger side: below the first the other side is left out, above it it gets at least the second."""
+
+
 class Range:
     """The range -limit..limit of one plot; `fit` follows the signals. `least`: the smallest limit, in plot units.
 
@@ -30,6 +34,31 @@ class Range:
             return False
         self.limit, self._small_for = wanted, 0
         return True
+
+
+class Span:
+    """The range low..high of one plot, about 0: each side as far as its signals go, none where they never go there."""
+
+    def __init__(self, least: float):
+        """`least`: what each side shows before the first signal, and the larger one at least, in plot units."""
+        self._least = least
+        self._sides = Range(0.0), Range(0.0)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lower and upper end."""
+        low, high = (side.limit for side in self._sides)
+        larger = max(low, high)
+        if larger == 0:
+            return -self._least, self._least
+        # What is hardly to be seen beside the other side needs no room of its own.
+        low, high = (0.0 if side < HARDLY_SEEN * larger else max(side, NARROWEST * larger) for side in (low, high))
+        return -low if low == 0 else -max(low, self._least), high if high == 0 else max(high, self._least)
+
+    def fit(self, low: float, high: float) -> None:
+        """Take in the least and the greatest value now in the window."""
+        for side, extent in zip(self._sides, (-low, high), strict=True):
+            side.fit(max(extent, 0.0))
 
 
 def round_up(value: float) -> float:

@@ -5,8 +5,10 @@ import time
 
 import viser
 
+from flexlab.lab.attendance import Attendance
 from flexlab.lab.client_cameras import ClientCameras
 from flexlab.lab.lab_state import LabState
+from flexlab.lab.page_reports import PageReports
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.plots.plots import Plots
@@ -35,9 +37,13 @@ class RenderLoop:
         panel: Panel,
         plots: Plots,
         guide: Guide,
+        reports: PageReports,
+        attendance: Attendance | None,
     ):
+        """`attendance`: who releases and holds runs; None: they run whether somebody looks or not."""
         self._server, self._runner, self._lab_state = server, runner, lab_state
         self._scene, self._cameras, self._panel, self._plots, self._guide = scene, cameras, panel, plots, guide
+        self._reports, self._attendance = reports, attendance
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="flexlab-drawing", daemon=True)
 
@@ -55,6 +61,8 @@ class RenderLoop:
         frame = 0
         while not self._stop.is_set():
             began = time.monotonic()
+            if self._attendance is not None:
+                self._attendance.update()
             if frame == 0 or self._server.get_clients():
                 try:
                     self._draw(frame % READOUT_EVERY == 0)
@@ -69,8 +77,9 @@ class RenderLoop:
     def _draw(self, readouts: bool) -> None:
         snapshot, view = self._runner.snapshot, self._lab_state.view
         self._scene.update(snapshot, view, self._lab_state.pulled, self._lab_state.kept)
+        self._reports.show_run(snapshot.run_number)
         self._cameras.follow(snapshot)
         if readouts:
             self._panel.update(snapshot, self._scene.legend(view))
             self._guide.update(snapshot)
-            self._plots.update(self._runner, snapshot, view, self._lab_state.kept)
+            self._plots.update(self._runner, snapshot, view, self._lab_state.kept, self._reports.open_charts())

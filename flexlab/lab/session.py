@@ -4,11 +4,13 @@ from collections.abc import Callable, Sequence
 
 from flexlab.control import own_law_hosts
 from flexlab.errors import LabError
+from flexlab.lab.attendance import Attendance
 from flexlab.lab.client_cameras import ClientCameras
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.own_law_watch import OwnLawWatch
+from flexlab.lab.page_reports import PAGE_SCRIPT, PageReports
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.picking import Picking
@@ -35,7 +37,8 @@ class Session:
     `consumers` get every sample and event (a recorder, say). `recording` gives the sentence that the panel shows about
     the recording, `link` the address that opens a scenario in another browser. `port` 0 takes any free port. `shadows`
     costs a slow graphics card most of its time. With an `origin` the first run goes on from there.
-    With a `secret` the page answers only a server in front of it that sends it along.
+    With a `secret` the page answers only a server in front of it that sends it along. `attended`: runs begin when a browser
+    has drawn them, and hold while nobody looks; else they run whoever looks.
     """
 
     def __init__(
@@ -52,14 +55,15 @@ class Session:
         link: Callable[[Scenario], str] | None = None,
         origin: Origin | None = None,
         secret: str = "",
+        attended: bool = False,
     ):
         own_law_hosts.run_apart()
         self._scenario, self._host, self._port = scenario, host, port
         self._shadows, self._recording, self._link = shadows, recording, link
-        self._origin, self._secret = origin, secret
+        self._origin, self._secret, self._attended = origin, secret, attended
         self.guard = InputGuard()
         """Looks at every message of a browser; counts those that it refuses."""
-        self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin)
+        self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin, hold_starts=attended)
         self._server: GuardedServer | None = None
         self._lab_state: LabState | None = None
         self._study = ModeStudy()
@@ -93,7 +97,7 @@ class Session:
 
     def start(self) -> None:
         """Serve the page and start the simulation. Raises `LabError`, and leaves nothing running, if it cannot."""
-        self._server = open_server(self._host, self._port, "flexlab", self.guard, self._secret)
+        self._server = open_server(self._host, self._port, "flexlab", self.guard, self._secret, PAGE_SCRIPT)
         try:
             self._drawing = self._furnish(self._server)
             self._own_laws = OwnLawWatch(self.lab_state)
@@ -129,6 +133,8 @@ class Session:
         touch = Picking(lab_state)
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)
         cameras = ClientCameras(server, self.runner)
+        reports = PageReports(server, self.runner.snapshot.run_number)
+        attendance = Attendance(self.runner, lab_state, reports) if self._attended else None
         panel = Panel(
             server.gui, lab_state, self.runner, self._study, touch, cameras.choose, self._recording, self._link
         )
@@ -145,4 +151,4 @@ class Session:
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position
         self.guard.watch(server, lab_state)
-        return RenderLoop(server, self.runner, lab_state, scene, cameras, panel, plots, guide)
+        return RenderLoop(server, self.runner, lab_state, scene, cameras, panel, plots, guide, reports, attendance)

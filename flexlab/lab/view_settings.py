@@ -11,18 +11,29 @@ VISIBLE_BENDING = 0.012
 EXAGGERATION = Quantity(
     "Exaggeration of the deflection", unit="×", low=0, high=1000, slider=(1, 1000), logarithmic=True
 )
-PLOT_WINDOWS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
+FOLLOWED = 0.05
+"""Share of the beam's length that the exaggeration follows the deflection to."""
+TOO_LARGE, TOO_SMALL = 0.1, 0.02
+"""Shares of the beam's length beyond which the exaggeration is chosen anew."""
+PLOT_WINDOWS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 """Choices for the plots' time window, s."""
+
+
+USUAL_WINDOW = 5.0
+"""Wall seconds that the plots show."""
 
 
 @dataclass(frozen=True)
 class ViewSettings:
     """Settings of the screen. `exaggeration`: factor on the drawn deflection; `plot_window`: s.
 
+    `follow_deflection`: whether the lab chooses the exaggeration; `follow_speed`: whether it chooses the window.
     `shown_mode`: index of the mode whose shape is animated in place of the run, or None.
     """
 
     exaggeration: float = 50.0
+    follow_deflection: bool = True
+    follow_speed: bool = True
     strain: bool = False
     forces: bool = True
     moving_force: bool = False
@@ -31,7 +42,7 @@ class ViewSettings:
     path: bool = True
     trail: bool = False
     reach: bool = False
-    plot_window: float = 5.0
+    plot_window: float = USUAL_WINDOW
     hold_plots: bool = False
     shown_mode: int | None = None
 
@@ -45,6 +56,8 @@ class Legend:
 
 
 SWITCHES = {
+    "follow_deflection": "Exaggeration follows the deflection",
+    "follow_speed": "Plot window follows the speed",
     "strain": "Strain colours",
     "forces": "Internal force",
     "moments": "Internal moment",
@@ -66,6 +79,28 @@ def fitting_exaggeration(scenario: Scenario) -> float:
     if bending <= 0:
         return 50.0
     return min(max(nice(VISIBLE_BENDING * payload.length / bending), 1.0), EXAGGERATION.high)
+
+
+class FollowedExaggeration:
+    """Keeps what is drawn of a deflection at a few per cent of the beam's length: less at once, more when it stays small."""
+
+    def __init__(self, patience: int):
+        """`patience`: updates in a row that must find the drawn deflection too small."""
+        self._patience, self._small_for = patience, 0
+
+    def fit(self, factor: float, deflection: float, length: float) -> float:
+        """The factor for the present largest deflection, m, of a beam of `length` m that was drawn by `factor`."""
+        share = factor * deflection / length
+        self._small_for = self._small_for + 1 if 0 < share < TOO_SMALL else 0
+        if share <= TOO_LARGE and self._small_for < self._patience:
+            return factor
+        self._small_for = 0
+        return min(max(nice(FOLLOWED * length / deflection), 1.0), EXAGGERATION.high)
+
+
+def fitting_window(speed: float) -> float:
+    """The plots' window, s, that passes by in the usual wall time at a speed, of those on offer."""
+    return min(PLOT_WINDOWS, key=lambda window: abs(math.log(window / (USUAL_WINDOW * speed))))
 
 
 def nice(value: float) -> float:

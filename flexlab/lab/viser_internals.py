@@ -1,6 +1,7 @@
 """Every use of what viser does not promise, in one place. `tests/lab/test_viser_contract.py` says when viser has changed."""
 
 import functools
+import gzip
 import socket
 import threading
 from collections.abc import Awaitable, Callable, Collection, Iterator
@@ -41,10 +42,13 @@ class GuardedServer(viser.ViserServer):
     It never opens viser's tunnel through an outside machine, whatever a browser asks.
     """
 
-    def __init__(self, plug: socket.socket, label: str, admission: Admission, check: Check, largest_message: int):
-        """`largest_message`: bytes that a browser may send at once; more ends its connection."""
+    def __init__(
+        self, plug: socket.socket, label: str, admission: Admission, check: Check, largest_message: int, script: str
+    ):
+        """`largest_message`: bytes that a browser may send at once; more ends its connection. `script` runs in the page."""
         self._check = check
-        with _serving_on(plug, admission, functools.partial(_GuardedConnection, self), largest_message):
+        connection = functools.partial(_GuardedConnection, self)
+        with _serving_on(plug, admission, connection, largest_message, f"<script>{script}</script>".encode()):
             super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label=label, verbose=False)
 
     async def verdict(self, connection: ServerConnection, raw: Any) -> Verdict:
@@ -86,17 +90,20 @@ class _GuardedConnection(ServerConnection):
 
 
 @contextmanager
-def _serving_on(plug: socket.socket, admission: Admission, connection: Any, largest: int) -> Iterator[None]:
+def _serving_on(
+    plug: socket.socket, admission: Admission, connection: Any, largest: int, addition: bytes
+) -> Iterator[None]:
     """While this is open, viser's server listens on `plug` and answers whom `admission` lets in.
 
     viser opens its socket by itself, on the next free port if need be, and asks nobody who may come.
     """
     original: Any = websockets.asyncio.server.serve
+    furnished = functools.partial(_with_addition, addition=addition, pages={})
 
     def serve(handler: Any, host: Any, port: Any, *, process_request: Any, **options: Any) -> Any:
         def look(at: ServerConnection, request: Request) -> Response | None:
             sentence = admission(request)
-            return at.respond(403, f"{sentence}\n") if sentence else process_request(at, request)
+            return at.respond(403, f"{sentence}\n") if sentence else furnished(process_request(at, request))
 
         options |= {
             "create_connection": connection,
@@ -112,6 +119,27 @@ def _serving_on(plug: socket.socket, admission: Admission, connection: Any, larg
             yield
         finally:
             websockets.asyncio.server.serve = original
+
+
+def _with_addition(answer: Response | None, addition: bytes, pages: dict[int, bytes]) -> Response | None:
+    """An answer with our part of the page at the end of its head. `pages`: those furnished before, by length."""
+    if answer is None or not answer.headers.get("Content-Type", "").startswith("text/html"):
+        return answer
+    packed, length = answer.headers.get("Content-Encoding") == "gzip", len(answer.body)
+    if length not in pages:
+        page = gzip.decompress(answer.body) if packed else answer.body
+        head, mark, rest = page.rpartition(b"</head>")
+        page = head + addition + mark + rest
+        pages[length] = gzip.compress(page) if packed else page
+    answer.body = pages[length]
+    del answer.headers["Content-Length"]
+    answer.headers["Content-Length"] = str(len(answer.body))
+    return answer
+
+
+def widget_uuid(handle: Any) -> str:
+    """How the page calls a widget or a chart."""
+    return handle._impl.uuid
 
 
 def client_of(server: viser.ViserServer, connection: ServerConnection) -> int:

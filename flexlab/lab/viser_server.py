@@ -19,10 +19,13 @@ LIBRARY_LOGS = ("websockets.server", "asyncio")
 """Logs of libraries in which a visitor could write lines without end."""
 
 
-def open_server(host: str, port: int, label: str, guard: InputGuard, secret: str = "") -> GuardedServer:
+def open_server(
+    host: str, port: int, label: str, guard: InputGuard, secret: str = "", script: str = ""
+) -> GuardedServer:
     """A running server on `host`:`port` (0: any free one); raises `LabError` if it cannot have exactly that.
 
     With a `secret` it answers only requests that carry it; without one, only what comes from its own page.
+    `script` runs in the page.
     """
     for name in LIBRARY_LOGS:
         limited(name)
@@ -33,17 +36,22 @@ def open_server(host: str, port: int, label: str, guard: InputGuard, secret: str
         return _knows(request, secret) if secret else _own_page(request, host, address)
 
     try:
-        server = GuardedServer(plug, label, admission, guard.check, LARGEST_MESSAGE)
+        server = GuardedServer(plug, label, admission, guard.check, LARGEST_MESSAGE, script)
     except BaseException:
         plug.close()
         raise
-    server.gui.configure_theme(show_logo=False, show_share_button=False)
+    set_theme(server.gui, dark=False)
 
     async def bound(client: viser.ClientHandle) -> None:
         bound_buffer(server, client)
 
     server.on_client_connect(bound)
     return server
+
+
+def set_theme(gui: viser.GuiApi, dark: bool) -> None:
+    """How the page, of all browsers or of one, looks."""
+    gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
 
 def _knows(request: Request, secret: str) -> str:

@@ -89,7 +89,7 @@ def choice_at(path: Path, time: float | None) -> Choice:
     """What a lab is to open to go on from a run at `time` s; None: from its end."""
     recording = read_recording(path, with_samples=False)
     scenario, origin = resume(recording, time, recorded_span(path))
-    return Choice(scenario, recording.name, origin)
+    return Choice(scenario, recording.name, origin, stands=True)
 
 
 def recorded_span(path: Path) -> tuple[float, float]:

@@ -28,6 +28,8 @@ class Pacing:
     def __init__(self, speed: float = 1.0):
         self.speed = speed
         self.playing = False
+        self.waiting = False
+        """Whether time stands, although it is to run, until the run is released."""
         self._wall = 0.0
         self._origin = 0.0
         self._history: deque[tuple[float, float]] = deque()
@@ -44,11 +46,16 @@ class Pacing:
 
     def target(self, wall: float) -> float:
         """Simulation time that should be reached at `wall`."""
-        return self._origin + (wall - self._wall) * self.speed if self.playing else self._origin
+        return self._origin + (wall - self._wall) * self.speed if self.runs else self._origin
+
+    @property
+    def runs(self) -> bool:
+        """Whether simulation time passes."""
+        return self.playing and not self.waiting
 
     def due_ticks(self, wall: float, tick: int) -> int:
         """Whole ticks to advance now; drops the backlog beyond `BACKLOG_LIMIT`."""
-        if not self.playing:
+        if not self.runs:
             return 0
         target = self.target(wall)
         due = max(0, int(target / TICK + 1e-6) - tick)
@@ -67,8 +74,8 @@ class Pacing:
             self._history.popleft()
 
     def actual_speed(self) -> float:
-        """Simulated seconds per wall second over the last second; 0 while paused."""
-        if not self.playing or len(self._history) < 2:
+        """Simulated seconds per wall second over the last second; 0 while paused or waiting."""
+        if not self.runs or len(self._history) < 2:
             return 0.0
         (first_wall, first_time), (last_wall, last_time) = self._history[0], self._history[-1]
         return (last_time - first_time) / (last_wall - first_wall) if last_wall > first_wall else 0.0

@@ -63,11 +63,13 @@ class Runner:
         sleep: Callable[[float], None] = time.sleep,
         origin: Origin | None = None,
         executor: Executor | None = None,
+        hold_starts: bool = False,
     ):
         """Build the world; raises `ScenarioError`. An unreachable trajectory gives a runner with a failed status.
 
         With an `origin` the run goes on from there. Raises `FlexlabError` if its state is not one of this scenario. Slow
-        derivations run in `executor`, or on a thread of the runner's own.
+        derivations run in `executor`, or on a thread of the runner's own. With `hold_starts` every run waits at t = 0 until
+        it is released, or played.
         """
         self._consumers = list(consumers)
         self._clock, self._sleep = clock, sleep
@@ -77,6 +79,7 @@ class Runner:
         self._frame_end = float("inf")
         self._steps_left = 0
         self._pace_warning = ""
+        self._hold_starts, self._released = hold_starts, 0
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._run_number = 0
@@ -120,6 +123,10 @@ class Runner:
         if isinstance(command, (LoadScenario, Reset)):
             self._world.interrupt()  # What it still computes, nobody will see.
 
+    def release(self, run_number: int) -> None:
+        """Let a run go on that waits at its first instant; for another one this means nothing. Any thread."""
+        self._released = run_number
+
     @property
     def snapshot(self) -> Snapshot:
         """The newest published snapshot."""
@@ -137,6 +144,9 @@ class Runner:
         self._frame_end = self._clock() + FRAME_BUDGET  # Whatever the commands cost, time goes on.
         if stepping and self._steps_left:
             self._work_off_steps()
+        if self._pacing.waiting and self._released == self._run_number:
+            self._pacing.waiting = False
+            self._pacing.restart(self._clock(), self._world.time)
         run, due = self._run_number, self._pacing.due_ticks(self._clock(), self._world.tick)
         while due > 0 and self._may_go_on() and self._pacing.playing and run == self._run_number:
             due -= self._advance(due)
@@ -277,6 +287,8 @@ class Runner:
         if playing and self._world.status.failed:
             raise FlexlabError(f"This run has stopped: {self._world.status.text} Reset, or load another preset.")
         self._steps_left = 0
+        if self._pacing.playing or not playing:
+            self._pacing.waiting = False  # Who presses play on a run that only waits does not want to wait.
         self._pacing.playing = playing
         self._pacing.restart(wall, self._world.time)
 
@@ -293,7 +305,7 @@ class Runner:
     def _step(self, command: StepOnce) -> None:
         if not 1 <= command.ticks <= MOST_STEPS:
             raise FlexlabError(f"Steps = {command.ticks} is outside 1 to {MOST_STEPS}: choose within it.")
-        self._pacing.playing = False
+        self._pacing.playing = self._pacing.waiting = False
         self._report(Event(self._world.time, command_text(command), command))
         self._steps_left = command.ticks
         self._work_off_steps()
@@ -309,6 +321,7 @@ class Runner:
     def _begin(self, world: World, name: str) -> None:
         """Make `world` the current run and tell the consumers, its present sample included."""
         self._world, self._name, self._steps_left = world, name, 0
+        self._start_time, self._pacing.waiting = world.time, self._hold_starts and world.tick == 0
         self._block.forget()
         self._runs.note(self._clock())
         self._run_number += 1
@@ -378,7 +391,7 @@ class Runner:
     def _publish(self, wall: float) -> None:
         world, latest = self._world, self._latest
         # Drawn one tick late, so that in slow motion there is always a sample on either side to draw between.
-        fraction = (self._pacing.target(wall) - float(latest.time[0])) / TICK if self._pacing.playing else 1.0
+        fraction = (self._pacing.target(wall) - float(latest.time[0])) / TICK if self._pacing.runs else 1.0
         self._snapshot = Snapshot(
             run_number=self._run_number,
             name=self._name,
@@ -393,6 +406,8 @@ class Runner:
             dropped_samples=self._dropped,
             first_frequency=world.first_frequency,
             events=tuple(self._events),
+            start_time=self._start_time,
+            waiting=self._pacing.waiting,
             accuracy_warning=world.accuracy_warning,
             pace_warning=self._pace_warning,
         )

@@ -48,6 +48,10 @@ class Snapshot:
     """f1 of the payload beam with its grips held, Hz."""
     events: tuple[Event, ...]
     """The newest events of this run, oldest first."""
+    start_time: float = 0.0
+    """Simulation time at which the run began, s: not 0 where it goes on from an earlier one."""
+    waiting: bool = False
+    """Whether the run waits at its first instant until somebody can see it."""
     accuracy_warning: str = ""
     """Since when and why the run's results are no longer accurate, a sentence; empty: they are."""
     pace_warning: str = ""

@@ -1,6 +1,6 @@
 """Plot ranges grow at once, shrink late and take only round values."""
 
-from flexlab.lab.ranges import SHRINK_AFTER, Range, round_up
+from flexlab.lab.ranges import SHRINK_AFTER, Range, Span, round_up
 
 
 def test_rounding_takes_the_next_of_1_2_5() -> None:
@@ -34,3 +34,18 @@ def test_never_below_the_least() -> None:
     for _ in range(3 * SHRINK_AFTER):
         span.fit(0.0)
     assert span.limit == 0.1
+
+
+def test_each_side_reaches_as_far_as_its_signals_go() -> None:
+    span = Span(0.1)
+    assert span.ends == (-0.1, 0.1), "before the first signal"
+    span.fit(-0.3, 17.0)
+    assert span.ends == (-2.0, 20.0), "a small side keeps room to be read"
+    span = Span(0.1)
+    span.fit(0.0, 3.0)
+    assert span.ends == (0.0, 5.0), "energy does not go below 0"
+    span.fit(-0.004, 3.0)
+    assert span.ends == (0.0, 5.0), "what nobody can see gets no room"
+    span = Span(0.1)
+    span.fit(-4.0, -3.0)
+    assert span.ends == (-5.0, 0.0)

@@ -8,7 +8,7 @@ from flexlab.lab.panel.run_comparison import change_text
 from flexlab.lab.panel.text import escaped, factor, number
 from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.stage import floor_extent
-from flexlab.lab.view_settings import fitting_exaggeration
+from flexlab.lab.view_settings import FollowedExaggeration, fitting_exaggeration, fitting_window
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 
@@ -18,6 +18,20 @@ def test_exaggeration_suits_the_beam() -> None:
     assert fitting_exaggeration(load_preset("soft-beam")) == 1.0
     still = Scenario().replace({"trajectory.amplitude": (0, 0, 0)})
     assert fitting_exaggeration(still) == 50.0
+
+
+def test_exaggeration_follows_the_deflection() -> None:
+    """Five per cent of the length is aimed at: less at once when it is too wild, more only when it stays too small."""
+    followed = FollowedExaggeration(patience=3)
+    assert followed.fit(50.0, 0.4e-3, 0.5) == 50.0
+    assert followed.fit(50.0, 1.8e-3, 0.5) == 10.0
+    assert [followed.fit(10.0, 0.13e-3, 0.5) for _ in range(3)] == [10.0, 10.0, 200.0]
+    assert followed.fit(10.0, 0.0, 0.5) == 10.0, "a straight beam tells nothing"
+    assert followed.fit(10.0, 0.2, 0.5) == 1.0, "never smaller than life"
+
+
+def test_the_window_follows_the_speed() -> None:
+    assert [fitting_window(speed) for speed in (4.0, 1.0, 1 / 16, 1 / 64, 1 / 256)] == [20.0, 5.0, 0.2, 0.1, 0.02]
 
 
 @pytest.mark.parametrize("name", preset_names())

@@ -165,3 +165,34 @@ def test_a_new_run_in_the_middle_of_a_round_starts_at_its_own_pace(live, speed: 
         snapshot = stage.frame()
     # Six frames of 1/60 s later: a tenth of a second, not that and the old frame's leftover.
     assert time_of(snapshot) == pytest.approx(0.1 * speed, abs=0.003)
+
+
+def test_every_run_waits_at_its_start_until_it_is_released(live):
+    """New labs, presets and resets hold at t = 0, say so, and go on from there: nothing was missed, nothing is caught up."""
+    stage = live(hold_starts=True)
+    for run, command in ((1, None), (2, Reset()), (3, LoadScenario(load_preset("soft-beam"), "soft-beam"))):
+        snapshot = stage.play(1.0) if command is None else stage.frame(0.01, command)
+        snapshot = stage.play(1.0)
+        assert (snapshot.run_number, time_of(snapshot), snapshot.waiting, snapshot.playing) == (run, 0.0, True, True)
+        assert snapshot.actual_speed == 0
+        assert not snapshot.too_slow
+        stage.runner.release(run - 1)
+        assert time_of(stage.play(0.2)) == 0.0
+        stage.runner.release(run)
+        snapshot = stage.play(0.5)
+        assert time_of(snapshot) == pytest.approx(0.5, abs=0.02)
+        assert not snapshot.waiting
+        assert not snapshot.too_slow
+
+
+@pytest.mark.parametrize(("command", "plays"), [(Play(), True), (Pause(), False), (StepOnce(3), False)])
+def test_a_person_need_not_wait(live, command, plays: bool):
+    """Play, pause and step act at once on a run that waits."""
+    stage = live(hold_starts=True)
+    snapshot = stage.frame(0.1, command)
+    snapshot = stage.play(0.1)
+    assert not snapshot.waiting
+    assert snapshot.playing == plays
+    assert time_of(snapshot) == pytest.approx(
+        0.1 if plays else 0.003 if isinstance(command, StepOnce) else 0.0, abs=0.02
+    )

@@ -13,8 +13,8 @@ from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.mode_computation import ModeStudy, peak_deflection
 from flexlab.lab.panel.playback import SPEEDS
 from flexlab.lab.panel.text import escaped, number
-from flexlab.lab.view_settings import EXAGGERATION, PLOT_WINDOWS, nice
-from flexlab.sim.commands import SetSpeed
+from flexlab.lab.view_settings import EXAGGERATION, nice
+from flexlab.sim.commands import Pause, Play, SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 
@@ -24,8 +24,6 @@ MOST_MODES = 8
 """Rows of the table and choices of the menu: higher modes are seen by nobody."""
 SEEN_AT = 2.0
 """Frequency on the screen that slow motion stays just below, Hz."""
-PERIODS_SHOWN = 8
-"""Periods of the mode that fit into the plot window."""
 SEEN_SIZE = 0.06
 """Size that a mode is enlarged to, in beam lengths."""
 START_SIZE = 0.002
@@ -41,6 +39,7 @@ class ModePanel:
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner, study: ModeStudy):
         self._lab_state, self._runner, self._study = lab_state, runner, study
+        self._paused_run = 0
         study.ask(lab_state.intended)
         self._table = gui.add_html("")
         self._choice = gui.add_dropdown("Mode", tuple(str(k + 1) for k in range(MOST_MODES)), initial_value="1")
@@ -75,6 +74,13 @@ class ModePanel:
 
     def _set_animation(self) -> None:
         wanted = bool(self._animate.value)
+        if wanted and self._lab_state.snapshot.playing:
+            # Two things that move are one too many to look at.
+            self._paused_run = self._lab_state.snapshot.run_number
+            self._lab_state.submit(Pause())
+        elif not wanted and self._paused_run == self._lab_state.snapshot.run_number:
+            self._paused_run = 0
+            self._lab_state.submit(Play())
         try:
             self._lab_state.set_view(shown_mode=self._chosen() if wanted else None)
         except LabError:
@@ -107,13 +113,13 @@ class ModePanel:
 
     def _slow_to(self, frequency: float) -> None:
         speed = next((speed for speed in SPEEDS if speed * frequency <= SEEN_AT), SPEEDS[-1])
-        window = next((window for window in PLOT_WINDOWS if window * frequency >= PERIODS_SHOWN), PLOT_WINDOWS[-1])
         self._lab_state.submit(SetSpeed(speed))
-        self._lab_state.set_view(plot_window=window)
 
     def _enlarge(self, size: float) -> None:
         factor = nice(SEEN_SIZE * self._lab_state.intended.payload.length / size)
-        self._lab_state.set_view(exaggeration=min(max(factor, 1.0), EXAGGERATION.high))
+        self._lab_state.set_view(
+            exaggeration=min(max(factor, 1.0), EXAGGERATION.high), follow_deflection=False, follow_speed=True
+        )
 
 
 def table_html(result: Modes) -> str:

@@ -76,6 +76,7 @@ class Panel:
         """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them."""
         lab_state = self._lab_state
         lab_state.settle(snapshot)
+        lab_state.fit_view(snapshot)
         self._announce(snapshot)
         self._status.content = status_html(snapshot, lab_state.view, legend, self._recording())
         self._notices.content = notices_html(snapshot, lab_state.notice)

@@ -7,7 +7,8 @@ import viser
 
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.text import factor
+from flexlab.lab.panel.number_control import put
+from flexlab.lab.panel.text import factor, number
 from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, StepOnce
 from flexlab.sim.snapshot import Snapshot
 
@@ -35,6 +36,10 @@ class Playback:
         reset = gui.add_button(
             "Reset", icon=viser.Icon.REFRESH, color="gray", hint="A new run from t = 0, same settings"
         )
+        # The style sheet puts the button that follows this mark into the middle of the picture.
+        self._begin_mark = gui.add_html('<i class="fl-begin"></i>', visible=False)
+        self._begin = gui.add_button("Begin", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self._begin.on_click(handler(lab_state, lambda _: lab_state.submit(Play())))
         self._speeds = {factor(speed): speed for speed in SPEEDS}
         self._speed = gui.add_dropdown(
             "Speed", tuple(self._speeds), initial_value=factor(1.0), hint="Simulated time per real time"
@@ -49,6 +54,10 @@ class Playback:
         """Label the play button by what it will do, and follow a speed that was set elsewhere."""
         self._play.label = "Pause" if snapshot.playing else "Play"
         self._play.icon = viser.Icon.PLAYER_PAUSE if snapshot.playing else viser.Icon.PLAYER_PLAY
+        stands = not snapshot.playing and not snapshot.status.failed
+        begins = stands and float(snapshot.latest.time[0]) == snapshot.start_time
+        put(self._begin_mark, visible=begins)
+        put(self._begin, visible=begins, label=f"Play from t = {number(snapshot.start_time, 5)} s")
         shown = factor(snapshot.target_speed)
         if snapshot.target_speed != self._seen_speed and shown in self._speeds:
             self._seen_speed = snapshot.target_speed

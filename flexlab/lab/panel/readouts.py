@@ -73,6 +73,8 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
     """Dot colour and first words."""
     if snapshot.status.failed:
         return "#e03131", "Stopped"
+    if snapshot.waiting:
+        return colors.css(colors.SKY), "Begins when the page is drawn"
     if snapshot.playing:
         return colors.css(colors.GREEN), "Running"
     return colors.css(colors.ORANGE), "Paused"

@@ -38,6 +38,11 @@ div:has(> p > label) + div:has(.mantine-Checkbox-root) { flex: 0 0 auto !importa
 /* Buttons stand side by side. */
 div:has(> button[data-block]) { display: inline-block; margin-inline: 0.6em 0; vertical-align: top; }
 button[data-block] { width: auto; padding-inline: 0.8em; }
+/* One big way to begin a run that stands at its start, over the picture. */
+div:has(> .fl-begin) + div:has(> button) { position: fixed; z-index: 250; left: calc(50% + 10px); bottom: 4.5em;
+  transform: translateX(-50%); margin: 0; padding: 0; }
+div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 1.4em !important; font-size: 1.25em;
+  border-radius: 2em; box-shadow: 0 0.3em 1.2em rgba(0, 0, 0, 0.35); }
 /* The open tab is as wide as it was closed, so that no line of tabs breaks elsewhere. */
 [role="tab"], [role="tab"] * { font-weight: 500 !important; letter-spacing: -0.2px; }
 [role="tab"] { padding-inline: 0.45em !important; font-size: 0.92em !important; }

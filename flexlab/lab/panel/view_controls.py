@@ -7,9 +7,9 @@ import viser
 
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.number_control import NumberControl, Scale
+from flexlab.lab.panel.number_control import NumberControl, Scale, put
 from flexlab.lab.scene.camera_views import VIEWS
-from flexlab.lab.view_settings import EXAGGERATION, PLOT_WINDOWS, SWITCHES, fitting_exaggeration
+from flexlab.lab.view_settings import EXAGGERATION, PLOT_WINDOWS, SWITCHES, fitting_window
 
 Look = Callable[[viser.ClientHandle, str], None]
 """Show a named camera view in one browser."""
@@ -35,20 +35,16 @@ class ViewControls:
             hint,
             view.exaggeration,
             self._exaggerate,
-            lambda: fitting_exaggeration(lab_state.intended),
         )
         self._seen_window = view.plot_window
         self._windows = {f"{window:g} s": window for window in PLOT_WINDOWS}
         self._window = gui.add_dropdown("Plot window", tuple(self._windows), initial_value=f"{view.plot_window:g} s")
-        self._window.on_update(
-            handler(lab_state, lambda _: lab_state.set_view(plot_window=self._windows[self._window.value]))
-        )
+        self._window.on_update(handler(lab_state, lambda _: self._choose_window(self._windows[self._window.value])))
         for view in VIEWS:
             gui.add_button(view, color="gray", hint="Camera view, in this browser").on_click(
                 handler(lab_state, _looker(look, view))
             )
-        for setting, label in SWITCHES.items():
-            self._switch(gui, label, setting)
+        self._switches = {setting: self._switch(gui, label, setting) for setting, label in SWITCHES.items()}
 
     def settle(self) -> None:
         """Follow the view's settings, leaving alone what a person is at."""
@@ -57,17 +53,29 @@ class ViewControls:
         if window != self._seen_window:
             self._seen_window = window
             self._window.value = f"{window:g} s"
+        for setting, box in self._switches.items():
+            put(box, value=getattr(self._lab_state.view, setting))
 
     def show(self) -> None:
         """Show the view's settings at once."""
         self._exaggeration.show(self._lab_state.view.exaggeration)
 
-    def _switch(self, gui: viser.GuiApi, label: str, setting: str) -> None:
+    def _switch(self, gui: viser.GuiApi, label: str, setting: str) -> viser.GuiCheckboxHandle:
         box = gui.add_checkbox(label, getattr(self._lab_state.view, setting))
         box.on_update(handler(self._lab_state, self._setter(setting, box)))
+        return box
 
     def _setter(self, setting: str, box: viser.GuiCheckboxHandle) -> Callable[[object], None]:
-        return lambda _: self._lab_state.set_view(**{setting: bool(box.value)})
+        def set_it(_: object) -> None:
+            self._lab_state.set_view(**{setting: bool(box.value)})
+            if setting == "follow_speed" and box.value:
+                self._lab_state.set_view(plot_window=fitting_window(self._lab_state.snapshot.target_speed))
+
+        return set_it
+
+    def _choose_window(self, window: float) -> None:
+        self._seen_window = window
+        self._lab_state.set_view(plot_window=window, follow_speed=False)
 
     def _exaggerate(self, value: float) -> None:
         if not EXAGGERATION.low <= value <= EXAGGERATION.high:
@@ -75,4 +83,4 @@ class ViewControls:
             raise LabError(
                 f"exaggeration = {value:g} is outside the allowed range {allowed}: choose a value within it."
             )
-        self._lab_state.set_view(exaggeration=float(value))
+        self._lab_state.set_view(exaggeration=float(value), follow_deflection=False)

@@ -9,13 +9,14 @@ from viser import uplot
 
 from flexlab.lab import colors
 from flexlab.lab.panel.text import escaped
-from flexlab.lab.plots.envelope import Envelope
+from flexlab.lab.plots.curve import WHOLE, Curve, drawn_points
 from flexlab.lab.plots.plot_signals import Limit, Plot
-from flexlab.lab.ranges import Range
+from flexlab.lab.ranges import Span
 from flexlab.lab.reference_run import ReferenceRun
-from flexlab.lab.viser_internals import send_plot_data
+from flexlab.lab.viser_internals import send_plot_data, widget_uuid
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
+from flexlab.sim.snapshot import TICK
 
 HEIGHT = 190
 """Of a chart, px; its legend comes on top."""
@@ -67,9 +68,13 @@ def compact(time: np.ndarray, lines: Sequence[np.ndarray], spacing: float) -> tu
 class Chart:
     """A chart in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, plot: Plot, scenario: Scenario, window: float, kept: ReferenceRun | None):
+    def __init__(
+        self, gui: viser.GuiApi, plot: Plot, scenario: Scenario, window: float, kept: ReferenceRun | None, group: str
+    ):
+        """Charts of one `group` have their cursor, and what is zoomed into, in common."""
         self._plot, self._limits, self._kept = plot, plot.limits(scenario), kept
-        self._range = Range(plot.least)
+        self._span = Span(plot.least)
+        self._seen: Sequence[float] = WHOLE
         self.restart(window)
         series = [uplot.Series(label="t (s)")]
         series += [signal_series(label, tone) for label, tone in zip(plot.labels, plot.tones, strict=True)]
@@ -84,7 +89,7 @@ class Chart:
             scales={"x": uplot.Scale(time=False), "y": uplot.Scale(range=EXACTLY_THE_DATA)},
             axes=(axis(X_AXIS_SIZE), axis(Y_AXIS_SIZE)),
             legend=uplot.Legend(live=True),
-            cursor=uplot.Cursor(drag=uplot.Cursor_Drag(x=True, y=False)),
+            cursor=uplot.Cursor(drag=uplot.Cursor_Drag(x=True, y=False), sync=uplot.Cursor_Sync(key=group)),
             height=HEIGHT,
             padding=(6, 12, 0, 0),
         )
@@ -94,49 +99,52 @@ class Chart:
     @property
     def newest(self) -> int:
         """Tick of the newest sample taken in, -1 if none."""
-        return self._envelope.newest
+        return self._curve.newest
+
+    @property
+    def uuid(self) -> str:
+        """How the page calls it."""
+        return widget_uuid(self._handle)
 
     def restart(self, window: float) -> None:
         """Forget everything and go on with a window of `window` s."""
-        self._envelope = Envelope(len(self._plot.labels), window)
-        self._kept_envelope = None
+        self._curve = Curve(len(self._plot.labels), window)
+        self._kept_curve = None
         if self._kept is not None:
-            self._kept_envelope = Envelope(len(self._plot.labels), window, keep_all=True)
+            self._kept_curve = Curve(len(self._plot.labels), window, keep_all=True)
             samples = self._kept.samples
-            self._kept_envelope.append(samples.time, self._plot.values(self._kept.scenario, samples))
+            self._kept_curve.append(samples.time, self._plot.values(self._kept.scenario, samples))
 
     def append(self, scenario: Scenario, samples: Samples) -> None:
         """Take in samples; those already seen are passed over."""
-        self._envelope.append(samples.time, self._plot.values(scenario, samples))
+        self._curve.append(samples.time, self._plot.values(scenario, samples))
 
     def remove(self) -> None:
         """Take the chart off the screen."""
         self._handle.remove()
         self._note.remove()
 
-    def show(self) -> None:
-        """Send the chart as it now is."""
-        extent = float(self._envelope.extent().max())
-        kept = self._kept_lines()
-        if np.isfinite(kept).any():
-            extent = max(extent, float(np.nanmax(np.abs(kept))))
-        self._range.fit(extent)
+    def show(self, seen: Sequence[float] = WHOLE) -> None:
+        """Send the chart as it now is; `seen`: the part of the window that is zoomed into, as shares of it."""
+        self._seen = seen
         send_plot_data(self._handle, self._data())
 
-    def _kept_lines(self) -> np.ndarray:
-        """The kept run's lines over the present window, (signals, P); without a kept run (0, 0)."""
-        if self._kept_envelope is None:
-            return np.zeros((0, 0))
-        return self._kept_envelope.lines(self._envelope.start)[1]
-
     def _data(self) -> tuple[np.ndarray, ...]:
-        time, lines = self._envelope.lines()
-        levels = [self._level(len(time), sign * limit.value) for limit in self._limits for sign in (1, -1)]
-        ends = np.full(len(time), self._range.limit)
-        ends[::2] = 0.0 if self._plot.positive else -self._range.limit
-        return compact(time, [*lines, *self._kept_lines(), *levels, ends], self._envelope.bin_width)
+        start = self._curve.start
+        block = self._curve.block(start)
+        if self._kept_curve is not None:
+            block = np.concatenate([block, self._kept_curve.block(start)])
+        drawn = drawn_points(block, self._seen)
+        lines = block[:, drawn]
+        if np.isfinite(lines).any():
+            self._span.fit(float(np.nanmin(lines)), float(np.nanmax(lines)))
+        low, high = self._span.ends
+        levels = [self._level(len(drawn), sign * limit.value) for limit in self._limits for sign in (1, -1)]
+        ends = np.full(len(drawn), high)
+        ends[::2] = low
+        return compact((start + drawn) * TICK, [*lines, *levels, ends], TICK)
 
     def _level(self, count: int, value: float) -> np.ndarray:
         """A horizontal line, empty outside the range."""
-        inside = abs(value) <= self._range.limit and (value >= 0 or not self._plot.positive)
-        return np.full(count, value if inside else np.nan)
+        low, high = self._span.ends
+        return np.full(count, value if low <= value <= high else np.nan)

@@ -1,5 +1,7 @@
 """Plots while the simulation runs, on tabs, fed from the runner's recent samples."""
 
+from collections.abc import Mapping
+
 import viser
 
 from flexlab.lab.plots.chart import Chart
@@ -14,10 +16,8 @@ from flexlab.sim.snapshot import TICK, Snapshot
 
 OVERLAP = 0.05
 """Extra samples asked for at each update, s: covers what usually arrives between the snapshot and the request."""
-BACKGROUND_EVERY = 2
-"""Updates of the first tab per update of the others (5 Hz): most of the page's traffic is plots that nobody looks at."""
 SPECTRUM_EVERY = 5
-"""Updates of the first tab per spectrum (2 Hz)."""
+"""Updates of the other charts per spectrum (2 Hz)."""
 
 
 class Plots:
@@ -27,6 +27,7 @@ class Plots:
         self._gui, self._window = gui, window
         self._run_number = -1
         self._count = 0
+        self._opened: Mapping[str, tuple[float, float]] | None = None
         self._homes = {name: panel.add_tab(name) for name in tabs(scenario)}
         with panel.add_tab("Spectrum"):
             self._spectrum = Spectrum(gui, scenario)
@@ -34,8 +35,18 @@ class Plots:
         self._plotted: object = None
         self._build(scenario, None)
 
-    def update(self, runner: Runner, snapshot: Snapshot, view: ViewSettings, kept: ReferenceRun | None) -> None:
-        """Take in what the runner computed since the last update and redraw, `kept` behind the present run."""
+    def update(
+        self,
+        runner: Runner,
+        snapshot: Snapshot,
+        view: ViewSettings,
+        kept: ReferenceRun | None,
+        opened: Mapping[str, tuple[float, float]] | None,
+    ) -> None:
+        """Take in what the runner computed since the last update and redraw, `kept` behind the present run.
+
+        `opened`: the charts that somebody has on the screen, and the part of the window that is seen; None: perhaps all.
+        """
         if view.hold_plots:
             return
         scenario, window = snapshot.scenario, view.plot_window
@@ -46,24 +57,30 @@ class Plots:
         if snapshot.run_number != self._run_number or window != self._window or now < newest:
             for chart in self._every():
                 chart.restart(window)
+            self._spectrum.clear()
             self._run_number, self._window, newest = snapshot.run_number, window, -1
         missing = (now - newest) * TICK if newest >= 0 else window
-        if missing <= 0:
-            return
-        samples = unbroken(runner, newest, missing, window)
-        for chart in self._every():
-            chart.append(scenario, samples)
-        self._show(runner, scenario, window)
+        if missing > 0:
+            samples = unbroken(runner, newest, missing, window)
+            for chart in self._every():
+                chart.append(scenario, samples)
+        if missing > 0 or opened != self._opened:
+            just_opened = self._spectrum_is_open(opened) and not self._spectrum_is_open(self._opened)
+            self._opened = opened
+            self._show(runner, scenario, window, just_opened)
 
-    def _show(self, runner: Runner, scenario: Scenario, window: float) -> None:
+    def _spectrum_is_open(self, opened: Mapping[str, tuple[float, float]] | None) -> bool:
+        return opened is None or self._spectrum.uuid in opened
+
+    def _show(self, runner: Runner, scenario: Scenario, window: float, spectrum: bool) -> None:
+        """Send what somebody sees: most of the page's traffic would else be charts that nobody looks at."""
         self._count += 1
-        for chart in self._charts[0]:
-            chart.show()
-        if self._count % BACKGROUND_EVERY == 0:
-            for charts in self._charts[1:]:
-                for chart in charts:
-                    chart.show()
-        if self._count % SPECTRUM_EVERY == 0:
+        for chart in self._every():
+            if self._opened is None:
+                chart.show()
+            elif chart.uuid in self._opened:
+                chart.show(self._opened[chart.uuid])
+        if spectrum or (self._count % SPECTRUM_EVERY == 0 and self._spectrum_is_open(self._opened)):
             self._spectrum.update(scenario, runner.recent(window))
 
     def _every(self) -> list[Chart]:
@@ -75,7 +92,7 @@ class Plots:
         self._charts = []
         for name, plots in tabs(scenario).items():
             with self._homes[name]:
-                self._charts.append([Chart(self._gui, plot, scenario, self._window, kept) for plot in plots])
+                self._charts.append([Chart(self._gui, plot, scenario, self._window, kept, name) for plot in plots])
         self._plotted = _plotted(scenario, kept)
 
 

@@ -1,12 +1,15 @@
 """The amplitude spectrum of the beam's vibration, with the beam's own frequencies marked."""
 
+import math
+
 import numpy as np
 import viser
 from viser import uplot
 
 from flexlab.lab import colors
 from flexlab.lab.plots.chart import HEIGHT, X_AXIS_SIZE, axis, compact, signal_series
-from flexlab.lab.viser_internals import send_plot_data
+from flexlab.lab.ranges import Range
+from flexlab.lab.viser_internals import send_plot_data, widget_uuid
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
@@ -19,10 +22,14 @@ POINTS = 300
 """Frequencies drawn; each stands for the highest amplitude of its stretch, so that no line of the spectrum is lost."""
 SHOWN_MODES = 3
 """The axis reaches just past this mode, if sampling lets it."""
-FLOOR, CEILING = 1e-3, 1e5
-"""Ends of the logarithmic axis, µm: a nanometre is nothing, ten centimetres are more than the beam model stands."""
+LOWEST_TOP = 1.0
+"""The logarithmic axis reaches up to this at least, µm: below it there is nothing to see."""
+DECADES = 4
+"""Of the axis, below the greatest amplitude."""
 SHORTEST = 64
 """Samples below which a spectrum says nothing."""
+PATIENCE = 6
+"""Spectra in a row that must find the axis too high before it comes down (3 s)."""
 Y_AXIS_SIZE = 62
 
 
@@ -53,6 +60,7 @@ class Spectrum:
     def __init__(self, gui: viser.GuiApi, scenario: Scenario):
         self._scenario: Scenario | None = None
         self._marks = np.zeros(0)
+        self._top = Range(LOWEST_TOP, PATIENCE)
         self._mark_modes(scenario)
         series = (
             uplot.Series(label="f (Hz)"),
@@ -63,12 +71,21 @@ class Spectrum:
             self._data(None),
             series,
             title="Spectrum of the mid-span vibration",
-            scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3, log=10, range=(FLOOR, CEILING))},
+            scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3, log=10)},
             axes=(axis(X_AXIS_SIZE), axis(Y_AXIS_SIZE)),
             legend=uplot.Legend(live=True),
             height=2 * HEIGHT,
             padding=(6, 12, 0, 0),
         )
+
+    @property
+    def uuid(self) -> str:
+        """How the page calls it."""
+        return widget_uuid(self._handle)
+
+    def clear(self) -> None:
+        """Show nothing: another run has begun."""
+        send_plot_data(self._handle, self._data(None))
 
     def update(self, scenario: Scenario, samples: Samples) -> None:
         """Show the spectrum of `samples`."""
@@ -90,10 +107,15 @@ class Spectrum:
         grid, line = np.linspace(0, self._highest, POINTS), np.full(POINTS, np.nan)
         if samples is not None and len(samples) >= SHORTEST:
             frequency, amplitude = amplitude_spectrum(MICRO * samples.vibration, TICK)
-            grid, line = thinned(frequency, np.clip(amplitude, FLOOR, CEILING), self._highest)
+            seen = amplitude[frequency <= self._highest]
+            self._top.fit(float(seen.max()) if len(seen) else 0.0)
+            grid, line = thinned(frequency, amplitude, self._highest)
+        top = 10.0 ** math.ceil(math.log10(self._top.limit) - 1e-9)
+        bottom = top / 10**DECADES
+        line = np.where(np.isnan(line), np.nan, np.clip(line, bottom, top))
         # Every mark is a vertical stroke: two points at its frequency and a gap after them.
         marks = np.repeat(self._marks, 3)
-        strokes = np.tile([FLOOR, CEILING, np.nan], len(self._marks))
+        strokes = np.tile([bottom, top, np.nan], len(self._marks))
         order = np.argsort(np.concatenate([grid, marks]), kind="stable")
         blank, count = np.full(len(marks), np.nan), len(grid)
         columns = (

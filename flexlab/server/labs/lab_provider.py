@@ -19,6 +19,8 @@ class Choice:
     name: str
     origin: Origin | None = None
     """Where in an earlier run it goes on; None: at the scenario's own start."""
+    stands: bool = False
+    """Whether the run stands until the visitor lets it play; else it begins when their page is drawn."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from flexlab.recording.recorder import Recorder
 from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Choice, LabStatus
 from flexlab.server.scenario_links import encode_scenario, scenario_path
-from flexlab.sim.commands import Play
+from flexlab.sim.commands import Pause, Play
 
 
 def recording_text(recorder: Recorder) -> str:
@@ -55,6 +55,8 @@ class RecordedLab:
                 link=lambda scenario: address + scenario_path(encode_scenario(scenario)),
                 origin=choice.origin,
                 secret=secret,
+                playing=not choice.stands,
+                attended=True,
             )
             with _quiet():
                 self._session.start()
@@ -74,7 +76,7 @@ class RecordedLab:
         if shown and choice.origin is None:
             return
         self._session.lab_state.load(choice.scenario, choice.name, choice.origin)
-        self._session.lab_state.submit(Play())
+        self._session.lab_state.submit(Pause() if choice.stands else Play())
 
     def status(self) -> LabStatus:
         """How it stands now."""

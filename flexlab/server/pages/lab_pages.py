@@ -46,7 +46,7 @@ async def lab(request: web.Request) -> web.StreamResponse:
             raise web.HTTPNotFound
         return await proxy_websocket(request, place)
     if "scenario" in request.query:
-        return await _enter_by_link(request, Choice(decode_scenario(request.query["scenario"]), LINKED))
+        return await _enter_by_link(request, Choice(decode_scenario(request.query["scenario"]), LINKED, stands=True))
     if context.places.is_private:
         return await _enter_by_link(request, None)
     if not request.path.endswith("/"):

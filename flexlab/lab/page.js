@@ -1,0 +1,59 @@
+// What the lab adds to viser's page. It tells the lab which run this browser has drawn, which charts are on the screen and
+// whether the system is dark, and lets Esc close the list of keys. Without it the lab shows everything to everybody.
+(() => {
+  const LOOK = 100; // ms between two looks, in a page that nobody sees as well
+  const darkSystem = matchMedia("(prefers-color-scheme: dark)");
+  let seenRun = 0;
+  let drawnRun = 0;
+  let sent = "";
+
+  function isComplete() {
+    const node = window.__viserMutable?.nodeRefFromName;
+    if (!node?.["/beam"] || !node["/arms/link"]) return false;
+    let meshes = 0;
+    node["/arms/link"].traverse((part) => { if (part.isMesh) meshes += 1; });
+    return meshes > 0;
+  }
+
+  const share = (value) => Math.round(1000 * Math.min(Math.max(value, 0), 1)) / 1000;
+
+  // Of each chart on the screen the part that is zoomed into, as shares of all that it has.
+  function openCharts() {
+    const open = {};
+    if (document.hidden) return open;
+    for (const [uuid, { chart }] of Object.entries(window.__viserTestpoints?.uplots ?? {})) {
+      const box = chart.root.getBoundingClientRect();
+      if (chart.root.offsetParent === null || box.bottom <= 0 || box.top >= innerHeight || !(box.width > 0)) continue;
+      const times = chart.data[0];
+      const first = times[0], span = times[times.length - 1] - first;
+      const { min, max } = chart.scales.x;
+      open[uuid] = span > 0 && min < max ? [share((min - first) / span), share((max - first) / span)] : [0, 1];
+    }
+    return open;
+  }
+
+  // A run is drawn one picture after all its parts are there: the page's own work on messages comes before its drawing.
+  function watchRun() {
+    const run = Number(document.querySelector(".fl-run")?.dataset.run ?? 0);
+    if (run === seenRun || !isComplete()) return;
+    seenRun = run;
+    requestAnimationFrame(() => requestAnimationFrame(() => { drawnRun = run; look(); }));
+  }
+
+  function look() {
+    watchRun();
+    const way = document.querySelector(".fl-reports")?.dataset.way;
+    if (!way || !window.__viserMutable?.sendMessage) return;
+    const report = JSON.stringify({ run: drawnRun, charts: openCharts(), dark: darkSystem.matches });
+    if (sent === way + report) return;
+    sent = way + report;
+    window.__viserMutable.sendMessage({ type: "GuiUpdateMessage", uuid: way, updates: { value: report } });
+  }
+
+  addEventListener("keydown", (event) => {
+    if (event.key !== "Escape") return;
+    const buttons = [...document.querySelectorAll(".mantine-Modal-content button")];
+    buttons.find((button) => button.textContent.trim() === "Close")?.click();
+  }, true);
+  setInterval(look, LOOK);
+})();

@@ -1,0 +1,123 @@
+"""What browsers tell of themselves: which run they have drawn, which charts they show, whether their system is dark."""
+
+import html
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import viser
+
+from flexlab.lab.browser_messages import Count, Identifier
+from flexlab.lab.panel.number_control import put
+from flexlab.lab.viser_internals import widget_uuid
+from flexlab.lab.viser_server import set_theme
+from flexlab.log_limits import limited
+
+PAGE_SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
+"""What a page needs to tell it."""
+LONGEST_SILENCE = 10.0
+"""s after which a browser that never told anything counts as one that sees whatever it is sent."""
+
+log = limited(__name__)
+
+
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """`run`: number of the newest run that the page has drawn, 0: none.
+
+    `charts`: uuid of those on its screen → the part that is zoomed into, as shares of the window.
+    """
+
+    run: Count
+    charts: Annotated[dict[Identifier, tuple[Share, Share]], msgspec.Meta(max_length=64)]
+    dark: bool
+
+
+_DECODER = msgspec.json.Decoder(Report)
+
+
+@dataclass
+class _Page:
+    """One browser."""
+
+    since: float = field(default_factory=time.monotonic)
+    report: Report | None = None
+
+
+class PageReports:
+    """The newest report of every browser of one server. Any thread."""
+
+    def __init__(self, server: viser.ViserServer, run_number: int):
+        self._pages: dict[int, _Page] = {}
+        self._lock = threading.Lock()
+        self._mark = server.gui.add_html(_mark(run_number))
+        server.on_client_connect(self._greet)
+        server.on_client_disconnect(self._forget)
+
+    def show_run(self, run_number: int) -> None:
+        """Tell the pages which run it is that they have just been sent."""
+        put(self._mark, content=_mark(run_number))
+
+    @property
+    def count(self) -> int:
+        """Browsers that look."""
+        return len(self._pages)
+
+    def have_drawn(self, run_number: int) -> bool:
+        """Whether somebody can see a run."""
+        now = time.monotonic()
+        return any(
+            page.report.run == run_number if page.report is not None else now - page.since > LONGEST_SILENCE
+            for page in self._all()
+        )
+
+    def open_charts(self) -> dict[str, tuple[float, float]] | None:
+        """The charts that somebody has on the screen, and the part of the window that is seen.
+
+        None: perhaps all charts, as not every page has told.
+        """
+        found: dict[str, tuple[float, float]] = {}
+        for page in self._all():
+            if page.report is None:
+                return None
+            for uuid, (first, last) in page.report.charts.items():
+                before = found.get(uuid, (first, last))
+                found[uuid] = min(first, before[0]), max(last, before[1])
+        return found
+
+    def _all(self) -> list[_Page]:
+        with self._lock:
+            return list(self._pages.values())
+
+    async def _greet(self, client: viser.ClientHandle) -> None:
+        page = _Page()
+        with self._lock:
+            self._pages[client.client_id] = page
+        # Of this browser alone: what one tells is no news for the others.
+        way = client.gui.add_text("page", "", visible=False)
+
+        async def told(_: object) -> None:
+            try:
+                report = _DECODER.decode(way.value)
+            except msgspec.MsgspecError as error:
+                log.warning("A browser reported what cannot be: %s", ascii(str(error))[:200])
+                return
+            if report.dark != (page.report.dark if page.report is not None else False):
+                set_theme(client.gui, report.dark)
+            page.report = report
+
+        way.on_update(told)
+        client.gui.add_html(f'<i hidden class="fl-reports" data-way="{html.escape(widget_uuid(way))}"></i>')
+
+    async def _forget(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            self._pages.pop(client.client_id, None)
+
+
+def _mark(run_number: int) -> str:
+    return f'<i hidden class="fl-run" data-run="{run_number}"></i>'

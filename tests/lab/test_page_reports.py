@@ -1,0 +1,107 @@
+"""Pages tell what they show, and labs act on it: runs begin when they are drawn, and hold when nobody looks."""
+
+import json
+import re
+
+import pytest
+from lab_page import wait_until
+from raw_browser import RawBrowser
+
+from flexlab.lab.attendance import Attendance
+from flexlab.lab.page_reports import PageReports
+from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+from flexlab.sim.commands import Reset
+
+
+def way(session: Session) -> object:
+    """The hidden widget by which the only browser reports."""
+    (client,) = session.server.get_clients().values()
+    return next(handle for handle in client.gui._gui_input_handle_from_uuid.values())
+
+
+def report(browser: RawBrowser, session: Session, run: int, **charts: tuple[float, float]) -> None:
+    wait_until(session.server.get_clients, "the browser is a client", 20)
+    wait_until(lambda: next(iter(session.server.get_clients().values())).gui._gui_input_handle_from_uuid, "its way", 20)
+    text = json.dumps({"run": run, "charts": charts, "dark": False})
+    browser.update(way(session), {"value": text})
+
+
+def time_of(session: Session) -> float:
+    return float(session.runner.snapshot.latest.time[0])
+
+
+def test_a_run_begins_when_a_page_has_drawn_it() -> None:
+    with Session(load_preset("paper"), "paper", port=0, shadows=False, attended=True) as session:
+        with RawBrowser(session) as browser:
+            report(browser, session, 0)
+            with pytest.raises(AssertionError):
+                wait_until(lambda: time_of(session) > 0, "time passes", 0.6)
+            report(browser, session, 1)
+            wait_until(lambda: time_of(session) > 0.1, "time passes", 20)
+            session.runner.submit(Reset())
+            wait_until(lambda: session.runner.snapshot.run_number == 2, "a new run", 20)
+            with pytest.raises(AssertionError):
+                wait_until(lambda: time_of(session) > 0, "time passes", 0.6)
+            report(browser, session, 2)
+            wait_until(lambda: time_of(session) > 0.1, "time passes", 20)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", '{"run": -1, "charts": {}, "dark": false}', "9" * 9000, "{" * 9000])
+def test_a_senseless_report_is_no_report(session: Session, text: str) -> None:
+    with RawBrowser(session) as browser:
+        report(browser, session, 1, some=(0.0, 0.5))
+        reports: PageReports = session._drawing._reports  # type: ignore[union-attr]
+        wait_until(lambda: reports.open_charts() == {"some": (0.0, 0.5)}, "the report is heard", 20)
+        browser.update(way(session), {"value": text})
+        report(browser, session, 1, other=(0.1, 0.2))
+        wait_until(lambda: reports.open_charts() == {"other": (0.1, 0.2)}, "the next report is heard", 20)
+
+
+def test_charts_that_nobody_sees_are_not_sent(session: Session) -> None:
+    plots = session._drawing._plots  # type: ignore[union-attr]
+    (first, *others) = [chart for charts in plots._charts for chart in charts]
+    with RawBrowser(session) as browser:
+        report(browser, session, 1, **{first.uuid: (0.0, 1.0)})
+        wait_until(lambda: plots._opened == {first.uuid: (0.0, 1.0)}, "the report is heard", 20)
+        before = [len(chart._handle.data[0]) for chart in others]
+        shown = first._handle.data[1]
+        wait_until(lambda: first._handle.data[1] is not shown, "the open chart goes on", 20)
+        wait_until(lambda: time_of(session) > 1, "time passes", 20)
+        assert [len(chart._handle.data[0]) for chart in others] == before
+
+
+def test_a_lab_without_anybody_holds_and_goes_on_for_the_next_one(session: Session) -> None:
+    clock = [0.0]
+    reports: PageReports = session._drawing._reports  # type: ignore[union-attr]
+    attendance = Attendance(session.runner, session.lab_state, reports, longest=60.0, clock=lambda: clock[0])
+    clock[0] = 59.0
+    attendance.update()
+    assert session.runner.snapshot.playing
+    clock[0] = 61.0
+    attendance.update()
+    wait_until(lambda: not session.runner.snapshot.playing, "the lab holds", 20)
+    with RawBrowser(session) as browser:
+        report(browser, session, 1)
+        wait_until(lambda: reports.count, "somebody looks", 20)
+        attendance.update()
+        wait_until(lambda: session.runner.snapshot.playing, "the lab goes on", 20)
+        assert re.search(r"held at t = \S+ s while nobody looked", session.lab_state.notice.text)
+
+
+def test_what_a_person_paused_stays_paused(session: Session) -> None:
+    from flexlab.sim.commands import Pause
+
+    clock = [0.0]
+    reports: PageReports = session._drawing._reports  # type: ignore[union-attr]
+    attendance = Attendance(session.runner, session.lab_state, reports, longest=60.0, clock=lambda: clock[0])
+    session.runner.submit(Pause())
+    wait_until(lambda: not session.runner.snapshot.playing, "the lab holds", 20)
+    clock[0] = 600.0
+    attendance.update()
+    with RawBrowser(session) as browser:
+        report(browser, session, 1)
+        wait_until(lambda: reports.count, "somebody looks", 20)
+        attendance.update()
+        with pytest.raises(AssertionError):
+            wait_until(lambda: session.runner.snapshot.playing, "the lab goes on", 0.5)

@@ -19,8 +19,10 @@ _PICTURE = re.compile(r"^!\[([^\]]*)\]\(([\w./-]+\.svg)\)$", re.MULTILINE)
 _SYMBOLS = re.compile(r"^\[symbols: ([^\]]+)\]$", re.MULTILINE)
 _INDEXED = re.compile(r"^\| ([^|_`\s]+)_(\w+) \|", re.MULTILINE)
 _LESSON = re.compile(
-    r"---\n(?P<head>.*?)\n---\n(?P<question>.*?)\n## Do\n(?P<steps>.*?)\n## Observe\n(?P<observe>.*)", re.S
+    r"---\n(?P<head>.*?)\n---\n(?P<question>.*?)\n## Guess\n(?P<guess>.*?)\n## Do\n(?P<steps>.*?)\n## Observe\n(?P<observe>.*)",
+    re.S,
 )
+_OPTION = re.compile(r"^- \[([ x])\] (.+)$", re.MULTILINE)
 
 
 class Chapter(NamedTuple):
@@ -44,6 +46,12 @@ class Lesson(NamedTuple):
     """Key of `flexlab.analysis.lesson_checks.CHECKS`."""
     question: str
     """Markdown: what the lesson is about."""
+    guess: str
+    """What to guess before doing anything: a question."""
+    options: tuple[str, ...]
+    """What can be guessed."""
+    answer: str
+    """The option that is right."""
     steps: str
     """Markdown: a numbered list of what to do."""
     observe: str
@@ -52,7 +60,9 @@ class Lesson(NamedTuple):
     @property
     def text(self) -> str:
         """The whole lesson as markdown, without its title."""
-        return f"{self.question}\n\n#### Do\n\n{self.steps}\n\n#### Observe\n\n{self.observe}"
+        options = "\n".join(f"- {option}" for option in self.options)
+        parts = (("Guess", f"{self.guess}\n\n{options}"), ("Do", self.steps), ("Observe", self.observe))
+        return "\n\n".join([self.question, *(f"#### {title}\n\n{text}" for title, text in parts)])
 
 
 def guide_folder() -> Path:
@@ -90,10 +100,29 @@ def _chapter(file: Path) -> Chapter:
 def _lesson(file: Path) -> Lesson:
     found = _LESSON.fullmatch(file.read_text(encoding="utf-8"))
     if found is None:
-        raise ValueError(f"{file} is not a lesson: it needs a head between --- lines, ## Do and ## Observe.")
+        raise ValueError(f"{file} is not a lesson: it needs a head between --- lines, ## Guess, ## Do and ## Observe.")
     head = dict(line.split(": ", 1) for line in found["head"].splitlines())
-    parts = [_complete(found[name].strip(), file.parent.parent) for name in ("question", "steps", "observe")]
-    return Lesson(file.stem[2:], head["title"], head["preset"], head["check"], *parts)
+    question, steps, observe = (
+        _complete(found[name].strip(), file.parent.parent) for name in ("question", "steps", "observe")
+    )
+    options = _OPTION.findall(found["guess"])
+    right = [option for mark, option in options if mark == "x"]
+    if len(right) != 1 or len(options) < 2:
+        raise ValueError(
+            f"{file} is not a lesson: ## Guess needs lines - [ ] with what can be guessed, one of them - [x]."
+        )
+    return Lesson(
+        id=file.stem[2:],
+        title=head["title"],
+        preset=head["preset"],
+        check=head["check"],
+        question=question,
+        guess=" ".join(_OPTION.sub("", found["guess"]).split()),
+        options=tuple(option for _, option in options),
+        answer=right[0],
+        steps=steps,
+        observe=observe,
+    )
 
 
 def _complete(text: str, folder: Path) -> str:

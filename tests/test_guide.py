@@ -44,6 +44,8 @@ def test_a_lesson_is_whole(lesson: guide.Lesson):
     assert lesson.question
     assert re.match(r"1\. ", lesson.steps)
     assert lesson.observe
+    assert lesson.guess.endswith("?")
+    assert lesson.answer in lesson.options
 
 
 def test_every_check_has_its_lesson():

@@ -130,7 +130,8 @@ def command(
     last = front_server.close()
     output().print()
     if last is not None:
-        output().print(f"The last run is in {last}. Look at it with: flexlab review", markup=False, soft_wrap=True)
+        review = "flexlab review" if logs == LOGS else f"flexlab review {last}"
+        output().print(f"The last run is in {last}. Look at it with: {review}", markup=False, soft_wrap=True)
 
 
 @contextmanager

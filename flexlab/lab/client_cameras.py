@@ -7,13 +7,15 @@ import numpy as np
 import viser
 
 from flexlab.errors import LabError
-from flexlab.lab.scene.camera_views import VIEWS, Window, shot
+from flexlab.lab.scene.camera_views import MOVING, VIEWS, Window, shot
 from flexlab.log_limits import limited
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 
 STANDING = ""
 """View of a camera that stays where it is, and is the person's own."""
+LOWEST = 0.1
+"""Height above the floor below which no camera goes, m: from below, the picture is a riddle."""
 STILL = 1e-3
 """A camera this near to where it was put counts as not moved by the person, m."""
 TELEPHONE_WIDTH = 576
@@ -62,7 +64,7 @@ class ClientCameras:
     def follow(self, snapshot: Snapshot) -> None:
         """Move the cameras that follow the payload; called for every picture."""
         with self._lock:
-            watches = [watch for watch in self._watches.values() if watch.view == "Follow"]
+            watches = [watch for watch in self._watches.values() if watch.view in MOVING]
         for watch in watches:
             try:
                 self._aim(watch, snapshot)
@@ -77,11 +79,14 @@ class ClientCameras:
             self._watches[client.client_id] = watch
 
         async def reshape(camera: viser.CameraHandle) -> None:
+            if camera.position[2] < LOWEST:
+                camera.position = np.array([*camera.position[:2], LOWEST])
+                return
             # viser puts its own first camera back some two seconds after the page has opened.
             put_back = watch.view == VIEWS[0] and _near(camera.position, self._server.initial_camera.position)
             stands = watch.put_at is None or _near(camera.position, watch.put_at)
             reshaped = abs(camera.aspect - watch.aspect) > SAME_ASPECT
-            if watch.view not in ("Follow", STANDING) and (put_back or (stands and reshaped)):
+            if watch.view not in (*MOVING, STANDING) and (put_back or (stands and reshaped)):
                 self._aim(watch, self._runner.snapshot)
 
         client.camera.on_update(reshape)

@@ -14,11 +14,17 @@ ORANGE: Color = (230, 159, 0)
 SKY: Color = (86, 180, 233)
 LIGHT_BLUE: Color = (46, 141, 204)
 """Blue for thin lines, which must stand out from white and from black."""
+VIOLET: Color = (142, 98, 218)
+OLIVE: Color = (140, 138, 20)
+ROSE: Color = (214, 84, 120)
 GRAY: Color = (128, 134, 142)
 
 ARMS: tuple[Color, Color] = (BLUE, VERMILION)
 """Left arm, right arm."""
-BEAM = GREEN
+BEAM: Color = (20, 232, 150)
+"""Green as well, and the brightest colour of the picture."""
+CURVES: tuple[Color, Color, Color] = (VIOLET, OLIVE, ROSE)
+"""Curves of a plot: none of them is an arm's."""
 DESIRED = PURPLE
 INTERNAL_FORCE = ORANGE
 MOVING_FORCE = SKY

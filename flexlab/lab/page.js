@@ -5,6 +5,7 @@
   const darkSystem = matchMedia("(prefers-color-scheme: dark)");
   let seenRun = 0;
   let drawnRun = 0;
+  let again = 0; // how often the shown preset was chosen once more
   let sent = "";
 
   function isComplete() {
@@ -40,11 +41,21 @@
     requestAnimationFrame(() => requestAnimationFrame(() => { drawnRun = run; look(); }));
   }
 
+  // Where the picture is between the panels: what floats over it stands in its middle.
+  function measurePicture() {
+    const box = window.__viserMutable?.canvas?.getBoundingClientRect();
+    if (!box?.width) return;
+    const style = document.documentElement.style;
+    style.setProperty("--fl-picture-middle", `${Math.round(box.left + box.width / 2)}px`);
+    style.setProperty("--fl-picture-width", `${Math.round(box.width)}px`);
+  }
+
   function look() {
     watchRun();
+    measurePicture();
     const way = document.querySelector(".fl-reports")?.dataset.way;
     if (!way || !window.__viserMutable?.sendMessage) return;
-    const report = JSON.stringify({ run: drawnRun, charts: openCharts(), dark: darkSystem.matches });
+    const report = JSON.stringify({ run: drawnRun, charts: openCharts(), dark: darkSystem.matches, width: innerWidth, again });
     if (sent === way + report) return;
     sent = way + report;
     window.__viserMutable.sendMessage({ type: "GuiUpdateMessage", uuid: way, updates: { value: report } });
@@ -54,6 +65,13 @@
     if (event.key !== "Escape") return;
     const buttons = [...document.querySelectorAll(".mantine-Modal-content button")];
     buttons.find((button) => button.textContent.trim() === "Close")?.click();
+  }, true);
+  // A menu tells nothing when the option is chosen that it shows; for the presets that means: start it anew.
+  addEventListener("click", (event) => {
+    const option = event.target.closest?.('[role="option"][aria-selected="true"]');
+    const list = option?.closest('[role="listbox"]');
+    const menu = list && document.querySelector(`[aria-controls="${list.id}"]`);
+    if (menu && document.querySelector(".fl-preset")?.closest("div").nextElementSibling?.contains(menu)) again += 1;
   }, true);
   setInterval(look, LOOK);
 })();

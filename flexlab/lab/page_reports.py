@@ -3,6 +3,7 @@
 import html
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -36,6 +37,10 @@ class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     run: Count
     charts: Annotated[dict[Identifier, tuple[Share, Share]], msgspec.Meta(max_length=64)]
     dark: bool
+    width: Count
+    """Of the window, px."""
+    again: Count
+    """How often the preset that is shown was chosen once more."""
 
 
 _DECODER = msgspec.json.Decoder(Report)
@@ -52,7 +57,15 @@ class _Page:
 class PageReports:
     """The newest report of every browser of one server. Any thread."""
 
-    def __init__(self, server: viser.ViserServer, run_number: int):
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        run_number: int,
+        arrange: Callable[[viser.ClientHandle, int], None],
+        start_anew: Callable[[], None],
+    ):
+        """`arrange` lays out a new page whose window is so wide, px; `start_anew` loads the preset that is shown."""
+        self._arrange, self._start_anew = arrange, start_anew
         self._pages: dict[int, _Page] = {}
         self._lock = threading.Lock()
         self._mark = server.gui.add_html(_mark(run_number))
@@ -109,6 +122,10 @@ class PageReports:
                 return
             if report.dark != (page.report.dark if page.report is not None else False):
                 set_theme(client.gui, report.dark)
+            if page.report is None:
+                self._arrange(client, report.width)
+            elif report.again > page.report.again:
+                self._start_anew()
             page.report = report
 
         way.on_update(told)

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
+import viser
+
 from flexlab.control import own_law_hosts
 from flexlab.errors import LabError
 from flexlab.lab.attendance import Attendance
@@ -18,7 +20,7 @@ from flexlab.lab.plots.plots import Plots
 from flexlab.lab.render_loop import RenderLoop
 from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.scene import Scene
-from flexlab.lab.viser_internals import GuardedServer
+from flexlab.lab.viser_internals import GuardedServer, dock_below
 from flexlab.lab.viser_server import open_server
 from flexlab.scenario import Scenario
 from flexlab.sim.consumer import Consumer
@@ -27,6 +29,8 @@ from flexlab.sim.world_state import Origin
 
 PANEL_WIDTH, PLOTS_WIDTH = 330, 350
 """px: enough for the longest label with its unit, and for a plot's legend on one line."""
+GUIDE_WIDTH, WIDE_WINDOW = 280, 1300
+"""px: of the guide's own column, and of the windows in which it has one; in others it stands below the plots."""
 FIRST_WINDOW = Window(1.0)
 """The picture on an ordinary screen beside both panels, until a browser tells its own."""
 
@@ -133,19 +137,27 @@ class Session:
         touch = Picking(lab_state)
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)
         cameras = ClientCameras(server, self.runner)
-        reports = PageReports(server, self.runner.snapshot.run_number)
-        attendance = Attendance(self.runner, lab_state, reports) if self._attended else None
         panel = Panel(
             server.gui, lab_state, self.runner, self._study, touch, cameras.choose, self._recording, self._link
         )
         board = server.gui.add_panel()
         plots = Plots(server.gui, board, self._scenario, lab_state.view.plot_window)
-        with board.add_tab("Guide"):
+        reading = server.gui.add_panel()
+        with reading.add_tab("Guide"):
             guide = Guide(server.gui, lab_state, self.runner)
+
+        def arrange(client: viser.ClientHandle, width: int) -> None:
+            if width < WIDE_WINDOW:
+                dock_below(client, reading, board)
+
+        reports = PageReports(server, self.runner.snapshot.run_number, arrange, lab_state.back_to_baseline)
+        attendance = Attendance(self.runner, lab_state, reports) if self._attended else None
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
         board.dock_left()
         board.set_width(PLOTS_WIDTH)
+        reading.dock_left()
+        reading.set_width(GUIDE_WIDTH)
         shot = overview(self._scenario, FIRST_WINDOW)
         server.initial_camera.fov = FIELD_OF_VIEW
         server.initial_camera.look_at = shot.look_at

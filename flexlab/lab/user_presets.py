@@ -2,6 +2,7 @@
 
 import re
 import tempfile
+import unicodedata
 from pathlib import Path
 
 from flexlab.assets import presets_folder
@@ -9,8 +10,8 @@ from flexlab.errors import PresetError, ScenarioError
 from flexlab.presets import OWN_FOLDER, load_scenario_file, save_scenario
 from flexlab.scenario import Scenario
 
-NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,38}[a-z0-9])?")
-"""Names of presets: what every file system, link and command line takes unchanged."""
+LONGEST_NAME = 40
+"""Characters of a name: what a menu shows."""
 
 
 MOST_PRESETS = 60
@@ -18,10 +19,15 @@ MOST_PRESETS = 60
 
 
 def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Path:
-    """Write a scenario as a person's own preset; raises `PresetError` for a name that cannot be used."""
-    if not NAME.fullmatch(name):
+    """Write a scenario as a person's own preset; raises `PresetError` for a name that cannot be used.
+
+    The file's name is the name in small letters, digits and hyphens.
+    """
+    title, name = name, file_stem(name)
+    if not name or len(title) > LONGEST_NAME or not title.isprintable() or re.search(r"[/\\]", title):
         raise PresetError(
-            f"{name[:60]!r} cannot be a preset's name: use 1 to 40 small letters, digits and hyphens, as in my-soft-beam."
+            f"{title[:60]!r} cannot be a preset's name: use 1 to {LONGEST_NAME} characters, a letter or a digit among them "
+            "and no slash, as in My soft beam."
         )
     if (presets_folder() / f"{name}.json").exists():
         raise PresetError(f"{name} is a preset of flexlab itself and stays as it is: choose another name.")
@@ -38,9 +44,15 @@ def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Pat
     return path
 
 
+def file_stem(name: str) -> str:
+    """A name as every file system, link and command line takes it: small letters, digits and hyphens; may be empty."""
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    return re.sub(r"[^a-z0-9]+", "-", plain.lower())[:LONGEST_NAME].strip("-")
+
+
 def read_upload(file_name: str, content: bytes) -> tuple[str, Scenario]:
     """(short name, scenario) of an uploaded file; raises `PresetError` or `ScenarioError` with the file's own name."""
-    stem = re.sub(r"[^a-z0-9]+", "-", Path(file_name).stem.lower()).strip("-")[:40].strip("-") or "uploaded"
+    stem = file_stem(Path(file_name).stem) or "uploaded"
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{stem}.json"
         path.write_bytes(content)

@@ -142,6 +142,17 @@ def widget_uuid(handle: Any) -> str:
     return handle._impl.uuid
 
 
+def dock_below(client: viser.ClientHandle, panel: viser.PanelHandle, anchor: viser.PanelHandle) -> None:
+    """Put a panel of all browsers below another one, in one browser."""
+    gui = client.gui
+    position: Any = {"kind": "split", "anchor_uuid": anchor._placement_uuid, "side": "below"}
+    gui._websock_interface.queue_message(
+        _messages.GuiSetPanelPositionMessage(
+            panel._placement_uuid, position, gui._next_layout_counter(), gui._layout_run_id
+        )
+    )
+
+
 def client_of(server: viser.ViserServer, connection: ServerConnection) -> int:
     """The client whose connection this is; -1 once it is gone."""
     live = server._websock_server._live_connections

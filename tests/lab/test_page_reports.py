@@ -23,7 +23,7 @@ def way(session: Session) -> object:
 def report(browser: RawBrowser, session: Session, run: int, **charts: tuple[float, float]) -> None:
     wait_until(session.server.get_clients, "the browser is a client", 20)
     wait_until(lambda: next(iter(session.server.get_clients().values())).gui._gui_input_handle_from_uuid, "its way", 20)
-    text = json.dumps({"run": run, "charts": charts, "dark": False})
+    text = json.dumps({"run": run, "charts": charts, "dark": False, "width": 1440, "again": 0})
     browser.update(way(session), {"value": text})
 
 

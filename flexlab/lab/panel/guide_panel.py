@@ -1,10 +1,11 @@
-"""The guide in the lab: chapters to read, and lessons with what to do, what to observe and a check of its own."""
+"""The guide in the lab: chapters to read, and lessons: what do you guess, what to do, a check of its own, then the answer."""
 
 import viser
 
 from flexlab.analysis.lesson_checks import SECONDS, check_lesson
 from flexlab.guide import Chapter, Lesson, chapters, lessons
 from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped
 from flexlab.presets import load_preset
 from flexlab.sim.runner import Runner
@@ -12,23 +13,32 @@ from flexlab.sim.snapshot import Snapshot
 
 EVERY = 10
 """Panel updates per check (1 Hz): a check reads the whole run."""
-NOTHING = "Choose what to read"
+OPEN = "Choose one"
 
 
 class Guide:
-    """Menu, text and check, in the GUI container that is open while it is made."""
+    """Menu, text, guess and check, in the GUI container that is open while it is made."""
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner):
         self._lab_state, self._runner = lab_state, runner
         self._count = 0
+        self._guesses: dict[str, str] = {}
+        self._unfolded: set[str] = set()
         self._pages: dict[str, Chapter | Lesson] = {chapter.title: chapter for chapter in chapters()}
         self._pages |= {f"Lesson {k + 1}: {lesson.title}": lesson for k, lesson in enumerate(lessons())}
         first = next(iter(self._pages))
         self._menu = gui.add_dropdown("Read", tuple(self._pages), initial_value=first)
+        self._text = gui.add_markdown("")
+        self._guess_question = gui.add_html("", visible=False)
+        self._guess = gui.add_dropdown("What do you guess?", (OPEN,), initial_value=OPEN, visible=False)
+        self._steps = gui.add_markdown("", visible=False)
         self._start = gui.add_button("Load its preset", color="gray", visible=False, hint="Starts a new run")
         self._verdict = gui.add_html("", visible=False)
-        self._text = gui.add_markdown("")
+        self._unfold = gui.add_button("Show the answer", color="gray", visible=False, hint="Before the check is done")
+        self._answer = gui.add_markdown("", visible=False)
         self._start.on_click(handler(lab_state, lambda _: self._load()))
+        self._unfold.on_click(handler(lab_state, lambda _: self._show_answer()))
+        self._guess.on_update(handler(lab_state, lambda _: self._take_guess(self._guess.value)))
         self._menu.on_update(handler(lab_state, lambda _: self._turn_to(self._menu.value)))
         self._turn_to(first)
 
@@ -42,16 +52,46 @@ class Guide:
     def _turn_to(self, title: str) -> None:
         page = self._pages[title]
         lesson = page if isinstance(page, Lesson) else None
-        self._start.visible = self._verdict.visible = lesson is not None
-        self._text.content = page.text if isinstance(page, Chapter) else lesson_text(page)
+        for widget in (self._guess_question, self._guess, self._steps, self._start, self._verdict):
+            put(widget, visible=lesson is not None)
+        put(self._text, content=page.question if isinstance(page, Lesson) else page.text)
+        if lesson is None:
+            put(self._unfold, visible=False)
+            put(self._answer, visible=False)
+            return
+        put(self._guess_question, content=f'<div class="fl">{escaped(lesson.guess)}</div>')
+        self._guess.options = (OPEN, *lesson.options)
+        self._guess.value = self._guesses.get(lesson.id, OPEN)
+        put(self._steps, content=f"#### Do\n\n{lesson.steps}")
+        self._start.label = f"Load {lesson.preset}"
+        self._check(lesson, self._lab_state.snapshot)
+
+    def _lesson(self) -> Lesson | None:
+        page = self._pages[self._menu.value]
+        return page if isinstance(page, Lesson) else None
+
+    def _take_guess(self, option: str) -> None:
+        lesson = self._lesson()
+        if lesson is not None and option in lesson.options:
+            self._guesses[lesson.id] = option
+            self._fold(lesson)
+
+    def _show_answer(self) -> None:
+        lesson = self._lesson()
         if lesson is not None:
-            self._start.label = f"Load {lesson.preset}"
-            self._check(lesson, self._lab_state.snapshot)
+            self._unfolded.add(lesson.id)
+            self._fold(lesson)
+
+    def _fold(self, lesson: Lesson) -> None:
+        """The answer stays folded until the check is done, or somebody asks for it."""
+        unfolded = lesson.id in self._unfolded
+        put(self._unfold, visible=not unfolded)
+        put(self._answer, visible=unfolded, content=answer_text(lesson, self._guesses.get(lesson.id, "")))
 
     def _load(self) -> None:
-        page = self._pages[self._menu.value]
-        if isinstance(page, Lesson):
-            self._lab_state.load(load_preset(page.preset), page.preset)
+        lesson = self._lesson()
+        if lesson is not None:
+            self._lab_state.load(load_preset(lesson.preset), lesson.preset)
 
     def _check(self, lesson: Lesson, snapshot: Snapshot) -> None:
         samples = self._runner.recent(SECONDS)
@@ -61,8 +101,17 @@ class Guide:
         self._verdict.content = (
             f'<div class="fl"><div class="fl-box {look}"><b>{words}.</b> {escaped(verdict.sentence)}</div></div>'
         )
+        if verdict.done:
+            self._unfolded.add(lesson.id)
+        self._fold(lesson)
 
 
-def lesson_text(lesson: Lesson) -> str:
-    """A lesson as markdown."""
-    return f"{lesson.question}\n\n#### Do\n\n{lesson.steps}\n\n#### Observe\n\n{lesson.observe}"
+def answer_text(lesson: Lesson, guess: str) -> str:
+    """What there is to observe, and what became of the guess, as markdown."""
+    if not guess:
+        word = f"It is: {lesson.answer}."
+    elif guess == lesson.answer:
+        word = f"You guessed it: {guess}."
+    else:
+        word = f"You guessed: {guess}. It is: {lesson.answer}."
+    return f"#### Observe\n\n**{word}**\n\n{lesson.observe}"

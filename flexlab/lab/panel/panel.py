@@ -105,6 +105,8 @@ class Panel:
             Key("Play or pause", "Hold or go on with simulation time", "space", None, lambda _: drive.toggle()),
             Key("Step", "1 ms further, then hold", "arrowright", None, lambda _: drive.step()),
             Key("Reset", "A new run from t = 0, same settings", "R", None, lambda _: drive.reset()),
+            Key("Slow motion: slower", "Half the speed", ",", None, lambda _: drive.faster(0.5)),
+            Key("Slow motion: faster", "Twice the speed", ".", None, lambda _: drive.faster(2.0)),
             Key("Undo", "Take the last change back", "Z", "cmd/ctrl", lambda _: lab_state.undo()),
             Key("Redo", "Make it again", "Z", "cmd/ctrl+shift", lambda _: lab_state.redo()),
             Key("Save as preset", "Under the name on the tab File", "S", None, lambda _: self._filing.save()),

@@ -81,6 +81,11 @@ class Playback:
         self._lab_state.submit(Pause())
         self._lab_state.submit(StepOnce())
 
+    def faster(self, by: float) -> None:
+        """Multiply the speed, as far as the menu goes."""
+        speed = self._lab_state.snapshot.target_speed * by
+        self._lab_state.submit(SetSpeed(min(max(speed, SPEEDS[-1]), SPEEDS[0])))
+
     def _set_speed(self, choice: str) -> None:
         if choice not in self._speeds:
             raise LabError(f"{choice[:40]!r} is not a speed of the menu: choose one from 1/256 × to 4 ×.")

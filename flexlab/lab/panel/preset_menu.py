@@ -3,8 +3,14 @@
 import viser
 
 from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.panel.number_control import put
+from flexlab.lab.panel.run_comparison import field_name, field_value
 from flexlab.lab.panel.text import escaped
+from flexlab.lab.reference_run import differences
 from flexlab.presets import load_preset, preset_names
+
+MOST_CHANGES = 4
+"""Changes named below the menu; the tab File has all."""
 
 
 class Presets:
@@ -15,6 +21,8 @@ class Presets:
         names = tuple(preset_names())
         present = lab_state.snapshot.name
         options = names if present in names else (present, *names)
+        # The page's script finds the menu by this mark: choosing the shown preset once more starts it anew.
+        gui.add_html('<i hidden class="fl-preset"></i>')
         self._menu = gui.add_dropdown("Preset", options, initial_value=present, hint="Starts a new run")
         self._text = gui.add_html("")
         self._menu.on_update(handler(lab_state, lambda _: self._load(self._menu.value)))
@@ -31,10 +39,17 @@ class Presets:
     def update(self) -> None:
         """Show which preset the scenario came from, its words, and whether it has been changed."""
         self.refresh()
-        title, watch = self._lab_state.baseline.title, self._lab_state.baseline.watch
-        mark = ' <span class="fl-badge">changed, not saved</span>' if self._lab_state.changed else ""
-        head = f'<div class="fl-title">{escaped(title or self._lab_state.name)}{mark}</div>'
-        self._text.content = f'<div class="fl">{head}{escaped(watch)}</div>'
+        baseline, now = self._lab_state.baseline, self._lab_state.intended
+        if not self._lab_state.changed:
+            head = f'<div class="fl-title">{escaped(baseline.title or self._lab_state.name)}</div>'
+            put(self._text, content=f'<div class="fl">{head}{escaped(baseline.watch)}</div>')
+            return
+        # What the preset's words promise is no longer what runs.
+        changes = differences(baseline, now)
+        words = [f"{field_name(now, path)}: {field_value(old)} → {field_value(new)}" for path, old, new in changes]
+        more = f"<br>… and {len(words) - MOST_CHANGES} more" if len(words) > MOST_CHANGES else ""
+        head = f'<div class="fl-title">{escaped(self._lab_state.name)}, changed <span class="fl-badge">not saved</span></div>'
+        put(self._text, content=f'<div class="fl">{head}{"<br>".join(words[:MOST_CHANGES])}{more}</div>')
 
     def _load(self, name: str) -> None:
         self._lab_state.load(load_preset(name), name)

@@ -9,12 +9,14 @@ from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.run_comparison import field_name, field_value
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.reference_run import differences
-from flexlab.lab.user_presets import read_upload, save_preset
+from flexlab.lab.user_presets import file_stem, read_upload, save_preset
 from flexlab.presets import scenario_text
 from flexlab.scenario import Scenario
 from flexlab.sim.snapshot import Snapshot
 
 MOST_CHANGES = 12
+LONGEST_WORDS = 1200
+"""Characters of what to watch, as a scenario takes them."""
 
 
 class ScenarioFiles:
@@ -41,7 +43,10 @@ class ScenarioFiles:
         ):
             button = gui.add_button(label, icon=icon, color="gray", hint=hint)
             button.on_click(handler(lab_state, _without_event(action)))
-        self.name = gui.add_text("Name", self._suggestion(), hint="Small letters, digits and hyphens")
+        self.name = gui.add_text("Name", self._suggestion(), hint="Of the preset; its file gets it in small letters")
+        self.words = gui.add_text(
+            "What to watch", "", multiline=True, hint="Your own words; left empty: what is changed"
+        )
         save = gui.add_button("Save as preset", icon=viser.Icon.DEVICE_FLOPPY, hint="Into the folder presets")
         save.on_click(handler(lab_state, lambda _: self.save()))
         download = gui.add_button("Download", icon=viser.Icon.DOWNLOAD, color="gray", hint="The scenario as a file")
@@ -68,11 +73,15 @@ class ScenarioFiles:
     def save(self) -> None:
         """Save under the name in the box."""
         name, scenario = self.name.value, self._lab_state.intended
-        if scenario.title == self._lab_state.baseline.title and name != self._lab_state.name:
+        if scenario.title == self._lab_state.baseline.title and file_stem(name) != self._lab_state.name:
             changes = ", ".join(f"{field_name(scenario, path)} {field_value(new)}" for path, _, new in self._changed())
-            scenario = scenario.replace({"title": name, "watch": f"From {self._lab_state.name}: {changes}."[:1200]})
+            scenario = scenario.replace(
+                {"title": name, "watch": f"From {self._lab_state.name}: {changes}."[:LONGEST_WORDS]}
+            )
+        if self.words.value.strip():
+            scenario = scenario.replace({"watch": self.words.value.strip()[:LONGEST_WORDS]})
         path = save_preset(scenario, name)
-        self._lab_state.saved(scenario, name)
+        self._lab_state.saved(scenario, path.stem)
         self._on_saved()
         self._lab_state.say(f"Saved as {path}.")
 

@@ -39,7 +39,7 @@ div:has(> p > label) + div:has(.mantine-Checkbox-root) { flex: 0 0 auto !importa
 div:has(> button[data-block]) { display: inline-block; margin-inline: 0.6em 0; vertical-align: top; }
 button[data-block] { width: auto; padding-inline: 0.8em; }
 /* One big way to begin a run that stands at its start, over the picture. */
-div:has(> .fl-begin) + div:has(> button) { position: fixed; z-index: 250; left: calc(50% + 10px); bottom: 4.5em;
+div:has(> .fl-begin) + div:has(> button) { position: fixed; z-index: 250; left: var(--fl-picture-middle, 50%); bottom: 4.5em;
   transform: translateX(-50%); margin: 0; padding: 0; }
 div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 1.4em !important; font-size: 1.25em;
   border-radius: 2em; box-shadow: 0 0.3em 1.2em rgba(0, 0, 0, 0.35); }
@@ -51,7 +51,8 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
 @media (max-width: 575px) {
   div[style*="position: fixed"][style*="width: 20em"] { width: 100% !important; max-height: 52% !important; }
   div[style*="position: fixed"][style*="width: 20em"] div[style="width: 20em;"] { width: 100% !important; }
-  .fl-float { bottom: auto !important; top: 12px; width: 92vw !important; }
+  .fl-float { bottom: auto !important; top: 48px; width: 92vw !important; }
+  div:has(> .fl-begin) + div:has(> button) { bottom: 56%; }
 }
 
 .fl { padding: 0 1.1em 0.5em 0.75em; font-size: 0.875em; line-height: 1.4; }
@@ -69,8 +70,8 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
   max-height: 6em; overflow-y: auto; padding: 0.3em 0.5em; border: 1px solid var(--mantine-color-default-border); }
 .fl-line { overflow-wrap: anywhere; }
 .fl-bad { color: var(--mantine-color-red-text, #e03131); }
-.fl-float { position: fixed; bottom: 16px; left: 50%; transform: translateX(-50%); z-index: 300; pointer-events: none;
-  width: clamp(16em, calc(100vw - 730px), 36em); padding: 0; }
+.fl-float { position: fixed; bottom: 52px; left: var(--fl-picture-middle, 50%); transform: translateX(-50%); z-index: 300;
+  pointer-events: none; width: clamp(14em, calc(var(--fl-picture-width, 40em) - 2em), 36em); padding: 0; }
 .fl-float .fl-box { background: var(--mantine-color-body); box-shadow: 0 2px 12px rgba(0, 0, 0, 0.35); }
 .fl-box { border-radius: 4px; padding: 0.4em 0.6em; margin: 0.2em 0; overflow-wrap: anywhere; }
 .fl-error { background: rgba(224, 49, 49, 0.14); border-left: 3px solid #e03131; }

@@ -15,7 +15,7 @@ from flexlab.sim.signals import own_signals
 
 MILLI = 1e3
 """m to mm, rad to mrad, J to mJ."""
-THREE = (colors.LIGHT_BLUE, colors.VERMILION, colors.GREEN)
+THREE = colors.CURVES
 
 LEAST_OWN = 1e-6
 """Smallest range of a plot of a law's own signal, whose size nobody knows beforehand."""
@@ -110,7 +110,7 @@ ERROR = Plot(
 DEFLECTION = Plot(
     "Mid-span deflection, true size",
     ("vibration (mm)", "quasi-static (mm)"),
-    (colors.VERMILION, colors.LIGHT_BLUE),
+    (colors.VIOLET, colors.OLIVE),
     lambda _, samples: MILLI * np.stack([samples.vibration, samples.quasi_static_deflection]),
     0.01,
 )
@@ -141,14 +141,14 @@ ESTIMATES = Plot(
 ENERGY = Plot(
     "Energy of arms and payload",
     ("kinetic (J)", "weight (J)", "total (J)"),
-    (colors.LIGHT_BLUE, colors.GREEN, colors.VERMILION),
+    THREE,
     lambda _, samples: np.stack([samples.kinetic_energy, samples.gravity_energy, samples.total_energy]),
     1.0,
 )
 ELASTIC = Plot(
     "Elastic energy of the beam",
     ("elastic (mJ)",),
-    (colors.GREEN,),
+    (colors.VIOLET,),
     lambda _, samples: MILLI * samples.elastic_energy[None],
     0.01,
     positive=True,
@@ -156,7 +156,7 @@ ELASTIC = Plot(
 LYAPUNOV = Plot(
     "Lyapunov function, tracking part ½ sᵀM̄s",
     ("V (mJ)",),
-    (colors.VERMILION,),
+    (colors.VIOLET,),
     lambda scenario, samples: MILLI * tracking_energy(scenario, samples)[None],
     0.1,
     positive=True,

@@ -64,7 +64,7 @@ class Spectrum:
         self._mark_modes(scenario)
         series = (
             uplot.Series(label="f (Hz)"),
-            signal_series("vibration (µm)", colors.VERMILION) | {"spanGaps": True},
+            signal_series("vibration (µm)", colors.VIOLET) | {"spanGaps": True},
             uplot.Series(label="modes of the beam", stroke=colors.css(colors.GRAY), width=1.5, dash=(4, 4)),
         )
         self._handle = gui.add_uplot(

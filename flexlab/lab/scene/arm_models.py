@@ -10,9 +10,12 @@ from flexlab.assets import web_assets_folder
 from flexlab.lab.scene.glb import Material, encode_glb
 from flexlab.lab.scene.solids import Solid, bar, drum, joined, moved, ring, turned
 
-SHELL = Material((172, 178, 188), metallic=0.05, roughness=0.5)
+SHELL = Material((118, 126, 138), metallic=0.05, roughness=0.6)
+"""Of links and joints: darker than what they carry, which is to be seen first."""
 DARK = Material((62, 68, 78), metallic=0.2, roughness=0.55)
 STEEL = Material((132, 140, 152), metallic=0.2, roughness=0.4)
+BRIGHT = Material((246, 247, 249), metallic=0.0, roughness=0.35)
+"""Of the grips."""
 
 LINK_HEIGHTS = (0.085, 0.135, 0.185)
 """Heights of the links' middles above the floor: stacked, so that they pass over one another."""
@@ -55,7 +58,7 @@ def gripper_parts() -> list[tuple[Solid, Material]]:
     palm = bar(-GRIPPER_LENGTH - 0.012, -GRIPPER_LENGTH + 0.012, 0.05, 0.05, 0.006)
     prongs = [moved(bar(-GRIPPER_LENGTH, 0.012, 0.03, 0.007, 0.003), z=z) for z in (-0.0205, 0.0205)]
     pin = drum(0.008, -0.03, 0.03, 0.002, 16)
-    return [(palm, DARK), (joined(*prongs), STEEL), (pin, DARK)]
+    return [(palm, BRIGHT), (joined(*prongs), BRIGHT), (pin, DARK)]
 
 
 def accent_ring() -> Solid:

@@ -18,7 +18,7 @@ GRAB_RADIUS = 0.035
 """Of the unseen tube that a hand takes hold of, for the paper's arms, m: wide enough for a finger on a telephone."""
 GRAB_EVERY, GRAB_SIDES = 8, 6
 """Stations of the drawn tube per station of the unseen one; nobody sees that it is coarse."""
-TUBE_RADIUS = 0.011
+TUBE_RADIUS = 0.015
 """Drawn radius for the paper's arms, m; the model's beam has no thickness."""
 
 

@@ -16,16 +16,18 @@ TILT = np.radians(24.0)
 PLAN_TILT = np.radians(0.5)
 """Of the plan view, rad: straight down leaves it open which side is up."""
 FRONT_TILT = np.radians(62.0)
-ROOM = 1.12
-"""Distance relative to the one at which the floor's middle fills the window: room for its nearer edge."""
-LABEL_WIDTH = 55
-"""Room for the lengths at the floor's sides, px on each side."""
+CAPTION = 0.2
+"""Room for the words above the picture, m."""
+FILLED = 0.97
+"""Share of the window that the floor takes up, in the direction in which it fits just so."""
 TELEPHONE_SHIFT = 0.22
 """On a telephone a sheet covers the lower half: there the machine stands higher by this share of the height."""
 CLOSE_UP = 2.6
 """Distance of the close views, in payload lengths."""
 
 VIEWS = ("Overview", "Plan", "Front", "Left grip", "Follow")
+MOVING = ("Left grip", "Follow")
+"""Those that move with the machine."""
 
 
 class Window(NamedTuple):
@@ -56,10 +58,13 @@ def overview(scenario: Scenario, window: Window, tilt: float = TILT) -> Shot:
     """The view of the whole floor, `tilt` rad from straight above."""
     x_min, x_max, y_min, y_max = floor_extent(scenario)
     center = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2, 0.0])
-    half_angle = np.tan(FIELD_OF_VIEW / 2)
-    needed_high = 0.5 * (y_max - y_min) / half_angle
-    needed_wide = 0.5 * (x_max - x_min) / (half_angle * max(window.aspect, 0.1))
-    distance = ROOM * max(needed_high, needed_wide * (1 + 2 * LABEL_WIDTH / max(window.width, 2 * LABEL_WIDTH)))
+    half_angle = FILLED * np.tan(FIELD_OF_VIEW / 2)
+    corners = np.array([(x, y, 0.0) for x in (x_min, x_max) for y in (y_min, y_max + CAPTION)]) - center
+    forward, up = np.array([0.0, np.sin(tilt), -np.cos(tilt)]), np.array([0.0, np.cos(tilt), np.sin(tilt)])
+    # A corner is in the picture from where its line of sight lies within the opening angle.
+    wide = np.abs(corners[:, 0]) / (half_angle * max(window.aspect, 0.1))
+    high = np.abs(corners @ up) / half_angle
+    distance = float(np.max(np.maximum(wide, high) - corners @ forward))
     if window.telephone:
         center[1] -= TELEPHONE_SHIFT * 2 * half_angle * distance
     return _from(center, distance, tilt)

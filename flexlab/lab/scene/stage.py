@@ -10,6 +10,12 @@ CELL, SECTION = 0.1, 0.5
 """Grid spacing, m."""
 SKY_INTENSITY = 0.9
 """Light from all sides, relative to three.js' unit: fills in the sides that the lamp above leaves dark."""
+FLOOR_COLOR, FLOOR_OPACITY = (120, 130, 144), 0.16
+"""A floor a little darker than a light page and lighter than a dark one: beam and grips are brighter than both."""
+LABEL_INSET = 0.03
+"""From the floor's edge to the lengths that stand on it, m."""
+LABEL_HEIGHT = 0.04
+"""Of these above the floor, which would cut them, m."""
 ELBOW_SHARE = 0.8
 """How far an elbow swings out beside its base, in lengths of the first link: the paper's motion with a little room."""
 MARGIN = 0.25
@@ -52,18 +58,22 @@ class Stage:
             position=((x_min + x_max) / 2, (y_min + y_max) / 2, 0.0),
             cell_size=CELL,
             cell_color=colors.GRAY,
-            cell_thickness=0.4,
+            cell_thickness=0.3,
             section_size=SECTION,
             section_color=colors.GRAY,
-            section_thickness=1.2,
+            section_thickness=0.7,
+            plane_color=FLOOR_COLOR,
+            plane_opacity=FLOOR_OPACITY,
             shadow_opacity=0.25,
         )
         for x, text in _lengths("x", _sections(x_min, x_max)):
-            place = (x, y_min - 0.03, 0.0)
-            scene.add_label(f"/floor/x{x:g}", text, position=place, anchor="top-center", depth_test=True)
+            place = (x, y_min + LABEL_INSET, LABEL_HEIGHT)
+            # At the floor's corners, which the window's edge may cut, words stand inside.
+            side = "left" if x - x_min < CELL else "right" if x_max - x < CELL else "center"
+            scene.add_label(f"/floor/x{x:g}", text, position=place, anchor=f"bottom-{side}", depth_test=True)
         for y, text in _lengths("y", _sections(y_min, y_max)):
-            place = (x_min - 0.03, y, 0.0)
-            scene.add_label(f"/floor/y{y:g}", text, position=place, anchor="center-right", depth_test=True)
+            place = (x_min + LABEL_INSET, y, LABEL_HEIGHT)
+            scene.add_label(f"/floor/y{y:g}", text, position=place, anchor="center-left", depth_test=True)
 
     def remove(self) -> None:
         """Take the floor out of the scene."""

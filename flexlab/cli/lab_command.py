@@ -158,7 +158,9 @@ GIGABYTE = 1e9
 def _welcome(front_server: "FrontServer") -> None:
     settings = front_server.settings
     lines = [f"The lab is open at {front_server.lab_url}", f"Start page, with all runs: {front_server.url}"]
-    if not settings.is_local:
+    addresses = front_server.outside_addresses("/lab/")
+    lines += [f"From other machines: {address}" for address in addresses]
+    if not settings.is_local and not addresses:
         lines.append("From other machines: the same with this machine's name instead of 127.0.0.1.")
     if settings.live and settings.private:
         lines.append("Live data of each private lab: by the button Live data in its page.")
@@ -170,3 +172,7 @@ def _welcome(front_server: "FrontServer") -> None:
     lines.append(f"Runs are recorded in {settings.logs}. Ctrl-C ends the lab.")
     for line in lines:
         output().print(line, style="bold" if line is lines[0] else "", markup=False, soft_wrap=True)
+    if addresses:
+        from flexlab.server.network_addresses import terminal_code
+
+        output().print(terminal_code(addresses[0]), markup=False, highlight=False)

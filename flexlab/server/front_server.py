@@ -27,6 +27,7 @@ from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import RecordedLab
 from flexlab.server.labs.shared import SharedLabProvider
 from flexlab.server.metric_jobs import Measuring
+from flexlab.server.network_addresses import base_address, outside_addresses
 from flexlab.server.pages.page_context import Context
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
@@ -84,6 +85,10 @@ class FrontServer:
         """The address of a page, with the token if there is one. `host`: as others know this machine."""
         host = host or ("127.0.0.1" if self.settings.host in WILDCARDS else self.settings.host)
         return f"{base_address(host, self.port)}{path}" + (f"?token={self.token}" if self.token else "")
+
+    def outside_addresses(self, path: str = "/") -> list[str]:
+        """Addresses of a page as other machines have it; none while the server answers this machine only."""
+        return outside_addresses(self.settings, self.port, self.token, path)
 
     def close(self) -> Path | None:
         """Close every page and lab, runs kept; returns the newest recording. May be called twice."""
@@ -191,8 +196,3 @@ def open_front_server(
     except BaseException:
         plug.close()
         raise
-
-
-def base_address(host: str, port: int) -> str:
-    """Of a web server, without a path."""
-    return f"http://{f'[{host}]' if ':' in host else host}:{port}"

@@ -11,15 +11,9 @@ from flexlab.recording.live import Take
 from flexlab.recording.recorder import Recorder
 from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Choice, LabStatus
+from flexlab.server.labs.recording_text import RecordingText
 from flexlab.server.scenario_links import encode_scenario, scenario_path
 from flexlab.sim.commands import Pause, Play
-
-
-def recording_text(recorder: Recorder) -> str:
-    """What the panel says about the recording."""
-    if recorder.problem is not None:
-        return recorder.problem
-    return "" if recorder.path is None else f"Recording to {recorder.path.name}"
 
 
 class RecordedLab:
@@ -51,7 +45,7 @@ class RecordedLab:
                 consumers=[recorder],
                 port=0,
                 shadows=shadows,
-                recording=lambda: recording_text(recorder),
+                recording=RecordingText(recorder, logs),
                 link=lambda scenario: address + scenario_path(encode_scenario(scenario)),
                 origin=choice.origin,
                 secret=secret,

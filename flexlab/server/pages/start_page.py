@@ -8,6 +8,7 @@ from aiohttp import web
 from flexlab.assets import web_assets_folder
 from flexlab.recording.store.run_index import list_rows
 from flexlab.server.labs.lab_provider import Lab
+from flexlab.server.network_addresses import outside_addresses, picture_code
 from flexlab.server.pages.layout import page
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.runs_table import table_values
@@ -29,6 +30,8 @@ async def start_page(request: web.Request) -> web.Response:
         "pictures": pictures,
         "drawing": context.preset_cards.drawing,
         "now": _now(request, context),
+        "outside": await asyncio.to_thread(outside_addresses, context.settings, context.port, context.token, "/lab/"),
+        "code": picture_code,
     }
     return page("start.html", "flexlab", kind="start", **values)
 

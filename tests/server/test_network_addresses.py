@@ -1,0 +1,56 @@
+"""The addresses that a class is told lead to the lab, and the code on the screen says the same."""
+
+import ipaddress
+from pathlib import Path
+
+from flexlab.server.labs.recording_text import LITTLE_SPACE, RecordingText
+from flexlab.server.network_addresses import network_addresses, outside_addresses, picture_code, terminal_code
+from flexlab.server.settings import Settings
+
+
+def test_addresses_are_of_this_machine_and_reachable() -> None:
+    for address in network_addresses():
+        number = ipaddress.ip_address(address)
+        assert not number.is_loopback
+        assert not number.is_unspecified
+
+
+def test_a_lab_for_this_machine_only_has_none(tmp_path: Path) -> None:
+    assert outside_addresses(Settings(tmp_path), 8080, None) == []
+
+
+def test_a_named_address_is_told_with_the_token(tmp_path: Path) -> None:
+    settings = Settings(tmp_path, "192.0.2.7", token="wordwordwordword")
+    assert outside_addresses(settings, 8080, settings.token, "/lab/") == [
+        "http://192.0.2.7:8080/lab/?token=wordwordwordword"
+    ]
+
+
+def test_codes_are_text_and_picture() -> None:
+    lines = terminal_code("http://192.0.2.7:8080/lab/?token=wordwordwordword").splitlines()
+    assert len(lines) > 10
+    assert picture_code("http://192.0.2.7:8080/lab/").startswith("data:image/svg+xml")
+
+
+class Growing:
+    """A recorder whose file grows by a megabyte a second."""
+
+    problem = None
+
+    def __init__(self, path: Path):
+        self.path = path
+
+
+def test_the_rate_is_measured_and_little_space_is_said(tmp_path: Path, monkeypatch) -> None:
+    now = [0.0]
+    recorder = Growing(tmp_path / "run.rrd")
+    text = RecordingText(recorder, tmp_path, clock=lambda: now[0])  # type: ignore[arg-type]
+    for second in range(5):
+        now[0] = float(second)
+        recorder.path.write_bytes(b"x" * (1_000_000 * second))
+        said = text()
+    assert said.startswith("Recording to run.rrd, 60 MB/min")
+    usage = type("Usage", (), {"free": LITTLE_SPACE / 2})
+    monkeypatch.setattr("shutil.disk_usage", lambda _: usage)
+    now[0] += 1.0
+    assert "Only 1.0 GB free on this disk" in text()

@@ -17,6 +17,7 @@ from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.picking import Picking
 from flexlab.lab.plots.plots import Plots
+from flexlab.lab.presentation import Presentation
 from flexlab.lab.render_loop import RenderLoop
 from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.scene import Scene
@@ -137,12 +138,22 @@ class Session:
         touch = Picking(lab_state)
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)
         cameras = ClientCameras(server, self.runner)
+        board, reading = server.gui.add_panel(), server.gui.add_panel()
+        widths = {"plots": (board, PLOTS_WIDTH), "guide": (reading, GUIDE_WIDTH)}
+        widths["panel"] = (server.gui.main_panel, PANEL_WIDTH)
+        presentation = Presentation(server, widths)
         panel = Panel(
-            server.gui, lab_state, self.runner, self._study, touch, cameras.choose, self._recording, self._link
+            server.gui,
+            lab_state,
+            self.runner,
+            self._study,
+            touch,
+            cameras.choose,
+            self._recording,
+            self._link,
+            presentation.toggle,
         )
-        board = server.gui.add_panel()
         plots = Plots(server.gui, board, self._scenario, lab_state.view.plot_window)
-        reading = server.gui.add_panel()
         with reading.add_tab("Guide"):
             guide = Guide(server.gui, lab_state, self.runner)
 

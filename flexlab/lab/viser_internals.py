@@ -142,6 +142,14 @@ def widget_uuid(handle: Any) -> str:
     return handle._impl.uuid
 
 
+def set_panel_width(client: viser.ClientHandle, panel: Any, width: float) -> None:
+    """Give a panel of all browsers a width, px, in one browser."""
+    gui = client.gui
+    gui._websock_interface.queue_message(
+        _messages.GuiSetPanelWidthMessage(panel._placement_uuid, width, gui._next_layout_counter(), gui._layout_run_id)
+    )
+
+
 def dock_below(client: viser.ClientHandle, panel: viser.PanelHandle, anchor: viser.PanelHandle) -> None:
     """Put a panel of all browsers below another one, in one browser."""
     gui = client.gui

@@ -142,6 +142,11 @@ def is_foreign_link(request: web.Request) -> bool:
     return request.headers.get("Sec-Fetch-Site", "none") in ("cross-site", "same-site")
 
 
+def is_from_own_page(request: web.Request) -> bool:
+    """Whether a page of this server led a visitor here. Programs that are no browser do not say."""
+    return request.headers.get("Sec-Fetch-Site", "none") == "same-origin"
+
+
 def _malformed(request: web.Request) -> tuple[int, str] | None:
     path = request.path
     if (

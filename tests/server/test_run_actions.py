@@ -15,6 +15,7 @@ from http_client import Answer, ask, wait_until
 from rerun.chunk import RrdReader
 
 from flexlab.analysis.replay import replay
+from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.recording.export import import_run
 from flexlab.recording.headless import write_run
@@ -23,6 +24,7 @@ from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs
 from flexlab.server import comparison_jobs
 from flexlab.server.front_server import FrontServer
+from flexlab.sim.commands import Play
 from flexlab.sim.simulate import simulate
 
 FORM = {"Content_Type": "application/x-www-form-urlencoded"}
@@ -125,13 +127,25 @@ def test_a_replay_tells_its_finding_and_a_foreign_bit_is_found(
     assert "differs first at t = 0 s in quasi_static_deflection" in state["sentence"]
 
 
+def play(server: FrontServer) -> None:
+    """Press the big Play of the shared lab."""
+    session: Session = server.places._laboratory._session  # type: ignore[attr-defined]
+    session.lab_state.submit(Play())
+
+
 def test_the_lab_goes_on_from_an_instant_and_what_it_records_replays(library: FrontServer, recorded: Path) -> None:
     original = read_recording(recorded)
     answer = post(library, f"/runs/{recorded.stem}/continue", time="0.2")
     assert (answer.status, answer.headers["Location"]) == (303, "/lab/")
-    wait_until(lambda: library.places.running()[0].status().time > 0.6, "the lab goes on from 0.2 s")
+    place = library.places.running()[0]
+    wait_until(lambda: (place.status().time, place.status().state) == (0.2, "paused"), "the lab stands at 0.2 s")
+    play(library)
+    wait_until(lambda: place.status().time > 0.6, "the lab goes on from 0.2 s")
     post(library, f"/runs/{recorded.stem}/continue")
     wait_until(lambda: len(list_runs(library.settings.logs)) == 5, "a second run goes on from the end")
+    wait_until(lambda: (place.status().time, place.status().state) == (0.5, "paused"), "the lab stands at 0.5 s")
+    play(library)
+    wait_until(lambda: place.status().time > 0.6, "the lab goes on from 0.5 s")
     library.close()
     runs = {read_recording(path).samples.time[0]: path for path in list_runs(library.settings.logs)[:2]}
     assert set(runs) == {0.2, 0.5}

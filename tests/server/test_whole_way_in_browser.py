@@ -74,6 +74,7 @@ def test_from_the_start_page_to_an_imported_run(
             lambda: (path := place.status().recording) != live and path and path.stat().st_size and path,
             "the run that goes on is recorded",
         )
+        page.get_by_role("button", name="Play from t = 0.3 s").click(timeout=MILLI * PATIENCE)
         wait_until(lambda: place.status().time > 0.5, "it goes on")
     front_server.close()
     assert read_recording(run).samples.time[0] == 0.3

@@ -41,7 +41,9 @@ class Panel:
         look: Look,
         recording: Callable[[], str],
         link: Callable[[Scenario], str] | None,
+        present: Callable[[viser.ClientHandle], None],
     ):
+        """`present` begins or ends the presentation in one browser."""
         self._lab_state, self._recording = lab_state, recording
         self._run_number = lab_state.snapshot.run_number
         self._last_event: Event | None = None
@@ -70,7 +72,7 @@ class Panel:
             self._filing = ScenarioFiles(gui, lab_state, link, self._presets.refresh)
         with tabs.add_tab("Events"):
             self._events = Events(gui, lab_state)
-        add_keys(gui, lab_state, self._keys())
+        add_keys(gui, lab_state, self._keys(present))
 
     def update(self, snapshot: Snapshot, legend: Legend) -> None:
         """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them."""
@@ -99,7 +101,7 @@ class Panel:
             for section in self._sections:
                 section.settle(lab_state.intended)
 
-    def _keys(self) -> list[Key]:
+    def _keys(self, present: Callable[[viser.ClientHandle], None]) -> list[Key]:
         lab_state, drive = self._lab_state, self._drive
         return [
             Key("Play or pause", "Hold or go on with simulation time", "space", None, lambda _: drive.toggle()),
@@ -110,6 +112,9 @@ class Panel:
             Key("Undo", "Take the last change back", "Z", "cmd/ctrl", lambda _: lab_state.undo()),
             Key("Redo", "Make it again", "Z", "cmd/ctrl+shift", lambda _: lab_state.redo()),
             Key("Save as preset", "Under the name on the tab File", "S", None, lambda _: self._filing.save()),
+            Key(
+                "Presentation", "Large type and plots, in this browser", "B", None, lambda event: present(event.client)
+            ),
             Key("Back to preset", "A new run without your changes", None, None, lambda _: lab_state.back_to_baseline()),
         ]
 

@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset, preset_names
-from flexlab.server.auth import is_foreign_link, is_opened_by_person, is_websocket, refuse
+from flexlab.server.auth import is_foreign_link, is_from_own_page, is_opened_by_person, is_websocket, refuse
 from flexlab.server.labs.lab_provider import Choice, FullError, Lab
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import Context, context_of
@@ -73,8 +73,12 @@ async def preset_link(request: web.Request) -> web.StreamResponse:
 async def _enter_by_link(request: web.Request, choice: Choice | None) -> web.StreamResponse:
     if not is_opened_by_person(request):
         return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
-    if choice is not None and is_foreign_link(request) and _running(request) is not None:
-        return _ask_first(request, choice)
+    if choice is not None:
+        place = _running(request)
+        if place is not None and is_foreign_link(request):
+            return _ask_first(request, choice, "A page of another site leads")
+        if place is not None and _would_disturb(request, choice, place):
+            return _ask_first(request, choice, "This link leads")
     return await enter_lab(request, choice)
 
 
@@ -84,11 +88,21 @@ def _running(request: web.Request) -> Lab | None:
     return context.places.of_visitor(request.cookies.get(context.visitor_cookie, ""))
 
 
-def _ask_first(request: web.Request, choice: Choice) -> web.Response:
-    """Another site's page must not end a run that people watch: whoever came by its link says so here."""
+def _would_disturb(request: web.Request, choice: Choice, place: Lab) -> bool:
+    """Whether a scenario that came by a link would end what others watch in the shared lab just now."""
+    return (
+        choice.stands
+        and not context_of(request).places.is_private
+        and place.visitors > 0
+        and not is_from_own_page(request)
+    )
+
+
+def _ask_first(request: web.Request, choice: Choice, what: str) -> web.Response:
+    """A link must not end a run that people watch: whoever came by it says so here."""
     shared = "" if context_of(request).places.is_private else " for everybody who watches"
     title = choice.scenario.title or choice.name
-    sentence = f"A page of another site leads to {title}. Opening it ends the present run{shared}; the run is kept."
+    sentence = f"{what} to {title}. Opening it ends the present run{shared}; the run is kept."
     more = button("/" + str(request.rel_url).lstrip("/"), "Open it") + START_PAGE
     return message("Open this scenario?", sentence, 200, more)
 

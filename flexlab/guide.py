@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from flexlab import notation
 from flexlab.assets import web_assets_folder
+from flexlab.errors import FlexlabError
 
 _PICTURE = re.compile(r"^!\[([^\]]*)\]\(([\w./-]+\.svg)\)$", re.MULTILINE)
 _SYMBOLS = re.compile(r"^\[symbols: ([^\]]+)\]$", re.MULTILINE)
@@ -23,6 +24,14 @@ _LESSON = re.compile(
     re.S,
 )
 _OPTION = re.compile(r"^- \[([ x])\] (.+)$", re.MULTILINE)
+
+
+FIELDS = ("title", "preset", "check", "hint")
+"""Of a lesson's head; the last one may be left out."""
+
+
+class LessonError(FlexlabError, ValueError):
+    """A file that is no lesson."""
 
 
 class Chapter(NamedTuple):
@@ -56,6 +65,14 @@ class Lesson(NamedTuple):
     """Markdown: a numbered list of what to do."""
     observe: str
     """Markdown: what to see, and why."""
+    hint: str = ""
+    """What to say while the check does not hold; the checks of flexlab's own lessons say more."""
+    head: tuple[str, ...] = ()
+    """Names of the fields of the head, in the order of their lines."""
+
+    def line_of(self, field: str) -> int:
+        """In the file, of a field of the head."""
+        return 2 + self.head.index(field)
 
     @property
     def text(self) -> str:
@@ -97,22 +114,27 @@ def _chapter(file: Path) -> Chapter:
     return Chapter(file.stem[2:], title.removeprefix("# "), _complete(text.strip(), file.parent))
 
 
-def _lesson(file: Path) -> Lesson:
-    found = _LESSON.fullmatch(file.read_text(encoding="utf-8"))
+def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
+    """A lesson from its file. Raises `LessonError`, with line and reason, for a file that is none.
+
+    `pictures`: where pictures that it names lie; None: it has none, and no HTML either.
+    """
+    text = file.read_text(encoding="utf-8").replace("\r\n", "\n")
+    found = _LESSON.fullmatch(text)
     if found is None:
-        raise ValueError(f"{file} is not a lesson: it needs a head between --- lines, ## Guess, ## Do and ## Observe.")
-    head = dict(line.split(": ", 1) for line in found["head"].splitlines())
-    question, steps, observe = (
-        _complete(found[name].strip(), file.parent.parent) for name in ("question", "steps", "observe")
-    )
+        raise LessonError(f"{file.name} is not a lesson: line {_first_missing(text)[0]}: {_first_missing(text)[1]}")
+    head = _head(file, found["head"])
+    fields = [found[name].strip() for name in ("question", "steps", "observe")]
+    show = without_html if pictures is None else lambda field: _complete(field, pictures)
+    question, steps, observe = map(show, fields)
     options = _OPTION.findall(found["guess"])
     right = [option for mark, option in options if mark == "x"]
     if len(right) != 1 or len(options) < 2:
-        raise ValueError(
-            f"{file} is not a lesson: ## Guess needs lines - [ ] with what can be guessed, one of them - [x]."
-        )
+        line = text[: found.start("guess")].count("\n") + 1
+        reason = "## Guess needs lines - [ ] with what can be guessed, and one line - [x] with what is right."
+        raise LessonError(f"{file.name} is not a lesson: line {line}: {reason}")
     return Lesson(
-        id=file.stem[2:],
+        id=file.stem,
         title=head["title"],
         preset=head["preset"],
         check=head["check"],
@@ -122,7 +144,50 @@ def _lesson(file: Path) -> Lesson:
         answer=right[0],
         steps=steps,
         observe=observe,
+        hint=head.get("hint", ""),
+        head=tuple(head),
     )
+
+
+def without_html(text: str) -> str:
+    """Markdown in which HTML is text."""
+    return text.replace("&", "&amp;").replace("<", "&lt;")
+
+
+def _head(file: Path, text: str) -> dict[str, str]:
+    """The fields between the --- lines."""
+    head: dict[str, str] = {}
+    for number, line in enumerate(text.splitlines(), 2):
+        name, colon, value = line.partition(":")
+        if not colon or name.strip() not in FIELDS or name.strip() in head or not value.strip():
+            fields = ", ".join(FIELDS)
+            raise LessonError(
+                f"{file.name} is not a lesson: line {number}: {line[:60]!r} is no field: write each of {fields} once."
+            )
+        head[name.strip()] = value.strip()
+    missing = [name for name in FIELDS[:-1] if name not in head]
+    if missing:
+        raise LessonError(f"{file.name} is not a lesson: line {2 + len(head)}: the head has no {missing[0]}.")
+    return head
+
+
+def _first_missing(text: str) -> tuple[int, str]:
+    """Line and reason why a text is no lesson."""
+    lines = text.split("\n")
+    if lines[0] != "---":
+        return 1, "a lesson begins with a line --- and its head."
+    if "---" not in lines[1:]:
+        return len(lines), "the head does not end: it needs a second line ---."
+    place = lines.index("---", 1)
+    for title in ("## Guess", "## Do", "## Observe"):
+        if title not in lines[place:]:
+            return len(lines), f"there is no line {title}: a lesson has ## Guess, ## Do and ## Observe, in this order."
+        place = lines.index(title, place)
+    return len(lines), "a part of it is empty."
+
+
+def _lesson(file: Path) -> Lesson:
+    return read_lesson(file, file.parent.parent)._replace(id=file.stem[2:])
 
 
 def _complete(text: str, folder: Path) -> str:

@@ -61,6 +61,31 @@
     window.__viserMutable.sendMessage({ type: "GuiUpdateMessage", uuid: way, updates: { value: report } });
   }
 
+  // Charts of one tab show the same time: what is zoomed in one is zoomed in all, also while the window moves on.
+  const chartAt = (target) => Object.values(window.__viserTestpoints?.uplots ?? {})
+    .map((entry) => entry.chart).find((chart) => chart.root.contains(target));
+  let zooming = null;
+
+  function zoomTogether(source) {
+    const extent = ({ data: [times] }) => [times[0], times[times.length - 1] - times[0]];
+    const [first, span] = extent(source);
+    const { min, max } = source.scales.x;
+    if (!(span > 0) || !(min < max)) return;
+    for (const { chart } of Object.values(window.__viserTestpoints.uplots)) {
+      const [start, length] = extent(chart);
+      if (chart === source || !(length > 0) || chart.cursor.sync?.key !== source.cursor.sync?.key) continue;
+      chart.setScale("x", { min: start + (min - first) / span * length, max: start + (max - first) / span * length });
+    }
+  }
+
+  addEventListener("mousedown", (event) => { zooming = chartAt(event.target) ?? null; }, true);
+  for (const kind of ["mouseup", "dblclick"]) {
+    addEventListener(kind, () => {
+      const source = zooming;
+      if (source) setTimeout(() => zoomTogether(source), 0);
+    }, true);
+  }
+
   addEventListener("keydown", (event) => {
     if (event.key !== "Escape") return;
     const buttons = [...document.querySelectorAll(".mantine-Modal-content button")];

@@ -1,8 +1,10 @@
 """What visits a server in the tests: plain HTTP without a browser's kindness, and websockets as viser's page opens them."""
 
+import contextlib
 import http.client
+import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from email.message import Message
 from http.cookies import SimpleCookie
@@ -10,7 +12,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import msgspec.msgpack
 import viser
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
 
 PATIENCE = 60.0
 """Wall seconds that anything may take on a busy machine; no test passes or fails by speed."""
@@ -72,6 +77,46 @@ def upgrade(**more: str) -> dict[str, str]:
         "Sec_WebSocket_Protocol": PROTOCOL,
         **more,
     }
+
+
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [0.0, 0.0, 5.0],
+    "fov": 0.5,
+    "near": 0.01,
+    "far": 100.0,
+    "image_height": 900,
+    "image_width": 1440,
+    "look_at": [0.0, 0.5, 0.0],
+    "up_direction": [0.0, 0.0, 1.0],
+}
+
+
+@contextlib.contextmanager
+def looking(url: str, path: str, cookies: Mapping[str, str] | None = None) -> Iterator[None]:
+    """While this is open somebody looks at a lab: runs wait for that, and hold when nobody does."""
+    sent = {"Cookie": "; ".join(f"{name}={value}" for name, value in cookies.items())} if cookies else {}
+    protocol: Any = PROTOCOL
+    address = f"ws://{urlsplit(url).netloc}{path}"
+    with connect(
+        address, subprotocols=[protocol], additional_headers=sent, max_size=None, close_timeout=0.2, ping_interval=None
+    ) as plug:
+        plug.send(msgspec.msgpack.encode(CAMERA))
+        over = threading.Event()
+
+        def read() -> None:
+            with contextlib.suppress(ConnectionClosed):
+                while not over.is_set():
+                    plug.recv()
+
+        reader = threading.Thread(target=read, daemon=True)
+        reader.start()
+        try:
+            yield
+        finally:
+            over.set()
+    reader.join()
 
 
 def wait_until(look: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:

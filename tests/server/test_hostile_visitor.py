@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from fuzz import Attack
-from http_client import Answer, ask, upgrade, wait_until
+from http_client import Answer, ask, looking, upgrade, wait_until
 from test_private_labs import Visitor, state
 
 from flexlab.errors import LabError, PresetError
@@ -50,7 +50,8 @@ def a_fresh_visitor_sees_a_moving_lab(front_server: FrontServer, cookies: dict[s
     (place,) = front_server.places.running()
     assert ask(front_server.url, "/lab", cookies=cookies, **upgrade()).status == 101
     before = place.status().time
-    wait_until(lambda: place.status().time > before, "time goes on")
+    with looking(front_server.url, "/lab", cookies):
+        wait_until(lambda: place.status().time > before, "time goes on")
 
 
 def test_idle_connections_make_room_for_members(open_another: Callable[..., FrontServer]):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from http_client import Answer, ask, upgrade, wait_until
+from http_client import Answer, ask, looking, upgrade, wait_until
 
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_recording
@@ -78,20 +78,25 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     wait_until(lambda: '"name": "gravity"' in state(anna, first), "Anna's lab shows gravity")
     assert "2 of 3 labs in use" in anna.ask("/").text
 
-    run = wait_until(lambda: anna.place.status().time > 0.5 and anna.place.status().recording, "Anna's run is recorded")
-    ben_before = ben.place.status().time
-    os.kill(
-        ben.place.worker.pid, signal.SIGINT
-    )  # Ctrl-C in a terminal reaches every process; closing is the server's part
-    os.kill(anna.place.worker.pid, signal.SIGKILL)
-    told = wait_until(lambda: "ended unexpectedly (ended by signal 9)" in state(anna, first) and state(anna, first), "")
-    assert '"open": false' in told
-    page = anna.ask(first)
-    assert page.status == 410
-    assert "your run was kept" in page.text
-    assert "Open a new lab" in page.text
-    assert ben.ask(first).status == 403, "what became of Anna's lab is not for Ben"
-    wait_until(lambda: ben.place.status().time > ben_before + 0.5, "Ben's lab runs on")
+    with looking(private.url, first, anna.cookies), looking(private.url, second, ben.cookies):
+        run = wait_until(
+            lambda: anna.place.status().time > 0.5 and anna.place.status().recording, "Anna's run is recorded"
+        )
+        ben_before = ben.place.status().time
+        os.kill(
+            ben.place.worker.pid, signal.SIGINT
+        )  # Ctrl-C in a terminal reaches every process; closing is the server's part
+        os.kill(anna.place.worker.pid, signal.SIGKILL)
+        told = wait_until(
+            lambda: "ended unexpectedly (ended by signal 9)" in state(anna, first) and state(anna, first), ""
+        )
+        assert '"open": false' in told
+        page = anna.ask(first)
+        assert page.status == 410
+        assert "your run was kept" in page.text
+        assert "Open a new lab" in page.text
+        assert ben.ask(first).status == 403, "what became of Anna's lab is not for Ben"
+        wait_until(lambda: ben.place.status().time > ben_before + 0.5, "Ben's lab runs on")
     assert ben.enter() == second
     wait_until(lambda: run_state(run) == "recovered", "Anna's run is made whole")
     assert len(read_recording(run).samples) > 100

@@ -11,7 +11,7 @@ from urllib.parse import urlencode
 
 import numpy as np
 import pytest
-from http_client import Answer, ask, wait_until
+from http_client import Answer, ask, looking, wait_until
 from rerun.chunk import RrdReader
 
 from flexlab.analysis.replay import replay
@@ -137,15 +137,16 @@ def test_the_lab_goes_on_from_an_instant_and_what_it_records_replays(library: Fr
     original = read_recording(recorded)
     answer = post(library, f"/runs/{recorded.stem}/continue", time="0.2")
     assert (answer.status, answer.headers["Location"]) == (303, "/lab/")
-    place = library.places.running()[0]
-    wait_until(lambda: (place.status().time, place.status().state) == (0.2, "paused"), "the lab stands at 0.2 s")
-    play(library)
-    wait_until(lambda: place.status().time > 0.6, "the lab goes on from 0.2 s")
-    post(library, f"/runs/{recorded.stem}/continue")
-    wait_until(lambda: len(list_runs(library.settings.logs)) == 5, "a second run goes on from the end")
-    wait_until(lambda: (place.status().time, place.status().state) == (0.5, "paused"), "the lab stands at 0.5 s")
-    play(library)
-    wait_until(lambda: place.status().time > 0.6, "the lab goes on from 0.5 s")
+    with looking(library.url, "/lab"):
+        place = library.places.running()[0]
+        wait_until(lambda: (place.status().time, place.status().state) == (0.2, "paused"), "the lab stands at 0.2 s")
+        play(library)
+        wait_until(lambda: place.status().time > 0.6, "the lab goes on from 0.2 s")
+        post(library, f"/runs/{recorded.stem}/continue")
+        wait_until(lambda: len(list_runs(library.settings.logs)) == 5, "a second run goes on from the end")
+        wait_until(lambda: (place.status().time, place.status().state) == (0.5, "paused"), "the lab stands at 0.5 s")
+        play(library)
+        wait_until(lambda: place.status().time > 0.6, "the lab goes on from 0.5 s")
     library.close()
     runs = {read_recording(path).samples.time[0]: path for path in list_runs(library.settings.logs)[:2]}
     assert set(runs) == {0.2, 0.5}

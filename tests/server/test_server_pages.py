@@ -42,7 +42,7 @@ def test_a_preset_link_loads_it_once_and_a_reload_leaves_it_alone(open_another: 
     ask(front_server.url, "/lab/soft-beam")
     changed = load_preset("paper").replace({"payload.bending_stiffness": 33.0, "title": "Mine"})
     ask(front_server.url, f"/lab/?scenario={encode_scenario(changed)}")
-    wait_until(lambda: "Mine is running" in ask(front_server.url).text, "the lab shows the scenario of the link")
+    wait_until(lambda: "Mine is paused" in ask(front_server.url).text, "the lab shows the scenario of the link")
     assert f"/lab/?scenario={encode_scenario(changed)}" in ask(front_server.url, "/state/lab").text
     assert len(list(logs.glob("*-soft-beam.rrd"))) == 1, "the same preset asked for again does not start anew"
 

@@ -3,8 +3,9 @@
 import viser
 
 from flexlab.analysis.lesson_checks import SECONDS, check_lesson
-from flexlab.guide import Chapter, Lesson, chapters, lessons
+from flexlab.guide import Chapter, Lesson, chapters, lessons, without_html
 from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.own_lessons import own_lessons
 from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped
 from flexlab.presets import load_preset
@@ -26,6 +27,11 @@ class Guide:
         self._unfolded: set[str] = set()
         self._pages: dict[str, Chapter | Lesson] = {chapter.title: chapter for chapter in chapters()}
         self._pages |= {f"Lesson {k + 1}: {lesson.title}": lesson for k, lesson in enumerate(lessons())}
+        self._own = {own.lesson.id: own for own in own_lessons() if own.lesson is not None}
+        for own in own_lessons():
+            title = own.lesson.title if own.lesson is not None else f"{own.name} (cannot be read)"
+            # Own texts come from files of whoever started the lab; still they get no HTML into the page.
+            self._pages[f"Own lesson: {title}"] = own.lesson or Chapter(own.name, title, without_html(own.problem))
         first = next(iter(self._pages))
         self._menu = gui.add_dropdown("Read", tuple(self._pages), initial_value=first)
         self._text = gui.add_markdown("")
@@ -95,7 +101,11 @@ class Guide:
 
     def _check(self, lesson: Lesson, snapshot: Snapshot) -> None:
         samples = self._runner.recent(SECONDS)
-        verdict = check_lesson(lesson.check, snapshot.scenario, samples, snapshot.events)
+        own = self._own.get(lesson.id)
+        if own is not None and own.lesson is lesson:
+            verdict = own.verdict(snapshot.scenario, samples)
+        else:
+            verdict = check_lesson(lesson.check, snapshot.scenario, samples, snapshot.events)
         look = "fl-done" if verdict.done else "fl-info"
         words = "Done" if verdict.done else "Your run"
         self._verdict.content = (
@@ -114,4 +124,4 @@ def answer_text(lesson: Lesson, guess: str) -> str:
         word = f"You guessed it: {guess}."
     else:
         word = f"You guessed: {guess}. It is: {lesson.answer}."
-    return f"#### Observe\n\n**{word}**\n\n{lesson.observe}"
+    return f"#### Observe\n\n**{without_html(word)}**\n\n{lesson.observe}"

@@ -70,7 +70,11 @@ class RecordedLab:
         if shown and choice.origin is None:
             return
         self._session.lab_state.load(choice.scenario, choice.name, choice.origin)
-        self._session.lab_state.submit(Pause() if choice.stands else Play())
+        if choice.stands:
+            self._session.lab_state.submit(Pause())
+        elif not snapshot.playing:
+            # One that plays already begins by itself, as soon as its page is drawn; this would not wait for it.
+            self._session.lab_state.submit(Play())
 
     def status(self) -> LabStatus:
         """How it stands now."""

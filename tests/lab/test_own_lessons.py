@@ -1,0 +1,100 @@
+"""A person's own lessons: read from files, checked by expressions, and bad ones say line and reason."""
+
+from pathlib import Path
+
+import pytest
+
+from flexlab.analysis.lesson_expressions import Expression, ExpressionError
+from flexlab.lab import own_lessons as module
+from flexlab.lab.own_lessons import own_lessons
+from flexlab.presets import load_preset
+from flexlab.sim.simulate import simulate
+
+EXAMPLE = (module.__doc__ or "").partition(":\n\n")[2].replace("\n    ", "\n").strip() + "\n"
+RUN = simulate(load_preset("paper"), 1.0, 0.001)
+SAMPLES = RUN.slice(0, len(RUN))
+
+
+def write(folder: Path, text: str) -> module.OwnLesson:
+    (folder / "mine.md").write_text(text, encoding="utf-8")
+    (lesson,) = own_lessons(folder)
+    return lesson
+
+
+def test_the_documented_example_is_a_lesson(tmp_path: Path) -> None:
+    own = write(tmp_path, EXAMPLE)
+    assert own.problem == ""
+    assert own.lesson is not None
+    assert (own.lesson.title, own.lesson.answer) == ("Stiffer", "it gets faster and smaller")
+    verdict = own.verdict(load_preset("paper"), SAMPLES)
+    assert (verdict.done, verdict.sentence) == (False, "Move the slider of EI to the right.")
+    stiff = simulate(load_preset("paper").replace({"payload.bending_stiffness": 600.0}), 1.2, 0.001)
+    assert own.verdict(stiff.scenario, stiff.slice(0, len(stiff))).done
+
+
+def test_html_in_a_lesson_is_text(tmp_path: Path) -> None:
+    own = write(tmp_path, EXAMPLE.replace("Does the beam", "<script>alert(1)</script> Does the beam"))
+    assert own.lesson is not None
+    assert "<script" not in own.lesson.text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("---\ntitle", "title", "line 1: a lesson begins with a line ---"),
+        ("preset: paper", "preset: papper", "line 3: there is no preset 'papper'"),
+        ("preset: paper\n", "", "the head has no preset"),
+        ("preset: paper", "colour: blue", "line 3: 'colour: blue' is no field"),
+        ("## Guess", "## Guesses", "there is no line ## Guess"),
+        ("- [x]", "- [ ]", "one line - [x] with what is right"),
+        ("bending_stiffness > 500 and t > 1", "bending_stiffness > 500 and zeit > 1", "line 4: zeit is no metric"),
+        ("scenario.payload.bending_stiffness > 500 and t > 1", "t +", "line 4: the check 't +' cannot be read"),
+        ("scenario.payload.bending_stiffness > 500 and t > 1", "ring", "line 4: give an expression"),
+        ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(vibration)", "is no comparison"),
+        ("scenario.payload.bending_stiffness > 500 and t > 1", "vibration < 1", "use largest, rms"),
+        ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(sound) < 1", "sound is no signal"),
+    ],
+)
+def test_a_bad_lesson_says_line_and_reason(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in EXAMPLE
+    own = write(tmp_path, EXAMPLE.replace(old, new))
+    assert own.lesson is None
+    assert own.problem.startswith("mine.md is not a lesson: line ")
+    assert said in own.problem
+
+
+@pytest.mark.parametrize(
+    ("text", "holds"),
+    [
+        ("settling_time < 0.5", True),
+        ("not settling_time < 0.5", False),
+        ("largest(tracking_error[0:2]) > 1e-3 and t > 0.9", True),
+        ("0.001 < largest(vibration) < 0.01", True),
+        ("last(pose[1]) - first(pose[1]) == 0", False),
+        ("rms(joint_torque[0, 1]) > 1", True),
+        ("mean(time) > 0.4 or t > 100", True),
+        ("scenario.controller.kind == 'adaptive-sliding-mode'", True),
+        ("-scenario.payload.length * 2 == -1", True),
+    ],
+)
+def test_expressions_over_metrics_signals_and_fields(text: str, holds: bool) -> None:
+    assert Expression(text).holds(load_preset("paper"), SAMPLES) is holds
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('x') == 0",
+        "(lambda: 1)() == 1",
+        "t.real > 0",
+        "[x for x in t] == 1",
+        "largest(vibration[t]) > 1",
+        "scenario.__class__ == 1 and open('x') > 1",
+        "2 ** 99999999 > 1",
+        "(" * 300 + "t" + ")" * 300 + " > 1",
+        "t > 1; t < 2",
+    ],
+)
+def test_nothing_else_can_be_reached(text: str) -> None:
+    with pytest.raises(ExpressionError):
+        Expression(text)

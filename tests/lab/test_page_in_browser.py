@@ -1,0 +1,80 @@
+"""What the lab's own part of the page does: runs wait for it, it follows the system, its charts keep together."""
+
+import time
+
+import pytest
+from lab_page import READY, LabPage, wait_until
+from playwright.sync_api import Browser
+
+from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+
+SCHEME = "() => document.documentElement.dataset.mantineColorScheme"
+RANGES = """() => Object.values(window.__viserTestpoints.uplots).filter((u) => u.chart.root.offsetParent)
+  .map((u) => [u.chart.scales.x.min, u.chart.scales.x.max])"""
+POINTS = """() => { const { chart } = Object.values(window.__viserTestpoints.uplots)[0];
+  const { min, max } = chart.scales.x;
+  return Array.from(chart.data[0]).filter((t) => t >= min && t <= max).length; }"""
+
+
+def test_a_run_waits_for_its_picture_and_then_begins_by_itself(chromium: Browser) -> None:
+    with Session(load_preset("paper"), "paper", port=0, shadows=False, attended=True) as session:
+        time.sleep(1.0)
+        assert session.runner.snapshot.waiting
+        with LabPage(chromium, session) as page:
+            wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "the run begins by itself")
+            page.choose("Preset", "smooth-start")
+            wait_until(lambda: page.snapshot.name == "smooth-start", "another preset")
+            wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "it begins by itself as well")
+            run = page.snapshot.run_number
+            page.choose("Preset", "smooth-start")
+            wait_until(lambda: page.snapshot.run_number > run, "the preset chosen once more starts anew")
+            page.press("Pause")
+            wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+            page.press("Reset")
+            page.press("Play from t = 0 s")
+            wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "the big button plays")
+            assert not page.errors
+
+
+def test_the_lab_follows_the_systems_dark_mode(chromium: Browser, session: Session) -> None:
+    with chromium.new_context(color_scheme="dark") as context:
+        page = context.new_page()
+        page.goto(f"{session.url}/?fixedDpr=0.6")
+        page.wait_for_function(READY, timeout=60_000)
+        wait_until(lambda: page.evaluate(SCHEME) == "dark", "the lab is dark")
+        page.emulate_media(color_scheme="light")
+        wait_until(lambda: page.evaluate(SCHEME) == "light", "the lab is light")
+
+
+def test_charts_of_a_tab_keep_one_time_axis_and_grow_finer_where_they_are_zoomed(page: LabPage) -> None:
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > 2.0, "two seconds of signals")
+    chart = page.page.locator(".uplot .u-over").first
+    box = chart.bounding_box()
+    assert box is not None
+    page.page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 50)
+    page.page.mouse.down()
+    page.page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 50, steps=5)
+    page.page.mouse.up()
+
+    def spans() -> list[float]:
+        return [last - first for first, last in page.page.evaluate(RANGES)]
+
+    wait_until(lambda: all(0.3 < span < 0.8 for span in spans()), "all charts are zoomed")
+    wait_until(lambda: page.page.evaluate(POINTS) > 100, "the zoomed part is finer")
+    first, *others = page.page.evaluate(RANGES)
+    for other in others:
+        assert other == pytest.approx(first, abs=0.02)
+    page.key("r")
+    wait_until(lambda: page.snapshot.run_number == 2, "a new run")
+    wait_until(lambda: all(abs(span - spans()[0]) < 0.02 for span in spans()), "still one axis")
+    chart.dblclick()
+    wait_until(lambda: all(span == pytest.approx(5.0, rel=0.05) for span in spans()), "all charts are whole again")
+    assert not page.errors
+
+
+def test_escape_closes_the_list_of_keys(page: LabPage) -> None:
+    page.key("Shift+?")
+    page.wait_for_text("Ctrl+K opens the palette")
+    page.page.keyboard.press("Escape")
+    wait_until(lambda: "Ctrl+K opens the palette" not in page.text(), "the list is closed")

@@ -20,7 +20,8 @@ _PICTURE = re.compile(r"^!\[([^\]]*)\]\(([\w./-]+\.svg)\)$", re.MULTILINE)
 _SYMBOLS = re.compile(r"^\[symbols: ([^\]]+)\]$", re.MULTILINE)
 _INDEXED = re.compile(r"^\| ([^|_`\s]+)_(\w+) \|", re.MULTILINE)
 _LESSON = re.compile(
-    r"---\n(?P<head>.*?)\n---\n(?P<question>.*?)\n## Guess\n(?P<guess>.*?)\n## Do\n(?P<steps>.*?)\n## Observe\n(?P<observe>.*)",
+    r"---\n(?P<head>.*?)\n---\n(?P<question>.*?)"
+    r"(?:\n## Guess\n(?P<guess>.*?))?\n## Do\n(?P<steps>.*?)\n## Observe\n(?P<observe>.*)",
     re.S,
 )
 _OPTION = re.compile(r"^- \[([ x])\] (.+)$", re.MULTILINE)
@@ -56,7 +57,7 @@ class Lesson(NamedTuple):
     question: str
     """Markdown: what the lesson is about."""
     guess: str
-    """What to guess before doing anything: a question."""
+    """What to guess before doing anything: a question. Empty: nothing."""
     options: tuple[str, ...]
     """What can be guessed."""
     answer: str
@@ -78,7 +79,8 @@ class Lesson(NamedTuple):
     def text(self) -> str:
         """The whole lesson as markdown, without its title."""
         options = "\n".join(f"- {option}" for option in self.options)
-        parts = (("Guess", f"{self.guess}\n\n{options}"), ("Do", self.steps), ("Observe", self.observe))
+        guess = (("Guess", f"{self.guess}\n\n{options}"),) if self.options else ()
+        parts = (*guess, ("Do", self.steps), ("Observe", self.observe))
         return "\n\n".join([self.question, *(f"#### {title}\n\n{text}" for title, text in parts)])
 
 
@@ -127,9 +129,10 @@ def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
     fields = [found[name].strip() for name in ("question", "steps", "observe")]
     show = without_html if pictures is None else lambda field: _complete(field, pictures)
     question, steps, observe = map(show, fields)
-    options = _OPTION.findall(found["guess"])
+    guess = found["guess"] or ""
+    options = _OPTION.findall(guess)
     right = [option for mark, option in options if mark == "x"]
-    if len(right) != 1 or len(options) < 2:
+    if guess and (len(right) != 1 or len(options) < 2):
         line = text[: found.start("guess")].count("\n") + 1
         reason = "## Guess needs lines - [ ] with what can be guessed, and one line - [x] with what is right."
         raise LessonError(f"{file.name} is not a lesson: line {line}: {reason}")
@@ -139,9 +142,9 @@ def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
         preset=head["preset"],
         check=head["check"],
         question=question,
-        guess=" ".join(_OPTION.sub("", found["guess"]).split()),
+        guess=" ".join(_OPTION.sub("", guess).split()),
         options=tuple(option for _, option in options),
-        answer=right[0],
+        answer=right[0] if right else "",
         steps=steps,
         observe=observe,
         hint=head.get("hint", ""),
@@ -179,9 +182,9 @@ def _first_missing(text: str) -> tuple[int, str]:
     if "---" not in lines[1:]:
         return len(lines), "the head does not end: it needs a second line ---."
     place = lines.index("---", 1)
-    for title in ("## Guess", "## Do", "## Observe"):
+    for title in ("## Do", "## Observe"):
         if title not in lines[place:]:
-            return len(lines), f"there is no line {title}: a lesson has ## Guess, ## Do and ## Observe, in this order."
+            return len(lines), f"there is no line {title}: a lesson has ## Do and ## Observe, in this order."
         place = lines.index(title, place)
     return len(lines), "a part of it is empty."
 

@@ -45,7 +45,7 @@ def test_html_in_a_lesson_is_text(tmp_path: Path) -> None:
         ("preset: paper", "preset: papper", "line 3: there is no preset 'papper'"),
         ("preset: paper\n", "", "the head has no preset"),
         ("preset: paper", "colour: blue", "line 3: 'colour: blue' is no field"),
-        ("## Guess", "## Guesses", "there is no line ## Guess"),
+        ("## Observe", "## Look", "there is no line ## Observe"),
         ("- [x]", "- [ ]", "one line - [x] with what is right"),
         ("bending_stiffness > 500 and t > 1", "bending_stiffness > 500 and zeit > 1", "line 4: zeit is no metric"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "t +", "line 4: the check 't +' cannot be read"),

@@ -65,6 +65,8 @@ class Guide:
             put(self._unfold, visible=False)
             put(self._answer, visible=False)
             return
+        for widget in (self._guess_question, self._guess):
+            put(widget, visible=bool(lesson.options))
         put(self._guess_question, content=f'<div class="fl">{escaped(lesson.guess)}</div>')
         self._guess.options = (OPEN, *lesson.options)
         self._guess.value = self._guesses.get(lesson.id, OPEN)
@@ -118,6 +120,8 @@ class Guide:
 
 def answer_text(lesson: Lesson, guess: str) -> str:
     """What there is to observe, and what became of the guess, as markdown."""
+    if not lesson.options:
+        return f"#### Observe\n\n{lesson.observe}"
     if not guess:
         word = f"It is: {lesson.answer}."
     elif guess == lesson.answer:

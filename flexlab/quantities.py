@@ -168,6 +168,13 @@ class Part(BaseModel):
         return value
 
 
+def parts_of(annotation: Any) -> list[type[Part]]:
+    """The scenario parts that a field's type names, through unions and annotations."""
+    if isinstance(annotation, type) and issubclass(annotation, Part):
+        return [annotation]
+    return [part for inner in get_args(annotation) for part in parts_of(inner)]
+
+
 @cache
 def own_numbers(model: type[BaseModel], base: type[BaseModel]) -> dict[str, int]:
     """Fields of `model` that hold numbers, without those of `base`, and how many numbers a kernel gets for each.

@@ -97,16 +97,23 @@ def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
     answer = (law.motion[:torques] / scale) @ basis
     memory_in = (law.motion[torques + kept] / scale) @ basis
     memory_out, memory_own = law.memory[:torques, kept], law.memory[np.ix_(torques + kept, kept)]
+    seen = law.line.reshape(len(law.line), -1, torques)
     where = 1j * rates if period is None else np.exp(1j * rates * period)
     result = np.empty((len(rates), torques, torques), dtype=complex)
     shifted, diagonal = -triangle, np.diag_indices_from(triangle)
     for k, z in enumerate(where):
         shifted[diagonal] = z - triangle[diagonal]
         motion = solve_triangular(shifted, force, check_finite=False)
-        asked = answer @ motion
+        # What the law asked for earlier is known to it: the torques in force deviate from that.
+        ago = np.tensordot(seen, z ** np.arange(-seen.shape[1], 0), (1, 0))
+        asked, known = answer @ motion, ago[:torques]
         if len(kept):
             slope = z if period is None else z - 1
-            asked = asked + memory_out @ np.linalg.solve(slope * np.eye(len(kept)) - memory_own, memory_in @ motion)
+            told = np.hstack([memory_in @ motion, ago[torques + kept]])
+            through = memory_out @ np.linalg.solve(slope * np.eye(len(kept)) - memory_own, told)
+            asked, known = asked + through[:, :3], known + through[:, 3:]
+        if seen.shape[1]:
+            asked = np.linalg.solve(np.eye(torques) - known, asked)
         late = 1.0 if period is None else z**-controller.input_delay
         result[k] = late * asked @ linear.plant.input[:3]
     return result

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlab.control.conditions import Circumstances, Condition, sampled_in_time, slower_than_the_beam
-from flexlab.control.law import laws
+from flexlab.control.law import law_of
 from flexlab.control.motion import poses
 from flexlab.physics.dynamics import configure_arms
 from flexlab.physics.law_input import LAW_INPUT
@@ -20,7 +20,7 @@ INSTANTS = 32
 
 def law_conditions(scenario: Scenario) -> tuple[Condition, ...]:
     """The conditions of a valid scenario's law, met or not; none where motors are off or no desired pose can be reached."""
-    law = laws()[scenario.controller.kind]
+    law = law_of(scenario.controller)
     around = circumstances(scenario)
     if not law.drives or not len(around.path):
         return ()

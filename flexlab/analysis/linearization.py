@@ -43,6 +43,9 @@ class Law(NamedTuple):
     """By the law's memory, (rows, memory)."""
     desired: np.ndarray
     """By (x_d, ẋ_d, ẍ_d), (rows, 9)."""
+    line: np.ndarray
+    """By the joint torques held until now and those on their way, (rows, (delay + 1) · arms · 3), or (rows, 0) of a law that
+    does not look at them."""
 
 
 class Linearization(NamedTuple):
@@ -98,19 +101,24 @@ def _plant(probe: LoopProbe, rest: RestPoint) -> Plant:
 def _law(probe: LoopProbe, rest: RestPoint) -> Law:
     n, count = 3 + probe.mode_count, len(rest.memory)
     size = POSE_STEP
-    layer = getattr(probe.scenario.controller, "boundary_layer", None)
+    settings = getattr(probe.scenario.controller, "slow", probe.scenario.controller)
+    layer = getattr(settings, "boundary_layer", None)
     if layer is not None:
-        slope = float(np.max(getattr(probe.scenario.controller, "sliding_slope", 1.0)))
+        slope = float(np.max(getattr(settings, "sliding_slope", 1.0)))
         size = min(size, LAYER_SHARE * layer / (1 + slope))
+    torques = len(rest.torque) * _seen_torques(probe, rest)
+    parts = np.cumsum([2 * n, count, 9])
 
     def answer(step: np.ndarray) -> np.ndarray:
-        motion, memory, desired = np.split(step, [2 * n, 2 * n + count])
+        motion, memory, desired, line = np.split(step, parts)
         asked = rest.desired + desired.reshape(3, 3)
-        return np.concatenate(probe.answer(rest.motion.moved(motion), rest.memory + memory, asked))
+        shown = rest.torque + line.reshape(-1, len(rest.torque)) if torques else rest.torque
+        return np.concatenate(probe.answer(rest.motion.moved(motion), rest.memory + memory, asked, shown))
 
-    slopes, at_rest = [], answer(np.zeros(2 * n + count + 9))
-    for k, direction in enumerate(np.eye(2 * n + count + 9)):
-        of_beam, of_memory = k < 2 * n and k % n >= 3, 2 * n <= k < 2 * n + count
+    directions = np.eye(parts[-1] + torques)
+    slopes, at_rest = [], answer(np.zeros(len(directions)))
+    for k, direction in enumerate(directions):
+        of_beam, of_memory = k < 2 * n and k % n >= 3, 2 * n <= k < parts[1] or k >= parts[2]
         step = 1.0 if of_memory else size
         slope = (central if of_beam or of_memory else fourth_order)(answer, direction, step)
         kink = (answer(step * direction) + answer(-step * direction) - 2 * at_rest) / (2 * step)
@@ -118,4 +126,12 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
         flat = np.abs(slope) < KINK * np.abs(kink)
         flat[: len(rest.torque)] = False
         slopes.append(np.where(flat, 0.0, slope))
-    return Law(*np.split(np.stack(slopes, axis=1), [2 * n, 2 * n + count], axis=1))
+    return Law(*np.split(np.stack(slopes, axis=1), parts, axis=1))
+
+
+def _seen_torques(probe: LoopProbe, rest: RestPoint) -> int:
+    """Of how many instants a law sees the torques: none, or all that there are."""
+    shown = np.tile(rest.torque, (probe.line_length, 1))
+    other = shown + np.arange(1, 1 + shown.size).reshape(shown.shape)
+    answers = [np.concatenate(probe.answer(rest.motion, rest.memory, rest.desired, line)) for line in (shown, other)]
+    return probe.line_length if np.any(answers[0] != answers[1]) else 0

@@ -10,8 +10,9 @@ from flexlab.analysis.disk_margin import find_disk_margin
 from flexlab.analysis.linear_model import About, LinearModel, Named, make_model
 from flexlab.analysis.linear_outputs import Outputs, choose_columns, linear_outputs
 from flexlab.analysis.linearization import Linearization, first_order
-from flexlab.analysis.loop_poles import beam_scale, find_poles, hold, kept_memory
+from flexlab.analysis.loop_poles import beam_scale, find_poles, kept_memory
 from flexlab.analysis.modes import check_pose, drift_note, linearize_at
+from flexlab.control.observers.believed_plant import hold
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
@@ -105,9 +106,10 @@ def _assemble(linear: Linearization, answers: Outputs, driven: tuple[str, ...], 
     controller, torques = linear.probe.original.controller, linear.torque_count
     period, late = controller.control_period, controller.input_delay
     kept = kept_memory(linear) if closed else np.zeros(0, dtype=int)
+    seen = linear.law.line.shape[1] if closed else 0
     drive = _drive(linear, driven)
     A, B = first_order(linear.plant)
-    n, k, line = len(A), len(kept), torques * late
+    n, k, line = len(A), len(kept), max(torques * late, seen)
     if period is not None:
         scale = beam_scale(linear)
         A, B = hold(A * scale[:, None] / scale, B * scale[:, None], period)
@@ -122,10 +124,12 @@ def _assemble(linear: Linearization, answers: Outputs, driven: tuple[str, ...], 
         asked_by += linear.law.desired[:torques] @ drive.desired
         memory[:, :n], memory[:, n:own] = linear.law.motion[rows], linear.law.memory[np.ix_(rows, kept)]
         memory_by += linear.law.desired[rows] @ drive.desired
+        if seen:
+            asked[:, own:], memory[:, own:] = linear.law.line[:torques], linear.law.line[rows]
     held, held_by = asked, asked_by
     if late:
         held, held_by = np.zeros((torques, size)), np.zeros_like(asked_by)
-        held[:, own : own + torques] = np.eye(torques)
+        held += np.eye(torques, size, size - torques * late)
     if period is not None:
         memory[:, n:own] += np.eye(k)
     whole, drives = np.zeros((size, size)), np.zeros((size, len(drive.names)))
@@ -133,7 +137,7 @@ def _assemble(linear: Linearization, answers: Outputs, driven: tuple[str, ...], 
     whole[:n] += B @ held
     drives[:n] = B @ held_by
     whole[n:own], drives[n:own] = memory, memory_by
-    if late:
+    if line:
         whole[own : size - torques, own + torques :] = np.eye(line - torques)
         whole[size - torques :], drives[size - torques :] = asked, asked_by
     # Samples of a control instant show the memory after it; of a continuous law, as it is.
@@ -146,7 +150,7 @@ def _assemble(linear: Linearization, answers: Outputs, driven: tuple[str, ...], 
     D = by_memory @ seen_by + answers.by_torque @ held_by + answers.by_desired @ drive.desired
     order = _state_order(linear, k, line)
     matrices = (whole[np.ix_(order, order)], drives[order], C[:, order], D)
-    return make_model(matrices, period, _about(linear, answers, drive, closed, k))
+    return make_model(matrices, period, _about(linear, answers, drive, closed, k, line))
 
 
 def _state_order(linear: Linearization, memory: int, line: int) -> np.ndarray:
@@ -158,9 +162,11 @@ def _state_order(linear: Linearization, memory: int, line: int) -> np.ndarray:
     ).astype(int)
 
 
-def _about(linear: Linearization, answers: Outputs, drive: _Drive, closed: bool, memory: int) -> About:
+def _about(linear: Linearization, answers: Outputs, drive: _Drive, closed: bool, memory: int, line: int) -> About:
     count, torques = linear.probe.mode_count, linear.torque_count
     late = linear.probe.original.controller.input_delay
+    # A law that looks at torques remembers those held until now.
+    places = ["held"] * (line // torques - late) + [f"in_{step}" for step in range(late)]
     sides = SIDES[: torques // 3]
     states = [Named(f"pose_{axis}", unit) for axis, unit in zip(AXES, POSE_UNITS, strict=True)]
     states += [Named(f"mode_{k + 1}", "m·kg^½") for k in range(count)]
@@ -168,8 +174,8 @@ def _about(linear: Linearization, answers: Outputs, drive: _Drive, closed: bool,
     states += [Named(f"mode_rate_{k + 1}", "m·kg^½/s") for k in range(count)]
     states += [Named(f"memory_{k + 1}", "1") for k in range(memory)]
     states += [
-        Named(f"joint_torque_{side}_{joint}_in_{step}", "N·m")
-        for step in range(late)
+        Named(f"joint_torque_{side}_{joint}_{place}", "N·m")
+        for place in places
         for side in sides
         for joint in (1, 2, 3)
     ]

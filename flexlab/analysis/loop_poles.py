@@ -8,9 +8,10 @@ way. An eigenvalue z of that map is the pole log(z)/T_c.
 from typing import NamedTuple, cast
 
 import numpy as np
-from scipy.linalg import eig, expm
+from scipy.linalg import eig
 
 from flexlab.analysis.linearization import Linearization, first_order
+from flexlab.control.observers.believed_plant import hold
 
 DEADBEAT = 1e-5
 """|z| below which what a period leaves is rounding: such poles belong to torques that reach nothing any more."""
@@ -19,7 +20,7 @@ NEUTRAL = 1e-3
 
 
 class LoopMap(NamedTuple):
-    """A linear loop over the state (x, Ωη, ẋ, η̇, memory, torques on their way)."""
+    """A linear loop over the state (x, Ωη, ẋ, η̇, memory, torques held until now if the law looks at them, those on their way)."""
 
     matrix: np.ndarray
     """Of dz/dt (1/s), or of z one control period later."""
@@ -57,25 +58,14 @@ def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray,
     return hold(A, force, period)
 
 
-def hold(A: np.ndarray, B: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """State and input matrix over `period` s of dz/dt = A z + B u with u held, by one matrix exponential."""
-    n, inputs = B.shape
-    whole = np.zeros((n + inputs, n + inputs))
-    whole[:n, :n], whole[:n, n:] = A, B
-    over = expm(period * whole)
-    return over[:n, :n], over[:n, n:]
-
-
 def kept_memory(linear: Linearization) -> np.ndarray:
-    """Indices of memory states that change in the first order; none of a law whose memory never rests.
+    """Indices of memory states that change in the first order, without those that never rest.
 
     b̂ at rest with s = 0 is the known case: ‖s‖ has no slope there, b̂ stays what it is, and its neutral poles are left out.
     """
     torques = linear.torque_count
     rows = np.hstack([linear.law.motion, linear.law.memory])[torques:]
-    if linear.rest.drifting:
-        return np.zeros(0, dtype=int)
-    return np.flatnonzero(np.any(rows != 0, axis=1))
+    return np.flatnonzero(np.any(rows != 0, axis=1) & ~linear.rest.moving)
 
 
 def loop_map(linear: Linearization) -> LoopMap:
@@ -94,16 +84,19 @@ def loop_map(linear: Linearization) -> LoopMap:
         matrix = np.vstack([np.hstack([A, np.zeros((states, k))]) + B @ answer, memory])
         return LoopMap(matrix, None, kept)
     delay = controller.input_delay
-    matrix = np.zeros((states + k + 3 * delay,) * 2, dtype=answer.dtype)
-    own = states + k
+    # Of torques, too, only the forces on the pose count; a law that looks at them remembers those held until now.
+    line = np.kron(np.eye(delay + 1), np.linalg.pinv(to_pose)) if law.line.shape[1] else np.zeros((0, 3 * delay))
+    own, size = states + k, states + k + line.shape[1]
+    matrix = np.zeros((size, size), dtype=answer.dtype)
     matrix[:states, :states] = A
     matrix[states:own, :own] = memory + np.eye(k, own, states)
-    if delay == 0:
-        matrix[:states, :own] += B @ answer
-        return LoopMap(matrix, period, kept)
-    matrix[:states, own : own + 3] = B
-    matrix[own:-3, own + 3 :] = np.eye(3 * (delay - 1))
-    matrix[-3:, :own] = answer
+    matrix[states:own, own:] = law.line[rows] @ line
+    asked = np.hstack([answer, to_pose @ law.line[:torques] @ line])
+    held = np.eye(3, size, size - 3 * delay) if delay else asked
+    matrix[:states] += B @ held
+    if size > own:
+        matrix[own:-3, own + 3 :] = np.eye(size - own - 3)
+        matrix[-3:] = asked
     return LoopMap(matrix, period, kept)
 
 

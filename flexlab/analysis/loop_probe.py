@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlab.control.law import BOUND_ESTIMATES, law_of
 from flexlab.control.path import build_motion, paths
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.plant import ETA, P, X, forget_rates
 from flexlab.scenario import Scenario
-from flexlab.sim.assembly import build_system
+from flexlab.sim.assembly import build_strains, build_system
 from flexlab.sim.build import build_beam
 from flexlab.sim.closed_loop import System, memory_slice, new_workspace, rates_at, state_length
 from flexlab.sim.law_memory import outlook, start_memory
@@ -71,7 +72,10 @@ class LoopProbe:
         self.beam = build_beam(scenario.payload)
         # A sine of 1 rad/s has value, rate and acceleration at t = 0 all three free.
         aimed = build_motion(SineTrajectory())._replace(bending=scenario.trajectory.bending_feedforward)
-        self.system = build_system(scenario, self.beam)._replace(trajectory=aimed)
+        system = build_system(scenario, self.beam)
+        # What a law derives from noise and delay it has derived from those that were given.
+        gains = law_of(self.original.controller).gains(self.original)
+        self.system = system._replace(trajectory=aimed, control=system.control._replace(gains=gains))
         self.arm_count, self.mode_count = len(scenario.arms), len(self.beam.modes.omega)
         self.size = 2 * (3 + self.mode_count)
         """Length of a displacement of a `Motion`."""
@@ -79,15 +83,21 @@ class LoopProbe:
         self._sampling = Sampling(
             period=period or 1.0,
             steps=1,
-            delay=0,
+            delay=self.original.controller.input_delay,
             noise=np.zeros(8),
             gauge_noise=np.zeros((2, 0)),
+            strain=build_strains(scenario, self.beam),
+            strain_noise=0.0,
             seed=0,
-            line=np.zeros((1, self.arm_count, 3)),
+            line=np.zeros((self.original.controller.input_delay + 1, self.arm_count, 3)),
         )
         self._workspace = new_workspace(self.system)
         self._y = np.zeros(state_length(self.system))
         self._memory = memory_slice(self.system)
+        slices = law_of(scenario.controller).memory_slices(self.arm_count)
+        growing = slices.get(BOUND_ESTIMATES.name, slice(0))
+        self.growing = np.arange(len(self._y[self._memory]))[growing]
+        """Which memory states only grow: they rest where nothing feeds them."""
         self.start_memory = self._begin(self.original.trajectory.middle)
         """The law's memory at the start of a run, (memory,)."""
 
@@ -125,17 +135,26 @@ class LoopProbe:
         self._check(rates_at(self.system, 0.0, self._y, self._workspace, dy, True))
         return np.concatenate([dy[P : P + 3], dy[ETA + n : ETA + 2 * n]])
 
-    def answer(self, motion: Motion, memory: np.ndarray, desired: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    @property
+    def line_length(self) -> int:
+        """Torques that a sampled law sees: those held until now and those on their way."""
+        return len(self._sampling.line)
+
+    def answer(
+        self, motion: Motion, memory: np.ndarray, desired: np.ndarray, line: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Joint torques (arms · 3,) that the law computes at an instant, and what its memory changes by, (memory,).
 
-        `desired`: x_d, ẋ_d, ẍ_d (3, 3). The change is per control period; per second for a continuous law.
+        `desired`: x_d, ẋ_d, ẍ_d (3, 3). `line`: torques held until now and those on their way, N·m, (line, arms · 3), or
+        the same for all, (arms · 3,). The change is per control period; per second for a continuous law.
         """
+        self._sampling.line[:] = line.reshape(-1, self.arm_count, 3)
         aim(self.system, desired)
         self._set(motion)
         own = self._y[self._memory]
         own[:] = memory
         self._check(control_instant(self.system, self._sampling, 0, 0.0, self._y, self._workspace))
-        return self._sampling.line[0].ravel().copy(), own - memory
+        return self._sampling.line[-1].ravel().copy(), own - memory
 
     def task_inputs(self, motion: Motion) -> np.ndarray:
         """𝒥ᵀ of all arms: joint torques (arms · 3,) to the arms' inputs u_i (arms · 3,), (arms · 3, arms · 3)."""

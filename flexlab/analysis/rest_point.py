@@ -13,6 +13,8 @@ LONGEST_STEP = 0.1
 """Longest change of the pose in one Newton step, m and rad: arms bend their elbows within a few times that."""
 BALANCED = 1e-9
 """Force left over, and law's memory that still moves, relative to what holds the arms, below which the loop rests."""
+MOST_ROUNDS = 30
+"""Rounds in which a law and the torques in force come to agree: an observer's part of its answer is under a tenth."""
 DIFFERENCE = 1e-6
 """Step of the central differences, m, rad and units of the memory."""
 
@@ -27,15 +29,20 @@ class RestPoint(NamedTuple):
     """The law's memory there, (memory,)."""
     desired: np.ndarray
     """x_d, ẋ_d, ẍ_d, (3, 3): the pose asked for, held."""
-    drifting: bool
-    """Whether the memory still moves: the rest point is that of the law with its memory at its start."""
+    moving: np.ndarray
+    """Which memory states still move, (memory,): the rest point is that of the law with those as at their start."""
+
+    @property
+    def drifting(self) -> bool:
+        """Whether part of the memory never rests."""
+        return bool(np.any(self.moving))
 
 
 def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
     """The rest point of the loop whose desired pose (3,) is held; raises `StudyError` if there is none.
 
-    First with the law's memory as at its start. If it moves there (an integral part fills, an estimate adapts), its
-    rest value is sought too; if there is none either, as for estimates that only grow, the memory is held at its start.
+    First with the law's memory as at its start. If it moves there (an integral part fills, an observer estimates), its
+    rest value is sought too; if there is none, as for estimates that only grow, those that grow are held at their start.
     """
     desired = np.zeros((3, 3))
     desired[0] = target
@@ -45,15 +52,17 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
         return _unbalance(probe, z, desired)
 
     frozen = _newton(balance, start, np.arange(3))
+    if frozen is not None and _rests(balance(frozen)):
+        return _rest_point(probe, frozen, desired, np.arange(0))
+    begin = start if frozen is None else frozen
+    settling = np.setdiff1d(np.arange(3 + count), 3 + probe.growing)
+    for free in (np.arange(3 + count), settling):
+        found = _newton(balance, begin, free) if len(free) > 3 else None
+        if found is not None:
+            return _rest_point(probe, found, desired, np.setdiff1d(np.arange(3 + count), free))
     if frozen is None:
-        whole = _newton(balance, start, np.arange(3 + count)) if count else None
-        if whole is None:
-            raise StudyError(_no_rest(target))
-        return _rest_point(probe, whole, desired, False)
-    if _rests(balance(frozen)):
-        return _rest_point(probe, frozen, desired, False)
-    whole = _newton(balance, frozen, np.arange(3 + count))
-    return _rest_point(probe, frozen if whole is None else whole, desired, whole is None)
+        raise StudyError(_no_rest(target))
+    return _rest_point(probe, frozen, desired, np.arange(3, 3 + count))
 
 
 def _no_rest(target: np.ndarray) -> str:
@@ -67,7 +76,7 @@ def _no_rest(target: np.ndarray) -> str:
 def _unbalance(probe: LoopProbe, z: np.ndarray, desired: np.ndarray) -> np.ndarray:
     """Force on the pose (3,), and change of the memory, both relative to what holds the arms; z: pose and memory."""
     motion, torque = _hold(probe, z[:3], z[3:], desired)
-    change = probe.answer(motion, z[3:], desired)[1]
+    change = probe.answer(motion, z[3:], desired, torque)[1]
     size = 1 + np.abs(probe.forces(motion, 0 * torque)[:3]).max()
     return np.concatenate([probe.forces(motion, torque)[:3] / size, change])
 
@@ -77,16 +86,23 @@ def _hold(probe: LoopProbe, pose: np.ndarray, memory: np.ndarray, desired: np.nd
     straight = probe.at_rest(pose)
     weight = probe.forces(straight, np.zeros(3 * probe.arm_count))[3:]
     motion = straight._replace(eta=weight / probe.beam.modes.omega**2)
-    return motion, probe.answer(motion, memory, desired)[0]
+    torque = np.zeros(3 * probe.arm_count)
+    # A law that looks at the torques in force answers them: its rest is where both agree.
+    for _ in range(MOST_ROUNDS):
+        before, torque = torque, probe.answer(motion, memory, desired, torque)[0]
+        if np.abs(torque - before).max() <= BALANCED * BALANCED * (1 + np.abs(torque).max()):
+            break
+    return motion, torque
 
 
 def _rests(unbalance: np.ndarray) -> bool:
     return bool(np.abs(unbalance).max() < BALANCED)
 
 
-def _rest_point(probe: LoopProbe, z: np.ndarray, desired: np.ndarray, drifting: bool) -> RestPoint:
+def _rest_point(probe: LoopProbe, z: np.ndarray, desired: np.ndarray, held: np.ndarray) -> RestPoint:
     motion, torque = _hold(probe, z[:3], z[3:], desired)
-    return RestPoint(motion, torque, z[3:].copy(), desired, drifting)
+    moving = np.isin(np.arange(3, len(z)), held)
+    return RestPoint(motion, torque, z[3:].copy(), desired, moving)
 
 
 def _newton(balance, start: np.ndarray, free: np.ndarray) -> np.ndarray | None:

@@ -3,6 +3,7 @@
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
+from flexlab.physics.law_input import MOST_DELAY
 from flexlab.quantities import Count, Number, Pair, Part, Triple, quantity
 
 
@@ -40,7 +41,7 @@ class Controller(Part):
     control_period: Number | None = quantity(
         None, title="Control period (null: continuous)", symbol="T_c", unit="s", low=1e-5, high=0.1
     )
-    input_delay: Count = quantity(0, title="Input delay", symbol="d", unit="samples", low=0, high=64)
+    input_delay: Count = quantity(0, title="Input delay", symbol="d", unit="samples", low=0, high=MOST_DELAY)
     torque_limit: Triple | None = quantity(
         None, title="Torque limit per joint (null: none)", symbol="τ_max", unit="N·m", low=1e-3, high=1e6
     )

@@ -11,7 +11,7 @@ model, its kernel, its memory and its fastest rate. Menus, sliders, recordings a
 feels at this instant, beam momenta held. `kappa` (3,): hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g over the modes that the plant keeps.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +25,7 @@ from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.controller import Controller
 from flexlab.control.load_sharing import BelievedPayload
 from flexlab.physics.law_input import LAW_INPUT
+from flexlab.physics.strain_gauges import gauge_places
 from flexlab.quantities import own_numbers
 from flexlab.registry import module_from_file, modules_in
 from flexlab.signal import Signal
@@ -58,6 +59,9 @@ BOUND_ESTIMATES = Memory("bound_estimates")
 """b̂ of Eq. (23). Laws that learn nothing keep it as it is, so that a law that goes on with it finds it again."""
 
 
+USUAL_GAUGES = tuple(float(place) for place in gauge_places(1.0)[0])
+
+
 def no_slope(_: Any) -> np.ndarray:
     """Λ = 0: of laws without a sliding surface."""
     return np.zeros(3)
@@ -76,6 +80,11 @@ def no_conditions(_: Circumstances) -> tuple[Condition, ...]:
 def nothing_derived(_: Any) -> dict[str, np.ndarray]:
     """Of laws that need no constants besides their gains."""
     return {}
+
+
+def usual_gauges(_: Any) -> tuple[float, ...]:
+    """s/L of the gauges where a law says nothing else: those of `physics.strain_gauges`."""
+    return USUAL_GAUGES
 
 
 @dataclass(frozen=True)
@@ -104,6 +113,10 @@ class Law:
     """What its stability needs where that can be computed, besides what holds for all laws (`analysis.law_conditions`)."""
     drives: bool = True
     """Whether the motors work at all."""
+    for_settings: Callable[[Any], "Law"] | None = None
+    """Of a law whose memory or signals depend on its settings: the law that a controller's settings mean."""
+    gauges: Callable[[Any], Sequence[float]] = usual_gauges
+    """Where the strain gauges are that the sampled law reads, s/L, from the model's settings; `MOST_GAUGES` at most."""
     place: int = 50
     """Rank in menus."""
 
@@ -281,3 +294,9 @@ def laws() -> dict[str, Law]:
         for module in modules_in("flexlab.control.laws"):
             add_law(module.LAW)
     return dict(sorted(_laws.items(), key=lambda item: (item[1].place, item[0])))
+
+
+def law_of(controller: Controller) -> Law:
+    """The law of a scenario's controller, as its settings mean it."""
+    law = laws()[controller.kind]  # type: ignore[attr-defined]
+    return law if law.for_settings is None else law.for_settings(controller)

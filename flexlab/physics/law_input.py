@@ -6,6 +6,10 @@ The engine keeps two of them: one at the true state, one at what a sampled contr
 import numpy as np
 
 MOST_ARMS = 2
+MOST_GAUGES = 8
+"""Strain gauges that a law may read."""
+MOST_DELAY = 64
+"""Torques on their way that a law may see: the longest input delay, samples."""
 
 LAW_INPUT = np.dtype(
     [
@@ -14,6 +18,10 @@ LAW_INPUT = np.dtype(
         ("x", "f8", (3,)),
         ("v", "f8", (3,)),
         ("beam_rate", "f8", (2,)),
+        ("gauge_count", "i8"),
+        ("strain", "f8", (MOST_GAUGES,)),
+        ("delay", "i8"),
+        ("torque", "f8", (MOST_DELAY + 1, MOST_ARMS, 3)),
         ("desired", "f8", (3, 3)),
         ("trig", "f8", (2,)),
         ("M", "f8", (MOST_ARMS, 3, 3)),
@@ -32,6 +40,8 @@ LAW_INPUT = np.dtype(
     align=True,
 )
 """`arm_count`: arms that are there. `time`: t, s. `x`, `v`: pose and its rate. `beam_rate`: hᵀq̇, gᵀq̇, kg·m/s, kg·m²/s.
+`strain`: -½ t w''(s_j) at the law's `gauge_count` gauges, 1. `torque`: joint torques, N·m: [0] those held until now, then
+those on their way, the `delay` that act in the coming periods in this order. A continuous law has no gauges and no delay.
 `desired`: x_d, ẋ_d, ẍ_d. `trig`: cos θ, sin θ. `M`, `C`, `G`, `J`, `direction`: M̄_i, C̄_i, Ḡ_i and more of `arm.ArmTerms`.
 `gravity`: m/s², along -y. `m` (kg), `I` (kg·m²), `kappa` (hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g): the payload as the controller
 believes it to be. `share`: what each arm carries of the common part, 1. `scratch`: free for the law. `u`: the law's

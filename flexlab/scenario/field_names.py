@@ -2,9 +2,8 @@
 
 import difflib
 from collections.abc import Iterable, Iterator
-from typing import Any, get_args
 
-from flexlab.quantities import Part
+from flexlab.quantities import Part, parts_of
 
 MOST_HINTS = 3
 """Names in a sentence."""
@@ -13,13 +12,6 @@ ALIKE, ALIKE_LAST = 0.75, 0.8
 
 NEARLY_AS_GOOD = 0.1
 """Which are named beside the most alike."""
-
-
-def parts_of(annotation: Any) -> list[type[Part]]:
-    """The scenario parts that a field's type names, through unions and annotations."""
-    if isinstance(annotation, type) and issubclass(annotation, Part):
-        return [annotation]
-    return [part for inner in get_args(annotation) for part in parts_of(inner)]
 
 
 def field_paths(model: type[Part], before: str = "") -> Iterator[str]:

@@ -206,7 +206,8 @@ def _set(data: dict[str, Any], path: str, value: Any) -> bool:
     """Set the value at a path; False if what should hold it is not there."""
     *parents, name = path.split(".")
     for parent in parents:
-        inner = data.get(parent)
+        # A part that a new kind brings along is not there yet.
+        inner = data.get(parent, {} if "kind" in data else None)
         if not isinstance(inner, (Part, dict)):
             return False
         # A copy, one level deep: what the caller or the old scenario holds stays as it is.

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from flexlab.plain_text import visible
-from flexlab.quantities import Part, Quantity, describe
-from flexlab.scenario.field_names import close_paths, did_you_mean, field_paths, parts_of
+from flexlab.quantities import Part, Quantity, describe, parts_of
+from flexlab.scenario.field_names import close_paths, did_you_mean, field_paths
 
 LONGEST = 60
 """Characters of a name or value that a sentence repeats."""

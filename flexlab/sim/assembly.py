@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.control.law import laws
+from flexlab.control.law import law_of, laws, nothing_derived
 from flexlab.physics.strain_gauges import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
@@ -108,7 +108,7 @@ def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequenc
         if same_target(old.scenario, scenario):
             trajectory = old.system.trajectory
         if old.scenario.arms == scenario.arms:
-            if old.scenario.controller == scenario.controller:
+            if old.scenario.controller == scenario.controller and _same_constants(old.scenario, scenario):
                 control = old.system.control
             plant = old.system.plant._replace(gravity=scenario.gravity)
             rates = old.rates if trajectory is not None else None
@@ -121,6 +121,11 @@ def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequenc
     return system, rates or find_rates(beam, system, scenario.trajectory, free_rate)
 
 
+def _same_constants(one: Scenario, other: Scenario) -> bool:
+    """Whether a law derives the same constants from two scenarios with the same controller, beam and arms."""
+    return law_of(one.controller).derive is nothing_derived or one.trajectory == other.trajectory
+
+
 def _build_sampling(scenario: Scenario, beam: Beam, steps_per_period: int) -> Sampling:
     law, noise = scenario.controller, scenario.controller.sensor_noise
     return Sampling(
@@ -129,9 +134,22 @@ def _build_sampling(scenario: Scenario, beam: Beam, steps_per_period: int) -> Sa
         law.input_delay,
         np.array([*noise.pose, *noise.pose_rate, *noise.moment_rate]),
         gauge_noise(scenario, beam),
+        build_strains(scenario, beam),
+        noise.strain,
         noise.seed,
         np.zeros((law.input_delay + 1, len(scenario.arms), 3)),
     )
+
+
+def build_strains(scenario: Scenario, beam: Beam) -> np.ndarray:
+    """`Sampling.strain` of a scenario; no gauges under a continuous law."""
+    payload, law = scenario.payload, scenario.controller
+    places = () if law.control_period is None else law_of(law).gauges(law)
+    where = payload.length * np.array(places, dtype=float)
+    if not len(where):
+        return np.zeros((0, len(beam.modes.omega)))
+    rows = strain_rows(where, payload.length, payload.thickness, payload.element_count, payload.boundary)
+    return np.ascontiguousarray(rows @ beam.modes.V)
 
 
 def gauge_noise(scenario: Scenario, beam: Beam) -> np.ndarray:

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.control.controller import Controller
-from flexlab.control.law import BOUND_ESTIMATES, Control, laws
+from flexlab.control.law import BOUND_ESTIMATES, Control, law_of
 from flexlab.control.load_sharing import BelievedPayload
-from flexlab.physics.arm import ARM, arm_constants
+from flexlab.control.observers.believed_plant import arm_records
 from flexlab.physics.beam import (
     BeamMatrices,
     BeamModes,
@@ -67,21 +67,8 @@ def build_plant(scenario: Scenario, beam: Beam) -> Plant:
     modal = np.stack(
         [h, g, modes.D @ h, modes.D @ g, modes.omega**2, modes.V.T @ middle, modes.V.T @ loosest, np.zeros_like(h)]
     )
-    arms = np.zeros(len(scenario.arms), ARM).view(np.recarray)
-    for i, arm in enumerate(scenario.arms):
-        side = -1 if i == 0 else 1
-        arms[i] = arm_constants(
-            arm.base,
-            arm.link_mass,
-            arm.link_length,
-            arm.link_center,
-            arm.inertia,
-            arm.elbow,
-            side,
-            payload.length,
-        )
     return Plant(
-        arms=arms,
+        arms=arm_records(scenario.arms, payload.length),
         m=matrices.m,
         I=matrices.I,
         gravity=scenario.gravity,
@@ -102,7 +89,7 @@ def payload_row(payload: Payload, s: float) -> np.ndarray:
 
 def build_control(scenario: Scenario, beam: Beam) -> Control:
     """The control law of a scenario, with the payload as the controller believes it to be."""
-    settings, law = scenario.controller, laws()[scenario.controller.kind]
+    settings, law = scenario.controller, law_of(scenario.controller)
     factors = (settings.model.length_factor, settings.model.linear_density_factor)
     believed, kappa = beam.matrices, beam.kappa
     if factors != (1.0, 1.0):

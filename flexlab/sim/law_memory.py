@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from flexlab.control.law import Start, laws
+from flexlab.control.law import Start, law_of
 from flexlab.physics.arm import arm_velocity_terms, task_input
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.plant import Workspace
+from flexlab.quantities import Part
 from flexlab.scenario import Scenario
 from flexlab.sim.closed_loop import System, memory_slice
 from flexlab.sim.target import desired_at
@@ -20,7 +21,7 @@ LATE = 1e-9
 def memory_parts(scenario: Scenario, system: System, y: np.ndarray) -> dict[str, np.ndarray]:
     """Views of the named parts of the memory in y."""
     memory = y[memory_slice(system)]
-    slices = laws()[scenario.controller.kind].memory_slices(len(scenario.arms))
+    slices = law_of(scenario.controller).memory_slices(len(scenario.arms))
     return {name: memory[part] for name, part in slices.items()}
 
 
@@ -36,11 +37,25 @@ def complete_input(system: System, x: np.ndarray, v: np.ndarray, desired: np.nda
     return now
 
 
+def same_law(one: Scenario, other: Scenario) -> bool:
+    """Whether two scenarios have the same law, and its memory and own signals mean the same."""
+    laws = law_of(one.controller), law_of(other.controller)
+    slices = [law.memory_slices(len(scenario.arms)) for law, scenario in zip(laws, (one, other), strict=True)]
+    same = slices[0] == slices[1] and laws[0].signals == laws[1].signals
+    return same and _kinds(one.controller) == _kinds(other.controller)
+
+
+def _kinds(part: Part) -> list[str]:
+    """The kinds of a controller and of its parts."""
+    own = [value for name, value in part if name == "kind"]
+    return own + [kind for _, value in part if isinstance(value, Part) for kind in _kinds(value)]
+
+
 def outlook(
     scenario: Scenario, system: System, time: float, y: np.ndarray, ws: Workspace, acts_now: bool
 ) -> Start | None:
     """What the law sees at the state y, None if it never asks; `acts_now`: whether a sampled one acts at this instant."""
-    law = laws()[scenario.controller.kind]
+    law = law_of(scenario.controller)
     if law.start is None and law.carry is None:
         return None
     control, period = system.control, scenario.controller.control_period
@@ -59,7 +74,7 @@ def start_memory(
     scenario: Scenario, system: System, begin: Start | None, y: np.ndarray, kept: tuple[str, ...] = ()
 ) -> None:
     """Give the memory in y the values with which the law begins, where they are not zero; not the parts that are `kept`."""
-    law = laws()[scenario.controller.kind]
+    law = law_of(scenario.controller)
     if law.start is None or begin is None:
         return
     parts = memory_parts(scenario, system, y)
@@ -82,7 +97,7 @@ def carry_memory(
 
 def adjust_memory(scenario: Scenario, system: System, before: Start | None, begin: Start | None, y: np.ndarray) -> None:
     """Let the law follow what has changed from `before` to `begin`, with the memory in y."""
-    law = laws()[scenario.controller.kind]
+    law = law_of(scenario.controller)
     if law.carry is not None and before is not None and begin is not None:
         parts = memory_parts(scenario, system, y)
         for name, values in law.carry(before, begin, parts).items():

@@ -15,6 +15,7 @@ from flexlab.control.law import control_law
 from flexlab.control.motion import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
+from flexlab.physics.plant import ETA
 from flexlab.sim.closed_loop import System, find_state, law_places, limit_torques, new_workspace, state_length
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
@@ -35,6 +36,10 @@ class Sampling(NamedTuple):
     gauge_noise: np.ndarray
     """What the change of each strain gauge's unit noise from reading to reading adds to the measured hᵀq̇ and gᵀq̇, kg·m/s
     and kg·m²/s, (2, gauges); no gauges without strain noise."""
+    strain: np.ndarray
+    """Strain -½ t w''(s_j) at each of the law's gauges by modal coordinates, 1/(m·kg^½), (gauges, n_m)."""
+    strain_noise: float
+    """Standard deviation of each gauge's reading, 1."""
     seed: int
     line: np.ndarray
     """Torques on their way, oldest first, N·m, (delay + 1, arms, 3)."""
@@ -89,6 +94,29 @@ def measure_beam(sampling, instant, truth, measured):
         measured[1] += sampling.gauge_noise[1, j] * change
 
 
+@inlined
+def read_gauges(sampling, instant, eta, now):
+    """Fill now.strain for modal coordinates η (n_m,), each gauge with the noise that `measure_beam` differences."""
+    now.gauge_count = len(sampling.strain)
+    for j in range(len(sampling.strain)):
+        total = 0.0
+        for k in range(len(eta)):
+            total += sampling.strain[j, k] * eta[k]
+        if sampling.strain_noise > 0:
+            total += sampling.strain_noise * gaussian(sampling.seed, instant + 1, GAUGE_CHANNEL + j)
+        now.strain[j] = total
+
+
+@inlined
+def note_torques(sampling, arm_count, now):
+    """Fill now.torque with the torques held until now and those on their way."""
+    now.delay = sampling.delay
+    for place in range(sampling.delay + 1):
+        for i in range(arm_count):
+            for joint in range(3):
+                now.torque[place, i, joint] = sampling.line[place, i, joint]
+
+
 @pluggable
 def control_instant(system, sampling, instant, t, y, ws):
     """Measure, run the law, queue its torques and hold those that are due; returns a fault code."""
@@ -102,6 +130,8 @@ def control_instant(system, sampling, instant, t, y, ws):
         x[a] = y[a] + sampling.noise[a] * gaussian(sampling.seed, instant, a)
         v[a] = ws.velocity[a] + sampling.noise[3 + a] * gaussian(sampling.seed, instant, 3 + a)
     measure_beam(sampling, instant, ws.beam_rate, beam)
+    read_gauges(sampling, instant, y[ETA : ETA + plant.modal.shape[1]], now)
+    note_torques(sampling, len(plant.arms), now)
     code = configure_arms(plant, x, ws.seen, ws.fault)
     if code != 0:
         return code

@@ -14,7 +14,7 @@ from typing import Any, dataclass_transform
 import numpy as np
 
 from flexlab.compiled import inlined
-from flexlab.control.law import laws
+from flexlab.control.law import law_of, laws
 from flexlab.control.sliding_surface import sliding_variable
 from flexlab.physics.arm import joint_angles, joint_torques
 from flexlab.physics.dynamics import acceleration
@@ -121,7 +121,7 @@ DERIVED: Mapping[str, Signal] = {name: part.signal for name, part in vars(Signal
 
 def own_signals(scenario: Scenario) -> tuple[Signal, ...]:
     """The signals that the law of a scenario adds to the table's."""
-    return laws()[scenario.controller.kind].signals
+    return law_of(scenario.controller).signals
 
 
 def known_signals() -> Mapping[str, Signal]:

@@ -21,7 +21,7 @@ from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row, without_hand
 from flexlab.sim.integrators.beam_flow import TICKS
-from flexlab.sim.law_memory import adjust_memory, carry_memory, outlook, start_memory
+from flexlab.sim.law_memory import adjust_memory, carry_memory, outlook, same_law, start_memory
 from flexlab.sim.pace import pace_warning
 from flexlab.sim.projection import project_beam
 from flexlab.sim.sampled_control import control_instant
@@ -323,7 +323,7 @@ class World:
         if assembly.beam is not old.beam:
             assembly.system.plant.pull[:] = plant.pull
             set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
-        another_law = scenario.controller.kind != before.controller.kind
+        another_law = not same_law(before, scenario)
         kept: tuple[str, ...] = ()
         if assembly.beam is not old.beam or another_law:
             y = np.zeros(state_length(assembly.system))

@@ -34,7 +34,10 @@ def test_settings_change_fields_by_path_and_kinds_come_first():
 @pytest.mark.parametrize(
     ("texts", "says"),
     [
-        (("feedback_gain=4",), "feedback_gain is not a scenario field: did you mean controller.feedback_gain?"),
+        (
+            ("feedback_gain=4",),
+            "feedback_gain is not a scenario field: did you mean controller.feedback_gain or controller.slow.feedback_gain?",
+        ),
         (("controller.feedbck_gain=4",), "did you mean controller.feedback_gain?"),
         (("payload.dampng.kind=modal",), "did you mean payload.damping.kind"),
         (("right_arm.link_mas=3",), "did you mean right_arm.link_mass?"),

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import viser
 
 from flexlab.control.path import Trajectory
-from flexlab.errors import ScenarioError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.choice import Choice
 from flexlab.lab.panel.numeric_field import NumericField
+from flexlab.lab.panel.sections import has
 from flexlab.quantities import Part, describe, own_numbers
 from flexlab.scenario import Scenario
 from flexlab.sim.target import build_trajectory, desired_at
@@ -45,6 +45,11 @@ GROUPS = (
         "controller.sensor_noise.moment_rate",
         "controller.sensor_noise.seed",
     )),
+    Group("Observer", (
+        "controller.observer.unknown_force",
+        "controller.observer.unknown_modal_force",
+        "controller.observer.horizon",
+    )),
     Group("What the controller believes", (
         "controller.model.linear_density_factor",
         "controller.model.length_factor",
@@ -75,6 +80,10 @@ SWITCHES: dict[str, tuple[str, Callable[[Scenario], Any]]] = {
     "right_arm.link_inertia": ("Inertias other than m l²/12", lambda scenario: scenario.arms[-1].inertia),
     "trajectory.shaper_frequency": ("Shaper made for a frequency given here", lambda _: FIRST_SHAPED),
     "trajectory.shaper_damping": ("Shaper made for a damping given here", lambda _: 0.0),
+    "controller.observer.horizon": (
+        "Prediction ahead by another time",
+        lambda scenario: scenario.controller.input_delay + 0.5,
+    ),
     "simulation.step": ("Longest step chosen by hand", lambda _: FIRST_STEP),
     "payload.mode_count": ("Keep fewer modes", lambda scenario: scenario.payload.coordinate_count),
 }
@@ -84,7 +93,7 @@ CHOSEN = ("simulation.integrator", "left_arm.elbow", "right_arm.elbow")
 
 def present(scenario: Scenario, group: Group) -> tuple[str, ...]:
     """The paths of a group that this scenario has: a law has gains of its own, and not every machine a right arm."""
-    return tuple(path for path in _expanded(scenario, group) if _has(scenario, path))
+    return tuple(path for path in _expanded(scenario, group) if has(scenario, path))
 
 
 def _expanded(scenario: Scenario, group: Group) -> Iterator[str]:
@@ -105,14 +114,6 @@ def _expanded(scenario: Scenario, group: Group) -> Iterator[str]:
 def _one_or_three(part: type[Part], name: str) -> bool:
     """Whether a field may be one number or three: its slider sets all three, and its parts have boxes here."""
     return part.model_fields[name].annotation == float | tuple[float, float, float]
-
-
-def _has(scenario: Scenario, path: str) -> bool:
-    try:
-        scenario.get(path)
-    except ScenarioError:
-        return False
-    return True
 
 
 class Details:

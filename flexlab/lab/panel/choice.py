@@ -7,14 +7,18 @@ import viser
 from flexlab.control.law import laws
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.quantities import Part
+from flexlab.quantities import Part, parts_of
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_names import parts_of
 
 CHOICES = {
     "controller.kind": ("Control law", "Keeps the motion; fields that the new law lacks are dropped."),
     "trajectory.kind": ("Path", "Goes on from where the target is; fields that the new path lacks are dropped."),
     "trajectory.shaper": ("Input shaper", "Acts at once."),
+    "controller.slow.kind": ("Slow part", "Any law. Keeps the motion."),
+    "controller.observer.kind": (
+        "Observer",
+        "Rates of the beam: measured, or estimated from strain gauges by a sampled law.",
+    ),
     "payload.damping.kind": ("Damping kind", "Acts at once."),
     "payload.boundary": ("Boundary", "Reshapes the beam's mesh; its shape is carried over."),
     "simulation.integrator": ("Integrator", "Acts at once."),
@@ -27,15 +31,20 @@ CHOICES = {
 def options(path: str) -> dict[str, Any]:
     """The words that the field at `path` allows, and what they stand for."""
     *parents, name = path.split(".")
-    owner: type[Part] = Scenario
+    owners: list[type[Part]] = [Scenario]
     for parent in parents if name != "kind" else parents[:-1]:
-        owner = parts_of(owner.model_fields[parent].annotation)[0]
+        owners = [part for owner in owners if parent in owner.model_fields for part in _parts(owner, parent)]
+    owner = next(owner for owner in owners if (parents[-1] if name == "kind" else name) in owner.model_fields)
     if name == "kind":
-        kinds = parts_of(owner.model_fields[parents[-1]].annotation)
+        kinds = _parts(owner, parents[-1])
         return {kind.model_fields["kind"].default: kind.model_fields["kind"].default for kind in kinds}
     annotation = owner.model_fields[name].annotation
     allowed = get_args(annotation) if get_origin(annotation) is Literal else ()
     return {_word(value): value for value in allowed}
+
+
+def _parts(owner: type[Part], name: str) -> list[type[Part]]:
+    return parts_of(owner.model_fields[name].annotation)
 
 
 def _word(value: Any) -> str:

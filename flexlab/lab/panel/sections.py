@@ -7,6 +7,7 @@ from typing import NamedTuple
 import viser
 
 from flexlab.control.conditions import Condition
+from flexlab.errors import ScenarioError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.choice import Choice
 from flexlab.lab.panel.field import Field
@@ -18,7 +19,15 @@ from flexlab.scenario.scenario import COMMON_FIELDS
 
 SECTIONS = (("Beam", "payload"), ("Controller", "controller"), ("Trajectory", "trajectory"), ("World", ""))
 """Folder title and path of the part of the scenario that it shows."""
-CHOSEN = ("controller.kind", "trajectory.kind", "trajectory.shaper", "payload.damping.kind", "payload.boundary")
+CHOSEN = (
+    "controller.kind",
+    "controller.slow.kind",
+    "controller.observer.kind",
+    "trajectory.kind",
+    "trajectory.shaper",
+    "payload.damping.kind",
+    "payload.boundary",
+)
 """Fields that are a word from a menu."""
 FIRST = ("bending_stiffness", "damping")
 """Fields that stand before the others: what a student changes first."""
@@ -54,10 +63,19 @@ def _walk(part: Part, path: str) -> Iterator[Entry]:
         value = getattr(part, name)
         inner = f"{path}.{name}" if path else name
         about = describe(type(part), name)
-        if isinstance(value, Part) and name == "damping":
+        if path and isinstance(value, Part) and "kind" in type(value).model_fields:
             yield from _walk(value, inner)
         elif about.slider is not None:
             yield from _components(inner, about, value)
+
+
+def has(scenario: Scenario, path: str) -> bool:
+    """Whether a scenario has a field at a dotted path: parts of one kind have what others lack."""
+    try:
+        scenario.get(path)
+    except ScenarioError:
+        return False
+    return True
 
 
 def _components(path: str, about: Quantity, value: object) -> Iterator[Entry]:
@@ -111,7 +129,7 @@ class Section:
         for widget in (*self._fields, *self._choices):
             widget.remove()
         self._built_for = entries(scenario, self._path)
-        chosen = [path for path in CHOSEN if self._path and path.startswith(f"{self._path}.")]
+        chosen = [path for path in CHOSEN if self._path and path.startswith(f"{self._path}.") and has(scenario, path)]
         with self._folder:
             self._choices = [Choice(self._gui, self._lab_state, path) for path in chosen]
             self._fields = [Field(self._gui, self._lab_state, *entry) for entry in self._built_for]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlab.control.law import BOUND_ESTIMATES, laws
+from flexlab.control.law import BOUND_ESTIMATES, law_of
 from flexlab.lab import colors
 from flexlab.lab.plots.lyapunov import tracking_energy
 from flexlab.scenario import Scenario
@@ -69,7 +69,7 @@ def _law_limits(signal: str) -> Callable[[Scenario], tuple[Limit, ...]]:
     """The levels that the control law knows for a signal."""
 
     def limits(scenario: Scenario) -> tuple[Limit, ...]:
-        levels = laws()[scenario.controller.kind].limits(scenario.controller).get(signal, {})
+        levels = law_of(scenario.controller).limits(scenario.controller).get(signal, {})
         return tuple(Limit(label, value, colors.GRAY) for label, value in levels.items())
 
     return limits
@@ -168,7 +168,7 @@ LYAPUNOV = Plot(
 def tabs(scenario: Scenario) -> dict[str, tuple[Plot, ...]]:
     """Tab name → its plots over time, for the arms that are there."""
     torques = (_torque_plot(0, "left"), _torque_plot(1, "right"))[: len(scenario.arms)]
-    estimates = (ESTIMATES,) if BOUND_ESTIMATES in laws()[scenario.controller.kind].memory else ()
+    estimates = (ESTIMATES,) if BOUND_ESTIMATES in law_of(scenario.controller).memory else ()
     return {
         "Motion": (ERROR, DEFLECTION, INTERNAL_FORCE),
         "Torques": torques,

@@ -1,0 +1,125 @@
+"""The linear plant that observers and linear laws are designed for: arms and the beam's lowest modes at one pose.
+
+M p̈ + D ṗ + K p = f over p = (x, η), pose and modal coordinates, for a straight beam at rest, with f the forces on them. The
+weight and what turns with the pose are left out: whoever uses the model takes them from f at the present pose.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+
+from flexlab.errors import ScenarioError
+from flexlab.physics.arm import ARM, arm_configuration, arm_constants
+from flexlab.physics.beam import beam_matrices, undamped_modes
+from flexlab.physics.strain_gauges import strain_rows
+
+KNOWN_PLANTS = 8
+"""Plants that are kept: a slider changes a law's gains many times a second, and its plant seldom."""
+
+
+class BelievedPlant(NamedTuple):
+    """Arms and n_o modes; n = 3 + n_o coordinates. Arrays are shared: read only."""
+
+    mass: np.ndarray
+    """M = [ΣM̄_i + A11, A12; A12ᵀ, 1], (n, n)."""
+    damping: np.ndarray
+    """D, of the modes alone, (n, n)."""
+    omega: np.ndarray
+    """ω, rad/s, (n_o,)."""
+    h: np.ndarray
+    """Vᵀh, kg^½, (n_o,)."""
+    g: np.ndarray
+    """Vᵀg, m·kg^½, (n_o,)."""
+    strain: np.ndarray
+    """Strain at each gauge by modal coordinates, 1/(m·kg^½), (gauges, n_o)."""
+
+    @property
+    def state_matrix(self) -> np.ndarray:
+        """A of d(p, ṗ)/dt = A (p, ṗ) + B f, (2 n, 2 n)."""
+        n = len(self.mass)
+        stiffness = np.diag(np.concatenate([np.zeros(3), self.omega**2]))
+        return np.block(
+            [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(self.mass, np.hstack([stiffness, self.damping]))]]
+        )
+
+    @property
+    def input_matrix(self) -> np.ndarray:
+        """B, (2 n, n)."""
+        return np.vstack([np.zeros_like(self.mass), np.linalg.inv(self.mass)])
+
+
+def hold(A: np.ndarray, B: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """State and input matrix over `period` s of dz/dt = A z + B u with u held, by one matrix exponential."""
+    n, inputs = B.shape
+    whole = np.zeros((n + inputs, n + inputs))
+    whole[:n, :n], whole[:n, n:] = A, B
+    over = expm(period * whole)
+    return over[:n, :n], over[:n, n:]
+
+
+def arm_records(arms: Sequence[Any], payload_length: float) -> np.ndarray:
+    """`ARM` records of a scenario's arms, left first, (arms,)."""
+    records = np.zeros(len(arms), ARM).view(np.recarray)
+    for i, arm in enumerate(arms):
+        side = -1 if i == 0 else 1
+        records[i] = arm_constants(
+            arm.base,
+            arm.link_mass,
+            arm.link_length,
+            arm.link_center,
+            arm.inertia,
+            arm.elbow,
+            side,
+            payload_length,
+        )
+    return records
+
+
+def believed_plant(scenario: Any, mode_count: int, gauges: tuple[float, ...]) -> BelievedPlant:
+    """The plant that a scenario's controller believes in, at its path's centre, with gauges at s/L.
+
+    Raises `ScenarioError` for more modes than the beam's mesh has.
+    """
+    payload = scenario.payload
+    if mode_count > payload.coordinate_count:
+        text = (
+            f"controller.observer.observer_modes = {mode_count} is more than the {payload.coordinate_count} modes of "
+            f"{payload.element_count} {payload.boundary} elements: observe {payload.coordinate_count} or fewer, "
+            "or give the beam more elements."
+        )
+        raise ScenarioError([("controller.observer.observer_modes", text)])
+    model, pose = scenario.controller.model, tuple(scenario.trajectory.middle)
+    return _plant(payload, scenario.arms, model.length_factor, model.linear_density_factor, pose, mode_count, gauges)
+
+
+@lru_cache(KNOWN_PLANTS)
+def _plant(
+    payload: Any,
+    arms: tuple[Any, ...],
+    length_factor: float,
+    density_factor: float,
+    pose: tuple[float, ...],
+    mode_count: int,
+    gauges: tuple[float, ...],
+) -> BelievedPlant:
+    length, mesh = payload.length * length_factor, (payload.element_count, payload.boundary)
+    beam = beam_matrices(length, payload.linear_density * density_factor, payload.bending_stiffness, *mesh)
+    omega, V = undamped_modes(beam)
+    omega, V = omega[:mode_count], V[:, :mode_count]
+    h, g = V.T @ beam.h, V.T @ beam.g
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    mass, damping = np.eye(3 + mode_count), np.zeros((3 + mode_count,) * 2)
+    mass[:3, :3] = np.diag([beam.m, beam.m, beam.I])
+    for arm in arm_records(arms, payload.length):
+        M = np.zeros((3, 3))
+        # A pose that an arm cannot take is refused with its sentence when the run starts.
+        arm_configuration(arm, pose[0], pose[1], c, s, 0.0, M, np.zeros(3), np.zeros((2, 3)), np.zeros(4))
+        mass[:3, :3] += M
+    mass[:3, 3:] = np.stack([-s * h, c * h, g])
+    mass[3:, :3] = mass[:3, 3:].T
+    damping[3:, 3:] = payload.damping.modal(omega, V)
+    strain = strain_rows(length * np.array(gauges), length, payload.thickness, *mesh) @ V
+    return BelievedPlant(mass, damping, omega, h, g, strain)

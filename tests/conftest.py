@@ -22,6 +22,13 @@ SOFTWARE_RENDERING = [
 """What Chromium needs to draw the lab and rerun's viewer without a graphics card."""
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what drives a browser: `pytest -m "not browser"` is the quick answer."""
+    for item in items:
+        if "chromium" in getattr(item, "fixturenames", ()):
+            item.add_marker("browser")
+
+
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The source checkout."""

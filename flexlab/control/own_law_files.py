@@ -2,13 +2,14 @@
 
 import contextlib
 import inspect
+import re
 import textwrap
 from pathlib import Path
 from typing import Any
 
 from flexlab.assets import presets_folder
 from flexlab.control import own_law_hosts as hosts
-from flexlab.control.law import laws
+from flexlab.control.law import add_law_file, laws
 from flexlab.control.own_law import PythonLaw, add_own_law
 from flexlab.errors import ScenarioError
 from flexlab.own_laws.declaration import OwnLaw, read_declaration
@@ -71,7 +72,7 @@ def know_own_laws(allowed: dict[str, str]) -> None:
 def law_kind(law: Any) -> str:
     """The kind of a law given by its name, by the path of a Python file, or as a class. Raises `ScenarioError`."""
     if isinstance(law, Path) or (isinstance(law, str) and law.endswith(".py")):
-        return add_own_law_file(law).kind
+        return _kernel_law(Path(law)) or add_own_law_file(law).kind
     if isinstance(law, type) and issubclass(law, OwnLaw):
         return add_own_law(_text_of(law), inspect.getsourcefile(law) or law.__name__).kind
     if not isinstance(law, str):
@@ -82,6 +83,17 @@ def law_kind(law: Any) -> str:
             if _declares(path, law):
                 return add_own_law_file(path).kind
     return law
+
+
+def _kernel_law(path: Path) -> str:
+    """The kind of a law that a file defines as a kernel (`LAW = Law(...)`); empty if it defines none. Raises `ScenarioError`."""
+    if not re.search(r"^LAW\s*=", _read(path), re.MULTILINE):
+        return ""
+    try:
+        return add_law_file(path).kind
+    except Exception as error:
+        text = f"{path.name} cannot be used ({type(error).__name__}: {error})."
+        raise ScenarioError([("controller.kind", text)]) from None
 
 
 def _declares(path: Path, kind: str) -> bool:

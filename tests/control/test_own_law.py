@@ -323,3 +323,17 @@ def test_presets_and_the_shell_take_a_file(tmp_path: Path, flexlab_command):
     assert flexlab_command("replay", "--run-own-law").returncode == 0
     unknown = flexlab_command("run", "paper", "--law", "none.py")
     assert "There is no file none.py" in unknown.stderr
+
+
+def test_the_law_of_the_readme_works(root: Path, tmp_path: Path):
+    code = re.findall(r"```python\n(.*?)```", (root / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "soft_pi.py").write_text(next(text for text in code if "OwnLaw" in text))
+    run = flexlab.simulate("paper", 1.0, law=tmp_path / "soft_pi.py")
+    assert run.status == "finished"
+    assert np.abs(run.tracking_error[500:]).max() < 0.02
+
+
+def test_a_file_may_hold_a_kernel_instead():
+    run = flexlab.simulate("paper", 0.1, law=Path(__file__).parent / "own_laws" / "leaky_integral.py")
+    assert run["asked_work"].shape == (101,)
+    forget_law("leaky-integral")

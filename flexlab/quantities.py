@@ -112,6 +112,7 @@ Number = Annotated[float, BeforeValidator(_number)]
 Count = Annotated[int, BeforeValidator(_whole_number)]
 Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
 Pair = Annotated[tuple[float, float], BeforeValidator(_fixed_length(2))]
+Quartet = Annotated[tuple[float, float, float, float], BeforeValidator(_fixed_length(4))]
 Triple = Annotated[tuple[float, float, float], BeforeValidator(_fixed_length(3))]
 OneOrThree = Annotated[float | tuple[float, float, float], BeforeValidator(_one_or_three)]
 

@@ -11,7 +11,15 @@ from flexlab.analysis.lesson_checks import CHECKS
 from flexlab.assets import web_assets_folder
 from flexlab.presets import preset_names
 
-CHAPTERS = ["What you see", "The equations", "The controller", "The rivals", "Reading the plots", "Keys and tips"]
+CHAPTERS = [
+    "What you see",
+    "The equations",
+    "The controller",
+    "The rivals",
+    "Reading the plots",
+    "Keys and tips",
+    "Paths and shapers",
+]
 LESSONS = [
     "Why does it ring?",
     "Soft beam",

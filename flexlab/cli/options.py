@@ -41,6 +41,14 @@ Law = Annotated[
         help_behavior_hint="",
     ),
 ]
+PathChoice = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="KIND|FILE",
+        help="Another path, by its name, a CSV file with the columns t, x, y, theta, or the Python file that holds it.",
+        help_behavior_hint="",
+    ),
+]
 Seed = Annotated[
     int | None,
     tyro.conf.arg(
@@ -59,11 +67,12 @@ LOGS = Path("logs")
 
 
 def chosen_scenarios(
-    presets: Sequence[str], settings: Sequence[str], law: str | None, seed: int | None
+    presets: Sequence[str], settings: Sequence[str], law: str | None, seed: int | None, path: str | None = None
 ) -> "list[tuple[str, Scenario]]":
     """(short name, scenario with what was set) of each preset. Raises `FlexlabError` before anything is run."""
     from flexlab.control.own_law_files import law_kind
     from flexlab.presets import find_scenario
+    from flexlab.scenario.path_file import with_path
     from flexlab.scenario.settings import change_settings, settings_from
 
     if not presets:
@@ -71,4 +80,7 @@ def chosen_scenarios(
             "Say what to simulate: a preset's name, as in flexlab run paper, or a scenario file; see flexlab run --help."
         )
     changes = settings_from(settings, None if law is None else law_kind(law), seed)
-    return [(name, change_settings(scenario, changes)) for name, scenario in map(find_scenario, presets)]
+    found = list(map(find_scenario, presets))
+    if path is not None:
+        found = [(name, with_path(scenario, path)) for name, scenario in found]
+    return [(name, change_settings(scenario, changes)) for name, scenario in found]

@@ -6,7 +6,7 @@ from typing import Annotated
 import tyro
 
 from flexlab.cli.console import output
-from flexlab.cli.options import LOGS, Law, Logs, Presets, Seed, Settings
+from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Presets, Seed, Settings
 from flexlab.errors import StudyError
 
 LONGEST_DURATION = 1e6
@@ -19,6 +19,7 @@ def command(
     sample_period: Annotated[float, tyro.conf.arg(metavar="S", help="Time between samples, s.")] = 0.001,
     set_: Settings = (),
     law: Law = None,
+    path: PathChoice = None,
     seed: Seed = None,
     as_json: Annotated[
         bool,
@@ -36,7 +37,7 @@ def command(
     _check("duration", duration, sample_period, LONGEST_DURATION)
     from flexlab.cli.options import chosen_scenarios
 
-    scenarios = chosen_scenarios(preset, set_, law, seed)
+    scenarios = chosen_scenarios(preset, set_, law, seed, path)
     from flexlab.cli.headless_run import run_and_record
     from flexlab.cli.warmup import warm_up
     from flexlab.recording.store.run_files import check_folder

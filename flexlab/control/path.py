@@ -26,6 +26,8 @@ from flexlab.registry import module_from_file, modules_in
 
 OUTLINE_POINTS = 1001
 """Instants at which a path that does not say its extent is looked at."""
+MOST_INSTANTS = 20_000
+"""Most instants at which a path's reach is checked; motions of incommensurable frequencies never repeat."""
 TRANSITION_TIME = 0.5
 """s, over which the target goes from where it was to a path that was changed in motion: about a stroke of an arm."""
 
@@ -80,6 +82,12 @@ class Trajectory(Part):
     def shortest_time(self) -> float:
         """Time in which the path stays close to a straight line, s: between two instants at which its reach is checked."""
         return (self.window[1] - self.window[0]) / 400
+
+    @property
+    def instants(self) -> np.ndarray:
+        """Instants at which its reach is checked, s."""
+        begin, end = min(self.window[0], self.span), self.span
+        return np.linspace(begin, end, min(MOST_INSTANTS, max(2, int((end - begin) / self.shortest_time) + 1)))
 
     @property
     def fastest_period(self) -> float:

@@ -67,7 +67,7 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
             path,
             f"{path}.kind is not one of {item['ctx'].get('expected_tags', 'the known kinds')}: choose one of them.",
         )
-    if kind in ("mesh", "arms", "inertia", "sampling"):
+    if kind in ("mesh", "arms", "inertia", "sampling", "path"):
         return path, f"{path + ': ' if path else ''}{text}."
     return path, f"{path} = {shown}: {text}."
 

@@ -1,5 +1,6 @@
 """The beam's first mode in the closed loop, which an input shaper is made for unless it is told another."""
 
+import contextlib
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -8,7 +9,6 @@ from scipy.linalg import eig
 
 from flexlab.control.motion import DesiredMotion
 from flexlab.control.path import build_motion
-from flexlab.control.paths.hold import Hold
 from flexlab.errors import ScenarioError
 from flexlab.physics.plant import ETA, P, X
 from flexlab.scenario import Scenario
@@ -36,21 +36,27 @@ class Mode(NamedTuple):
 def first_mode(scenario: Scenario) -> Mode:
     """The closed loop's slowest oscillation that is the beam's, with the payload held in the middle of its path.
 
-    Continuous control, memory as at the start. Raises `ScenarioError` if there is none, as with fast-acting damping.
+    Continuous control, memory as at the start; with a law that only runs sampled, the arms free. Raises `ScenarioError` if
+    there is none, as with fast-acting damping.
     """
-    law = scenario.controller.model_copy(
-        update={
-            "control_period": None,
-            "input_delay": 0,
-            "torque_limit": None,
-            "sensor_noise": type(scenario.controller.sensor_noise)(),
-        }
-    )
-    path = Hold(pose=scenario.trajectory.middle)  # type: ignore[arg-type]
+    still = {"title": "", "watch": "", "trajectory": {"kind": "hold", "pose": scenario.trajectory.middle}}
     with one_blas_thread():
-        return _found(
-            scenario.anew().model_copy(update={"title": "", "watch": "", "trajectory": path, "controller": law})
-        )
+        return _found(_continuous(scenario).replace(still))
+
+
+def _continuous(scenario: Scenario) -> Scenario:
+    """The scenario under its law in continuous time, without limits and noise; without control where that cannot be."""
+    ideal = {
+        "controller.control_period": None,
+        "controller.input_delay": 0,
+        "controller.sensor_noise": {},
+        "controller.torque_limit": None,
+    }
+    with contextlib.suppress(ScenarioError):
+        found = scenario.replace(ideal)
+        if found.controller.control_period is None:
+            return found
+    return scenario.replace({"controller": {"kind": "none"}})
 
 
 @lru_cache(maxsize=32)

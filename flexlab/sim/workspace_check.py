@@ -12,24 +12,18 @@ from flexlab.sim.samples import Status
 from flexlab.sim.target import desired_at
 from flexlab.sim.termination import elbow_sine, pose_fault, wrist_reach
 
-LONGEST_CHECK = 20_000
-"""Most instants looked at; motions of incommensurable frequencies never repeat, so somewhere the check must end."""
-
-
 SURE = 1.01
 """Factor on the least elbow sine beyond which rounding cannot matter."""
 
 
-def check_trajectory(scenario: Scenario, duration: float | None = None) -> Status | None:
-    """The fault of the first desired pose that an arm cannot take, over one period (or `duration`, s); None if all can."""
+def check_trajectory(scenario: Scenario) -> Status | None:
+    """The fault of the first desired pose that an arm cannot take, over the whole path; None if all can be taken."""
     if _surely_reached(scenario):
         return None
     path, motion = scenario.trajectory, build_motion(scenario.trajectory)
-    span = path.span if duration is None else min(path.span, duration)
-    if span == 0:
+    if path.span == 0:
         return pose_fault(scenario, desired_at(motion, 0.0)[0], 0.0, path.place_text(0.0))
-    begin = min(path.window[0], span)
-    times = np.linspace(begin, span, min(LONGEST_CHECK, max(2, int((span - begin) / path.shortest_time) + 1)))
+    times = path.instants
     poses = desired_motions(motion, times)[:, 0]
     doubtful = np.zeros(len(times), bool)
     for index in range(len(scenario.arms)):

@@ -29,13 +29,44 @@ def test_metrics_of_the_papers_run_are_those_of_the_model(run: Run) -> None:
     assert found.peak_vibration == np.abs(run.vibration).max()
     assert found.window == (0.0, 1.0)
     assert found.duration == 1.0
-    assert all(np.isfinite(row.value) for row in found.rows)
+    # The paper's target never stops.
+    assert [row.title for row in found.rows if np.isnan(row.value)] == [
+        "Residual vibration after the stop",
+        "Residual vibration 0.2 s after the stop",
+    ]
     assert len({row.title for row in found.rows}) == len(found.rows)
 
 
 def test_the_papers_ring_is_gone_when_the_paper_says(run: Run) -> None:
     """'At about t = 0.5 s': the last instant over one per cent of the peak."""
     assert run_metrics(run).settling_time == pytest.approx(0.44, abs=0.005)
+
+
+@pytest.fixture(scope="module")
+def stopped() -> Run:
+    return simulate(load_preset("paper").replace({"trajectory": {"kind": "bang-bang", "duration": 0.3}}), 0.8)
+
+
+def test_the_residual_vibration_is_what_rings_after_the_target_stopped(stopped: Run) -> None:
+    after, later = run_metrics(stopped).residual_vibration
+    assert after == np.abs(stopped.vibration[300:]).max() < np.abs(stopped.vibration[:300]).max()
+    assert later == np.abs(stopped.vibration[500:]).max() < after / 2
+    assert np.isnan(run_metrics(stopped, (0.0, 0.3)).residual_vibration).all(), "it has just stopped"
+    assert np.isnan(run_metrics(stopped, (0.35, 0.8)).residual_vibration).all(), "it never moved"
+    assert run_metrics(stopped, (0.0, 0.4)).residual_vibration[0] == after
+    assert np.isnan(run_metrics(stopped, (0.0, 0.4)).residual_vibration[1])
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_pieces_of_a_motion_that_stops_give_the_same_in_any_order(stopped: Run, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    cuts = np.concatenate([[0], np.sort(random.choice(np.arange(1, len(stopped)), 9, replace=False)), [len(stopped)]])
+    metrics = [METRICS["residual_vibration"]() for _ in range(3)]
+    for number in random.permutation(10):
+        metrics[number % 3].update(stopped.slice(int(cuts[number]), int(cuts[number + 1])))
+    for other in metrics[1:]:
+        metrics[0].merge(other)
+    assert metrics[0].compute() == run_metrics(stopped).residual_vibration
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -51,7 +82,7 @@ def test_pieces_in_any_order_and_merged_collections_give_the_same(run: Run, seed
     first.merge(MetricCollection())
     assert first.compute().window == whole.window
     for row, expected in zip(first.compute().rows, whole.rows, strict=True):
-        assert row.value == pytest.approx(expected.value, rel=1e-12)
+        assert row.value == pytest.approx(expected.value, rel=1e-12, nan_ok=True)
 
 
 def test_only_what_lies_within_the_window_counts(run: Run) -> None:

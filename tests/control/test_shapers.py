@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flexlab.analysis.modes import modes
+from flexlab.control.law import laws
 from flexlab.control.shapers import TOLERATED, impulses, residual
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -70,6 +71,14 @@ def test_its_mode_is_that_of_the_closed_loop():
         assert own.omega == pytest.approx(abs(near), rel=1e-6)
         assert own.zeta == pytest.approx(-near.real / abs(near), rel=1e-4)
     assert first_mode(load_preset("paper")).omega / (2 * np.pi) == pytest.approx(45.5, abs=0.05)
+
+
+@pytest.mark.parametrize("kind", [kind for kind, law in laws().items() if law.drives])
+def test_a_shaper_is_made_for_every_law(kind: str):
+    """Continuous and sampled, or, where a law runs sampled only, for the beam between free arms: all near the ring."""
+    for changes in ({}, {"controller.control_period": 0.001}):
+        scenario = load_preset("paper").replace({"controller.kind": kind, **changes, "trajectory.shaper": "zv"})
+        assert shaper_impulses(scenario)[1, 1] == pytest.approx(1 / (2 * 45.5), rel=0.1)
 
 
 def test_the_target_is_the_sum_of_delayed_copies_that_stand_before_their_time():

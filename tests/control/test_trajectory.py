@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flexlab.analysis.replay import replay
 from flexlab.control.path import paths
-from flexlab.presets import load_preset
+from flexlab.presets import load_preset, load_scenario_file, save_scenario
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario, parse_scenario
@@ -140,6 +140,8 @@ def test_every_path_is_replayed_bit_for_bit_and_shared(kind: str, tmp_path):
     assert recording.scenario == scenario
     assert replay(recording).identical
     assert decode_scenario(encode_scenario(scenario)) == scenario
+    save_scenario(scenario, tmp_path / "own.json")
+    assert load_scenario_file(tmp_path / "own.json") == scenario
 
 
 CHANGES = [

@@ -3,11 +3,14 @@
 from pathlib import Path
 
 import pytest
+from lab_page import wait_until
 
 from flexlab.errors import PresetError, ScenarioError
+from flexlab.lab.session import Session
 from flexlab.lab.user_presets import read_upload, save_preset
 from flexlab.presets import load_preset, scenario_text
 from flexlab.scenario import Scenario
+from flexlab.scenario.path_file import decoded_path
 
 
 def test_a_saved_preset_is_found_again(tmp_path: Path) -> None:
@@ -85,3 +88,20 @@ def test_bad_uploads_are_answered_in_sentences_with_the_files_own_name(content: 
     if error is PresetError:
         assert "mine.json" in str(caught.value)
     assert "/tmp" not in str(caught.value)
+
+
+def test_a_path_from_a_file_is_followed_from_now_on(session: Session) -> None:
+    """As opening a CSV file in the lab does: the table begins at that instant, and the target does not jump."""
+    lab, runner = session.lab_state, session.runner
+    wait_until(lambda: runner.snapshot.latest.time[0] > 0.1, "the run goes on")
+    rows = decoded_path(b"t [ms],x,y,theta\n0,0,0.75,0\n100,0.05,0.8,0.1\n300,0,0.7,0\n", "path.csv")
+    lab.change({"trajectory.kind": "table", "trajectory.rows": rows})
+    wait_until(lambda: runner.snapshot.scenario.trajectory.kind == "table", "the path is another")
+    path = runner.snapshot.scenario.trajectory
+    assert path.start > 0.05
+    assert path.transition is not None
+    assert lab.intended.trajectory.rows == rows
+    with pytest.raises(ScenarioError, match=r"cannot reach the desired pose \(.*of the table\)"):
+        lab.change({"trajectory.rows": ((0.0, 0.0, 0.75, 0.0), (1.0, 0.0, 1.7, 0.0))})
+    lab.undo()
+    wait_until(lambda: runner.snapshot.scenario.trajectory.kind == "sine", "and back")

@@ -1,6 +1,7 @@
 """Save, download, upload, share: the scenario as something to keep and pass on."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import viser
@@ -10,13 +11,17 @@ from flexlab.lab.panel.run_comparison import field_name, field_value
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.reference_run import differences
 from flexlab.lab.user_presets import file_stem, read_upload, save_preset
+from flexlab.plain_text import visible
 from flexlab.presets import scenario_text
 from flexlab.scenario import Scenario
+from flexlab.scenario.path_file import decoded_path
 from flexlab.sim.snapshot import Snapshot
 
 MOST_CHANGES = 12
 LONGEST_WORDS = 1200
 """Characters of what to watch, as a scenario takes them."""
+LONGEST_NAME = 60
+"""Characters of a file's name that a sentence repeats."""
 
 
 class ScenarioFiles:
@@ -101,8 +106,8 @@ class ScenarioFiles:
                 "Open a file",
                 icon=viser.Icon.UPLOAD,
                 color="gray",
-                mime_type="application/json",
-                hint="A scenario file",
+                mime_type="application/json,text/csv",
+                hint="A scenario file, or a path as CSV with the columns t, x, y, theta",
             )
         self._opener.on_upload(handler(self._lab_state, self._upload))
 
@@ -111,9 +116,18 @@ class ScenarioFiles:
         self._opener.remove()
         self._offer_upload()
         file = event.target.value
+        if file.name.lower().endswith(".csv"):
+            self._follow(file.name, file.content)
+            return
         name, scenario = read_upload(file.name, file.content)
         self._lab_state.load(scenario, name)
         self._lab_state.say(f"Opened {name}.")
+
+    def _follow(self, name: str, content: bytes) -> None:
+        """Take up the path of a CSV file from now on."""
+        rows = decoded_path(content, visible(Path(name).name, LONGEST_NAME))
+        self._lab_state.change({"trajectory.kind": "table", "trajectory.rows": rows})
+        self._lab_state.say(f"Follows {len(rows)} rows from now on.")
 
 
 def _without_event(action: Callable[[], None]) -> Callable[[Any], None]:

@@ -1,0 +1,73 @@
+"""What a motion leaves of the beam's vibration after it has stopped."""
+
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from flexlab.analysis.metrics.metric import Column, Metric, register
+
+if TYPE_CHECKING:
+    from flexlab.sim.samples import Samples
+
+LATER = 0.2
+"""s after the stop, from which on the second number counts: what a next move would have to wait for."""
+STOPPED = 0.01
+"""s for which a target must have stood still at the end of the samples, so that a turning point is no stop."""
+
+
+@register
+class ResidualVibration(Metric):
+    """Largest |vibration| after the last instant at which the desired pose moved, and from `LATER` s after it on, m.
+
+    NaN of a target that never moved, or has not stopped. The vibration is the mid-span deflection less its quasi-static part.
+    """
+
+    name, place = "residual_vibration", 35
+    columns = (
+        Column("residual", "Residual vibration after the stop", "residual", "mm", 1e3),
+        Column("residual-later", f"Residual vibration {LATER:g} s after the stop", f"residual {LATER:g} s", "mm", 1e3),
+    )
+
+    # Samples that a louder one follows can never be the loudest after the stop, whenever that was: few have to be kept.
+
+    def __init__(self) -> None:
+        self._last, self._end = -np.inf, np.full(3, np.nan)
+        self._moved = -np.inf
+        self._time = np.empty(0)
+        self._size = np.empty(0)
+
+    def update(self, samples: "Samples") -> None:
+        """Take in a piece of a run."""
+        piece = ResidualVibration()
+        latest = int(np.argmax(samples.time))
+        piece._last, piece._end = float(samples.time[latest]), np.array(samples.desired_pose[latest])
+        elsewhere = np.any(samples.desired_pose != piece._end, axis=1)
+        piece._moved = float(np.max(samples.time[elsewhere], initial=-np.inf))
+        piece._keep(samples.time, np.abs(samples.vibration))
+        self.merge(piece)
+
+    def merge(self, other: Self) -> None:
+        """Take in what another one has taken in."""
+        early, late = sorted((self, other), key=lambda one: one._last)
+        same = np.array_equal(early._end, late._end)
+        # Where the earlier one stood at another pose, the target has moved since.
+        moved = max(late._moved, early._moved if same else early._last)
+        time, size = np.concatenate([early._time, late._time]), np.concatenate([early._size, late._size])
+        self._last, self._end, self._moved = late._last, late._end, moved
+        self._keep(time, size)
+
+    def _keep(self, time: np.ndarray, size: np.ndarray) -> None:
+        order = np.argsort(time, kind="stable")
+        time, size = time[order], size[order]
+        largest_later = np.maximum.accumulate(np.append(size[1:], -1.0)[::-1])[::-1]
+        kept = (size > largest_later) & (time > self._moved)
+        self._time, self._size = time[kept], size[kept]
+
+    def compute(self) -> tuple[float, ...]:
+        """m, after the stop and later."""
+        if not np.isfinite(self._moved) or self._last - self._moved < STOPPED:
+            return np.nan, np.nan
+        return self._after(self._moved), self._after(self._moved + LATER)
+
+    def _after(self, time: float) -> float:
+        return float(np.max(self._size[self._time > time], initial=0.0)) if self._last > time else np.nan

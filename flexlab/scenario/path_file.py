@@ -1,0 +1,128 @@
+"""A path from a CSV file: t, x, y and θ in columns with their units, as the path `table` of a scenario."""
+
+import csv
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from flexlab.control.path import add_path_file
+from flexlab.control.paths.table import MOST_ROWS
+from flexlab.errors import PresetError
+from flexlab.plain_text import visible
+from flexlab.scenario.scenario import Scenario, parse_scenario
+
+COLUMNS = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
+"""Column → what it measures."""
+NAMES = {"t": "t", "time": "t", "x": "x", "y": "y", "theta": "theta", "θ": "theta"}
+"""How a header may call a column, in small letters."""
+UNITS = {
+    "time": {"s": 1.0, "ms": 1e-3},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "angle": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180},
+}
+"""What a column measures → its units and their size, SI. A column that names no unit is in the first."""
+HEADER = "t [s], x [m], y [m], theta [rad]"
+LONGEST_FILE = 5_000_000
+"""Bytes of a file that is read: ten times what the most rows need."""
+
+
+def with_path(scenario: Scenario, path: str) -> Scenario:
+    """The scenario on a path given by its kind, by a CSV file or by the Python file that defines it.
+
+    Raises `PresetError` or `ScenarioError`.
+    """
+    if path.lower().endswith(".csv"):
+        return with_path_file(scenario, path)
+    if path.endswith(".py"):
+        try:
+            path = add_path_file(Path(path)).kind
+        except Exception as error:  # Whatever the file raises: it is its writer's to read.
+            raise PresetError(f"{path} holds no path that can be used: {type(error).__name__}: {error}") from None
+    return scenario.replace({"trajectory.kind": path})
+
+
+def with_path_file(scenario: Scenario, file: str | Path) -> Scenario:
+    """The scenario on the path of a CSV file. Raises `PresetError` or `ScenarioError`, with the row where one is wrong."""
+    rows = read_path_file(file)
+    data = dict(scenario)
+    data["trajectory"] = {"kind": "table", "rows": rows}
+    return parse_scenario(data)
+
+
+def read_path_file(file: str | Path) -> tuple[tuple[float, float, float, float], ...]:
+    """Rows (t, x, y, θ) of a CSV file, s, m, m, rad. Raises `PresetError`."""
+    try:
+        with open(file, "rb") as stream:
+            content = stream.read(LONGEST_FILE + 1)
+    except OSError as error:
+        raise PresetError(f"{file} cannot be read: {error.strerror}.") from None
+    return decoded_path(content, str(file))
+
+
+def decoded_path(content: bytes, name: str) -> tuple[tuple[float, float, float, float], ...]:
+    """As `read_path_file`, for the content of a file called `name`."""
+    if len(content) > LONGEST_FILE:
+        raise PresetError(f"{name} is too long: a path has {MOST_ROWS} rows at most.")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise PresetError(f"{name} is not a text file in UTF-8: give a CSV file with the columns {HEADER}.") from None
+    lines = [(number, line) for number, line in enumerate(_cells(text, name), 1) if any(cell.strip() for cell in line)]
+    if not lines:
+        raise PresetError(f"{name} is empty: give a CSV file with the columns {HEADER}.")
+    places = _columns(lines[0][1], name)
+    rows = [_row(line, places, f"{name}, row {k} (line {number})") for k, (number, line) in enumerate(lines[1:], 1)]
+    if not 2 <= len(rows) <= MOST_ROWS:
+        raise PresetError(f"{name} has {len(rows)} rows below its header: a path needs 2 to {MOST_ROWS}.")
+    return tuple(rows)
+
+
+def _cells(text: str, name: str) -> Iterator[list[str]]:
+    first = text.split("\n", 1)[0]
+    separator = max(",;\t", key=first.count)
+    try:
+        yield from csv.reader(text.splitlines(), delimiter=separator, strict=True)
+    except csv.Error as error:
+        raise PresetError(f"{name} is not a CSV file: {error}.") from None
+
+
+def _columns(header: list[str], name: str) -> dict[str, tuple[int, float]]:
+    """Column → where it stands and the size of its unit."""
+    found: dict[str, tuple[int, float]] = {}
+    for place, cell in enumerate(header):
+        match = re.fullmatch(r"\s*([^\s\[(]+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*", cell)
+        column = NAMES.get(match[1].lower()) if match else None
+        if match is None or column is None:
+            raise PresetError(
+                f"{name}: {visible(cell.strip(), 40)!r} is no column of a path: name the columns {HEADER} in its first line."
+            )
+        if column in found:
+            raise PresetError(f"{name} has the column {column} twice: keep one of them.")
+        units = UNITS[COLUMNS[column]]
+        unit = match[2] or next(iter(units))
+        if unit not in units:
+            raise PresetError(
+                f"{name}: {visible(unit, 20)!r} is no unit of the column {column}: choose {', '.join(units)}."
+            )
+        found[column] = place, units[unit]
+    missing = [column for column in COLUMNS if column not in found]
+    if missing:
+        raise PresetError(f"{name} lacks the column {', '.join(missing)}: name the columns {HEADER} in its first line.")
+    return found
+
+
+def _row(line: list[str], places: dict[str, tuple[int, float]], where: str) -> tuple[float, float, float, float]:
+    if len(line) != len(places):
+        raise PresetError(f"{where} has {len(line)} values, not {len(places)}.")
+    values = []
+    for column, (place, size) in places.items():
+        try:
+            value = float(line[place]) * size
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise PresetError(f"{where}: {column} = {visible(line[place].strip(), 40)!r} is no finite number.")
+        values.append((column, value))
+    found = dict(values)
+    return found["t"], found["x"], found["y"], found["theta"]

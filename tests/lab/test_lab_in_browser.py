@@ -165,3 +165,22 @@ def test_a_plot_keeps_its_axis_where_it_is_empty(page: LabPage) -> None:
     for left, low, high in page.page.evaluate(zoom):
         assert left == 4.0
         assert low < 0 < high
+
+
+def test_a_law_that_takes_over_says_what_its_stability_needs(page: LabPage) -> None:
+    """Conditions with their numbers below the gains follow law and sliders; time and motion go on."""
+    page.wait_for_text("‖Ψ‖ ≤ K ε")
+    wait_until(lambda: float(page.snapshot.display.time[0]) > 0.2, "the paper's law has worked for a while")
+    before = page.snapshot
+    page.choose("Control law", "super-twisting")
+    wait_until(lambda: page.snapshot.scenario.controller.kind == "super-twisting", "the law is at work")
+    page.wait_for_text("met k2 > δ: 200 N/s")
+    assert float(page.snapshot.display.time[0]) >= float(before.display.time[0])
+    page.enter("Switching gain k2 (N/s, N·m/s)", "40")
+    page.wait_for_text("not met k2 > δ: 40 N/s")
+    page.choose("Control law", "regressor-adaptive")
+    page.wait_for_text("combinations of masses")
+    page.choose("Control law", "none")
+    wait_until(lambda: "λ < ω1" not in page.text(), "motors that are off need nothing")
+    assert float(page.snapshot.display.time[0]) > float(before.display.time[0])
+    assert not page.errors

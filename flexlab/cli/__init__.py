@@ -23,6 +23,7 @@ COMMANDS = (
     "import",
     "presets",
     "sweep",
+    "validate",
     "bench",
     "completion",
 )

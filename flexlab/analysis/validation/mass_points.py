@@ -1,0 +1,128 @@
+"""Arms and beam as a heap of mass points whose positions follow from p = (x0, y0, θ, q): mechanics without this package's.
+
+No mass matrix, Jacobian, Christoffel symbol or modal coordinate of the engine is used: inertia is Σ m |∂R/∂p|², found by
+complex steps, and all else follows from it and from potentials by differences.
+"""
+
+import numpy as np
+
+from flexlab.scenario import Scenario
+
+COMPLEX_STEP = 1e-30
+"""Derivatives of positions are exact with it."""
+STEP = 1e-4
+"""m, rad: of differences of fourth order."""
+GAUSS_POINTS = 6
+"""Per element, exact for the beam's kinetic energy."""
+
+
+def hermite(s: np.ndarray, length: float, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows N(s), N''(s) of a pinned-pinned beam of n cubic elements, (len(s), 2n) each; s from the middle, m."""
+    size = length / n
+    element = np.clip(((s + length / 2) / size).astype(int), 0, n - 1)
+    z = (s + length / 2) / size - element
+    value = [(1 + 2 * z) * (1 - z) ** 2, size * z * (1 - z) ** 2, z * z * (3 - 2 * z), size * z * z * (z - 1)]
+    second = [(12 * z - 6) / size**2, (6 * z - 4) / size, (6 - 12 * z) / size**2, (6 * z - 2) / size]
+    N, N2 = np.zeros((2, len(s), 2 * n + 2))
+    for k in range(4):
+        N[np.arange(len(s)), 2 * element + k], N2[np.arange(len(s)), 2 * element + k] = value[k], second[k]
+    ends = [0, 2 * n]
+    return np.delete(N, ends, axis=1), np.delete(N2, ends, axis=1)
+
+
+class MassPoints:
+    """A scenario with two arms and a pinned-pinned payload."""
+
+    def __init__(self, scenario: Scenario):
+        payload = self._payload = scenario.payload
+        self._arms, self._gravity = scenario.arms, scenario.gravity
+        n, half = payload.element_count, payload.length / 2
+        x, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        edges = np.linspace(-half, half, n + 1)
+        middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)[:, None] / 2
+        self._s = (middle[:, None] + width * x).ravel()
+        self._weight = (width * weight).ravel()
+        self._N, self._N2 = hermite(self._s, payload.length, n)
+
+    def payload_inertia(self, p: np.ndarray) -> np.ndarray:
+        """A(p) of the payload alone, Eq. (8)."""
+        mass = self._payload.linear_density * self._weight
+        J = _jacobian(self._beam, p)
+        return np.einsum("k,aki,akj->ij", mass, J, J)
+
+    def arm_inertia(self, x: np.ndarray, index: int) -> np.ndarray:
+        """M̄_i(x) of one arm, (3, 3), Eq. (13)."""
+        arm = self._arms[index]
+        J = _jacobian(lambda pose: self._links(pose, index), x)
+        centers, directions = J[:, :3], J[:, 3:]
+        M = np.einsum("k,aki,akj->ij", np.array(arm.link_mass), centers, centers)
+        # |d(unit vector)| is the link's turn.
+        return M + np.einsum("k,aki,akj->ij", np.array(arm.inertia), directions, directions)
+
+    def inertia(self, p: np.ndarray) -> np.ndarray:
+        """Of everything, Eq. (16)."""
+        A = self.payload_inertia(p)
+        for index in range(len(self._arms)):
+            A[:3, :3] += self.arm_inertia(p[:3], index)
+        return A
+
+    def arm_potential(self, x: np.ndarray, index: int) -> float:
+        """Weight of one arm, J."""
+        return self._gravity * float(np.array(self._arms[index].link_mass) @ self._links(x, index)[1, :3])
+
+    def potential(self, p: np.ndarray) -> float:
+        """Weights and bending, J."""
+        payload = self._payload
+        bending = 0.5 * payload.bending_stiffness * float(self._weight @ (self._N2 @ p[3:]) ** 2)
+        weight = self._gravity * payload.linear_density * float(self._weight @ self._beam(p)[1])
+        return bending + weight + sum(self.arm_potential(p[:3], index) for index in range(len(self._arms)))
+
+    def midspan(self) -> np.ndarray:
+        """N(0)."""
+        return hermite(np.array([0.0]), self._payload.length, self._payload.element_count)[0][0]
+
+    def _beam(self, p: np.ndarray) -> np.ndarray:
+        c, s, w = np.cos(p[2]), np.sin(p[2]), self._N @ p[3:]
+        return np.array([p[0] + self._s * c - w * s, p[1] + self._s * s + w * c])
+
+    def _links(self, x: np.ndarray, index: int) -> np.ndarray:
+        """Centres of mass of an arm's links and unit vectors along them, (2, 6)."""
+        arm, side = self._arms[index], -1 if index == 0 else 1
+        l1, l2, l3 = arm.link_length
+        along = np.array([np.cos(x[2]), np.sin(x[2])])
+        wrist = x[:2] + side * (self._payload.length / 2 + l3) * along - np.array(arm.base)
+        square = wrist @ wrist
+        cosine = (square - l1**2 - l2**2) / (2 * l1 * l2)
+        near, far = l1 + l2 * cosine, l2 * arm.elbow * np.sqrt(1 - cosine**2)
+        u1 = np.array([near * wrist[0] + far * wrist[1], near * wrist[1] - far * wrist[0]]) / square
+        u2, u3 = (wrist - l1 * u1) / l2, -side * along
+        a1, a2, a3 = arm.link_center
+        centers = np.array([a1 * u1, l1 * u1 + a2 * u2, l1 * u1 + l2 * u2 + a3 * u3]) + np.array(arm.base)
+        return np.concatenate([centers, [u1, u2, u3]]).T
+
+
+def _jacobian(positions, p: np.ndarray) -> np.ndarray:
+    """∂R/∂p, (2, points, len(p))."""
+    steps = 1j * COMPLEX_STEP * np.eye(len(p))
+    return np.stack([positions(p + step).imag / COMPLEX_STEP for step in steps], axis=-1)
+
+
+def slopes(function, at: np.ndarray) -> np.ndarray:
+    """∂(function)/∂p_k by differences of fourth order, k first."""
+    found = []
+    for step in STEP * np.eye(len(at)):
+        near, far = function(at + step) - function(at - step), function(at + 2 * step) - function(at - 2 * step)
+        found.append((8 * near - far) / (12 * STEP))
+    return np.array(found)
+
+
+def christoffel(inertia, at: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """The velocity matrix with C_ij = ½ Σ_k (∂_k A_ij + ∂_j A_ik - ∂_i A_jk) ṗ_k."""
+    dA = slopes(inertia, at)
+    first, second = np.einsum("kij,k->ij", dA, rate), np.einsum("jik,k->ij", dA, rate)
+    return (first + second - second.T) / 2
+
+
+def time_derivative(values: np.ndarray, period: float) -> np.ndarray:
+    """d/dt of samples (N, …) by differences of fourth order, (N - 4, …): of the samples from the third on."""
+    return (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / (12 * period)

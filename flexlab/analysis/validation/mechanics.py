@@ -1,0 +1,79 @@
+"""The equations of motion, the law and the forces, against mass points: Lagrange's equations hold along a general motion."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlab.analysis.validation.check import Check, above, below
+from flexlab.analysis.validation.mass_points import MassPoints, christoffel, slopes, time_derivative
+from flexlab.analysis.validation.runs import FINE, Runs
+from flexlab.physics.internal_force import payload_matrices
+from flexlab.sim.build import build_beam
+
+SUBJECT, PLACE = "Mechanics of mass points", 2
+
+EVERY = 40
+"""Of the fine run, which instants are looked at."""
+DAMPING = 0.1
+"""The paper's, on q̇."""
+
+
+def checks(runs: Runs) -> Iterator[Check]:
+    """Inertia, Lagrange's equations, joint torques; along 3 ms of a fast, bent, heavy motion."""
+    run, points = runs.fine, MassPoints(runs.general)
+    p = np.hstack([run.pose, run.beam_coordinates])
+    rate = np.hstack([run.pose_rate, run.beam_rates])
+    rows = range(2, len(run) - 2, EVERY)
+    yield from _inertia(runs, points, p, rate)
+    energy = [0.5 * rate[k] @ points.inertia(p[k]) @ rate[k] for k in rows]
+    yield below("kinetic energy is ½ Σ m |Ṙ|²: relative error", 1e-10, _relative(energy, run.kinetic_energy[rows]))
+    potential = np.array([points.potential(p[k]) for k in rows])
+    stored = run.elastic_energy[rows] + run.gravity_energy[rows]
+    yield below("bending and weight store what mass points do: relative error", 1e-10, _relative(potential, stored))
+
+    momentum = np.array([points.inertia(p[k]) @ rate[k] for k in range(len(run))])
+    change = time_derivative(momentum, FINE)
+    residual, scale = [], np.abs(change).max(axis=0)
+    for k in rows:
+        kinetic = slopes(lambda at, v=rate[k]: np.array(0.5 * v @ points.inertia(at) @ v), p[k])
+        stored = slopes(lambda at: np.array(points.potential(at)), p[k])
+        force = np.concatenate([run.arm_input[k].sum(axis=0), -DAMPING * rate[k, 3:]])
+        residual.append(change[k - 2] - kinetic + stored - force)
+    error = np.abs(residual).max(axis=0) / scale
+    yield below("Lagrange's equations (16) hold for x0, y0, θ: relative residual", 1e-6, float(error[:3].max()))
+    yield below("and for the beam's q: relative residual", 1e-6, float(error[3:].max()))
+    motion = np.abs(time_derivative(run.pose_rate, FINE) - run.pose_acceleration[2:-2]).max()
+    yield below(
+        "the sampled ẍ is the change of ẋ: relative error", 1e-6, float(motion / np.abs(run.pose_acceleration).max())
+    )
+    turning = time_derivative(run.joint_angle, FINE)
+    joints = np.einsum("nij,nij->n", run.joint_torque[2:-2], turning)
+    inputs = np.einsum("nij,nj->n", run.arm_input[2:-2], run.pose_rate[2:-2])
+    yield below("joint torques give the power Σ τᵀθ̇ = Σ uᵀẋ: relative error", 1e-6, _relative(joints, inputs))
+
+
+def _inertia(runs: Runs, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> Iterator[Check]:
+    beam, state, v = build_beam(runs.general.payload).matrices, p[50], rate[50]
+    A, B, _ = payload_matrices(beam, state[:3], v[:3], state[3:], v[3:])
+    exact = points.payload_inertia(state)
+    yield below(
+        "A(p) of Eq. (8) is that of mass points: relative error",
+        1e-10,
+        float(np.abs(A - exact).max() / np.abs(exact).max()),
+    )
+    yield above("A(p) is positive definite: least eigenvalue", 0.0, float(np.linalg.eigvalsh(A).min()))
+
+    def inertia(t: float) -> np.ndarray:
+        moved = state + t * v
+        return payload_matrices(beam, moved[:3], v[:3], moved[3:], v[3:])[0]
+
+    h = 1e-3
+    A_dot = (8 * (inertia(h) - inertia(-h)) - (inertia(2 * h) - inertia(-2 * h))) / (12 * h)
+    skew = A_dot - 2 * B
+    yield below("Ȧ - 2B is skew: largest entry of its symmetric part", 1e-9, float(np.abs(skew + skew.T).max()))
+    christoffel_error = np.abs(B - christoffel(points.payload_inertia, state, v)).max() / np.abs(B).max()
+    yield below("B is the Christoffel matrix of A: relative error", 1e-7, float(christoffel_error))
+
+
+def _relative(found: np.ndarray | list[float], exact: np.ndarray) -> float:
+    return float(np.abs(np.asarray(found) - exact).max() / np.abs(exact).max())

@@ -1,0 +1,59 @@
+"""The report of a validation: one HTML file, figures included, that opens without network."""
+
+import io
+import platform
+from datetime import datetime
+from pathlib import Path
+
+import matplotlib as mpl
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from flexlab.analysis.figures import FIGURES, STYLE, draw_figure
+from flexlab.analysis.validation.check import Validation
+from flexlab.errors import FlexlabError, StudyError
+from flexlab.recording.documents import these_versions
+from flexlab.recording.store.run_files import replacing
+
+TITLES = {2: "Trajectory of the payload", 3: "Vibration", 4: "Error of the trajectory", 5: "Internal force"}
+SHOWN = 3.0
+"""s of the run that the figures show, as the paper's do."""
+
+
+def write_report(validation: Validation, path: Path, seconds: float) -> None:
+    """Write the report; `seconds`: how long it took. Raises `StudyError`."""
+    folder = Path(__file__).parent
+    pages = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    text = pages.get_template("report.html").render(
+        groups=validation.groups,
+        failed=[check for check in validation.checks if not check.holds],
+        count=len(validation.checks),
+        figures=_figures(validation),
+        versions=these_versions(),
+        machine=f"{platform.machine()}, {platform.system()}",
+        made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M}",
+        seconds=seconds,
+    )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as draft:
+            draft.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise StudyError(f"{path} cannot be written ({error.strerror}): choose another file.") from None
+
+
+def _figures(validation: Validation) -> list[tuple[int, str, Markup]]:
+    """(number, title, SVG) of the paper's figures; none where the run fails."""
+    try:
+        run = validation.runs.paper
+    except FlexlabError:
+        return []
+    samples = run.take(run.time <= SHOWN)
+    found = []
+    for number in FIGURES:
+        with mpl.rc_context(STYLE | {"svg.hashsalt": f"flexlab-{number}"}):
+            drawn = io.StringIO()
+            draw_figure(number, samples).savefig(drawn, format="svg", metadata={"Date": None})
+        svg = drawn.getvalue()
+        found.append((number, TITLES[number], Markup(svg[svg.index("<svg") :])))
+    return found

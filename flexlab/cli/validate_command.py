@@ -1,0 +1,58 @@
+"""`flexlab validate`: whether what this installation computes is what the paper and mechanics say."""
+
+import json
+import time
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from flexlab.cli.console import complain, output
+
+
+def command(
+    to: Annotated[Path, tyro.conf.arg(metavar="FILE.html", help="The report, with figures.")] = Path("validation.html"),
+    as_json: Annotated[
+        bool, tyro.conf.arg(name="json", help="Print the table as JSON.", help_behavior_hint="")
+    ] = False,
+) -> int:
+    """Check the paper's statements, closed formulas, mass points, energy and both theorems, and write a report.
+
+    Exits with 0 if every statement holds, with 1 if not.
+    """
+    from flexlab.analysis.validation import validate
+    from flexlab.analysis.validation.report import write_report
+    from flexlab.cli.warmup import warm_up
+    from flexlab.presets import load_preset
+
+    warm_up(load_preset("paper"))
+    began = time.perf_counter()
+    found = validate()
+    took = time.perf_counter() - began
+    write_report(found, to, took)
+    if as_json:
+        groups = {subject: [vars(check) for check in checks] for subject, checks in found.groups.items()}
+        output().out(json.dumps(groups, indent=1, ensure_ascii=False))
+    else:
+        from rich.table import Table
+        from rich.text import Text
+
+        for subject, checks in found.groups.items():
+            table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), title=subject, title_justify="left")
+            for head in ("statement", "expected", "here", "holds"):
+                table.add_column(head)
+            for check in checks:
+                table.add_row(
+                    *map(Text, (check.statement, check.expected, check.found)), "yes" if check.holds else "NO"
+                )
+            output().print(table)
+            output().print()
+    failed = sum(not check.holds for check in found.checks)
+    count = len(found.checks)
+    if not as_json:
+        output().print(
+            f"{count - failed} of {count} statements hold, in {took:.1f} s. Report: {to}", markup=False, soft_wrap=True
+        )
+    if failed:
+        complain(f"{failed} of {count} statements do not hold: do not trust what this installation computes.")
+    return 1 if failed else 0

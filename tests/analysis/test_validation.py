@@ -1,0 +1,82 @@
+"""`flexlab validate` holds for this package, and for none with a sign flipped."""
+
+import json
+import re
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from planted_errors import PLANTED, PlantedError, validate_with
+
+from flexlab.analysis.validation import Validation, validate
+from flexlab.analysis.validation.check import above, below, close
+from flexlab.analysis.validation.mass_points import time_derivative
+from flexlab.analysis.validation.report import write_report
+from flexlab.errors import StudyError
+
+IN_THE_SUITE = 2
+"""Of the planted errors: each costs half a minute of compiling."""
+
+
+@pytest.fixture(scope="module")
+def validation() -> Validation:
+    return validate()
+
+
+def test_every_statement_holds(validation: Validation):
+    assert [check for check in validation.checks if not check.holds] == []
+    assert len(validation.checks) > 70
+    assert list(validation.groups) == [
+        "Section IV again", "The beam in closed form", "Mechanics of mass points", "Control law and internal force",
+        "Energy and convergence", "Theorems 1 and 2 along the run",
+    ]  # fmt: skip
+
+
+def test_the_report_has_the_table_and_four_figures_and_needs_no_network(validation: Validation, tmp_path: Path):
+    write_report(validation, tmp_path / "a" / "report.html", 1.0)
+    page = (tmp_path / "a" / "report.html").read_text(encoding="utf-8")
+    assert f"All {len(validation.checks)} statements hold." in page
+    assert re.findall(r"Figure (\d)\.", page) == ["2", "3", "4", "5"]
+    assert page.count("<svg") == 4
+    assert not re.search(r"(src|href)=.https?:", page.replace("http://www.w3.org", ""))
+    assert len(page) < 3e6
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(StudyError, match="cannot be written"):
+        write_report(validation, tmp_path / "file" / "report.html", 1.0)
+
+
+def test_the_command_prints_the_table_and_says_where_the_report_is(
+    flexlab_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+):
+    done = flexlab_command("validate", "--json", "--to", "mine.html")
+    assert done.returncode == 0, done.stderr
+    groups = json.loads(done.stdout)
+    assert all(check["holds"] for checks in groups.values() for check in checks)
+    assert (tmp_path / "mine.html").exists()
+
+
+@pytest.mark.parametrize("error", PLANTED[:IN_THE_SUITE], ids=lambda error: error.name)
+def test_a_flipped_sign_does_not_pass(error: PlantedError, tmp_path: Path):
+    done = validate_with(error, tmp_path)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "do not trust what this installation computes" in done.stderr
+    assert "statements do not hold." in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_numbers_that_are_none_never_hold():
+    for number in (np.nan, np.inf):
+        assert not close("", 1.0, number, relative=0.5).holds
+        assert not below("", 1.0, number).holds
+    assert not above("", 1.0, np.nan).holds
+    assert close("", 1.0, 1.01, relative=0.02).holds
+    assert not close("", 1.0, 1.03, relative=0.02).holds
+
+
+def test_the_derivative_is_of_fourth_order():
+    errors = []
+    for period in (0.02, 0.01):
+        t = np.arange(20) * period
+        errors.append(np.abs(time_derivative(np.sin(t), period) - np.cos(t[2:-2])).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.2)

@@ -23,6 +23,8 @@ COMMANDS = (
     "import",
     "presets",
     "sweep",
+    "tune",
+    "fit",
     "validate",
     "bench",
     "completion",

@@ -82,6 +82,8 @@ def command(
       flexlab import FILE      take an exported run or a recording into logs
       flexlab presets          list the presets and what to watch in each
       flexlab sweep PRESET     vary fields over ranges: a table of metrics, heat maps
+      flexlab tune PRESET      search ranges for the parameters that cost least
+      flexlab fit RUN          frequency, damping, stiffness from how a beam rings
       flexlab validate         check it all against the paper and mechanics; a report
       flexlab bench            measure speed and accuracy on this machine
       flexlab completion       let your shell complete all this

@@ -66,7 +66,7 @@ def close(
     """A number that must be as expected, within a relative or an absolute tolerance."""
     tolerance = max(relative * abs(expected), absolute)
     within = f" ± {100 * relative:g} %" if relative else f" ± {absolute:g}"
-    holds = isfinite(found) and abs(found - expected) <= tolerance
+    holds = bool(isfinite(found) and abs(found - expected) <= tolerance)
     end = f" {unit}" if unit else ""
     return Check(statement, f"{expected:.5g}{within if tolerance else ''}{end}", f"{found:.5g}{end}", holds)
 

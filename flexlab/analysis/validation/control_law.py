@@ -1,6 +1,7 @@
 """The control law of Eqs. (23) and (25) and the internal force of Eqs. (13)-(15) and (26), computed again from mass points."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from flexlab.analysis.internal_force import internal_force_eq_26
 from flexlab.analysis.validation.check import Check, below
 from flexlab.analysis.validation.mass_points import MassPoints, christoffel, slopes, time_derivative
 from flexlab.analysis.validation.runs import FINE, Runs
+from flexlab.sim.samples import Run
 
 SUBJECT, PLACE = "Control law and internal force", 3
 
@@ -24,8 +26,15 @@ def desired(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def checks(runs: Runs) -> Iterator[Check]:
+    """For the paper's boundary, and for one without symmetry."""
+    for run in (runs.general_pinned, runs.general):
+        for check in _of(run):
+            yield replace(check, statement=f"{run.scenario.payload.boundary}: {check.statement}")
+
+
+def _of(run: Run) -> Iterator[Check]:
     """Signals of the law, its inputs arm by arm, adaptation, and the internal force by both routes."""
-    run, points, scenario = runs.fine, MassPoints(runs.general), runs.general
+    points, scenario = MassPoints(run.scenario), run.scenario
     goal, goal_rate, goal_acceleration = desired(run.time)
     e, e_dot = run.pose - goal, run.pose_rate - goal_rate
     s = e_dot + SLOPE * e

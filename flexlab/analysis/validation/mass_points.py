@@ -16,8 +16,12 @@ GAUSS_POINTS = 6
 """Per element, exact for the beam's kinetic energy."""
 
 
-def hermite(s: np.ndarray, length: float, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows N(s), N''(s) of a pinned-pinned beam of n cubic elements, (len(s), 2n) each; s from the middle, m."""
+HELD = {"pinned-pinned": (0, -2), "pinned-clamped": (0, -2, -1)}
+"""Boundary → which of the 2 (n + 1) nodal coordinates are zero."""
+
+
+def hermite(s: np.ndarray, length: float, n: int, boundary: str) -> tuple[np.ndarray, np.ndarray]:
+    """Rows N(s), N''(s) of a beam of n cubic elements over its free coordinates, (len(s), n_q) each; s from the middle, m."""
     size = length / n
     element = np.clip(((s + length / 2) / size).astype(int), 0, n - 1)
     z = (s + length / 2) / size - element
@@ -26,12 +30,12 @@ def hermite(s: np.ndarray, length: float, n: int) -> tuple[np.ndarray, np.ndarra
     N, N2 = np.zeros((2, len(s), 2 * n + 2))
     for k in range(4):
         N[np.arange(len(s)), 2 * element + k], N2[np.arange(len(s)), 2 * element + k] = value[k], second[k]
-    ends = [0, 2 * n]
-    return np.delete(N, ends, axis=1), np.delete(N2, ends, axis=1)
+    held = [place % (2 * n + 2) for place in HELD[boundary]]
+    return np.delete(N, held, axis=1), np.delete(N2, held, axis=1)
 
 
 class MassPoints:
-    """A scenario with two arms and a pinned-pinned payload."""
+    """A scenario with two arms and one of the boundaries of `HELD`."""
 
     def __init__(self, scenario: Scenario):
         payload = self._payload = scenario.payload
@@ -42,7 +46,7 @@ class MassPoints:
         middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)[:, None] / 2
         self._s = (middle[:, None] + width * x).ravel()
         self._weight = (width * weight).ravel()
-        self._N, self._N2 = hermite(self._s, payload.length, n)
+        self._N, self._N2 = hermite(self._s, payload.length, n, payload.boundary)
 
     def payload_inertia(self, p: np.ndarray) -> np.ndarray:
         """A(p) of the payload alone, Eq. (8)."""
@@ -76,10 +80,6 @@ class MassPoints:
         bending = 0.5 * payload.bending_stiffness * float(self._weight @ (self._N2 @ p[3:]) ** 2)
         weight = self._gravity * payload.linear_density * float(self._weight @ self._beam(p)[1])
         return bending + weight + sum(self.arm_potential(p[:3], index) for index in range(len(self._arms)))
-
-    def midspan(self) -> np.ndarray:
-        """N(0)."""
-        return hermite(np.array([0.0]), self._payload.length, self._payload.element_count)[0][0]
 
     def _beam(self, p: np.ndarray) -> np.ndarray:
         c, s, w = np.cos(p[2]), np.sin(p[2]), self._N @ p[3:]

@@ -1,6 +1,7 @@
 """The equations of motion, the law and the forces, against mass points: Lagrange's equations hold along a general motion."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,22 +10,30 @@ from flexlab.analysis.validation.mass_points import MassPoints, christoffel, slo
 from flexlab.analysis.validation.runs import FINE, Runs
 from flexlab.physics.internal_force import payload_matrices
 from flexlab.sim.build import build_beam
+from flexlab.sim.samples import Run
 
 SUBJECT, PLACE = "Mechanics of mass points", 2
 
-EVERY = 40
+EVERY = 75
 """Of the fine run, which instants are looked at."""
 DAMPING = 0.1
 """The paper's, on q̇."""
 
 
 def checks(runs: Runs) -> Iterator[Check]:
+    """For the paper's boundary, and for one without symmetry."""
+    for run in (runs.general_pinned, runs.general):
+        for check in _of(run):
+            yield replace(check, statement=f"{run.scenario.payload.boundary}: {check.statement}")
+
+
+def _of(run: Run) -> Iterator[Check]:
     """Inertia, Lagrange's equations, joint torques; along 3 ms of a fast, bent, heavy motion."""
-    run, points = runs.fine, MassPoints(runs.general)
+    points = MassPoints(run.scenario)
     p = np.hstack([run.pose, run.beam_coordinates])
     rate = np.hstack([run.pose_rate, run.beam_rates])
     rows = range(2, len(run) - 2, EVERY)
-    yield from _inertia(runs, points, p, rate)
+    yield from _inertia(run, points, p, rate)
     energy = [0.5 * rate[k] @ points.inertia(p[k]) @ rate[k] for k in rows]
     yield below("kinetic energy is ½ Σ m |Ṙ|²: relative error", 1e-10, _relative(energy, run.kinetic_energy[rows]))
     potential = np.array([points.potential(p[k]) for k in rows])
@@ -52,8 +61,8 @@ def checks(runs: Runs) -> Iterator[Check]:
     yield below("joint torques give the power Σ τᵀθ̇ = Σ uᵀẋ: relative error", 1e-6, _relative(joints, inputs))
 
 
-def _inertia(runs: Runs, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> Iterator[Check]:
-    beam, state, v = build_beam(runs.general.payload).matrices, p[50], rate[50]
+def _inertia(run: Run, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> Iterator[Check]:
+    beam, state, v = build_beam(run.scenario.payload).matrices, p[50], rate[50]
     A, B, _ = payload_matrices(beam, state[:3], v[:3], state[3:], v[3:])
     exact = points.payload_inertia(state)
     yield below(

@@ -13,7 +13,7 @@ from flexlab.analysis.figures import FIGURES, STYLE, draw_figure
 from flexlab.analysis.validation.check import Validation
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.recording.documents import these_versions
-from flexlab.recording.store.run_files import replacing
+from flexlab.recording.store.notes import replacing
 
 TITLES = {2: "Trajectory of the payload", 3: "Vibration", 4: "Error of the trajectory", 5: "Internal force"}
 SHOWN = 3.0

@@ -1,0 +1,215 @@
+"""Frequency and damping of a free vibration from samples of it, with 95 % intervals.
+
+The signal is a sum of decaying oscillations, a slow background and white noise,
+
+    y(t) = Σ_k exp(-σ_k t) (a_k cos ω_k t + b_k sin ω_k t) + polynomial(t) + noise,
+
+fitted by least squares over (ω_k, σ_k) with the linear parts solved exactly (variable projection: Golub and Pereyra, SIAM J.
+Numer. Anal. 10 (1973) 413). Modes are added while Schwarz's criterion gains; intervals are those of the linearised fit.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from flexlab.errors import StudyError
+from flexlab.sim.blas import one_blas_thread
+
+CONFIDENCE = 0.95
+FEWEST_SAMPLES = 20
+FEWEST_PERIODS = 2.0
+"""Periods within the samples below which a frequency is not told from the background."""
+MOST_MODES = 3
+GAIN = 10.0
+"""By which Schwarz's criterion must gain for one more mode: very strong evidence (Kass and Raftery 1995)."""
+BACKGROUND_ORDER = 2
+START_RATIOS = (0.002, 0.01, 0.05, 0.2)
+"""Damping ratios from which the search begins."""
+LARGEST_RATIO = 0.9
+FITTED = 1e-9
+"""Relative change at which a search ends: far below any interval."""
+BEST_TOLD = 1e-12
+"""Relative noise below which the samples are exact to rounding."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its 95 % interval; `reason` says why it is not identifiable, empty if it is."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    reason: str = ""
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the samples determine it."""
+        return not self.reason
+
+    def __str__(self) -> str:
+        if self.reason:
+            return f"not identifiable: {self.reason}"
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.value:.5g}{unit}, 95 % within {self.low:.5g} to {self.high:.5g}{unit}"
+
+
+@dataclass(frozen=True)
+class RingMode:
+    """One decaying oscillation."""
+
+    frequency: Estimate
+    """Undamped, √(ω² + σ²)/2π, Hz."""
+    damping_ratio: Estimate
+    """ζ = σ/√(ω² + σ²)."""
+    amplitude: float
+    """At the first sample, in the signal's unit."""
+
+
+@dataclass(frozen=True)
+class RingFit:
+    """What a signal rings with; modes by frequency, those whose frequency is not identifiable only if all are."""
+
+    modes: tuple[RingMode, ...]
+    noise: float
+    """Standard deviation of what is left, in the signal's unit."""
+    start: float
+    end: float
+    """Of the samples, s."""
+    samples: int
+
+    @property
+    def first(self) -> RingMode:
+        """The mode that rings loudest."""
+        return max(self.modes, key=lambda mode: mode.amplitude)
+
+
+def fit_ring(time: np.ndarray, signal: np.ndarray, most_modes: int = MOST_MODES) -> RingFit:
+    """Fit a free vibration at `time` (N,), s, rising but not necessarily even. Raises `StudyError` for too few samples."""
+    time, signal = np.asarray(time, dtype=float), np.asarray(signal, dtype=float)
+    if len(time) < FEWEST_SAMPLES:
+        raise StudyError(f"{len(time)} samples are too few to fit a vibration: give {FEWEST_SAMPLES} at least.")
+    with one_blas_thread():  # Small systems: threads cost more than they bring.
+        return _fit(time, signal, most_modes)
+
+
+def _fit(time: np.ndarray, signal: np.ndarray, most_modes: int) -> RingFit:
+    scale = float(np.max(np.abs(signal - signal.mean())))
+    if scale == 0 or not np.isfinite(scale):
+        raise StudyError("The signal does not move: there is no vibration to fit.")
+    tau, y = time - time[0], signal / scale
+    found = np.empty((0, 2))
+    criterion = _criterion(found, tau, y)
+    for _ in range(most_modes):
+        more = _with_another(found, tau, y)
+        better = _criterion(more, tau, y)
+        if better > criterion - GAIN and len(found):
+            break
+        found, criterion = more, better
+        if _rest(found, tau, y).std() < BEST_TOLD:
+            break
+    return _described(found, tau, y, scale, time)
+
+
+def _basis(modes: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Columns of the linear part for modes (m, 2) of ω, σ, (N, 2m + background)."""
+    columns = []
+    for omega, sigma in modes:
+        decay = np.exp(-sigma * tau)
+        columns += [decay * np.cos(omega * tau), decay * np.sin(omega * tau)]
+    place = 2 * tau / tau[-1] - 1
+    return np.column_stack([*columns, np.polynomial.legendre.legvander(place, BACKGROUND_ORDER)])
+
+
+def _rest(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """What the best linear combination leaves."""
+    Q, _ = np.linalg.qr(_basis(modes, tau))
+    return y - Q @ (Q.T @ y)
+
+
+def _criterion(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> float:
+    """Schwarz's criterion; less is better."""
+    count = 4 * len(modes) + BACKGROUND_ORDER + 1
+    return len(y) * np.log(max(np.mean(_rest(modes, tau, y) ** 2), BEST_TOLD**2)) + count * np.log(len(y))
+
+
+def _with_another(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The best fit with one more mode, from the strongest line of what is left."""
+    omega = _strongest(tau, _rest(modes, tau, y))
+    starts = [np.vstack([modes, [omega, ratio * omega]]) for ratio in START_RATIOS]
+    start = min(starts, key=lambda guess: float(np.sum(_rest(guess, tau, y) ** 2)))
+    scale = start[:, :1].repeat(2, axis=1)
+    low, high = np.zeros_like(start), np.column_stack([start[:, 0] * 4, start[:, 0] * 2])
+    low[:, 0], low[:, 1] = start[:, 0] / 4, -0.05 * start[:, 0]
+    solved = least_squares(
+        lambda z: _rest(z.reshape(-1, 2) * scale, tau, y),
+        (np.clip(start, low, high) / scale).ravel(),
+        bounds=((low / scale).ravel(), (high / scale).ravel()),
+        xtol=FITTED, ftol=FITTED, gtol=FITTED, x_scale="jac",
+    )  # fmt: skip
+    return solved.x.reshape(-1, 2) * scale
+
+
+def _strongest(tau: np.ndarray, rest: np.ndarray) -> float:
+    """Angular frequency of the strongest line, 1/s, finer than the spectrum's own raster."""
+    even = np.linspace(0, tau[-1], len(tau))
+    values = np.interp(even, tau, rest)
+    size = 8 * len(values)
+    spectrum = np.abs(np.fft.rfft(values - values.mean(), size))
+    spectrum[: int(FEWEST_PERIODS / 2 * 8)] = 0.0
+    return 2 * np.pi * max(int(np.argmax(spectrum)), 1) / (size * (even[1] - even[0]))
+
+
+def _described(modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, time: np.ndarray) -> RingFit:
+    basis = _basis(modes, tau)
+    linear = np.linalg.lstsq(basis, y, rcond=None)[0]
+    rest = y - basis @ linear
+    slopes = []
+    for k, (omega, sigma) in enumerate(modes):
+        a, b, decay = linear[2 * k], linear[2 * k + 1], np.exp(-sigma * tau)
+        slopes.append(decay * tau * (b * np.cos(omega * tau) - a * np.sin(omega * tau)))
+        slopes.append(-tau * decay * (a * np.cos(omega * tau) + b * np.sin(omega * tau)))
+    J = np.column_stack([*slopes, basis])
+    freedom = max(len(y) - J.shape[1], 1)
+    variance = float(rest @ rest) / freedom
+    size = np.linalg.norm(J, axis=0)
+    covariance = variance * np.linalg.pinv((J / size).T @ (J / size)) / np.outer(size, size)
+    factor = float(student.ppf(0.5 + CONFIDENCE / 2, freedom))
+    found = []
+    for k, (omega, sigma) in enumerate(modes):
+        own = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
+        amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
+        found.append(_mode(omega, sigma, own, factor, amplitude, tau))
+    # A slow change of the background passes for part of a period of something.
+    found = [mode for mode in found if mode.frequency.identifiable] or found
+    found.sort(key=lambda mode: mode.frequency.value)
+    return RingFit(tuple(found), float(np.sqrt(variance)) * scale, float(time[0]), float(time[-1]), len(time))
+
+
+def _mode(omega: float, sigma: float, own: np.ndarray, factor: float, amplitude: float, tau: np.ndarray) -> RingMode:
+    natural = float(np.hypot(omega, sigma))
+    d_frequency = np.array([omega, sigma]) / natural / (2 * np.pi)
+    d_ratio = np.array([-sigma * omega, omega**2]) / natural**3
+    half_f = factor * float(np.sqrt(max(d_frequency @ own @ d_frequency, 0.0)))
+    half_z = factor * float(np.sqrt(max(d_ratio @ own @ d_ratio, 0.0)))
+    f, zeta = natural / (2 * np.pi), sigma / natural
+    periods, rate = f * tau[-1], (len(tau) - 1) / tau[-1]
+    why = ""
+    if periods < FEWEST_PERIODS:
+        why = f"the samples hold {periods:.1f} of its periods; {FEWEST_PERIODS:g} are needed"
+    elif f > rate / 2:
+        why = f"it lies beyond half the sample rate, {rate / 2:.4g} Hz"
+    elif half_f > 0.5 * f:
+        why = "the noise hides it"
+    why_not = why
+    if not why and zeta - half_z <= 0:
+        why_not = f"it is below {max(zeta + half_z, 0):.2g}, but the noise hides by how much"
+    elif not why and zeta > LARGEST_RATIO:
+        why_not = "it is hardly an oscillation"
+    return RingMode(
+        Estimate(f, f - half_f, f + half_f, "Hz", why),
+        Estimate(zeta, zeta - half_z, zeta + half_z, "", why_not),
+        amplitude,
+    )

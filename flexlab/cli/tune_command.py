@@ -1,0 +1,112 @@
+"""`flexlab tune`: the parameters, within bounds, for which a scenario's run costs least."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from flexlab.cli.console import complain, output
+from flexlab.cli.options import Law, Preset, Seed, Settings, chosen_scenarios
+
+
+def command(
+    preset: tyro.conf.Positional[Preset],
+    change: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(
+            metavar="PATH=LOW:HIGH[:log]",
+            help="What may change, and within which bounds; repeat it.",
+            help_behavior_hint="",
+        ),
+    ] = (),
+    cost: Annotated[
+        str, tyro.conf.arg(metavar="METRIC=WEIGHT,…", help="What is to be small, in the units of tables.")
+    ] = "rms-x,rms-y",
+    limit: Annotated[
+        str, tyro.conf.arg(metavar="METRIC=VALUE,…", help="What must not be exceeded.", help_behavior_hint="")
+    ] = "",
+    robust: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(
+            metavar="PATH=VALUE,…",
+            help="The worst of these scenarios counts, as in payload.bending_stiffness=50,200.",
+            help_behavior_hint="",
+        ),
+    ] = (),
+    duration: Annotated[float, tyro.conf.arg(metavar="S", help="Simulated time of a run, s.")] = 3.0,
+    candidates: Annotated[int, tyro.conf.arg(metavar="N", help="Parameters to try, about.")] = 200,
+    search_seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of the search.")] = 0,
+    set_: Settings = (),
+    law: Law = None,
+    seed: Seed = None,
+    save: Annotated[
+        Path | None,
+        tyro.conf.arg(metavar="FILE.json", help="Write the tuned scenario: a preset.", help_behavior_hint=""),
+    ] = None,
+    figure: Annotated[
+        Path | None,
+        tyro.conf.arg(metavar="FILE.svg", help="Draw the trade-off among what was tried.", help_behavior_hint=""),
+    ] = None,
+) -> int:
+    """Search the ranges for the parameters that cost least, and say what they gain.
+
+    Metrics have the short names of flexlab logs --sort, as in rms-y, force, settled, torque. Exits with 1 if nothing keeps
+    within the limits.
+    """
+    ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
+    from flexlab.analysis.sweep.axes import parse_axes
+    from flexlab.analysis.sweep.execution import cell_progress
+    from flexlab.analysis.tuning.cost import parse_cost
+    from flexlab.analysis.tuning.figure import write_trade_off
+    from flexlab.analysis.tuning.search import tune
+    from flexlab.cli.warmup import warm_up
+    from flexlab.presets import save_scenario
+
+    axes = parse_axes(change, scenario)
+    others = parse_axes(robust, scenario) if robust else ()
+    wanted = parse_cost(cost, limit)
+    warm_up(scenario)
+    with cell_progress(True) as told:
+        found = tune(scenario, axes, wanted, others, duration, candidates, search_seed, told)
+    _print(found)
+    best = found.best
+    if save is not None:
+        save_scenario(found.tuned, save)
+        output().print(str(save), markup=False, soft_wrap=True)
+    if figure is not None:
+        names = (*wanted.names, "rms-y", "force")
+        first, second, *_ = dict.fromkeys(names)
+        write_trade_off(found, figure, first, second)
+        output().print(str(figure), markup=False, soft_wrap=True)
+    if best.metrics is None or not wanted.holds(best.metrics):
+        complain("Nothing that was tried keeps within the limits: widen the bounds or the limits.")
+        return 1
+    return 0
+
+
+def _print(found) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from flexlab.analysis.tuning.cost import numbers_of
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for head, side in (("", "left"), ("before", "right"), ("tuned", "right")):
+        table.add_column(head, justify=side)  # type: ignore[arg-type]
+    for path, value in found.best.changes.items():
+        table.add_row(Text(path), Text(str(_there(found.scenario, path))), f"{value:.6g}")
+    before, after = (numbers_of(item.metrics) if item.metrics else {} for item in (found.before, found.best))
+    for name in found.cost.names:
+        table.add_row(Text(name), *(f"{values[name]:.5g}" if values else "fails" for values in (before, after)))
+    table.add_row("cost", f"{found.before.cost:.5g}", f"{found.best.cost:.5g}")
+    output().print(table)
+    output().print(f"{len(found.candidates)} candidates were tried.")
+
+
+def _there(scenario, path: str) -> object:
+    from flexlab.errors import ScenarioError
+
+    try:
+        return scenario.get(path)
+    except ScenarioError:
+        return "–"

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from flexlab.analysis.modes import Modes
     from flexlab.analysis.sweep.result import Sweep
     from flexlab.api import Run, linearize, modes, read, simulate, simulate_many, sweep
+    from flexlab.notebook import Lab
     from flexlab.own_laws.declaration import OwnLaw, gain, memory, readout
     from flexlab.presets import load_preset, preset_names
     from flexlab.scenario import Scenario, parse_scenario
@@ -24,6 +25,7 @@ _HOMES = {
     "simulate_many": "flexlab.api",
     "read": "flexlab.api",
     "sweep": "flexlab.api",
+    "Lab": "flexlab.notebook",
     "Sweep": "flexlab.analysis.sweep.result",
     "Run": "flexlab.api",
     "RunMetrics": "flexlab.analysis.metrics",
@@ -40,6 +42,7 @@ _HOMES = {
 """Public names and the modules they live in; imported on first use, so that `flexlab --help` need not load numba."""
 
 __all__ = [
+    "Lab",
     "LinearModel",
     "Modes",
     "OwnLaw",

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     import pyarrow
     from matplotlib.figure import Figure
 
+    from flexlab.notebook import Page
+
 LOGS = "logs"
 """The folder of recordings where somebody works."""
 
@@ -82,6 +84,21 @@ class Run(samples.Run):
 
         return draw_signals(self, signals or SHOWN)
 
+    def show(self) -> "Page":
+        """The run in three dimensions, with plots that follow: a page that a notebook shows, without network.
+
+        Of the scenario that the run started from. Raises `StudyError` for a run without samples.
+        """
+        from contextlib import redirect_stdout
+        from io import StringIO
+
+        from flexlab.lab.run_page import run_page
+        from flexlab.notebook import Page
+        from flexlab.recording.documents import package_version
+
+        with redirect_stdout(StringIO()):  # viser says where it serves, which it does for a moment only.
+            return Page(run_page(self, self.name, package_version()))
+
     def to_arrow(self) -> "pyarrow.Table":
         """All signals as an Arrow table: a row per instant, units in the columns' names, as `flexlab export` writes it."""
         import pyarrow
@@ -123,7 +140,7 @@ def simulate(
     Raises `PresetError` or `ScenarioError` for a scenario or command that is not valid and `StudyError` for a duration or
     period that is not, or a command that changes the beam's mesh or starts the run anew.
     """
-    name, valid = _named(scenario)
+    name, valid = named_scenario(scenario)
     if law is not None:
         valid = valid.replace({"controller.kind": law_kind(law)})
     return _run(engine.simulate(valid, duration, sample_period, commands), name)
@@ -131,7 +148,7 @@ def simulate(
 
 def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None) -> mode_study.Modes:
     """`analysis.modes.modes` of anything that `simulate` takes: `print(flexlab.modes("paper"))` shows the tables."""
-    return mode_study.modes(_named(scenario)[1], pose)
+    return mode_study.modes(named_scenario(scenario)[1], pose)
 
 
 def linearize(
@@ -142,7 +159,7 @@ def linearize(
     closed: bool | None = None,
 ) -> LinearModel:
     """See `analysis.linearize.linearize`."""
-    return linear.linearize(_named(scenario)[1], pose, inputs, outputs, closed)
+    return linear.linearize(named_scenario(scenario)[1], pose, inputs, outputs, closed)
 
 
 modes.__doc__ = f"{modes.__doc__}\n\n    {mode_study.modes.__doc__}"
@@ -162,7 +179,7 @@ def simulate_many(
     on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `PresetError` for a name that is none and
     `StudyError` for unusable arguments.
     """
-    pairs = [("run", scenario) if isinstance(scenario, Mapping) else _named(scenario) for scenario in scenarios]
+    pairs = [("run", scenario) if isinstance(scenario, Mapping) else named_scenario(scenario) for scenario in scenarios]
     runs = batch.simulate_many([scenario for _, scenario in pairs], duration, sample_period, workers, progress)
     return [_run(run, name) for (name, _), run in zip(pairs, runs, strict=True)]
 
@@ -192,7 +209,7 @@ def sweep(
     scheduler. A cell that fails says why and stops nobody. Raises `PresetError` or `ScenarioError` for the scenario and
     `StudyError` for other unusable arguments, for a cluster that fails, and for more than `most_cells` cells.
     """
-    name, valid = _named(scenario)
+    name, valid = named_scenario(scenario)
     plan = make_plan(valid, parse_axes(vary, valid), duration, sample_period, design, samples, seed, accuracy)
     if plan.cell_count > most_cells:
         raise StudyError(f"The sweep has {plan.cell_count} cells: say most_cells={plan.cell_count} if you mean it.")
@@ -214,8 +231,8 @@ def read(run: str | Path, logs: str | Path = LOGS) -> Run:
     return _run(recording.run, recording.name)
 
 
-def _named(scenario: AnyScenario) -> tuple[str, Scenario]:
-    """(short name, scenario)."""
+def named_scenario(scenario: AnyScenario) -> tuple[str, Scenario]:
+    """(short name, scenario) of anything that `simulate` takes. Raises `PresetError`, `ScenarioError` or `StudyError`."""
     if isinstance(scenario, Scenario):
         return "run", scenario
     if isinstance(scenario, (str, Path)):

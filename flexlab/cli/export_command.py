@@ -9,12 +9,19 @@ from flexlab.cli.console import output
 from flexlab.cli.options import LOGS, Logs, Run
 from flexlab.errors import StudyError
 
+WHOLE_RUN = (".html", ".zip")
+"""Files that hold a whole run."""
+
 
 def command(
     run: Run = "newest",
     to: Annotated[
         Path | None,
-        tyro.conf.arg(metavar="FILE", help="Table to write: .csv, .parquet or .npz (NumPy).", help_behavior_hint=""),
+        tyro.conf.arg(
+            metavar="FILE",
+            help="Table (.csv, .parquet, .npz), page with moving picture (.html), or archive to verify (.zip).",
+            help_behavior_hint="",
+        ),
     ] = None,
     figures: Annotated[
         str | None,
@@ -30,7 +37,7 @@ def command(
     ] = None,
     logs: Logs = LOGS,
 ) -> None:
-    """Write all signals of RUN as a table, or its figures, or both.
+    """Write all signals of RUN as a table, or its figures, or both; or RUN as one page, or as one archive.
 
     Columns say their units; SI throughout. Scenario, seed and every command go along, so that `flexlab import` makes of a
     table the same run again, bit for bit.
@@ -40,13 +47,16 @@ def command(
     from flexlab.recording.store.run_files import find_run
 
     path = find_run(run, logs)
-    if to is not None:
+    if to is not None and to.suffix.lower() in WHOLE_RUN:
+        if start is not None or end is not None:
+            raise StudyError(f"--start and --end are for tables: {to} holds the whole run.")
+        _write_whole(path, to)
+    elif to is not None:
         from flexlab.recording.export import export_recording
         from flexlab.recording.reader import read_blocks, read_recording
-        from flexlab.recording.store.run_index import size_text
 
         export_recording(read_recording(path, with_samples=False), to, start, end, read_blocks(path))
-        output().print(f"{to}  {size_text(to.stat().st_size)}", markup=False, soft_wrap=True)
+        _say(to)
     if figures is not None:
         from flexlab.analysis.figures import paper_figures
         from flexlab.recording.reader import read_range
@@ -55,3 +65,29 @@ def command(
         samples = read_range(path, start, end)
         for figure in paper_figures(samples, folder, [figures.lower()], name=path.stem):
             output().print(str(figure), markup=False, soft_wrap=True)
+
+
+def _say(file: Path) -> None:
+    from flexlab.recording.store.run_index import size_text
+
+    output().print(f"{file}  {size_text(file.stat().st_size)}", markup=False, soft_wrap=True)
+
+
+def _write_whole(path: Path, to: Path) -> None:
+    """The run as one page or one archive."""
+    if to.suffix.lower() == ".zip":
+        from flexlab.analysis.capsule import write_capsule
+
+        write_capsule(path, to)
+    else:
+        import contextlib
+        import io
+
+        from flexlab import __version__
+        from flexlab.lab.run_page import write_run_page
+        from flexlab.recording.reader import read_recording
+
+        recording = read_recording(path)
+        with contextlib.redirect_stdout(io.StringIO()):  # viser says where it serves, which it does for a moment only.
+            write_run_page(recording.run, to, recording.name, __version__)
+    _say(to)

@@ -1,6 +1,8 @@
 """`flexlab replay`: whether a recorded run comes out again, bit for bit."""
 
 from collections.abc import Iterable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -23,15 +25,25 @@ RunOwnLaw = Annotated[
 
 
 def command(run: Run = "newest", logs: Logs = LOGS, run_own_law: RunOwnLaw = False) -> int:
-    """Simulate RUN again from its start and its commands, and compare every bit of every signal.
+    """Simulate RUN, or an archive of one (.zip), again from its start and its commands, and compare every bit.
 
     Says "bit for bit", or when and in which signal it first differs, and what recorded it. Exits with 0 if all is the same,
     with 1 if not.
     """
-    from flexlab.recording.reader import read_blocks, read_recording
     from flexlab.recording.store.run_files import find_run
 
-    path = find_run(run, logs)
+    if not run.lower().endswith(".zip"):
+        return _replay(find_run(run, logs), run_own_law)
+    from flexlab.analysis.capsule import unpack_capsule
+
+    with TemporaryDirectory(prefix="flexlab-") as folder:
+        return _replay(unpack_capsule(Path(run), Path(folder)), run_own_law)
+
+
+def _replay(path: Path, run_own_law: bool) -> int:
+    """Replay a recording and say how it compares; returns the exit code."""
+    from flexlab.recording.reader import read_blocks, read_recording
+
     recording = read_recording(path, with_samples=False)
     from flexlab.analysis.replay import own_law_texts, replay
 

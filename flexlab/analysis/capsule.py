@@ -1,0 +1,187 @@
+"""A run as one archive that another machine can verify: data, scenario, commands, versions, figures, and RO-Crate metadata.
+
+RO-Crate 1.1 (https://w3id.org/ro/crate/1.1): `ro-crate-metadata.json` describes every file of the archive with its SHA-256.
+"""
+
+import hashlib
+import json
+import shutil
+import zipfile
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from flexlab.analysis.figures import paper_figures
+from flexlab.analysis.metrics import run_metrics
+from flexlab.analysis.replay import own_law_texts
+from flexlab.analysis.result_hash import result_hash
+from flexlab.errors import RecordingError, StudyError
+from flexlab.presets import scenario_text
+from flexlab.recording.commands_json import command_to_json
+from flexlab.recording.documents import these_versions
+from flexlab.recording.export import export_recording
+from flexlab.recording.reader import Recording, read_recording
+from flexlab.recording.store.notes import replacing
+
+METADATA, RUN = "ro-crate-metadata.json", "run.rrd"
+SPECIFICATION = "https://w3id.org/ro/crate/1.1"
+LICENSE = "https://spdx.org/licenses/MIT"
+LARGEST_METADATA = 10_000_000
+"""Bytes."""
+LARGEST_RUN = 50_000_000_000
+"""Bytes of a recording that is unpacked."""
+CHUNK = 1 << 20
+SAME_DATE = (1980, 1, 1, 0, 0, 0)
+"""Of files in the archive: the same run gives the same bytes."""
+
+KINDS = {
+    RUN: ("application/octet-stream", "The recording: every sample, bit for bit"),
+    "samples.parquet": ("application/vnd.apache.parquet", "Every signal as a table, units in the columns' names"),
+    "scenario.json": ("application/json", "The scenario from which the run started"),
+    "commands.json": ("application/json", "What a person did in the run, with its times in s"),
+    "versions.json": ("application/json", "What computed the samples, and what made this archive"),
+    "metrics.json": ("application/json", "Metrics, SI units, and the hash of the result"),
+    "law.py": ("text/x-python", "The source of the control law, which came with the scenario"),
+}
+
+
+def write_capsule(source: Path, target: Path) -> None:
+    """Write the recording `source` as an archive, whole or not at all. Raises `RecordingError` or `StudyError`."""
+    recording = read_recording(source)
+    try:
+        with TemporaryDirectory(prefix="flexlab-") as place, replacing(target) as draft:
+            folder = Path(place)
+            _fill(folder, source, recording)
+            files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+            described = json.dumps(_metadata(folder, files, recording), indent=1, ensure_ascii=False)
+            with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as archive:
+                _add(archive, METADATA, described.encode())
+                for name in files:
+                    _add(archive, name, (folder / name).read_bytes())
+    except OSError as error:
+        raise StudyError(f"{target} cannot be written ({error.strerror}): choose another file.") from None
+
+
+def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
+    about = zipfile.ZipInfo(name, SAME_DATE)
+    about.compress_type = zipfile.ZIP_DEFLATED
+    archive.writestr(about, data)
+
+
+def _fill(folder: Path, source: Path, recording: Recording) -> None:
+    shutil.copyfile(source, folder / RUN)
+    export_recording(recording, folder / "samples.parquet")
+    commands = [
+        {"time": event.time, "text": event.text, "command": json.loads(command_to_json(event.command))}
+        for event in recording.events
+        if event.command is not None
+    ]
+    recorded = {name: value for name, value in recording.properties.items() if "version" in name or name == "machine"}
+    metrics = {**run_metrics(recording.samples).as_data(), "result_hash": result_hash(recording.samples)}
+    documents = {
+        "scenario.json": json.loads(scenario_text(recording.scenario)),
+        "commands.json": commands,
+        "versions.json": {"recorded_by": recorded, "archived_by": these_versions()},
+        "metrics.json": metrics,
+    }
+    for name, data in documents.items():
+        text = json.dumps(data, indent=1, ensure_ascii=False, default=str) + "\n"
+        (folder / name).write_text(text, encoding="utf-8")
+    if len(recording.samples):
+        paper_figures(recording.samples, folder / "figures", ["svg"])
+    texts = [source for _, source in own_law_texts(recording)]
+    if texts:
+        (folder / "law.py").write_text("\n\n".join(texts), encoding="utf-8")
+
+
+def _metadata(folder: Path, files: list[str], recording: Recording) -> dict[str, Any]:
+    """The RO-Crate."""
+    described = [_file(folder, name) for name in files]
+    program = {
+        "@id": "https://pypi.org/project/flexlab/",
+        "@type": "SoftwareApplication",
+        "name": "flexlab",
+        "version": str(recording.properties.get("flexlab_version", "unknown")),
+    }
+    action = {
+        "@id": "#run",
+        "@type": "CreateAction",
+        "name": recording.status.text,
+        "startTime": recording.started.isoformat(),
+        "instrument": {"@id": program["@id"]},
+        "object": [{"@id": "scenario.json"}, {"@id": "commands.json"}],
+        "result": [{"@id": RUN}],
+    }
+    root = {
+        "@id": "./",
+        "@type": "Dataset",
+        "name": recording.scenario.title or recording.name,
+        "description": recording.scenario.watch or f"A run of {recording.name}",
+        "datePublished": recording.started.date().isoformat(),
+        "license": {"@id": LICENSE},
+        "hasPart": [{"@id": item["@id"]} for item in described],
+        "mentions": [{"@id": "#run"}],
+    }
+    descriptor = {
+        "@id": METADATA,
+        "@type": "CreativeWork",
+        "conformsTo": {"@id": SPECIFICATION},
+        "about": {"@id": "./"},
+    }
+    return {"@context": f"{SPECIFICATION}/context", "@graph": [descriptor, root, program, action, *described]}
+
+
+def _file(folder: Path, name: str) -> dict[str, Any]:
+    data = (folder / name).read_bytes()
+    figure = ("image/svg+xml", f"Figure {name[-5]} of the paper, of this run")
+    kind, about = KINDS.get(name, figure)
+    digest = hashlib.sha256(data).hexdigest()
+    return {
+        "@id": name, "@type": "File", "name": about, "encodingFormat": kind, "contentSize": str(len(data)), "sha256": digest,
+    }  # fmt: skip
+
+
+def unpack_capsule(archive_path: Path, folder: Path) -> Path:
+    """Verify every file of an archive against its metadata, and unpack the recording. Raises `RecordingError`.
+
+    Nothing in it is executed.
+    """
+    try:
+        with zipfile.ZipFile(archive_path) as archive:
+            sizes = {about.filename: about.file_size for about in archive.infolist()}
+            if METADATA not in sizes or sizes[METADATA] > LARGEST_METADATA:
+                raise RecordingError(f"{archive_path} is no archive of a run: it has no {METADATA}.")
+            described = {
+                item["@id"]: item["sha256"]
+                for item in json.loads(archive.read(METADATA))["@graph"]
+                if item.get("@type") == "File"
+            }
+            if RUN not in described or sizes.get(RUN, 0) > LARGEST_RUN:
+                raise RecordingError(f"{archive_path} is no archive of a run: it describes no {RUN}.")
+            for name, digest in described.items():
+                if name not in sizes or _digest(archive, name, folder / RUN if name == RUN else None) != digest:
+                    raise RecordingError(
+                        f"{archive_path}: {name!r:.80} was changed or is missing: get the archive again."
+                    )
+    except FileNotFoundError:
+        raise RecordingError(f"There is no file {archive_path}: check the name.") from None
+    except (OSError, zipfile.BadZipFile, ValueError, KeyError, TypeError, AttributeError, NotImplementedError) as error:
+        reason = " ".join(str(error).split())
+        raise RecordingError(f"{archive_path} cannot be read as an archive of a run ({reason:.120}).") from None
+    return folder / RUN
+
+
+def _digest(archive: zipfile.ZipFile, name: str, copy: Path | None) -> str:
+    """SHA-256 of a member, which is written to `copy` on the way if given."""
+    digest = hashlib.sha256()
+    with archive.open(name) as member:
+        out = copy.open("wb") if copy is not None else None
+        try:
+            while chunk := member.read(CHUNK):
+                digest.update(chunk)
+                if out is not None:
+                    out.write(chunk)
+        finally:
+            if out is not None:
+                out.close()
+    return digest.hexdigest()

@@ -1,0 +1,82 @@
+"""Runs and labs in a notebook's cell."""
+
+from html import escape
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from flexlab import api
+
+if TYPE_CHECKING:
+    from flexlab.lab.session import Session
+
+HEIGHT = 640
+"""px of a cell."""
+
+
+class Page:
+    """An HTML page that notebooks show in their cell; `html` is its text, to be saved as a file."""
+
+    def __init__(self, html: str, height: int = HEIGHT):
+        self.html, self._height = html, height
+
+    def __repr__(self) -> str:
+        return f"<Page of {len(self.html.encode()) / 1e6:.1f} MB: a notebook shows it; .html is its text>"
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{escape(self.html)}" width="100%" height="{self._height}" style="border:0"></iframe>'
+
+
+class Lab:
+    """A live lab of a scenario: `with flexlab.Lab("soft-beam") as lab: display(lab)`, until the block ends or `close()`.
+
+    Takes what `simulate` takes. The lab serves this machine only, on any free port; `url` opens it in a browser, and `runner`
+    takes commands. Raises `LabError` if it cannot be started.
+    """
+
+    def __init__(self, scenario: api.AnyScenario = "paper", height: int = HEIGHT):
+        self._name, self._scenario = api.named_scenario(scenario)
+        self._height = height
+        self._session: Session | None = None
+
+    def open(self) -> "Lab":
+        """Start it, if it does not run."""
+        if self._session is None:
+            from flexlab.lab.session import Session
+
+            session = Session(self._scenario, self._name, port=0)
+            session.start()
+            self._session = session
+        return self
+
+    def close(self) -> None:
+        """Stop it. May be called twice."""
+        session, self._session = self._session, None
+        if session is not None:
+            session.stop()
+
+    @property
+    def session(self) -> "Session":
+        """The running lab: its `runner` takes commands and has the newest `snapshot`. Starts it."""
+        self.open()
+        assert self._session is not None
+        return self._session
+
+    @property
+    def url(self) -> str:
+        """Where a browser on this machine finds it. Starts it."""
+        return self.session.url
+
+    def __enter__(self) -> "Lab":
+        return self.open()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        where = f"open at {self._session.url}" if self._session is not None else "not open"
+        return f"<Lab of {self._name}: {where}>"
+
+    def _repr_html_(self) -> str:
+        return f'<iframe src="{escape(self.url)}" width="100%" height="{self._height}" style="border:0"></iframe>'

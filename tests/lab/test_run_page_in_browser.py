@@ -1,0 +1,49 @@
+"""A run in one HTML file opens from disk without network: it moves, the plots follow, nothing is fetched."""
+
+from pathlib import Path
+
+import pytest
+from lab_page import wait_until
+from playwright.sync_api import Browser
+
+import flexlab
+from flexlab.errors import StudyError
+from flexlab.lab.animation import MOST_FRAMES, frame_times
+from flexlab.lab.run_page import run_page, write_run_page
+
+
+def test_ten_seconds_are_under_three_megabytes_and_nothing_is_markup(tmp_path: Path):
+    scenario = flexlab.load_preset("paper").replace({"title": "<script>alert(1)</script>"})
+    run = flexlab.simulate(scenario, 10.0)
+    page = run_page(run, "<b>mine</b>", "1")
+    assert len(page.encode()) < 3_000_000
+    assert "<script>alert" not in page
+    assert "<b>mine" not in page
+    assert len(frame_times(run)) == 301
+    with pytest.raises(StudyError, match="no samples"):
+        run_page(flexlab.simulate_many([{"gravity": 99}], progress=False)[0], "none", "1")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StudyError, match="cannot be written"):
+        write_run_page(flexlab.simulate("paper", 0.1), tmp_path / "file" / "a.html", "paper", "1")
+    assert MOST_FRAMES >= 3000
+
+
+def test_it_plays_from_disk_and_the_plots_follow(chromium: Browser, tmp_path: Path):
+    write_run_page(flexlab.simulate("paper", 3.0), tmp_path / "run.html", "paper", "1")
+    context = chromium.new_context(offline=True, viewport={"width": 390, "height": 800}, color_scheme="dark")
+    page = context.new_page()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto((tmp_path / "run.html").as_uri())
+    seen: set[str] = set()
+
+    def moves() -> bool:
+        seen.add(page.inner_text("#instant"))
+        return len(seen) >= 3
+
+    wait_until(moves, "the instant under the picture changes", 60)
+    style = page.get_attribute("#cursor", "style") or ""
+    assert "left:" in style
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert not [url for url in asked if url.startswith(("http:", "https:", "ws:", "wss:"))]
+    context.close()

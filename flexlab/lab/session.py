@@ -139,9 +139,7 @@ class Session:
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)
         cameras = ClientCameras(server, self.runner)
         board, reading = server.gui.add_panel(), server.gui.add_panel()
-        widths = {"plots": (board, PLOTS_WIDTH), "guide": (reading, GUIDE_WIDTH)}
-        widths["panel"] = (server.gui.main_panel, PANEL_WIDTH)
-        presentation = Presentation(server, widths)
+        presentation = Presentation(server, board, (PLOTS_WIDTH, PANEL_WIDTH))
         panel = Panel(
             server.gui,
             lab_state,

@@ -18,7 +18,7 @@ div:has(> .mantine-Slider-root) > .mantine-NumberInput-root { display: none; }
 div:has(.mantine-Slider-root) + div:has(> button[data-block]):not(:has(svg, img)) {
   display: block; position: relative; height: 0; margin: 0 !important; padding: 0 !important; }
 div:has(.mantine-Slider-root) + div > button[data-block]:not(:has(svg, img)) {
-  position: absolute; right: 0.7em; top: -2.4em; height: 1.5em; padding: 0 0.4em; }
+  position: absolute; right: 0.7em; top: -1.85em; height: 1.5em; padding: 0 0.4em; }
 /* Several numbers of one field stand in a row below their label. */
 .mantine-Flex-root:has(> div .mantine-NumberInput-root + .mantine-NumberInput-root) { display: block !important; }
 .mantine-Flex-root:has(> div .mantine-NumberInput-root + .mantine-NumberInput-root) > div { width: 100% !important; }

@@ -79,7 +79,7 @@ def drawn_points(block: np.ndarray, seen: Sequence[float] = WHOLE) -> np.ndarray
     last = block.shape[1] - 1
     drawn = np.zeros(last + 1, bool)
     drawn[[0, last]] = True
-    missing = np.isnan(block).any(axis=0)
+    missing = np.asarray(np.isnan(block).any(axis=0), bool)
     borders = np.flatnonzero(missing[1:] != missing[:-1])
     drawn[borders] = drawn[borders + 1] = True
     coarse = max(1, last // STRETCHES)

@@ -16,7 +16,7 @@ LABEL_INSET = 0.03
 """From the floor's edge to the lengths that stand on it, m."""
 LABEL_HEIGHT = 0.04
 """Of these above the floor, which would cut them, m."""
-ELBOW_SHARE = 0.8
+ELBOW_SHARE = 0.88
 """How far an elbow swings out beside its base, in lengths of the first link: the paper's motion with a little room."""
 MARGIN = 0.25
 """Floor around the arms' reach, m."""

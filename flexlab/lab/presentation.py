@@ -1,13 +1,14 @@
 """A browser at a beamer: large type and two large plots, readable from the back of a room."""
 
 import threading
+from collections.abc import Callable
 
 import viser
 
 from flexlab.lab.viser_internals import set_panel_width
 
-PLOTS_WIDTH, PANEL_WIDTH = 620, 420
-"""px, in presentation."""
+LARGER = 1.4
+"""Widths of panels in presentation, relative to the usual ones."""
 
 SHEET = """
 .uplot-container { zoom: 1.6; }
@@ -23,8 +24,13 @@ div:has(> div > .uplot-container):nth-of-type(n + 3), div:has(> .uplot-container
 class Presentation:
     """Which browsers present."""
 
-    def __init__(self, server: viser.ViserServer, plots: viser.PanelHandle, widths: tuple[float, float]):
-        """`plots`: their panel; `widths`: its and the main panel's usual ones, px."""
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        plots: viser.PanelHandle,
+        widths: Callable[[viser.ClientHandle], tuple[float, float]],
+    ):
+        """`plots`: their panel; `widths`: in a browser usual ones of all that is left, and right, of the picture, px."""
         self._server, self._plots, self._widths = server, plots, widths
         self._sheets: dict[int, viser.GuiHtmlHandle] = {}
         self._lock = threading.Lock()
@@ -39,9 +45,9 @@ class Presentation:
                 self._sheets[client.client_id] = client.gui.add_html(f"<style>{SHEET}</style>")
         if sheet is not None:
             sheet.remove()
-        left, right = self._widths
-        set_panel_width(client, self._plots, PLOTS_WIDTH if begins else left)
-        set_panel_width(client, self._server.gui.main_panel, PANEL_WIDTH if begins else right)
+        left, right = (LARGER * width if begins else width for width in self._widths(client))
+        set_panel_width(client, self._plots, left)
+        set_panel_width(client, self._server.gui.main_panel, right)
 
     async def _forget(self, client: viser.ClientHandle) -> None:
         with self._lock:

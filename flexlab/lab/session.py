@@ -139,7 +139,13 @@ class Session:
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)
         cameras = ClientCameras(server, self.runner)
         board, reading = server.gui.add_panel(), server.gui.add_panel()
-        presentation = Presentation(server, board, (PLOTS_WIDTH, PANEL_WIDTH))
+        narrow: set[int] = set()
+
+        def widths(client: viser.ClientHandle) -> tuple[float, float]:
+            # Columns side by side share one width.
+            return PLOTS_WIDTH + (0 if client.client_id in narrow else GUIDE_WIDTH), PANEL_WIDTH
+
+        presentation = Presentation(server, board, widths)
         panel = Panel(
             server.gui,
             lab_state,
@@ -157,6 +163,7 @@ class Session:
 
         def arrange(client: viser.ClientHandle, width: int) -> None:
             if width < WIDE_WINDOW:
+                narrow.add(client.client_id)
                 dock_below(client, reading, board)
 
         reports = PageReports(server, self.runner.snapshot.run_number, arrange, lab_state.back_to_baseline)

@@ -126,6 +126,11 @@ def whole_address(kernel: Any, arguments: Callable[[], tuple[Any, ...]], returns
     return _addresses[id(kernel)]
 
 
+def has_address(kernel: Any) -> bool:
+    """Whether `whole_address` has compiled or loaded a kernel."""
+    return PLAIN_PYTHON or id(kernel) in _addresses
+
+
 def _call(context: Any, builder: Any, signature: Any, values: Any, result: Any) -> Any:
     """LLVM code of a call to an address with a pointer to the parameters and the members of a tuple."""
     address, parameters, packed = values

@@ -23,6 +23,16 @@ print(json.dumps([imported - start, ready - imported, time.process_time()]))
 """
 """What a start does before it can show anything; run in a fresh interpreter."""
 
+EVERYTHING = """
+import json, time
+start = time.perf_counter()
+from flexlab.sim.compile_all import compile_everything
+imported = time.perf_counter()
+compile_everything()
+print(json.dumps([imported - start, time.perf_counter() - imported, time.process_time()]))
+"""
+"""The same for what a cold start leaves to be compiled meanwhile."""
+
 LONGEST_START = 300
 """s of wall time after which a start is given up: ten times what a busy machine needs."""
 
@@ -46,16 +56,18 @@ class StartTimes:
     cold: Start | None
     """None if it was left out."""
     warm: Start
+    rest: Start | None = None
+    """What compiles meanwhile, after a cold start: the other integrators, laws and sampled control."""
 
 
 def start_times(cold: bool) -> StartTimes:
     """Measure a warm start, and a cold one if asked for (it compiles everything: tens of seconds)."""
-    return StartTimes(_cold_start() if cold else None, min((_start(dict(os.environ)) for _ in range(2)), key=_cpu))
-
-
-def _cold_start() -> Start:
+    warm = min((_start(dict(os.environ)) for _ in range(2)), key=_cpu)
+    if not cold:
+        return StartTimes(None, warm)
     with tempfile.TemporaryDirectory(prefix="flexlab-bench-") as folder:
-        return _start(os.environ | {"NUMBA_CACHE_DIR": str(Path(folder))})
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(Path(folder))}
+        return StartTimes(_start(environment), warm, Start(*run_probe(EVERYTHING, environment)))
 
 
 def _cpu(start: Start) -> float:

@@ -82,7 +82,9 @@ def start_table(times: StartTimes) -> "Table":
         table.add_row(name, f"{start.importing:.2f} s", f"{start.preparing:.2f} s", f"{start.cpu:.2f} s")
 
     if times.cold is not None:
-        row("cold (compiles everything)", times.cold)
+        row("cold (compiles what moving arms need)", times.cold)
+    if times.rest is not None:
+        row("after it, compiling meanwhile (other integrators, laws)", times.rest)
     row("warm (machine code on disk)", times.warm)
     return table
 

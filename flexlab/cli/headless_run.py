@@ -11,6 +11,7 @@ from flexlab.analysis.metrics import MetricCollection, RunMetrics
 from flexlab.analysis.result_hash import ResultHash
 from flexlab.analysis.run_summary import run_notes
 from flexlab.cli.console import complain, notes, output
+from flexlab.cli.no_pandas import leave_pandas_out
 from flexlab.cli.run_report import Summary
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
@@ -65,6 +66,7 @@ def run_and_record(
     world, summary, hashed, metrics = World(scenario, sample_period), Summary(), ResultHash(), MetricCollection()
     if world.pace_warning:
         complain(world.pace_warning)
+    leave_pandas_out()
     began = time.perf_counter()
     with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), run_notes) as recording:
         for samples in _blocks(world, math.floor(duration / world.tick_period * (1 + 1e-12) + 1e-9)):

@@ -96,7 +96,7 @@ def command(
     for problem in add_law_files():
         complain(problem)
     [(name, scenario)] = chosen_scenarios([preset], (), law, None)
-    from flexlab.cli.warmup import warm_up
+    from flexlab.cli.warmup import compiling_the_rest, warm_up
     from flexlab.recording.store.run_files import check_folder
     from flexlab.server.front_server import open_front_server
     from flexlab.server.settings import SECRET_BYTES, Settings
@@ -127,6 +127,7 @@ def command(
     with ending() as ended, ExitStack() as closing:
         front_server = closing.enter_context(open_front_server(settings, scenario, name, on_problem=complain))
         _welcome(front_server)
+        closing.enter_context(compiling_the_rest())
         if not no_browser and not shown:
             open_browser(front_server.lab_url)
         wait_for(ended)

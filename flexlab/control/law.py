@@ -163,6 +163,11 @@ class Law:
             kernel_address(self.fastest_rate, self.gains_type, now, VECTOR, MATRIX, VECTOR, returns=numba.float64),
         )
 
+    @property
+    def is_loaded(self) -> bool:
+        """Whether `addresses` need not compile or load."""
+        return "addresses" in vars(self)
+
     def memory_slices(self, arm_count: int) -> dict[str, slice]:
         """Where the parts of the memory lie."""
         slices, at = {}, 0

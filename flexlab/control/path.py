@@ -162,6 +162,11 @@ class Path:
         """Of the kernel, compiled or loaded from the cache when first asked for."""
         return kernel_address(self.kernel, self.record, MATRIX, numba.float64, MATRIX)
 
+    @property
+    def is_loaded(self) -> bool:
+        """Whether `address` need not compile or load."""
+        return "address" in vars(self)
+
 
 _paths: dict[str, Path] = {}
 _listeners: list[Callable[[], None]] = []

@@ -11,12 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.control.law import law_of, laws, nothing_derived
+from flexlab.control.path import paths
 from flexlab.physics.strain_gauges import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
+from flexlab.sim.advance import advance
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam, build_beam, build_control, build_plant
-from flexlab.sim.closed_loop import System
-from flexlab.sim.sampled_control import Sampling, with_kernel
+from flexlab.sim.closed_loop import System, new_workspace, state_length
+from flexlab.sim.integrators.scheme import Scheme
+from flexlab.sim.sampled_control import Sampling, is_loaded, with_kernel
 from flexlab.sim.step_levels import StepLevels, StepWatch
 from flexlab.sim.step_size import Rates, choose_step, find_rates, free_beam_rate, steps_per_tick
 from flexlab.sim.target import build_trajectory, same_target
@@ -69,12 +72,14 @@ def build_assembly(
     same_beam = [old for old in known if old.scenario.payload == scenario.payload]
     # Gains and paths need no library that has threads, and telling it so costs as much as a gain.
     with nullcontext() if same_beam else one_blas_thread():
-        heavy = scenario.payload.element_count > LIGHT_ELEMENTS
-        return _derive(scenario, tick_period, same_beam, at_once and heavy)
+        return _derive(scenario, tick_period, same_beam, at_once)
 
 
 def _derive(scenario: Scenario, tick_period: float, same_beam: Sequence[Assembly], at_once: bool) -> Assembly:
     """As `build_assembly`; `same_beam`: what is known of the same beam."""
+    if at_once and not knows_kernels(scenario):
+        raise Unprepared(scenario)
+    must_wait, at_once = at_once, at_once and scenario.payload.element_count > LIGHT_ELEMENTS
     if same_beam:
         beam, free_rate = same_beam[0].beam, same_beam[0].free_rate
     elif at_once:
@@ -89,7 +94,7 @@ def _derive(scenario: Scenario, tick_period: float, same_beam: Sequence[Assembly
     if dt < FORCED * step and count > 1:
         bound = "period"
     fitting = [old.levels for old in same_beam if (old.levels.integrator, old.levels.step) == (integrator, dt)]
-    if at_once and not fitting:
+    if (at_once and not fitting) or (must_wait and integrator not in _loaded):
         raise Unprepared(scenario)
     levels = fitting[0] if fitting else StepLevels(integrator, beam, dt)
     watch = levels.watch(scenario.simulation.step is not None, scenario.simulation.accuracy)
@@ -98,7 +103,29 @@ def _derive(scenario: Scenario, tick_period: float, same_beam: Sequence[Assembly
     sampling = _build_sampling(scenario, beam, per_control)
     if system.control.sampled:
         sampling = with_kernel(sampling, system)
+    if integrator not in _loaded:
+        load_loop(system, sampling, levels.scheme(0), watch, tick_period, count)
+        _loaded.add(integrator)
     return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, count, bound)
+
+
+_loaded: set[str] = set()
+"""Integrators whose loop is in memory."""
+
+
+def knows_kernels(scenario: Scenario) -> bool:
+    """Whether the scenario's law and path, and sampled control if it wants it, have been compiled or loaded."""
+    parts = law_of(scenario.controller), paths()[scenario.trajectory.kind]
+    return all(part.is_loaded for part in parts) and (scenario.controller.control_period is None or is_loaded())
+
+
+def load_loop(
+    system: System, sampling: Sampling, scheme: Scheme, watch: StepWatch, tick_period: float, step_count: int
+) -> None:
+    """Compile the loop with an integrator, or load it, by going no tick."""
+    y = np.zeros(state_length(system))
+    rows, ws = np.zeros((0, 1)), new_workspace(system)
+    advance(system, sampling, *scheme, watch, 0, np.inf, 0, tick_period, step_count, y, y.copy(), ws, rows, False)
 
 
 def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequence[Assembly]) -> tuple[System, Rates]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import call_whole_kernel, inlined, pluggable, whole_address
+from flexlab.compiled import call_whole_kernel, has_address, inlined, pluggable, whole_address
 from flexlab.control.bending_feedforward import feed_forward_bending
 from flexlab.control.law import control_law
 from flexlab.control.motion import desired_motion
@@ -157,6 +157,11 @@ def control_instant(system, sampling, instant, t, y, ws):
             sampling.line[sampling.delay, i, joint] = ws.tau[joint]
             system.held_torque[i, joint] = sampling.line[0, i, joint]
     return code
+
+
+def is_loaded() -> bool:
+    """Whether `with_kernel` need not compile or load."""
+    return has_address(control_instant)
 
 
 @inlined

@@ -1,0 +1,45 @@
+"""Compiles what a first picture does not need: the other integrators, laws, paths and sampled control, once per machine.
+
+`python -m flexlab.sim.compile_all` does it in a process of its own, so that the lab, which needs them when somebody chooses
+them, finds them on disk.
+"""
+
+import os
+
+from flexlab.compiled import PLAIN_PYTHON, cache_folder
+from flexlab.control.law import laws
+from flexlab.control.path import paths
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.integrators.scheme import ORDER
+from flexlab.sim.world import World
+
+DONE = "everything"
+"""Name of the file in the cache folder that says so."""
+
+PATIENCE = 15
+"""How much more important than this everything else on the machine is (`nice`)."""
+
+
+def is_everything_compiled() -> bool:
+    """Whether nothing is left to do for these sources."""
+    return PLAIN_PYTHON or (cache_folder() / DONE).exists()
+
+
+def compile_everything() -> None:
+    """Compile what is not yet on disk, in the order in which it is likely to be wanted."""
+    scenario = Scenario()
+    World(scenario).apply(ChangeScenario({"controller.feedback_gain": 201.0}))
+    World(scenario.replace({"controller.control_period": 0.001})).run(1)
+    for name in ORDER:
+        World(scenario.replace({"simulation.integrator": name, "simulation.step": 1e-5})).run(1)
+    for law in laws().values():
+        _ = law.addresses
+    for path in paths().values():
+        _ = path.address
+    (cache_folder() / DONE).touch()
+
+
+if __name__ == "__main__":
+    os.nice(PATIENCE)
+    compile_everything()

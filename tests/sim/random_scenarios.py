@@ -1,0 +1,137 @@
+"""Random scenarios over the ranges of the sliders, each run again with steps that are finer by far.
+
+`python tests/sim/random_scenarios.py 300` judges the first 300 (a quarter of an hour); a few of them are in the suite.
+"""
+
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlab.control.law import laws
+from flexlab.errors import ScenarioError
+from flexlab.presets import load_preset
+from flexlab.quantities import describe
+from flexlab.scenario import Scenario
+from flexlab.scenario.payload import HELD_COORDINATES, Payload
+from flexlab.sim.pace import seconds_per_second
+from flexlab.sim.world import World
+
+DURATION = 0.3
+"""s: the start's jerk and what it leaves."""
+
+LONGEST_REFERENCE = 8.0
+"""s of estimated processor time for the finer run; a longer one is cut short."""
+
+FORCE_BOUND = 1e-4
+"""Of the force's peak: what a run that is called accurate keeps."""
+
+DAMPINGS = (
+    lambda rng: {"kind": "nodal", "coefficient": float(rng.uniform(0, 1))},
+    lambda rng: {"kind": "modal", "ratio": float(rng.choice([0.0, rng.uniform(0, 0.1), rng.uniform(0, 1.5)]))},
+    lambda rng: {"kind": "stiffness", "coefficient": float(10 ** rng.uniform(-6, -2.7))},
+)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What became of a scenario."""
+
+    text: str
+    complaints: tuple[str, ...]
+    """Of its results."""
+    crawls: bool
+    """Whether it was slower than real time here without having said so."""
+
+
+def slider(rng: np.random.Generator, model: type, name: str) -> float:
+    """A value from a field's slider."""
+    about = describe(model, name)
+    assert about.slider is not None
+    low, high = about.slider
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))) if about.logarithmic else rng.uniform(low, high))
+
+
+def random_scenario(seed: int) -> Scenario:
+    """A scenario of the given number that can be built."""
+    rng = np.random.default_rng(seed)
+    while True:
+        boundary = str(rng.choice(list(HELD_COORDINATES)))
+        single = boundary == "clamped-free"
+        law = laws()[str(rng.choice([kind for kind in laws() if kind != "none"]))]
+        controller: dict = {"kind": law.kind}
+        for name in law.model.model_fields:
+            if rng.random() < 0.4 and describe(law.model, name).slider is not None:
+                value = slider(rng, law.model, name)
+                default = law.model.model_fields[name].default
+                controller[name] = (value,) * 3 if isinstance(default, tuple) and len(default) == 3 else value
+        if rng.random() < 0.25:
+            controller["control_period"] = float(rng.choice([0.0005, 0.001, 0.002]))
+        changes = {
+            "payload.boundary": boundary,
+            "payload.linear_density": slider(rng, Payload, "linear_density"),
+            "payload.bending_stiffness": float(10 ** rng.uniform(0, rng.choice([3, 7]))),
+            "payload.element_count": int(rng.choice([1, 2, 3, 4, 6, 8, 12, 16, 32, 64])),
+            "payload.damping": DAMPINGS[rng.integers(3)](rng),
+            "gravity": float(rng.choice([0.0, rng.uniform(0, 9.81)])),
+            "trajectory.amplitude": tuple(rng.uniform(0, 0.3, 3).tolist()),
+            "trajectory.frequency": (float(rng.uniform(0.1, 3)),) * 3,
+            "controller": controller,
+        }
+        try:
+            scenario = load_preset("single-arm" if single else "paper").replace(changes)
+            if not World(scenario).status.failed:
+                return scenario
+        except ScenarioError:
+            continue
+
+
+def judge(seed: int) -> Judgement:
+    """Run a scenario as it is and with finer steps."""
+    scenario = random_scenario(seed)
+    world = World(scenario)
+    finer = 16 if world.assembly.watch.disturbed else 4
+    step = max(world.step / finer, 1e-7)
+    pace = seconds_per_second(world.integrator, world.beam, step)
+    ticks = max(20, int(min(DURATION, LONGEST_REFERENCE / pace) / world.tick_period))
+    World(scenario).run(1)  # now whatever it needs has been compiled
+    begun = time.thread_time()
+    run = world.run(ticks)
+    took = (time.thread_time() - begun) / (ticks * world.tick_period)
+    reference = World(scenario.replace({"simulation.step": step}))
+    exact = reference.run(ticks)
+    complaints = []
+    both = min(len(run.time), len(exact.time))
+    if world.status.failed and not reference.status.failed:
+        complaints.append(f"stopped alone: {world.status.text}")
+    peak = float(np.abs(exact.internal_force[:both]).max())
+    force = float(np.abs(run.internal_force[:both] - exact.internal_force[:both]).max()) / (peak or 1.0)
+    pose = float(np.abs(run.pose[:both] - exact.pose[:both]).max())
+    if not world.accuracy_warning and not reference.status.failed and force > FORCE_BOUND:
+        complaints.append(f"force off by {force:.1e} of its peak")
+    beam, law = scenario.payload, scenario.controller
+    text = (
+        f"{beam.boundary} n={beam.element_count} EI={beam.bending_stiffness:.3g} ρ={beam.linear_density:.2g} "
+        f"{beam.damping.model_dump()} {law.kind} T_c={law.control_period} step {world.step:.3g} ticks {ticks} "
+        f"pose {pose:.1e} force {force:.1e} {took:.2g} s/s {world.pace_warning and 'announced'} "
+        f"{world.accuracy_warning and 'inaccurate'} {world.status.text[:40]}"
+    )
+    return Judgement(text, tuple(complaints), took > 1 and not world.pace_warning)
+
+
+def main() -> None:
+    """Judge scenarios `first` to `last` (one number: from 0 on) and print those with complaints."""
+    numbers = [int(text) for text in sys.argv[1:]] or [20]
+    first, last = (0, numbers[0]) if len(numbers) == 1 else numbers[:2]
+    bad = 0
+    for seed in range(first, last):
+        judged = judge(seed)
+        bad += bool(judged.complaints)
+        mark = " | ".join([*judged.complaints, *(["slower than real time, unannounced"] if judged.crawls else [])])
+        print(f"{seed}: {mark or 'fine'}   [{judged.text}]", flush=True)
+    print(f"{last - first} scenarios, {bad} with complaints")
+
+
+if __name__ == "__main__":
+    main()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from reference.control_laws import LAWS, start
 from reference.flexible_system import FlexibleSystem
+from reference.observed_system import ObservedSystem
 from reference.terms import random_scenario
 
 from flexlab.control.law import laws
@@ -31,6 +32,10 @@ GAINS = {
 }
 
 
+OBSERVED = ("composite", "lqr")
+"""Laws with an observer: `reference.observed_system`."""
+
+
 def scenario_of(kind: str, **changes) -> Scenario:
     """Two different arms, gravity, a soft beam, a wrong belief, unequal shares and a squeeze."""
     gains = {f"controller.{name}": value for name, value in GAINS.get(kind, {}).items()}
@@ -56,10 +61,8 @@ def difference(scenario: Scenario, duration: float = DURATION) -> tuple[float, W
     return float(np.abs(world.observe().pose[0] - system.run(duration)[:3]).max()), world
 
 
-def test_every_law_of_its_own_has_its_reference():
-    """Laws that are made of others, or of an observer, are held to theirs in their own tests."""
-    assert set(laws()) - set(LAWS) <= {"composite", "lqr"}
-    assert set(LAWS) <= set(laws())
+def test_every_law_has_its_reference():
+    assert set(laws()) == {*LAWS, *OBSERVED}
 
 
 @pytest.mark.parametrize("kind", [kind for kind in LAWS if kind != "none"])
@@ -77,3 +80,25 @@ def test_sampled_with_a_delay(kind: str):
 def test_one_arm(kind: str):
     changes = {"controller.kind": kind, "gravity": 9.81, "simulation.accuracy": 1e-12}
     assert difference(load_preset("single-arm").replace(changes), 0.05)[0] < TOLERANCE
+
+
+OBSERVER = {
+    "controller.observer.kind": "kalman",
+    "controller.observer.observer_modes": 2,
+    "controller.control_period": 0.002,
+}
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3])
+@pytest.mark.parametrize("kind", OBSERVED)
+def test_sampled_with_an_observer(kind: str, delay: int):
+    changes = {**OBSERVER, "controller.input_delay": delay}
+    if kind == "composite":
+        changes |= {"controller.slow.kind": "sliding-mode", "controller.slow.boundary_layer": 0.9}
+        changes |= {"controller.lateral_vibration_gain": 40.0, "controller.angular_vibration_gain": 300.0}
+    scenario = scenario_of(kind, **changes)
+    world = World(scenario)
+    world.advance(round(DURATION / world.tick_period))
+    assert world.status == "running", world.status.text
+    expected = ObservedSystem(scenario).run(DURATION)[:3]
+    assert np.abs(world.observe().pose[0] - expected).max() < TOLERANCE

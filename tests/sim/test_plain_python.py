@@ -35,7 +35,7 @@ def test_two_ticks_of_every_law_and_integrator_are_those_of_the_machine_code():
         }
         for kind in laws()
         for integrator, step in STEPS.items()
-        for period in (None, 0.001)
+        for period in ((None, 0.001) if kind != "lqr" else (0.001,))
     ]
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", PROGRAM, json.dumps(cases)],

@@ -1,0 +1,156 @@
+"""The discrete linear-quadratic regulator on pose and the beam's lowest modes, around the rigid feedforward.
+
+    Σu_i = B ẍ_d + C̄ ẋ_d + Ḡ - K (ẑ(k + d) - z_d),    z = (x, η, ẋ, η̇),  z_d = (x_d, 0, ẋ_d, 0) d periods from now
+
+z is estimated and predicted over the input delay of d periods by the Kalman observer (`control.observers.kalman`), from the
+same linear model, that of arms and lowest modes about the path's centre. K minimises Σ zᵀQz + FᵀRF over the periods:
+K = (R + ΓᵀPΓ)⁻¹ΓᵀPΦ, P from the discrete Riccati equation, Q = diag(q_x, q_b ω², q_v, q_b), q_b weighing the beam's energy,
+and R = diag(r) (Anderson and Moore, Optimal Control: Linear Quadratic Methods, 1990). Shapes: K (3, 2 (3 + n_o)), N and N·m
+per m, rad, m·kg^½ and per second of those. Arms carry their own parts of the feedforward and share the rest.
+Stability: Φ - ΓK is stable for any Q ≥ 0, R > 0, and by separation so are regulator, observer and delay together, with
+V = zᵀPz falling, if the plant is the model: at the path's centre, for small motions, with these modes alone. Other poses, modes
+that are not estimated, and torque limits are outside of that; the sampled poles (`flexlab.modes`) tell for each pose and plant.
+An observed loop has no margins of its own (Doyle, IEEE Trans. Automatic Control 23(4), 1978): see its disk margin.
+"""
+
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import model_validator
+from pydantic_core import PydanticCustomError
+from scipy.linalg import solve_discrete_are
+
+from flexlab.compiled import pluggable
+from flexlab.control.controller import Controller
+from flexlab.control.law import Law
+from flexlab.control.load_sharing import drive_arms
+from flexlab.control.observers.believed_plant import believed_plant, hold
+from flexlab.control.observers.kalman import (
+    KalmanObserver,
+    observer_constants,
+    observer_shapes,
+    predict,
+    remember,
+    update_estimate,
+)
+from flexlab.errors import ScenarioError
+from flexlab.quantities import Number, Triple, quantity
+
+
+class LinearQuadratic(Controller):
+    """Discrete linear-quadratic regulator on estimated pose and lowest modes, around the rigid feedforward."""
+
+    kind: Literal["lqr"] = "lqr"
+    pose_weight: Triple = quantity(
+        (1e6, 1e6, 2.5e5),
+        title="Weight of the pose's error",
+        symbol="q_x",
+        unit="1/m², 1/m², 1/rad²",
+        low=1e-6,
+        high=1e12,
+    )
+    pose_rate_weight: Triple = quantity(
+        (100.0, 100.0, 25.0), title="Weight of its rate", symbol="q_v", unit="s²/m², s²/m², s²/rad²", low=0, high=1e12
+    )
+    vibration_weight: Number = quantity(
+        1e3,
+        title="Weight of the beam's energy",
+        symbol="q_b",
+        unit="1/J",
+        low=0,
+        high=1e9,
+        slider=(1, 1e5),
+        logarithmic=True,
+    )
+    force_weight: Triple = quantity(
+        (1e-4, 1e-4, 1e-2), title="Weight of the force", symbol="r", unit="1/N², 1/N², 1/(N·m)²", low=1e-12, high=1e6
+    )
+    observer: KalmanObserver = quantity(KalmanObserver(), title="Observer")
+
+    @model_validator(mode="after")
+    def _has_instants(self) -> "LinearQuadratic":
+        if self.control_period is None:
+            raise PydanticCustomError(
+                "sampling", "the law lqr is one of control instants: give control_period a value in s, such as 0.001"
+            )
+        return self
+
+
+def regulator_gain(scenario: Any) -> np.ndarray:
+    """K of a scenario, (3, 2 (3 + n_o)); raises `ScenarioError` where the Riccati equation has no solution."""
+    law = scenario.controller
+    plant = believed_plant(scenario, law.observer.observer_modes, law.observer.gauges)
+    transition, inputs = hold(plant.state_matrix, plant.input_matrix[:, :3], law.control_period)
+    beam = np.full(len(plant.omega), law.vibration_weight)
+    Q = np.diag(np.concatenate([law.pose_weight, beam * plant.omega**2, law.pose_rate_weight, beam]))
+    R = np.diag(law.force_weight)
+    try:
+        P = solve_discrete_are(transition, inputs, Q, R)
+    except (np.linalg.LinAlgError, ValueError):
+        text = (
+            "controller: no gain is found for these weights at this control period: observe fewer modes, or take weights "
+            "nearer to one another."
+        )
+        raise ScenarioError([("controller", text)]) from None
+    return np.linalg.solve(R + inputs.T @ P @ inputs, inputs.T @ P @ transition)
+
+
+def _derive(scenario: Any) -> dict[str, Any]:
+    law = scenario.controller
+    plant, K = believed_plant(scenario, law.observer.observer_modes, law.observer.gauges), regulator_gain(scenario)
+    n, late = len(plant.mass), float(law.input_delay)
+    rigid = np.linalg.inv(plant.mass[:3, :3])
+    stiffness, damping = rigid @ K[:, :3], rigid @ K[:, n : n + 3]
+    horizon = late if law.observer.horizon is None else law.observer.horizon
+    return {
+        "reference": np.hstack([K[:, :3], K[:, n : n + 3]]),
+        "late": late * law.control_period,
+        "rate": np.linalg.norm(damping, 2) + np.sqrt(np.linalg.norm(stiffness, 2)),
+        **observer_constants(scenario, law.observer, lambda _: K, horizon),
+    }
+
+
+@pluggable
+def lqr(gains, now, memory, memory_rate, signals):
+    """B ẍ_d + C̄ẋ_d + Ḡ - K (ẑ - z_d)."""
+    update_estimate(gains, now, memory, memory_rate)
+    feedback, late = now.scratch[7], gains.late
+    predict(gains, now, memory_rate, feedback)
+    remember(gains, memory, memory_rate)
+    desired = now.desired
+    for r in range(3):
+        total = -feedback[r]
+        for a in range(3):
+            v, acceleration = desired[1, a], desired[2, a]
+            total += gains.reference[r, a] * (desired[0, a] + late * (v + late / 2 * acceleration))
+            total += gains.reference[r, 3 + a] * (v + late * acceleration)
+        feedback[r] = total
+    drive_arms(now, desired[2], desired[1], feedback, now.scratch[3:6])
+
+
+@pluggable
+def fastest_rate(gains, now, memory, S, kappa):
+    """1/s: of the regulated pose at the path's centre."""
+    return gains.rate
+
+
+def _for_settings(settings: LinearQuadratic) -> Law:
+    return replace(LAW, memory=(settings.observer.memory(),))
+
+
+def _gauges(settings: LinearQuadratic) -> tuple[float, ...]:
+    return settings.observer.gauges
+
+
+LAW = Law(
+    LinearQuadratic,
+    lqr,
+    fastest_rate,
+    memory=(),
+    constants={"reference": (3, 6), "late": (), "rate": (), **observer_shapes(rows=3)},
+    derive=_derive,
+    for_settings=_for_settings,
+    gauges=_gauges,
+    place=30,
+)

@@ -220,7 +220,8 @@ def build_motion(trajectory: Trajectory) -> DesiredMotion:
     record = np.zeros(1, path.record)
     for name in own_numbers(path.model, Trajectory):
         record[name] = getattr(trajectory, name)
-    rows = NO_ROWS if path.rows is None else np.ascontiguousarray(path.rows(trajectory), dtype=float)
+    # A copy: kernels are compiled for arrays that can be written to, and only for those.
+    rows = NO_ROWS if path.rows is None else np.array(path.rows(trajectory), dtype=float, order="C")
     return DesiredMotion(path.address, record.view(np.float64), rows)
 
 

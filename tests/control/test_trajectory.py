@@ -14,6 +14,7 @@ from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
+from flexlab.sim.advance import advance
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.simulate import simulate
 from flexlab.sim.target import build_trajectory, desired_at
@@ -195,3 +196,14 @@ def test_a_run_that_begins_anew_knows_nothing_of_a_change_in_motion():
     fresh = simulate(world.scenario, 0.15)
     assert fresh.pose.tobytes() == simulate(world.scenario.anew(), 0.15).pose.tobytes()
     assert decode_scenario(encode_scenario(world.scenario)) == world.scenario.anew()
+
+
+def test_another_path_compiles_nothing():
+    """All paths, shaped or not, are in the same machine code of the engine."""
+    world = World(load_preset("paper"))
+    world.advance(2)
+    known = len(advance.signatures)
+    for kind in paths():
+        world.apply(ChangeScenario({"trajectory.kind": kind, "trajectory.shaper": "zv"}))
+        world.advance(2)
+    assert len(advance.signatures) == known

@@ -16,6 +16,7 @@ from flexlab.analysis.lesson_measures import ring_frequency, torque_jump
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.modes import modes
+from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY
 from flexlab.assets import presets_folder, web_assets_folder
 from flexlab.physics.beam import beam_matrices
 from flexlab.presets import load_preset, preset_names
@@ -155,6 +156,7 @@ def settling(preset: str) -> float:
 
 CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
     "README": (
+        (r"pose accuracy of (\S+) µm", lambda: 1e6 * DEFAULT_ACCURACY),
         (r"beam bends by (\S+) mm at its start", lambda: 1e3 * peak(run("paper"), "midspan_deflection", 0, 0.1)),
         (r"and by (\S+) mm in steady motion", lambda: bends("paper")),
         (r"the beam's (\S+) Hz with the naked eye", lambda: ring("paper")),
@@ -308,7 +310,7 @@ CHATTER_SPREAD = 0.15
 
 SETTINGS = (
     r"\(1 s\)|one second|t = (0\.6|1) s|at 1 kHz|at 60 Hz|steps of 1 ms|the 1 Hz motion|T_c|Λ = 50 1/s|RMS per step",
-    r"deflection of 5 % of its length",
+    r"deflection of 5 % of its length|with 95 % intervals|\(10 s in under",
 )
 """Numbers with a unit that are set, not measured."""
 

@@ -1,7 +1,7 @@
 """`flexlab`: the lab in the browser."""
 
 import secrets
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
@@ -139,7 +139,7 @@ def command(
 
 
 @contextmanager
-def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Iterator[None]:
+def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Generator[None, None, None]:
     """A page that says what takes so long, where the lab will be; notes in `shown` that a browser shows it."""
     from flexlab.cli.waiting_page import WaitingPage
 

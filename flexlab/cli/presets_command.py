@@ -1,13 +1,16 @@
 """`flexlab presets`: what there is to try, or one of them in full."""
 
 import json
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from flexlab.cli.console import complain, output
 from flexlab.cli.options import Law, Seed, Settings, chosen_scenarios
 from flexlab.errors import FlexlabError, StudyError
+
+if TYPE_CHECKING:
+    from flexlab.scenario import Scenario
 
 
 def command(
@@ -37,7 +40,8 @@ def command(
         raise StudyError("Say which preset to change, as in flexlab presets paper --set gravity=9.81.")
     from flexlab.presets import load_scenario_file, preset_files
 
-    scenarios, unreadable = {}, []
+    scenarios: dict[str, Scenario] = {}
+    unreadable: list[str] = []
     for name, file in preset_files().items():
         try:
             scenarios[name] = load_scenario_file(file)

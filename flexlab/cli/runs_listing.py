@@ -122,12 +122,24 @@ def count_text(count: int) -> str:
     return "1 run" if count == 1 else f"{count} runs"
 
 
+def _id_text(row: RunRow) -> str:
+    return row.id
+
+
+def _duration_text(row: RunRow) -> str:
+    return duration_text(row.duration)
+
+
+def _size_text(row: RunRow) -> str:
+    return size_text(row.size)
+
+
 def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[Column], list[str]]:
     """The columns for which the window is wide enough, and the headings of the others."""
     columns = [
-        Column("run", "", lambda row: row.id),
-        Column("duration", "", lambda row: duration_text(row.duration)),
-        Column("size", "", lambda row: size_text(row.size)),
+        Column("run", "", _id_text),
+        Column("duration", "", _duration_text),
+        Column("size", "", _size_text),
         Column("state", "", state_word),
     ]
     # In a narrow window the last ones have no room.

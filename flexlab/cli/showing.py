@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -27,7 +27,7 @@ def open_browser(url: str) -> None:
 
 
 @contextmanager
-def ending() -> Iterator[threading.Event]:
+def ending() -> Generator[threading.Event, None, None]:
     """An event that the signals set instead of killing, so that recordings are closed; a second Ctrl-C ends at once."""
     ended = threading.Event()
     numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]

@@ -5,13 +5,13 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 
 
 @contextlib.contextmanager
-def without_interrupt() -> Iterator[None]:
+def without_interrupt() -> Generator[None, None, None]:
     """Keep Ctrl-C from processes started meanwhile: it reaches all of a terminal, but the server closes them, in order."""
     if not hasattr(signal, "pthread_sigmask"):
         yield

@@ -42,7 +42,7 @@ class Visit(web.RequestHandler):
     __slots__ = ("address", "began", "body_before", "busy", "connections", "known", "received", "request")
 
     def __init__(self, connections: "Connections", manager: web.Server, loop: asyncio.AbstractEventLoop):
-        super().__init__(manager, loop=loop, access_log=None, keepalive_timeout=KEPT_OPEN, lingering_time=2.0)
+        super().__init__(manager, loop=loop, access_log=None, keepalive_timeout=KEPT_OPEN, lingering_time=2.0)  # pyright: ignore[reportArgumentType]
         self.connections, self.address = connections, ""
         self.began, self.received, self.body_before = time.monotonic(), 0, 0
         self.busy, self.known = False, False

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
 from flexlab.control.own_law_files import know_own_laws
@@ -66,7 +67,11 @@ def carry_out(
     with contextlib.suppress(AttributeError, OSError):
         os.nice(LOW_PRIORITY)
     _limit_memory()
-    more = {"report": lambda share: pipe.send(Progress(share))} if reports else {}
+
+    def report(share: float) -> None:
+        pipe.send(Progress(share))
+
+    more = {"report": report} if reports else {}
     try:
         word: Done | Failed = Done(work(*arguments, **more))
     except FlexlabError as error:
@@ -91,7 +96,7 @@ class Jobs:
     def __init__(self) -> None:
         self._turn = asyncio.Semaphore(AT_ONCE)
         self._waiting = 0
-        self._processes: set[multiprocessing.process.BaseProcess] = set()
+        self._processes: set[BaseProcess] = set()
 
     async def run(
         self, work: Callable[..., T], *arguments: Any, on_progress: Callable[[float], None] | None = None
@@ -154,7 +159,7 @@ class Jobs:
                 process.kill()
 
 
-def _start(process: multiprocessing.process.BaseProcess, its_end: Connection) -> None:
+def _start(process: BaseProcess, its_end: Connection) -> None:
     with without_interrupt():
         process.start()
     its_end.close()

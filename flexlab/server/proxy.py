@@ -2,6 +2,8 @@
 
 import asyncio
 import socket
+from collections.abc import Coroutine
+from typing import Any
 
 import aiohttp
 from aiohttp import WSCloseCode, WSMsgType, hdrs, web
@@ -38,7 +40,7 @@ log = limited(__name__)
 def inside_connector() -> aiohttp.TCPConnector:
     """Connections to labs: any number, with small kernel buffers."""
 
-    def small(address: tuple) -> socket.socket:
+    def small(address: tuple[Any, ...]) -> socket.socket:
         family, kind, protocol, *_ = address
         plug = socket.socket(family, kind, protocol)
         plug.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BUFFER)
@@ -137,7 +139,7 @@ async def _to_lab(request: web.Request, down: web.WebSocketResponse, up: aiohttp
         log.warning("Refused a message from %s: %s", request.remote, down.exception())
 
 
-async def _first_of(*works) -> None:
+async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
     """Until one of the two directions ends; the other one is then of no use."""
     tasks = [asyncio.create_task(work) for work in works]
     try:

@@ -53,6 +53,8 @@ def _is_left(folder: Path) -> bool:
     except FileNotFoundError:
         return time.time() - folder.stat().st_mtime > YOUNG
     with lock:
+        if fcntl is None:
+            return False
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -71,7 +71,7 @@ def work(order: Order, pipe: Connection, live: Connection | None) -> None:
     leave_interrupts_to_the_server()
     know_own_laws(order.own_laws)
     stopping = threading.Event()
-    signal.signal(signal.SIGTERM, lambda *_: stopping.set())
+    signal.signal(signal.SIGTERM, lambda number, frame: stopping.set())
     try:
         lab = RecordedLab(
             order.choice,

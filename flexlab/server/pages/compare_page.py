@@ -67,7 +67,7 @@ async def comparison(request: web.Request) -> web.Response:
 
 def _metrics(tables: ComparisonTables) -> list[tuple[str, list[str]]]:
     """(title, the runs' values and their differences from the first) of each metric."""
-    lines = []
+    lines: list[tuple[str, list[str]]] = []
     for metric in tables.metrics:
         first = metric[0]
         differences = [difference_text(first, row).replace("-", "−") for row in metric[1:]]

@@ -36,7 +36,7 @@ class Context:
     preset_cards: PresetCards
     guesses: Guesses = field(default_factory=Guesses)
     """Wrong tokens of late."""
-    watchers: list[web.Request] = field(default_factory=list)
+    watchers: list[web.Request] = field(default_factory=list[web.Request])
     """Requests for live data that are being answered."""
 
     @property

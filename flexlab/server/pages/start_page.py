@@ -2,6 +2,7 @@
 
 import asyncio
 from pathlib import Path
+from typing import Any
 
 from aiohttp import web
 
@@ -25,7 +26,7 @@ async def start_page(request: web.Request) -> web.Response:
         context.preset_cards.look(pictures),
         asyncio.to_thread(list_rows, context.settings.logs, NEWEST),
     )
-    values = table_values(rows, short=True) | {
+    values: dict[str, Any] = table_values(rows, short=True) | {
         "presets": presets,
         "pictures": pictures,
         "drawing": context.preset_cards.drawing,

@@ -29,7 +29,7 @@ _environment = Environment(
     lstrip_blocks=True,
     auto_reload=False,
 )
-_environment.globals |= {"duration_text": duration_text, "size_text": size_text, "state_word": state_word}
+_environment.globals.update(duration_text=duration_text, size_text=size_text, state_word=state_word)  # pyright: ignore[reportUnknownMemberType]
 
 
 def render(template: str, **values: object) -> Markup:

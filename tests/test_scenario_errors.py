@@ -57,7 +57,7 @@ def check(data: object) -> None:
         for _, sentence in problems:
             assert sentence.strip()
             assert "\n" not in sentence
-            assert sentence.endswith(".")
+            assert sentence.endswith((".", "?"))
         return
     assert parse_scenario(json.loads(scenario.model_dump_json())) == scenario
 

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import tyro
 
@@ -79,7 +79,9 @@ def command(
     elif save is not None:
         raise StudyError("--save needs --preset: the scenario whose beam is fitted.")
     if as_json:
-        plain = {name: {**vars(value), "identifiable": value.identifiable} for name, value in rows.items()}
+        plain: dict[str, Any] = {
+            name: {**vars(value), "identifiable": value.identifiable} for name, value in rows.items()
+        }
         output().out(
             json.dumps(
                 {"samples": fit.samples, "noise": fit.noise, **_without_nan(plain)}, indent=1, ensure_ascii=False
@@ -97,7 +99,8 @@ def command(
 
 def _without_nan(data: Any) -> Any:
     if isinstance(data, dict):
-        return {name: _without_nan(value) for name, value in data.items()}
+        fields = cast("dict[str, Any]", data)
+        return {name: _without_nan(value) for name, value in fields.items()}
     return None if isinstance(data, float) and data != data else data
 
 

@@ -3,7 +3,7 @@
 import sys
 from typing import Any
 
-import pyarrow as pa
+import pyarrow as pa  # type: ignore[import-untyped]
 
 
 class _NoPandas:
@@ -25,6 +25,6 @@ def leave_pandas_out() -> None:
         return
     sys.meta_path.insert(0, _NoPandas)  # type: ignore[arg-type]
     try:
-        pa.array([True])
+        pa.array([True])  # type: ignore[reportUnknownMemberType]
     finally:
         sys.meta_path.remove(_NoPandas)  # type: ignore[arg-type]

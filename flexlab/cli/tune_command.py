@@ -1,12 +1,16 @@
 """`flexlab tune`: the parameters, within bounds, for which a scenario's run costs least."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from flexlab.cli.console import complain, output
 from flexlab.cli.options import Law, Preset, Seed, Settings, chosen_scenarios
+
+if TYPE_CHECKING:
+    from flexlab.analysis.tuning.search import Tuning
+    from flexlab.scenario import Scenario
 
 
 def command(
@@ -84,7 +88,7 @@ def command(
     return 0
 
 
-def _print(found) -> None:
+def _print(found: "Tuning") -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -103,7 +107,7 @@ def _print(found) -> None:
     output().print(f"{len(found.candidates)} candidates were tried.")
 
 
-def _there(scenario, path: str) -> object:
+def _there(scenario: "Scenario", path: str) -> object:
     from flexlab.errors import ScenarioError
 
     try:

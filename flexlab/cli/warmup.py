@@ -3,7 +3,7 @@
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 from flexlab.cli.console import note, notes
@@ -32,7 +32,7 @@ def warm_up(scenario: Scenario, meanwhile: AbstractContextManager[object] | None
 
 
 @contextmanager
-def compiling_the_rest() -> Iterator[None]:
+def compiling_the_rest() -> Generator[None]:
     """Meanwhile, have a process of its own compile what the first picture did not need, if that was never done."""
     from flexlab.sim.compile_all import is_everything_compiled
 

@@ -174,10 +174,8 @@ def _ask(gains, message, now):
     _write(np.int32(gains.done), at, 1)
 
 
-if PLAIN_PYTHON:
-    _ask = hosts.ask_plainly
-else:
-    _ask = numba.njit(nogil=True, error_model="numpy", _nrt=False)(_ask)
+_ask_compiled = numba.njit(nogil=True, error_model="numpy", _nrt=False)(_ask)
+ask: Any = hosts.ask_plainly if PLAIN_PYTHON else _ask_compiled
 
 
 @pluggable
@@ -187,7 +185,7 @@ def own_law(gains, now, memory, memory_rate, signals):
     message[OUTCOME] = ASKED
     for k in range(len(memory)):
         message[MEMORY + k] = memory[k]
-    _ask(gains, message, now)
+    ask(gains, message, now)
     good = message[OUTCOME] == ANSWERED
     for i in range(now.arm_count):
         for a in range(3):

@@ -33,6 +33,8 @@ def test_every_field_of_a_scenario_can_be_reached() -> None:
     assert missing == ["initial.beam_coordinates"], (
         "it has as many numbers as the mesh; a mode's button or a file sets it"
     )
+    observing = scenario.replace({"controller.control_period": 1e-3, "controller.kind": "lqr"})
+    offered |= {path for group in GROUPS for path in present(observing, group)}
     assert set(SWITCHES) <= offered
 
 

@@ -50,7 +50,8 @@ class RecordedLab:
                 origin=choice.origin,
                 secret=secret,
                 playing=not choice.stands,
-                attended=True,
+                # Live data may be watched where no page of the lab is open.
+                attended=live is None,
             )
             with _quiet():
                 self._session.start()

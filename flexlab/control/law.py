@@ -252,6 +252,11 @@ _listeners: list[Callable[[], None]] = []
 
 def add_law(law: Law, instead: bool = False) -> None:
     """Make a law known, `instead` of another one of its kind. Raises ImportError for one that lacks what the engine needs."""
+    _enter(law, instead)
+    _tell()
+
+
+def _enter(law: Law, instead: bool = False) -> None:
     global _laws
     if law.fastest_rate is None:
         raise ImportError(
@@ -262,7 +267,6 @@ def add_law(law: Law, instead: bool = False) -> None:
         raise ImportError(f"Two control laws are called {law.kind!r}: give one of them another kind.")
     # A new table each time: other threads may be reading the present one.
     _laws = {**_laws, law.kind: law}
-    _tell()
 
 
 def forget_law(kind: str) -> None:
@@ -297,7 +301,8 @@ def laws() -> dict[str, Law]:
     if not _built_in:
         _built_in = True
         for module in modules_in("flexlab.control.laws"):
-            add_law(module.LAW)
+            _enter(module.LAW)
+        _tell()
     return dict(sorted(_laws.items(), key=lambda item: (item[1].place, item[0])))
 
 

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
-from scipy.interpolate import make_interp_spline
 
 from flexlab.compiled import pluggable
 from flexlab.control.path import Path, Trajectory
@@ -132,6 +131,9 @@ def pieces(rows: tuple[tuple[float, ...], ...], ends: str) -> np.ndarray:
     """The spline's polynomials, rows (time of the knot, s; of x, y, θ each the six coefficients, highest power first)."""
     table = np.array(rows)
     rest = [(1, np.zeros(3)), (2, np.zeros(3))]
+    # Here, as every start of flexlab would wait a tenth of a second for it.
+    from scipy.interpolate import make_interp_spline
+
     spline = make_interp_spline(
         table[:, 0], table[:, 1:], k=DEGREE, bc_type=(rest, rest) if ends == "at rest" else None
     )

@@ -52,6 +52,8 @@ class Signal:
     """Where it comes from."""
     since: int = 1
     """Format of recordings since which the name has this meaning."""
+    computed_since: int = 1
+    """Format of recordings since which it is computed as today: earlier ones mean the same, with other last digits."""
     derived: bool = False
     """Whether it follows from other signals, and so is neither simulated nor recorded."""
 

@@ -13,7 +13,7 @@ from flexlab.recording.commands_json import command_from_json
 from flexlab.recording.rrd_rows import Rows, read_rows, rows_in_order
 from flexlab.recording.sample_codec import decode_with_format
 from flexlab.recording.state_json import state_from_json
-from flexlab.recording.store.formats import Changes, migrate, readable, same_meaning
+from flexlab.recording.store.formats import Changes, migrate, readable, same_numbers
 from flexlab.recording.store.run_files import State, run_state
 from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario
@@ -64,8 +64,8 @@ class Recording:
 
     @property
     def compared(self) -> frozenset[str]:
-        """The table's signals that meant, when this was written, what they mean today."""
-        return same_meaning(self.format)
+        """The table's signals that were, when this was written, what they are today, to the last bit."""
+        return same_numbers(self.format)
 
     @property
     def run(self) -> Run:

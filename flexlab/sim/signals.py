@@ -29,10 +29,10 @@ POSE_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m", "m", "rad"), ("m/s", "m/s", "
 FORCE_UNITS = ("N", "N", "N·m")
 
 
-def row(symbol: str, unit: str | tuple[str, ...], meaning: str, *axes: Axis, equation: str = "", since: int = 1) -> Any:
+def row(symbol: str, unit: str | tuple[str, ...], meaning: str, *axes: Axis, equation: str = "", **age: int) -> Any:
     """A row of the table: a field of `Signals` that carries a `Signal`, whose name is the field's."""
     units = (unit,) if isinstance(unit, str) else unit
-    return field(metadata={"signal": lambda name: Signal(name, symbol, units, meaning, axes, equation, since)})
+    return field(metadata={"signal": lambda name: Signal(name, symbol, units, meaning, axes, equation, **age)})
 
 
 class derived:
@@ -97,7 +97,7 @@ class Signals:
     elastic_energy: np.ndarray = row("½ qᵀ K_F q", "J", "elastic energy of the beam")
     gravity_energy: np.ndarray = row("U_g", "J", "potential energy of weight, zero at y = 0")
     input_work: np.ndarray = row("∫ P dt", "J", "work of motors and of pulls")
-    dissipated_energy: np.ndarray = row("∫ q̇ᵀ D q̇ dt", "J", "energy that the beam's damping took")
+    dissipated_energy: np.ndarray = row("∫ q̇ᵀ D q̇ dt", "J", "energy that the beam's damping took", computed_since=2)
     saturated: np.ndarray = row("sat", "1", "whether any joint torque stands at its limit, 1 or 0")
 
     @derived("w - w_qs", "m", since=2)

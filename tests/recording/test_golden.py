@@ -15,7 +15,7 @@ from flexlab.analysis.run_summary import note_metrics
 from flexlab.recording.export import export_recording, import_run
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_blocks, read_range, read_recording, read_scenarios
-from flexlab.recording.store.formats import FORMAT, STEPS, same_meaning
+from flexlab.recording.store.formats import FORMAT, STEPS, same_meaning, same_numbers
 from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.sim.samples import join_blocks
 from flexlab.sim.signals import TABLE
@@ -75,10 +75,10 @@ def test_it_replays_and_says_what_wrote_it(number: int, path: Path) -> None:
     found = replay(recording)
     if found.identical and number < FORMAT:
         assert f"recorded by flexlab {recording.properties['flexlab_version']} in format {number}" in found.text
-        assert all(name in found.text for name in TABLE.keys() - same_meaning(number))
+        assert all(name in found.text for name in TABLE.keys() - same_numbers(number))
     elif not found.identical:
         assert f"recorded by flexlab {recording.properties['flexlab_version']} (format {number})" in found.text
-        assert found.difference.signal in same_meaning(number)
+        assert found.difference.signal in same_numbers(number)
 
 
 @every_recording

@@ -40,6 +40,11 @@ def same_meaning(recorded_format: int) -> frozenset[str]:
     return frozenset(name for name, signal in TABLE.items() if signal.since <= recorded_format)
 
 
+def same_numbers(recorded_format: int) -> frozenset[str]:
+    """Of these, the signals that were computed then as they are today, to the last bit."""
+    return frozenset(name for name in same_meaning(recorded_format) if TABLE[name].computed_since <= recorded_format)
+
+
 class Changes:
     """The scenario of a recorded run as its changes made it, instant by instant."""
 

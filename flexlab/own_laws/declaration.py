@@ -22,6 +22,8 @@ SHORTEST_PERIOD, LONGEST_PERIOD = 1e-5, 0.1
 DEFAULT_PERIOD = 1e-3
 """s."""
 ON_SAVE = ("go on", "restart")
+WORDS = r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])"
+"""Where a class's name has its words' bounds."""
 
 
 class OwnLaw:
@@ -126,8 +128,8 @@ class Declaration:
 
     @property
     def kind(self) -> str:
-        """Its name in scenarios: SoftPD becomes soft-pd."""
-        return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", self.name).replace("_", "-").lower()
+        """Its name in scenarios: SoftPD becomes soft-pd, PIDControl pid-control."""
+        return re.sub(WORDS, "-", self.name).replace("_", "-").lower()
 
 
 def digest(source: str) -> str:

@@ -18,6 +18,7 @@ from flexlab.compiled import PLAIN_PYTHON, call_kernel, pluggable
 from flexlab.control import own_law_hosts as hosts
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law, Memory, Start, add_law, laws
+from flexlab.control.own_law_channel import Channel
 from flexlab.errors import ScenarioError
 from flexlab.own_laws.declaration import (
     LONGEST_PERIOD,
@@ -48,7 +49,7 @@ from flexlab.signal import Signal
 PLACE = 80
 """Rank in menus: after the built-in laws, before the motors that are off."""
 
-CHANNEL = np.dtype([*((name, "i8") for name in hosts.Channel._fields), ("message", "f8", (MESSAGE_SIZE,))])
+CHANNEL = np.dtype([*((name, "i8") for name in Channel._fields), ("message", "f8", (MESSAGE_SIZE,))])
 """How the kernel reaches a law. `answer`: address of a C function of message and `LAW_INPUT` record, 0: none. `late`: the
 same, asked where the answer is late. `calls`: socket to a process. `next_turn`, `done`: ends of a pipe with one byte, which
 whoever asks takes and gives back."""

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from own_law_text import PD, forget_own_laws
 
 import flexlab
 from flexlab import OwnLaw, gain
 from flexlab.analysis.replay import replay
 from flexlab.control import own_law_hosts as hosts
-from flexlab.control.law import forget_law, laws
-from flexlab.control.own_law import PythonLaw, add_own_law
+from flexlab.control.law import forget_law
+from flexlab.control.own_law import add_own_law
 from flexlab.control.own_law_files import add_own_law_file, law_files, law_kind
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
@@ -28,39 +29,11 @@ from flexlab.sim.law_memory import memory_parts
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
-PD = '''"""A law of one's own."""
-
-from flexlab import OwnLaw, gain, memory, readout
-
-
-class OwnPD(OwnLaw):
-    """PD with weight compensation, which adds up its error.
-
-    The rest of this text is not shown.
-    """
-
-    position_gain = gain((2e4, 2e4, 2e4), "N/m, N·m/rad", low=0, high=1e6, symbol="P")
-    velocity_gain = gain(800.0, "N·s/m, N·m·s/rad", low=0, high=1e5, symbol="D")
-    error_sum = memory(3)
-    calls = memory(1, start=5)
-    push = readout("N", "common force along x")
-
-    def act(self, at):
-        e, e_dot = at.pose - at.desired_pose, at.pose_rate - at.desired_rate
-        self.error_sum += e
-        self.calls += 1
-        common = -self.position_gain * e - self.velocity_gain * e_dot
-        self.push = common[0]
-        return at.weights + at.shared(common)
-'''
-
 
 @pytest.fixture(autouse=True)
 def _forgotten() -> Iterator[None]:
     yield
-    hosts.run_apart(False)
-    for kind in [kind for kind, law in laws().items() if isinstance(law, PythonLaw)]:
-        forget_law(kind)
+    forget_own_laws()
 
 
 def scenario(source: str = PD, file: str = "own_pd.py", **changes: object) -> Scenario:

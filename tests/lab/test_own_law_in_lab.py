@@ -6,49 +6,19 @@ from pathlib import Path
 
 import pytest
 from lab_page import wait_until
+from own_law_text import PD, forget_own_laws
 
-from flexlab.control import own_law_hosts as hosts
-from flexlab.control.law import forget_law, laws
-from flexlab.control.own_law import PythonLaw
 from flexlab.control.own_law_files import add_own_law_file
 from flexlab.lab.panel.choice import changes_for
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Play, Reset
 
-PD = '''"""A law of one's own."""
-
-from flexlab import OwnLaw, gain, memory, readout
-
-
-class OwnPD(OwnLaw):
-    """PD with weight compensation, which adds up its error.
-
-    The rest of this text is not shown.
-    """
-
-    position_gain = gain((2e4, 2e4, 2e4), "N/m, N·m/rad", low=0, high=1e6, symbol="P")
-    velocity_gain = gain(800.0, "N·s/m, N·m·s/rad", low=0, high=1e5, symbol="D")
-    error_sum = memory(3)
-    calls = memory(1, start=5)
-    push = readout("N", "common force along x")
-
-    def act(self, at):
-        e, e_dot = at.pose - at.desired_pose, at.pose_rate - at.desired_rate
-        self.error_sum += e
-        self.calls += 1
-        common = -self.position_gain * e - self.velocity_gain * e_dot
-        self.push = common[0]
-        return at.weights + at.shared(common)
-'''
-
 
 @pytest.fixture(autouse=True)
 def _forgotten() -> Iterator[None]:
     yield
-    hosts.run_apart(False)
-    for kind in [kind for kind, law in laws().items() if isinstance(law, PythonLaw)]:
-        forget_law(kind)
+    forget_own_laws()
 
 
 def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was(tmp_path: Path):

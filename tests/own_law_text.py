@@ -1,0 +1,38 @@
+"""A control law in plain Python that tests of several rooms use."""
+
+from flexlab.control import own_law_hosts as hosts
+from flexlab.control.law import forget_law, laws
+from flexlab.control.own_law import PythonLaw
+
+PD = '''"""A law of one's own."""
+
+from flexlab import OwnLaw, gain, memory, readout
+
+
+class OwnPD(OwnLaw):
+    """PD with weight compensation, which adds up its error.
+
+    The rest of this text is not shown.
+    """
+
+    position_gain = gain((2e4, 2e4, 2e4), "N/m, N·m/rad", low=0, high=1e6, symbol="P")
+    velocity_gain = gain(800.0, "N·s/m, N·m·s/rad", low=0, high=1e5, symbol="D")
+    error_sum = memory(3)
+    calls = memory(1, start=5)
+    push = readout("N", "common force along x")
+
+    def act(self, at):
+        e, e_dot = at.pose - at.desired_pose, at.pose_rate - at.desired_rate
+        self.error_sum += e
+        self.calls += 1
+        common = -self.position_gain * e - self.velocity_gain * e_dot
+        self.push = common[0]
+        return at.weights + at.shared(common)
+'''
+
+
+def forget_own_laws() -> None:
+    """As if no law in Python had been given."""
+    hosts.run_apart(False)
+    for kind in [kind for kind, law in laws().items() if isinstance(law, PythonLaw)]:
+        forget_law(kind)

@@ -48,7 +48,7 @@ AnyScenario = Scenario | str | Path | Mapping[str, Any]
 """A scenario; a preset's name; the path of a scenario file; or plain data, as read from JSON."""
 
 
-class Run(samples.Run):
+class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of all arrays)
     name: str
     """The preset or file that the scenario came from; recordings are called after it."""
 

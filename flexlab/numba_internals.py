@@ -163,4 +163,5 @@ class Inlined:
         self.__module__, self.__qualname__ = self.py_func.__module__, self.py_func.__qualname__
 
     def __call__(self, *arguments: Any) -> Any:
+        """Run the Python function."""
         return self.py_func(*arguments)

@@ -37,7 +37,7 @@ class Comparison:
 
     @property
     def labels(self) -> list[str]:
-        """A, B, C…"""
+        """A, B, C and so on, one per run."""
         return [run_label(number) for number in range(len(self.recordings))]
 
     @property

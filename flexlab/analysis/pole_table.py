@@ -28,7 +28,7 @@ class PoleRow(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """ "grows", "stays" or "decays"."""
+        """One of "grows", "stays" and "decays"."""
         if self.rate > NEUTRAL:
             return "grows"
         return "stays" if self.rate > -NEUTRAL else "decays"
@@ -47,7 +47,7 @@ def pole_rows(poles: np.ndarray, origin: Sequence[str], most: int | None = None)
 
 
 def sampling_text(control_period: float | None, input_delay: int) -> str:
-    """ "sampled at 1 ms, torques 1 sample late"; "continuous" without a control period."""
+    """As in "sampled at 1 ms, torques 1 sample late"; "continuous" without a control period."""
     if control_period is None:
         return "continuous"
     text = f"sampled at {1e3 * control_period:g} ms"

@@ -1,0 +1,1 @@
+"""Control: laws, paths, observers and shapers, one file each, found through registries."""

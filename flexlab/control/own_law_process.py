@@ -213,7 +213,7 @@ class Apart:
             return 0.0
 
     def _line(self) -> str:
-        """ ", line 12": where the law is now; empty if it cannot be found out."""
+        """Where the law is now, as in ", line 12"; empty if it cannot be found out."""
         if self._process is None:
             return ""
         self._listen(0.0)

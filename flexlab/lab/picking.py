@@ -1,5 +1,7 @@
 """Hands on the machine: dragging beam or link pulls it with a spring, clicking the beam taps it with a calibrated impulse.
-Both are commands, so they are in the log and a replay contains them."""
+
+Both are commands, so they are in the log and a replay contains them.
+"""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,0 +1,1 @@
+"""The plant: beam, arms, their coupled equations of motion, energies and forces."""

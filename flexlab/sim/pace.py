@@ -73,5 +73,5 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str) -> str:
 
 
 def _either(choices: list[str]) -> str:
-    """ "a, b or c"."""
+    """The choices in a sentence, as in "a, b or c"."""
     return " or ".join([", ".join(choices[:-1]), choices[-1]] if len(choices) > 1 else choices)

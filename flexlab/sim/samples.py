@@ -111,6 +111,7 @@ class Status(str):
     time: float
 
     def __new__(cls, name: str, text: str = "", time: float = 0.0) -> "Status":
+        """Make the value `name`; `text` defaults to the name."""
         status = super().__new__(cls, name)
         status.text = text or name
         status.time = time

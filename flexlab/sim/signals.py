@@ -102,8 +102,11 @@ class Signals:
 
     @derived("w - w_qs", "m", since=2)
     def vibration(self) -> np.ndarray:
-        """Deflection at mid-span less its quasi-static part: what can be driven to zero. A beam that is soft against the
-        motion also answers its changes (forced, at the motion's own frequency): that part stays and is no free ring."""
+        """Deflection at mid-span less its quasi-static part: what can be driven to zero.
+
+        A beam that is soft against the motion also answers its changes (forced, at the motion's own frequency): that part
+        stays and is no free ring.
+        """
         return self.midspan_deflection - self.quasi_static_deflection
 
     @derived("T + ½ qᵀ K_F q + U_g", "J")

@@ -23,7 +23,7 @@ FASTEST_WRIST = 100.0
 
 
 def arm_name(scenario: Scenario, index: int) -> str:
-    """ "left arm" or "right arm"."""
+    """Either "left arm" or "right arm"."""
     return "left arm" if index == 0 else "right arm"
 
 

@@ -77,8 +77,6 @@ class RunMetrics:
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RunMetrics) and (self.window, self._values) == (other.window, other._values)
 
-    __hash__ = None  # type: ignore[assignment]
-
     @property
     def rows(self) -> tuple[MetricRow, ...]:
         """All numbers with titles and units for people (mm, mrad), in the order of a table."""

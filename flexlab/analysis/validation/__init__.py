@@ -1,4 +1,4 @@
-"""Validation: is what this installation computes what the paper and mechanics say?
+"""Validation: whether what this installation computes is what the paper and mechanics say.
 
 Each module of this folder states facts about one subject, and checks them against something that this package did not compute:
 closed formulas, the numbers of an independent solution, and mechanics of mass points without its matrices.

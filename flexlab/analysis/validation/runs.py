@@ -34,8 +34,10 @@ class Runs:
 
     @cached_property
     def general(self) -> Run:
-        """3 ms of the paper's system with weight, in the middle of a fast motion, its beam bent, without any symmetry: clamped
-        at one end. Sampled finely enough to take derivatives."""
+        """3 ms of the paper's system with weight, in the middle of a fast motion, its beam bent and clamped at one end.
+
+        It has no symmetry, and is sampled finely enough to take derivatives.
+        """
         return _general("pinned-clamped", (0.05, 0.006, -0.02))
 
     @cached_property

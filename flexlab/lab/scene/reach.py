@@ -1,5 +1,7 @@
-"""Where the payload's middle can be at its present angle: floor shading of what the arms cannot reach, and of what is near
-a stretched or folded elbow."""
+"""Where the payload's middle can be at its present angle.
+
+Floor shading of what the arms cannot reach, and of what is near a stretched or folded elbow.
+"""
 
 import numpy as np
 import viser

@@ -10,6 +10,9 @@ import pytest
 from get_browser import find_browser
 from lab_process import Lab
 from playwright.sync_api import Browser, sync_playwright
+from workers import is_of_browser, pytest_cmdline_main, pytest_xdist_make_scheduler
+
+__all__ = ["pytest_cmdline_main", "pytest_xdist_make_scheduler"]
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -26,6 +29,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what drives a browser: `pytest -m "not browser"` is the quick answer."""
     for item in items:
         if "chromium" in getattr(item, "fixturenames", ()):
+            if not is_of_browser(item.nodeid):
+                raise pytest.UsageError(f"{item.nodeid} drives a browser: its file's name has to end in _in_browser.py")
             item.add_marker("browser")
 
 

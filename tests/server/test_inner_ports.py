@@ -5,15 +5,11 @@ from collections.abc import Callable
 import psutil
 import pytest
 from http_client import ask, upgrade, wait_until
-from playwright.sync_api import Browser
 
 from flexlab.lab.viser_server import SECRET_HEADER
 from flexlab.server.front_server import FrontServer
 
 FOREIGN = {"Origin": "http://evil.example", "Host": "evil.example"}
-OPEN_SOCKET = """(address) => new Promise((done) => {
-  const plug = new WebSocket(address, 'viser-v1.1.1');
-  plug.onopen = () => done('open'); plug.onmessage = () => done('data'); plug.onerror = () => done('refused'); })"""
 
 
 def inside(front_server: FrontServer) -> str:
@@ -46,14 +42,3 @@ def test_private_labs_answer_nobody_without_their_secret(open_another: Callable[
     (place,) = wait_until(front_server.places.running, "the lab runs")
     assert ask(f"http://127.0.0.1:{place.port}", place.path, **upgrade()).status == 403
     assert ask(front_server.url, place.path, cookies=answer.cookies, **upgrade()).status == 101
-
-
-def test_a_page_of_another_origin_gets_nothing_from_the_inner_port(front_server: FrontServer, chromium: Browser):
-    context = chromium.new_context()
-    try:
-        page = context.new_page()
-        page.goto(f"http://localhost:{front_server.port}/static/icon.svg")
-        assert page.evaluate(OPEN_SOCKET, inside(front_server).replace("http", "ws") + "/lab") == "refused"
-        assert page.evaluate(OPEN_SOCKET, f"ws://127.0.0.1:{front_server.port}/lab") == "refused"
-    finally:
-        context.close()

@@ -1,0 +1,39 @@
+"""The viewer of a browser shows live data that come through the front server only."""
+
+import io
+from collections.abc import Callable
+from urllib.parse import urlsplit
+
+import numpy as np
+from http_client import ARTIFACTS, wait_until
+from PIL import Image
+from playwright.sync_api import Browser
+
+from flexlab.recording.recorded_plots import BLUE, GREEN, VERMILION
+from flexlab.server.front_server import FrontServer
+
+TOKEN = "a-token-for-tests"
+NEAR, SHARE = 24, 2e-4
+"""How near a pixel is to a curve's colour, and the share of such pixels where curves are."""
+
+
+def test_the_viewer_of_a_browser_shows_live_data(open_another: Callable[..., FrontServer], chromium: Browser):
+    front_server = open_another(live=True, token=TOKEN)
+    page = chromium.new_page(viewport={"width": 1200, "height": 800})
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+
+    def drawn() -> bool:
+        page.wait_for_timeout(1000)
+        image = np.asarray(
+            Image.open(io.BytesIO(page.screenshot(path=ARTIFACTS / "live-data.png"))).convert("RGB"), int
+        )
+        plots = image[:, image.shape[1] // 2 :]
+        return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (BLUE, VERMILION, GREEN))
+
+    try:
+        page.goto(front_server.address("/live"))
+        wait_until(drawn, "the viewer draws arms and plots", patience=120)
+    finally:
+        page.close()
+    assert {urlsplit(url).port for url in asked if url.startswith("http")} == {front_server.port}

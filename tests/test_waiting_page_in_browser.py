@@ -1,0 +1,25 @@
+"""The page of a first start turns into the lab by itself."""
+
+import functools
+import http.server
+import threading
+from pathlib import Path
+
+from playwright.sync_api import Browser
+
+from flexlab.cli.waiting_page import WaitingPage
+
+
+def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path, chromium: Browser):
+    (tmp_path / "index.html").write_text("<title>the lab</title>")
+    tab = chromium.new_page()
+    with WaitingPage("127.0.0.1", 0) as page:
+        tab.goto(page.url)
+        assert "compiling" in tab.inner_text("main")
+    port = int(page.url.rsplit(":", 1)[1])
+    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", port), handler) as lab:
+        threading.Thread(target=lab.serve_forever, args=(0.05,), daemon=True).start()
+        tab.wait_for_function("document.title === 'the lab'")
+        lab.shutdown()
+    tab.close()

@@ -1,0 +1,63 @@
+"""Folders of tests run in as many processes as there are processors, a file in one of them; single files run here.
+
+So `pytest` needs no option, a debugger meets one process (`pytest tests/test_api.py`, `-n0`, `--pdb`, `-p no:xdist`), and what
+the tests of a file share is made once. All browsers are driven by one process, one after the other: two of them draw so
+slowly on two processors that pages time out.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+MOST = 4
+"""Processes at most: more of them wait for the one that drives the browser."""
+
+
+def is_of_browser(test: str) -> bool:
+    """Whether a test's file drives a browser, by its name: the process that deals out the tests knows no more of them."""
+    return test.partition("::")[0].endswith("_in_browser.py")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Choose the number of processes, if nobody did; have the kernels compiled once before they all want them."""
+    if not config.pluginmanager.hasplugin("xdist") or hasattr(config, "workerinput"):
+        return
+    chosen = [Path(config.invocation_params.dir, name) for name in config.args]
+    if config.option.numprocesses is None and any(path.is_dir() for path in chosen) and not config.option.usepdb:
+        config.option.numprocesses = min(_processors(), MOST)
+    if config.option.numprocesses and config.option.dist == "no":
+        config.option.dist = "loadfile"
+    if config.option.numprocesses and not config.option.collectonly and Path(__file__).parent in chosen:
+        _compile_kernels()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log):
+    """By files, with all files of browsers as one."""
+    if config.option.dist != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class OneBrowser(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return "browser" if is_of_browser(nodeid) else super()._split_scope(nodeid)
+
+    return OneBrowser(config, log)
+
+
+def _processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _compile_kernels() -> None:
+    from flexlab.sim.compile_all import is_everything_compiled
+
+    if not is_everything_compiled():
+        print("compiling the equations of motion, once ...", flush=True)
+        program = "from flexlab.sim.compile_all import compile_everything; compile_everything()"
+        subprocess.run([sys.executable, "-c", program], check=True)

@@ -21,6 +21,9 @@ FRAME_TIME = 1 / 30
 READOUT_EVERY = 3
 """Pictures per update of plots and readouts: 10 Hz, as fast as numbers can be read."""
 
+UNSEEN_TIME = 0.25
+"""Wall seconds between two looks whether somebody has come: who comes is seen at once, so this bounds nothing that shows."""
+
 log = limited(__name__)
 
 
@@ -44,7 +47,8 @@ class RenderLoop:
         self._server, self._runner, self._lab_state = server, runner, lab_state
         self._scene, self._cameras, self._panel, self._plots, self._guide = scene, cameras, panel, plots, guide
         self._reports, self._attendance = reports, attendance
-        self._stop = threading.Event()
+        self._stop, self._come = threading.Event(), threading.Event()
+        server.on_client_connect(self._greet)
         self._thread = threading.Thread(target=self._run, name="flexlab-drawing", daemon=True)
 
     def start(self) -> None:
@@ -54,16 +58,22 @@ class RenderLoop:
     def stop(self) -> None:
         """Stop drawing; returns when the thread is done."""
         self._stop.set()
+        self._come.set()
         if self._thread.is_alive():
             self._thread.join()
+
+    async def _greet(self, _: viser.ClientHandle) -> None:
+        self._come.set()
 
     def _run(self) -> None:
         frame = 0
         while not self._stop.is_set():
+            self._come.clear()
             began = time.monotonic()
             if self._attendance is not None:
                 self._attendance.update()
-            if frame == 0 or self._server.get_clients():
+            seen = bool(self._server.get_clients())
+            if frame == 0 or seen:
                 try:
                     self._draw(frame % READOUT_EVERY == 0)
                 except Exception as error:
@@ -72,7 +82,10 @@ class RenderLoop:
                         f"Drawing failed ({type(error).__name__}: {error}); the simulation goes on.", "error"
                     )
                 frame += 1
-            self._stop.wait(max(FRAME_TIME - (time.monotonic() - began), 0.002))
+            if seen:
+                self._stop.wait(max(FRAME_TIME - (time.monotonic() - began), 0.002))
+            else:
+                self._come.wait(UNSEEN_TIME)
 
     def _draw(self, readouts: bool) -> None:
         snapshot, view = self._runner.snapshot, self._lab_state.view

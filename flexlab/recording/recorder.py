@@ -28,6 +28,9 @@ from flexlab.sim.world_state import WorldState
 WRITE_PERIOD = 0.1
 """Wall seconds between writes of exact samples: what a killed process loses, and some time for the write itself."""
 
+IDLE_PERIOD = 1.0
+"""Wall seconds between two looks at a file into which nothing is to be written: whether it is still there, and has room."""
+
 WRITE_ROWS = 200
 """Samples that are written at once, however little time has passed: at four times real time they come as fast."""
 
@@ -131,11 +134,14 @@ class Recorder:
     # Everything below runs on the recorder's thread.
 
     def _work(self) -> None:
+        is_idle = False
         while True:
             try:
-                job = self._queue.get(timeout=WRITE_PERIOD)
+                job = self._queue.get(timeout=IDLE_PERIOD if is_idle else WRITE_PERIOD)
             except queue.Empty:
                 job = _nothing
+            waits = self._blocks or self._unshown or self._live is not None or self.problem is not None
+            is_idle = job is _nothing and not waits
             try:
                 if job is None:
                     self._end(Status("finished", "The lab was closed."), self._dropped)

@@ -1,13 +1,41 @@
-"""What every process that the server starts has in common."""
+"""What every process that the server starts has in common, and where labs' processes come from."""
 
 import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Generator
-from multiprocessing import resource_tracker
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from multiprocessing.context import ForkServerContext, SpawnContext
+
+LAB_PROGRAM = "flexlab.server.labs.preloaded"
+"""What the process has read, and tried out once, from which labs are forked."""
+
+
+def lab_processes() -> "ForkServerContext | SpawnContext":
+    """Makes processes of labs. On Linux they are forked off one that has the whole program in memory, which they share.
+
+    Elsewhere forking is not safe (macOS) or not to be had (Windows): there each reads the program for itself.
+    """
+    if sys.platform != "linux":
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([LAB_PROGRAM])
+    return context
+
+
+def prepare_lab_processes() -> None:
+    """Let the program of labs be read into memory, beside: the first visitor then waits no longer than the others."""
+    lab_processes()
+    if sys.platform == "linux":
+        with without_interrupt():
+            forkserver.ensure_running()
 
 
 @contextlib.contextmanager

@@ -71,6 +71,12 @@ class CommandQueue:
             self._waiting = waiting
 
     @property
+    def is_empty(self) -> bool:
+        """Whether nothing waits."""
+        with self._lock:
+            return not self._waiting
+
+    @property
     def has_load(self) -> bool:
         """Whether another scenario waits to be loaded: nothing that is still being prepared matters any more."""
         with self._lock:

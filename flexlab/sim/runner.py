@@ -43,6 +43,9 @@ FRAME = 1 / 60
 FRAME_BUDGET = 0.03
 """Wall seconds after which a round publishes what there is and leaves the rest to the next: a picture every 50 ms."""
 
+IDLE_PERIOD = 0.25
+"""Wall seconds between two rounds while time stands and nobody asks for anything: a lab that waits costs next to nothing."""
+
 STOP_PERIOD = 0.02
 """Wall seconds between two reminders that the thread is to stop."""
 
@@ -81,6 +84,7 @@ class Runner:
         self._pace_warning = ""
         self._hold_starts, self._released = hold_starts, 0
         self._stopping = threading.Event()
+        self._news = threading.Event()
         self._thread: threading.Thread | None = None
         self._run_number = 0
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
@@ -107,6 +111,7 @@ class Runner:
         if self._stopping.is_set():
             return
         self._stopping.set()
+        self._news.set()
         self._preparation.stop()
         # Again and again: the thread may just have begun to work on another world.
         while self._thread is not None and self._thread.is_alive():
@@ -120,12 +125,14 @@ class Runner:
         Commands of one frame that supersede one another are merged (see `command_queue`).
         """
         self._commands.put(command)
+        self._news.set()
         if isinstance(command, (LoadScenario, Reset)):
             self._world.interrupt()  # What it still computes, nobody will see.
 
     def release(self, run_number: int) -> None:
         """Let a run go on that waits at its first instant; for another one this means nothing. Any thread."""
         self._released = run_number
+        self._news.set()
 
     @property
     def snapshot(self) -> Snapshot:
@@ -162,9 +169,19 @@ class Runner:
     def _loop(self) -> None:
         next_frame = self._clock()
         while not self._stopping.is_set():
+            self._news.clear()
             self.frame()
             next_frame = max(next_frame + FRAME, self._clock())
-            self._sleep(max(0.0, next_frame - self._clock()))
+            if self._is_idle:
+                self._news.wait(IDLE_PERIOD)
+            else:
+                self._sleep(max(0.0, next_frame - self._clock()))
+
+    @property
+    def _is_idle(self) -> bool:
+        """Whether the next round would find nothing to do unless somebody asks for something."""
+        works = self._pacing.runs or self._steps_left or self._preparation.current is not None
+        return not works and self._commands.is_empty
 
     def _drain(self) -> None:
         refused = self._commands.refused()

@@ -53,10 +53,13 @@ class Visitor:
 
 
 def workers(lab: Lab) -> list[psutil.Process]:
-    """Its children that were spawned to do something; not Python's own helper."""
-    return [
-        process for process in psutil.Process(lab.process.pid).children() if "spawn_main" in " ".join(process.cmdline())
-    ]
+    """The processes that do something for it: jobs, and labs, which are forked from one that only holds their program."""
+
+    def works(process: psutil.Process) -> bool:
+        words = " ".join(process.cmdline())
+        return "spawn_main" in words or ("forkserver" in words and process.ppid() != lab.process.pid)
+
+    return [process for process in psutil.Process(lab.process.pid).children(recursive=True) if works(process)]
 
 
 def gone(process: psutil.Process) -> bool:

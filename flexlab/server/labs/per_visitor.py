@@ -14,6 +14,7 @@ from flexlab.control import own_law_hosts
 from flexlab.errors import FlexlabError, LabError
 from flexlab.recording.live import LiveHub
 from flexlab.recording.repair import finish
+from flexlab.server.child_processes import prepare_lab_processes
 from flexlab.server.labs.lab_provider import Choice, FullError, Lab
 from flexlab.server.labs.recorded_lab import LabStatus
 from flexlab.server.labs.worker import STOP_TIME, Order, Worker
@@ -78,6 +79,7 @@ class PrivateLabs:
 
     def __init__(self, settings: Settings, first: Choice, address: str):
         """`first`: what a visitor sees who chose nothing. `address`: of the server."""
+        prepare_lab_processes()
         self._settings, self._first, self._address = settings, first, address
         self._places: dict[str, PrivateLab] = {}
         self._opening: dict[str, asyncio.Future[PrivateLab]] = {}

@@ -1,7 +1,6 @@
 """A lab in a process of its own: what runs inside that process, and how the server holds it."""
 
 import contextlib
-import multiprocessing
 import signal
 import threading
 import time
@@ -13,7 +12,7 @@ from pathlib import Path
 from flexlab.control.own_law_files import know_own_laws
 from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.recording.live import LiveHub, Take
-from flexlab.server.child_processes import leave_interrupts_to_the_server, without_interrupt
+from flexlab.server.child_processes import lab_processes, leave_interrupts_to_the_server, without_interrupt
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
 
@@ -104,7 +103,7 @@ class Worker:
 
     def __init__(self, order: Order, on_end: Callable[[], None]):
         """Start the process. `on_end` is called, on a thread, when it is over for whatever reason."""
-        context = multiprocessing.get_context("spawn")
+        context = lab_processes()
         self._pipe, other = context.Pipe()
         source, target = context.Pipe(duplex=False) if order.live else (None, None)
         self._process = context.Process(target=work, args=(order, other, target), name="flexlab-lab", daemon=True)

@@ -1,0 +1,41 @@
+"""What labs in processes of their own share: imported by the process that they are forked from (`child_processes`)."""
+
+import gc
+import logging
+
+import dateutil.parser
+import imageio.v3
+import PIL.Image
+import pyarrow
+import pyarrow.compute
+import rich.table
+
+from flexlab.errors import FlexlabError
+from flexlab.presets import load_preset
+from flexlab.server.child_processes import leave_interrupts_to_the_server
+from flexlab.server.labs import worker
+from flexlab.sim.world import World
+
+READ_LATE = (dateutil.parser, imageio.v3, pyarrow.compute, rich.table)
+"""What a lab's libraries read only when they draw or record: a third of its memory, half a second of its start."""
+LAB = worker
+"""What it is all for."""
+
+
+def _try_out() -> None:
+    """Go through the engine once, so that its machine code is in memory; no thread is begun, as none survives a fork."""
+    try:
+        World(load_preset("paper")).advance(2)
+    except (FlexlabError, OSError):
+        # A lab that needs it will say so to its visitor.
+        logging.getLogger(__name__).warning("The engine could not be tried out ahead of the first lab.", exc_info=True)
+
+
+leave_interrupts_to_the_server()
+PIL.Image.init()
+# With its first list pyarrow reads pandas, where that is installed.
+pyarrow.array([True])  # pyright: ignore[reportUnknownMemberType]
+_try_out()
+# What is there now stays: the collector of a forked process need not write into it, which would unshare it.
+gc.collect()
+gc.freeze()

@@ -8,7 +8,8 @@ if TYPE_CHECKING:
     from flexlab.analysis.metrics import RunMetrics
     from flexlab.analysis.modes import Modes
     from flexlab.analysis.sweep.result import Sweep
-    from flexlab.api import Run, linearize, modes, read, simulate, simulate_many, sweep
+    from flexlab.api import Run, modes, read, simulate, simulate_many, sweep
+    from flexlab.linear_api import linearize
     from flexlab.notebook import Lab
     from flexlab.own_laws.declaration import OwnLaw, gain, memory, readout
     from flexlab.presets import load_preset, preset_names
@@ -32,7 +33,7 @@ _HOMES = {
     "modes": "flexlab.api",
     "Modes": "flexlab.analysis.modes",
     "internal_force_eq_26": "flexlab.analysis.internal_force",
-    "linearize": "flexlab.api",
+    "linearize": "flexlab.linear_api",
     "LinearModel": "flexlab.analysis.linear_model",
     "OwnLaw": "flexlab.own_laws.declaration",
     "gain": "flexlab.own_laws.declaration",

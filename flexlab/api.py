@@ -1,6 +1,7 @@
 """The Python interface: simulate a scenario by name, file or value, read a recorded run, and what a run can do.
 
-Everything here stands as `flexlab.<name>`; the rooms below do the work.
+Everything here stands as `flexlab.<name>`; the rooms below do the work. What only some calls need is loaded by them: a first
+simulation should not wait for the libraries of recordings and figures.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,12 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis import batch
-from flexlab.analysis import linearize as linear
 from flexlab.analysis import modes as mode_study
-from flexlab.analysis.linear_model import LinearModel
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.result_hash import result_hash
-from flexlab.analysis.run_summary import note_metrics
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.sweep.execution import cell_progress, chosen_executor, run_sweep
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
@@ -25,9 +23,6 @@ from flexlab.control.own_law_files import law_kind
 from flexlab.errors import StudyError
 from flexlab.own_laws.declaration import OwnLaw
 from flexlab.presets import find_scenario
-from flexlab.recording.headless import write_run
-from flexlab.recording.reader import read_recording
-from flexlab.recording.store.run_files import find_run
 from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import samples
@@ -71,6 +66,9 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
         `flexlab review`, the lab's library and `flexlab.read` open it again.
         """
+        from flexlab.analysis.run_summary import note_metrics
+        from flexlab.recording.headless import write_run
+
         path = write_run(self, Path(folder), self.name)
         note_metrics(path)
         return path
@@ -151,19 +149,7 @@ def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None)
     return mode_study.modes(named_scenario(scenario)[1], pose)
 
 
-def linearize(
-    scenario: AnyScenario,
-    pose: tuple[float, float, float] | None = None,
-    inputs: str | Sequence[str] = linear.TORQUE,
-    outputs: str | Sequence[str] = "pose",
-    closed: bool | None = None,
-) -> LinearModel:
-    """See `analysis.linearize.linearize`."""
-    return linear.linearize(named_scenario(scenario)[1], pose, inputs, outputs, closed)
-
-
 modes.__doc__ = f"{modes.__doc__}\n\n    {mode_study.modes.__doc__}"
-linearize.__doc__ = linear.linearize.__doc__
 
 
 def simulate_many(
@@ -227,6 +213,9 @@ def read(run: str | Path, logs: str | Path = LOGS) -> Run:
     """
     if not isinstance(run, (str, Path)):
         raise StudyError(f"read({run!r}) names no recording: give a file's path, a run's name, or \"newest\".")
+    from flexlab.recording.reader import read_recording
+    from flexlab.recording.store.run_files import find_run
+
     recording = read_recording(find_run(str(run), Path(logs)))
     return _run(recording.run, recording.name)
 

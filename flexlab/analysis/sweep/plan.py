@@ -10,7 +10,6 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.sweep.axes import Axis
@@ -68,6 +67,8 @@ class Plan:
     @cached_property
     def _shares(self) -> np.ndarray:
         """Of a design that samples: where on each axis each cell lies, (cells, axes) in [0, 1)."""
+        from scipy.stats import qmc
+
         count, axes = self.samples or 0, len(self.axes)
         if self.design == "sobol":
             with warnings.catch_warnings():

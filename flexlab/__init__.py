@@ -3,12 +3,13 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flexlab.analysis.explanations import Explained
     from flexlab.analysis.internal_force import internal_force_eq_26
     from flexlab.analysis.linear_model import LinearModel
     from flexlab.analysis.metrics import RunMetrics
     from flexlab.analysis.modes import Modes
     from flexlab.analysis.sweep.result import Sweep
-    from flexlab.api import Run, modes, read, simulate, simulate_many, sweep
+    from flexlab.api import Run, explain, modes, read, simulate, simulate_many, sweep
     from flexlab.linear_api import linearize
     from flexlab.notebook import Lab
     from flexlab.own_laws.declaration import OwnLaw, gain, memory, readout
@@ -30,6 +31,8 @@ _HOMES = {
     "Sweep": "flexlab.analysis.sweep.result",
     "Run": "flexlab.api",
     "RunMetrics": "flexlab.analysis.metrics",
+    "explain": "flexlab.api",
+    "Explained": "flexlab.analysis.explanations",
     "modes": "flexlab.api",
     "Modes": "flexlab.analysis.modes",
     "internal_force_eq_26": "flexlab.analysis.internal_force",
@@ -43,6 +46,7 @@ _HOMES = {
 """Public names and the modules they live in; imported on first use, so that `flexlab --help` need not load numba."""
 
 __all__ = [
+    "Explained",
     "Lab",
     "LinearModel",
     "Modes",
@@ -52,6 +56,7 @@ __all__ = [
     "Scenario",
     "Sweep",
     "__version__",
+    "explain",
     "gain",
     "internal_force_eq_26",
     "linearize",

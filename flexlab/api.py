@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     import pyarrow
     from matplotlib.figure import Figure
 
+    from flexlab.analysis.explanations import Explained
     from flexlab.notebook import Page
 
 LOGS = "logs"
@@ -55,6 +56,11 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
     def metrics(self) -> RunMetrics:
         """Tracking errors, vibration, settling time, torques…: of the whole run, in SI units; `print` shows a table."""
         return run_metrics(self)
+
+    @cached_property
+    def explanations(self) -> tuple["Explained", ...]:
+        """What can be said of the run's newest five seconds: `explain(run)`."""
+        return explain(self)
 
     @property
     def result_hash(self) -> str:
@@ -142,6 +148,17 @@ def simulate(
     if law is not None:
         valid = valid.replace({"controller.kind": law_kind(law)})
     return _run(engine.simulate(valid, duration, sample_period, commands), name)
+
+
+def explain(run: Run) -> tuple["Explained", ...]:
+    """Sentences on the newest five seconds of a run, each with its equation and the plot that shows it, important ones first.
+
+    They are computed from its samples and from the poles and conditions of the scenario that it started from; one whose
+    check fails is left out. Of a run whose scenario was changed on its way, those speak of the first one.
+    """
+    from flexlab.analysis.explanations import explain_run
+
+    return explain_run(run)
 
 
 def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None) -> mode_study.Modes:

@@ -20,8 +20,12 @@ INSTANTS = 32
 
 def law_conditions(scenario: Scenario) -> tuple[Condition, ...]:
     """The conditions of a valid scenario's law, met or not; none where motors are off or no desired pose can be reached."""
-    law = law_of(scenario.controller)
-    around = circumstances(scenario)
+    return conditions_in(circumstances(scenario))
+
+
+def conditions_in(around: Circumstances) -> tuple[Condition, ...]:
+    """The same, of circumstances that are known."""
+    law = law_of(around.scenario.controller)
     if not law.drives or not len(around.path):
         return ()
     return *law.conditions(around), slower_than_the_beam(around), *sampled_in_time(around)

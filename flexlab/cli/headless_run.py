@@ -2,26 +2,30 @@
 
 import math
 import time
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from flexlab.analysis.explanations import LONGEST_LOOK
 from flexlab.analysis.metrics import MetricCollection, RunMetrics
 from flexlab.analysis.result_hash import ResultHash
 from flexlab.analysis.run_summary import run_notes
 from flexlab.cli.console import complain, notes, output
 from flexlab.cli.no_pandas import leave_pandas_out
-from flexlab.cli.run_report import Summary
+from flexlab.cli.run_report import Summary, explained
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
 from flexlab.scenario import Scenario
-from flexlab.sim.samples import Samples, Status
+from flexlab.sim.samples import Samples, Status, join_blocks
 from flexlab.sim.simulate import finished
 from flexlab.sim.world import World
 
 BLOCK = 1000
 """Samples between two writes: a megabyte at most, so that long runs need no more memory than short ones."""
+KEPT = round(LONGEST_LOOK / 0.001 / BLOCK)
+"""Newest blocks that are kept for explanations: all that they look at, at the usual sample period."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ def run_and_record(
     if world.pace_warning:
         complain(world.pace_warning)
     leave_pandas_out()
+    kept: deque[Samples] = deque(maxlen=KEPT)
     began = time.perf_counter()
     with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), run_notes) as recording:
         for samples in _blocks(world, math.floor(duration / world.tick_period * (1 + 1e-12) + 1e-9)):
@@ -74,12 +79,16 @@ def run_and_record(
             hashed.update(samples)
             metrics.update(samples)
             recording.write(samples)
+            kept.append(samples)
         status = world.status if world.status.failed else finished(world)
         recording.end(status)
     took = time.perf_counter() - began
     ended = EndedRun(name, recording.path, world, status, summary.count, took, hashed.text(), metrics.compute())
     if not quiet:
         _tell(ended, summary)
+        if kept:
+            for line in explained(join_blocks(list(kept)), world.scenario):
+                output().print(line, markup=False, highlight=False)
     if world.accuracy_warning:
         complain(world.accuracy_warning)
     if status.failed:

@@ -4,15 +4,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexlab.analysis.explanations import Background, Evidence, explain
 from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.metrics.settling_time import SettlingTime
+from flexlab.errors import FlexlabError
+from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+MOST_EXPLAINED = 3
+"""Sentences of a report: the most important ones."""
 START_SPAN = 1.0
 """s: what counts as the start, in which the paper's controller has caught the path and the beam has calmed down."""
+
+
+def explained(samples: Samples, scenario: Scenario) -> list[str]:
+    """What can be said of a run's newest samples, a line per sentence; none where a scenario has no modes."""
+    try:
+        background = Background.of(scenario)
+    except FlexlabError:
+        return []
+    found = explain(Evidence.of_run(samples, background, start=0.0))
+    return [f"{each.plot}: {each.sentence} ({each.equation})" for each in found[:MOST_EXPLAINED]]
 
 
 class Summary:

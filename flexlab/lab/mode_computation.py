@@ -1,16 +1,18 @@
-"""Computes modes and conditions of the present scenario beside the lab: a fine mesh holds up neither picture nor controls."""
+"""Computes modes, conditions and what explanations need of the present scenario beside the lab.
+
+So a fine mesh holds up neither picture nor controls.
+"""
 
 import logging
 import threading
 
 import numpy as np
 
-from flexlab.analysis.law_conditions import law_conditions
-from flexlab.analysis.modes import Modes, modes
+from flexlab.analysis.explanations import Background
+from flexlab.analysis.modes import Modes
 from flexlab.control.conditions import Condition
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Payload, Scenario
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.geometry import deflection_at
 
 PEAK_POINTS = 101
@@ -38,6 +40,7 @@ class ModeStudy:
         """Why there is no result, as a sentence."""
         self.conditions: tuple[Condition, ...] = ()
         """What the stability of the control law needs, met or not."""
+        self._background: Background | None = None
 
     def ask(self, scenario: Scenario) -> None:
         """Have the modes of `scenario` computed, unless they are or are being computed."""
@@ -49,6 +52,11 @@ class ModeStudy:
             self._thread = threading.Thread(target=self._compute, args=(scenario,), name="flexlab-modes", daemon=True)
             self._thread.start()
 
+    def background(self, scenario: Scenario) -> Background | None:
+        """What explanations need to know of `scenario` before they look at a run; None while it is not computed."""
+        found = self._background
+        return found if found is not None and _key(found.scenario) == _key(scenario) else None
+
     def stop(self) -> None:
         """Wait for a computation that is under way."""
         with self._lock:
@@ -58,13 +66,10 @@ class ModeStudy:
 
     def _compute(self, scenario: Scenario) -> None:
         try:
-            with one_blas_thread():
-                self.conditions = law_conditions(scenario)
-                result = modes(scenario)
-                _ = result.disk_margin  # worked out here, not by the thread that draws the panel
-                self.result, self.problem = result, ""
+            self._background = found = Background.of(scenario)
+            self.conditions, self.result, self.problem = found.conditions, found.modes, ""
         except FlexlabError as error:
-            self.problem = str(error)
+            self.conditions, self.problem = (), str(error)
         except Exception as error:
             log.exception("modes failed")
             self.problem = f"The modes could not be computed ({type(error).__name__}: {error})."

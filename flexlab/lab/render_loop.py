@@ -2,6 +2,8 @@
 
 import threading
 import time
+from collections.abc import Sequence
+from typing import Protocol
 
 import viser
 
@@ -9,12 +11,12 @@ from flexlab.lab.attendance import Attendance
 from flexlab.lab.client_cameras import ClientCameras
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.page_reports import PageReports
-from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.plots.plots import Plots
 from flexlab.lab.scene.scene import Scene
 from flexlab.log_limits import limited
 from flexlab.sim.runner import Runner
+from flexlab.sim.snapshot import Snapshot
 
 FRAME_TIME = 1 / 30
 """Wall seconds per picture."""
@@ -25,6 +27,13 @@ UNSEEN_TIME = 0.25
 """Wall seconds between two looks whether somebody has come: who comes is seen at once, so this bounds nothing that shows."""
 
 log = limited(__name__)
+
+
+class Readout(Protocol):
+    """What follows the run, a few times a second."""
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Bring it up to date."""
 
 
 class RenderLoop:
@@ -39,13 +48,13 @@ class RenderLoop:
         cameras: ClientCameras,
         panel: Panel,
         plots: Plots,
-        guide: Guide,
+        readouts: Sequence[Readout],
         reports: PageReports,
         attendance: Attendance | None,
     ):
-        """`attendance`: who releases and holds runs; None: they run whether somebody looks or not."""
+        """`readouts`: what else follows the run. `attendance`: who releases and holds runs; None: nobody has to look."""
         self._server, self._runner, self._lab_state = server, runner, lab_state
-        self._scene, self._cameras, self._panel, self._plots, self._guide = scene, cameras, panel, plots, guide
+        self._scene, self._cameras, self._panel, self._plots, self._readouts = scene, cameras, panel, plots, readouts
         self._reports, self._attendance = reports, attendance
         self._stop, self._come = threading.Event(), threading.Event()
         server.on_client_connect(self._greet)
@@ -94,5 +103,6 @@ class RenderLoop:
         self._cameras.follow(snapshot)
         if readouts:
             self._panel.update(snapshot, self._scene.legend(view))
-            self._guide.update(snapshot)
+            for readout in self._readouts:
+                readout.update(snapshot)
             self._plots.update(self._runner, snapshot, view, self._lab_state.kept, self._reports.open_charts())

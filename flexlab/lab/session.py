@@ -16,6 +16,7 @@ from flexlab.lab.page_reports import PAGE_SCRIPT, PageReports
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.picking import Picking
+from flexlab.lab.plots.explanation_list import ExplanationList
 from flexlab.lab.plots.plots import Plots
 from flexlab.lab.presentation import Presentation
 from flexlab.lab.render_loop import RenderLoop
@@ -158,6 +159,7 @@ class Session:
             presentation.toggle,
         )
         plots = Plots(server.gui, board, self._scenario, lab_state.view.plot_window)
+        explanations = ExplanationList(server.gui, self.runner, self._study, plots.homes)
         with reading.add_tab("Guide"):
             guide = Guide(server.gui, lab_state, self.runner)
 
@@ -179,4 +181,5 @@ class Session:
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position
         self.guard.watch(server, lab_state)
-        return RenderLoop(server, self.runner, lab_state, scene, cameras, panel, plots, guide, reports, attendance)
+        readouts = (guide, explanations)
+        return RenderLoop(server, self.runner, lab_state, scene, cameras, panel, plots, readouts, reports, attendance)

@@ -79,6 +79,7 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
 .fl-badge { font-size: 0.75em; font-weight: 500; padding: 0.1em 0.5em; border-radius: 0.8em; white-space: nowrap;
   background: rgba(230, 159, 0, 0.25); }
 .fl-info { background: rgba(0, 114, 178, 0.12); border-left: 3px solid #0072b2; }
+.fl-why { margin-top: 0.35em; overflow-wrap: anywhere; }
 .fl-list { max-height: 11em; overflow-y: auto; overflow-wrap: anywhere; font-variant-numeric: tabular-nums; }
 /* The labels of a slider's ends stay between its ends. */
 .mantine-Slider-markWrapper:first-of-type .mantine-Slider-markLabel { transform: translate(-0.2em, 0.03rem) !important; }

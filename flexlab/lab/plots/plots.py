@@ -29,8 +29,11 @@ class Plots:
         self._count = 0
         self._opened: Mapping[str, tuple[float, float]] | None = None
         self._homes = {name: panel.add_tab(name) for name in tabs(scenario)}
-        with panel.add_tab("Spectrum"):
+        spectrum = panel.add_tab("Spectrum")
+        with spectrum:
             self._spectrum = Spectrum(gui, scenario)
+        self.homes = (*self._homes.values(), spectrum)
+        """The tabs."""
         self._charts: list[list[Chart]] = []
         self._plotted: object = None
         self._build(scenario, None)

@@ -1,0 +1,32 @@
+"""What can be said of a run, sentences computed from its numbers: each explanation in a file of its own.
+
+A file here that registers an explanation is all that a new one takes; `explanation.py` says how.
+"""
+
+import pkgutil
+from importlib import import_module
+
+from flexlab.analysis.explanations.evidence import LONGEST_LOOK, Background, Evidence
+from flexlab.analysis.explanations.explanation import (
+    EXPLANATIONS,
+    Explained,
+    Explanation,
+    explain,
+    explain_run,
+    register,
+)
+
+for module in pkgutil.iter_modules(__path__):
+    import_module(f"{__name__}.{module.name}")
+
+__all__ = [
+    "EXPLANATIONS",
+    "LONGEST_LOOK",
+    "Background",
+    "Evidence",
+    "Explained",
+    "Explanation",
+    "explain",
+    "explain_run",
+    "register",
+]

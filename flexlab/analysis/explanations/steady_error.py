@@ -1,0 +1,107 @@
+"""The error that stays in steady motion, and what holds it there."""
+
+import numpy as np
+
+from flexlab.analysis.explanations.evidence import Evidence
+from flexlab.analysis.explanations.explanation import n, register
+from flexlab.analysis.lesson_measures import largest, length
+
+WORTH = 1e-5
+"""Error from which on it is worth a sentence, m."""
+OFTEN = 0.05
+"""Share of the time for which s must be outside of its layer."""
+AGREES = (0.4, 1.25)
+"""Measured over predicted error: the prediction bounds it, and should not be far from it."""
+
+
+def _stiffness(seen: Evidence, layer: float) -> float:
+    """K + ρ/ε, N·s/m: what feeds s back inside its boundary layer; ρ: the constant bound, or the learnt one at the end."""
+    gain, bound = seen.field("feedback_gain", 0.0) or 0.0, seen.field("bound")
+    if bound is None:
+        b, samples = seen.samples.bound_estimates[-1], seen.samples
+        x, v = np.linalg.norm(samples.pose[-1]), np.linalg.norm(samples.pose_rate[-1])
+        bound = float(b[0] + b[1] * x + b[2] * v**2) if np.isfinite(b).all() else 0.0
+    return gain + bound / layer
+
+
+@register("outside the boundary layer", "K ‖s‖ = ‖Ψ‖, inside only if ‖Ψ‖ ≤ K ε", "Sliding variable s", 13)
+def outside_the_layer(seen: Evidence) -> str | None:
+    """Feedback too weak for what the beam asks: s leaves its layer in steady motion."""
+    span, layer, gain, around = (
+        seen.steady,
+        seen.field("boundary_layer"),
+        seen.field("feedback_gain"),
+        seen.background.around,
+    )
+    if span is None or layer is None or gain is None or around is None:
+        return None
+    size = np.linalg.norm(span.sliding_variable, axis=1)
+    share, force = float(np.mean(size > layer)), around.largest_reaction
+    if share < OFTEN or force <= gain * layer:
+        return None
+    return (
+        f"‖s‖ is outside its boundary layer of {n(layer)} m/s for {n(100 * share)} % of the last second, up to "
+        f"{n(float(size.max()))} m/s: the beam asks for ‖Ψ‖ = {n(force)} N, and K = {n(gain)} N·s/m alone holds "
+        f"that at {n(force / gain)} m/s. K above {n(force / layer)} N·s/m or faster adaptation brings it in."
+    )
+
+
+@register("error within the layer", "‖e‖ ≤ ‖s‖/Λ, ‖s‖ ≤ ‖Ψ‖/(K + ρ/ε)", "Tracking error", 24)
+def error_within_the_layer(seen: Evidence) -> str | None:
+    """The error is the beam's reaction over the feedback inside of the layer."""
+    span, layer, slope, around = (
+        seen.steady,
+        seen.field("boundary_layer"),
+        seen.field("sliding_slope"),
+        seen.background.around,
+    )
+    if span is None or layer is None or slope is None or around is None or not seen.moving:
+        return None
+    if seen.scenario.trajectory.bending_feedforward or seen.field("feedback_gain") is None:
+        return None
+    stiffness = _stiffness(seen, layer)
+    error = float(np.linalg.norm(span.tracking_error[:, :2], axis=1).max())
+    predicted = around.largest_reaction / (stiffness * slope)
+    inside = float(np.linalg.norm(span.sliding_variable, axis=1).max()) <= layer
+    if not inside or error < WORTH or not AGREES[0] < error / predicted < AGREES[1]:
+        return None
+    return (
+        f"The error of {length(error)} is the beam's reaction over the feedback: ‖Ψ‖ = {n(around.largest_reaction)} N over "
+        f"{n(stiffness)} N·s/m and Λ = {n(slope)} 1/s give {length(predicted)} at most. Twice the K or Λ nearly halves it; "
+        "feed-forward of the bending takes its cause away."
+    )
+
+
+@register("error of feedback alone", "P e ≈ -(B ẍ_d + C̄ ẋ_d + D ė)", "Tracking error", 23)
+def error_of_feedback_alone(seen: Evidence) -> str | None:
+    """A law that knows no inertia: its spring has to give what the motion needs."""
+    span, around, law = seen.steady, seen.background.around, seen.scenario.controller
+    if law.kind != "pd" or span is None or around is None or not seen.moving:
+        return None
+    force = np.array([B @ now.desired[2] + now.C.sum(axis=0) @ now.desired[1]
+                      for now, B in zip(around.path, around.inertias(), strict=True)])  # fmt: skip
+    gain = seen.field("position_gain") or np.inf
+    predicted = float(np.linalg.norm(force[:, :2], axis=1).max()) / gain
+    error = float(np.linalg.norm(span.tracking_error[:, :2], axis=1).max())
+    if error < WORTH or not AGREES[0] < error / predicted < AGREES[1]:
+        return None
+    return (
+        f"The error of {length(error)} is what the motion's inertia, {n(predicted * gain)} N, stretches the spring P = {n(gain)} "
+        f"N/m by: {length(predicted)} for a slow motion. A law that knows the inertia, such as computed-torque, needs none."
+    )
+
+
+@register("wrong payload", "Ψ = (B_true - B_believed) ẍ_d + the weight's difference", "Tracking error", 15)
+def wrong_payload(seen: Evidence) -> str | None:
+    """The controller takes the beam for another one, and what its model leaves to the feedback grows by that."""
+    now, truth, span = seen.background.around, seen.background.informed, seen.steady
+    if now is None or truth is None or span is None or now.largest_reaction < 1.2 * truth.largest_reaction:
+        return None
+    model, error = seen.scenario.controller.model, largest(span.tracking_error[:, :2])
+    wrong = [f"{n(model.linear_density_factor)} times as heavy"] if model.linear_density_factor != 1 else []
+    wrong += [f"{n(model.length_factor)} times as long"] if model.length_factor != 1 else []
+    return (
+        f"The controller takes the beam for {' and '.join(wrong)} as it is: what its model leaves to the feedback grows from "
+        f"{n(truth.largest_reaction)} N to {n(now.largest_reaction)} N, and the error is {length(error)}. A law that learns the "
+        "masses (regressor-adaptive) or observes the disturbance makes up for it."
+    )

@@ -1,0 +1,112 @@
+"""What can be said of the run, beside the plots: a few sentences, looked for once a second, that stay calm."""
+
+from collections.abc import Sequence
+
+import viser
+
+from flexlab.analysis.explanations import EXPLANATIONS, LONGEST_LOOK, Evidence, Explained, explain
+from flexlab.analysis.metrics.run_metrics import between
+from flexlab.lab.mode_computation import ModeStudy
+from flexlab.lab.panel.number_control import put
+from flexlab.lab.panel.text import escaped
+from flexlab.sim.commands import ChangeScenario, Pull, Tap
+from flexlab.sim.runner import Runner
+from flexlab.sim.snapshot import Event, Snapshot
+
+MOST = 3
+"""Sentences at once."""
+EVERY = 10
+"""Panel updates per look (1 Hz)."""
+SEEN, MISSED = 2, 3
+"""Looks in a row after which a sentence comes, and after which it goes."""
+REWORDED = 5
+"""Looks for which a sentence keeps its numbers."""
+DISTURBANCES = (ChangeScenario, Pull, Tap)
+"""Commands before which samples tell of another run."""
+LAST = 1e12
+"""viser's rank of a widget that stays below those that come later."""
+
+
+class CalmList:
+    """Which sentences are shown: one comes when it was found twice in a row, and goes when it was missed three times."""
+
+    def __init__(self) -> None:
+        self._shown: dict[str, tuple[Explained, int, int]] = {}
+        self._seen: dict[str, int] = {}
+
+    def clear(self) -> None:
+        """Forget everything: another run has begun."""
+        self._shown, self._seen = {}, {}
+
+    def look(self, found: Sequence[Explained]) -> list[Explained]:
+        """What to show after a look that found these, the most important first."""
+        now = {each.name: each for each in found}
+        self._seen = {name: self._seen.get(name, 0) + 1 for name in now}
+        for name in list(self._shown):
+            text, missed, age = self._shown[name]
+            if name in now:
+                fresh = age + 1 >= REWORDED
+                self._shown[name] = (now[name] if fresh else text, 0, 0 if fresh else age + 1)
+            elif missed + 1 >= MISSED:
+                del self._shown[name]
+            else:
+                self._shown[name] = (text, missed + 1, age)
+        for name, each in now.items():
+            if name not in self._shown and self._seen[name] >= SEEN:
+                self._shown[name] = (each, 0, 0)
+        return [self._shown[name][0] for name in EXPLANATIONS if name in self._shown][:MOST]
+
+
+class ExplanationList:
+    """The sentences, the same on every tab of the plots."""
+
+    def __init__(self, gui: viser.GuiApi, runner: Runner, study: ModeStudy, tabs: Sequence[viser.GuiTabHandle]):
+        self._runner, self._study = runner, study
+        self._calm = CalmList()
+        self._run_number, self._count, self._time = -1, 0, -1.0
+        self._places = []
+        for tab in tabs:
+            with tab:
+                self._places.append(gui.add_html("", order=LAST, visible=False))
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Look again, when a second has gone by and the run with it."""
+        if snapshot.run_number != self._run_number:
+            self._run_number = snapshot.run_number
+            self._calm.clear()
+            self._show([])
+        self._count += 1
+        now = float(snapshot.latest.time[0])
+        if self._count % EVERY or now == self._time:
+            return
+        self._time = now
+        self._show(self._calm.look(self._found(snapshot)))
+
+    def _found(self, snapshot: Snapshot) -> Sequence[Explained]:
+        background = self._study.background(snapshot.scenario)
+        if background is None:
+            return ()
+        return explain(evidence(background, self._runner.recent(LONGEST_LOOK), snapshot.events, snapshot.start_time))
+
+    def _show(self, sentences: Sequence[Explained]) -> None:
+        text = list_html(sentences)
+        for place in self._places:
+            put(place, content=text, visible=bool(text))
+
+
+def evidence(background, samples, events: Sequence[Event], start: float) -> Evidence:
+    """What the newest samples show since anything was changed or touched; `start`: when the run began, s."""
+    touched = max((event.time for event in events if isinstance(event.command, DISTURBANCES)), default=start)
+    seen = between(samples, touched, float("inf")) if len(samples) else samples
+    begins = touched == start and len(seen) > 0 and bool(seen.time[0] == start)
+    return Evidence(background, seen, begins)
+
+
+def list_html(sentences: Sequence[Explained]) -> str:
+    """Each sentence with the plot that shows it, and its equation."""
+    items = "".join(
+        f'<div class="fl-why"><b>{escaped(each.plot)}.</b> {escaped(each.sentence)} '
+        f'<span class="fl-dim">{escaped(each.equation)}</span></div>'
+        for each in sentences
+    )
+    return f'<div class="fl"><div class="fl-title">What the plots show</div>{items}</div>' if items else ""

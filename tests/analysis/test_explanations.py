@@ -1,0 +1,235 @@
+"""Sentences about runs: scripted cases each get theirs and no others, and what they say and advise comes true."""
+
+import re
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+import flexlab
+from flexlab.analysis.explanations import EXPLANATIONS, Background, Evidence, explain
+from flexlab.analysis.explanations.after_the_stop import share_left
+from flexlab.analysis.modes import modes
+from flexlab.lab.plots.plot_signals import tabs
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import Tap
+from flexlab.sim.samples import Run
+from flexlab.sim.simulate import simulate
+
+HELD = {"trajectory.amplitude": (0.0, 0.0, 0.0)}
+UNDAMPED = {"payload.element_count": 8, "payload.damping.kind": "modal", "payload.damping.ratio": 0.0, **HELD}
+LATE = {"controller.control_period": 1e-3, "controller.input_delay": 1}
+MEASURED = {**UNDAMPED, "controller.kind": "vibration-damping", **LATE}
+KALMAN = {**UNDAMPED, "controller.kind": "composite", **LATE, "controller.observer.kind": "kalman"}
+REST = {"trajectory.kind": "rest-to-rest", "payload.bending_stiffness": 10.0}
+BANG = {"trajectory.kind": "bang-bang", "payload.bending_stiffness": 1.27}
+NOISE = {"controller.control_period": 1e-3, "controller.sensor_noise.pose_rate": (0.01, 0.01, 0.01)}
+TAP = ((0.0, Tap(0.0, (0.0, 0.2))),)
+
+
+class Case(NamedTuple):
+    """A scripted run, and the sentences that it gets."""
+
+    name: str
+    """Of the explanation that the case is about."""
+    says: str
+    """Words and numbers of its sentence, a regular expression."""
+    also: tuple[str, ...]
+    """The other sentences of the run."""
+    changes: dict[str, Any]
+    duration: float
+    preset: str = "paper"
+    commands: tuple = ()
+    mode: int = 0
+    """Number of a mode that the beam starts in."""
+
+
+START, SLOW = ("ring", "jerky start"), ("condition not met",)
+STEADY = (*START, "error within the layer")
+CASES = (
+    Case("ring", r"45\.5 Hz by up to 1\.78 mm: mode 1, free.* to 1 % in 0\.43\d s", ("jerky start",), {}, 0.6),
+    Case("ring", r"45\.5 Hz by up to 1\.37 mm: mode 1", (), HELD, 0.6, commands=TAP),
+    Case("ring", r"401 Hz .* mode 3, free, .* held it would fade at 25\.\d 1/s", (),
+         {**UNDAMPED, "payload.damping.ratio": 0.01}, 0.5, mode=3),
+    Case("ring", r"455 Hz", ("jerky start", "error within the layer"), {}, 2.0, "stiff-beam"),
+    Case("ring", r"15\.9 Hz by up to 5\.\d\d mm.*so the law damps it", ("jerky start", "error within the layer", *SLOW),
+         {}, 2.0, "single-arm"),
+    Case("jerky start", r"wrong by 1\.78 m/s.*by 1\.52 mm within 0\.1 s", (), {}, 0.6, "vibration-damping"),
+    Case("jerky start", r"wrong by 1\.78 m/s", (),
+         {"controller.kind": "composite", **LATE, "controller.observer.kind": "kalman"}, 1.2),
+    Case("error within the layer", r"error of 0\.72 mm .* 8\.59 N over 200 N·s/m .* 0\.86 mm", (), {}, 2.0, "smooth-start"),
+    Case("error within the layer", r"error of 0\.32 mm .* over 500 N·s/m", START, {"controller.kind": "sliding-mode"}, 2.0),
+    Case("outside the boundary layer", r"layer of 0\.02 m/s for 100 %.*K above 430 N·s/m", SLOW, {}, 4.0, "weak-feedback"),
+    Case("error of feedback alone", r"error of 20\.\d\d mm .* 369 N, .* P = 20000 N/m by: 18\.4\d mm", (*START, *SLOW),
+         {"controller.kind": "pd"}, 2.0),
+    Case("wrong payload", r"3 times as heavy .* from 8\.59 N to 19\.\d N, and the error is 1\.43 mm", STEADY,
+         {"controller.model.linear_density_factor": 3.0}, 2.0),
+    Case("forced vibration", r"1\.30 mm .* period of 1 s.*\(4\.97 Hz\) is only 4\.97 times as fast",
+         ("error within the layer", *SLOW), {}, 4.0, "soft-beam"),
+    Case("resonance", r"4 Hz are 0\.80\d times mode 1 \(4\.97 Hz\).* 1\.7 times .*one mode: 1\.72 times",
+         ("error within the layer", *SLOW),
+         {"trajectory.frequency": 4.0, "trajectory.amplitude": (0.02, 0.02, 0.02)}, 4.0, "soft-beam"),
+    Case("resonance", r"by 10\.\d+ mm, 2\.6\d times .*one mode: 2\.6\d times", ("error within the layer", *SLOW),
+         {"trajectory.frequency": 4.0, "trajectory.amplitude": (0.0, 0.005, 0.0), "payload.damping.coefficient": 0.02},
+         4.0, "soft-beam"),
+    Case("bending by weight", r"weight bends the beam by 1\.58 mm.* of 3\.\d\d mm", ("ring", "error within the layer", *SLOW),
+         {}, 2.0, "gravity"),
+    Case("growing mode", r"401 Hz grows at 2\.65 1/s: mode 3, .* 1\.5 ms late, .* from 167 Hz on\. .*below 0\.416 ms", (),
+         MEASURED, 0.2, mode=3),
+    Case("growing mode", r"401 Hz grows at 2\.65 1/s: mode 3, .*an observer that predicts over the delay helps", (),
+         {**KALMAN, "controller.observer.horizon": 0.0}, 0.2, mode=3),
+    Case("growing mode", r"grows at 22\.6 1/s: mode 1, because the torque comes 7\.5 ms late", (),
+         {**HELD, "controller.kind": "vibration-damping", "controller.control_period": 5e-3, "controller.input_delay": 1}, 0.2),
+    Case("spillover", r"Mode 5, 1122 Hz, grows at 0\.227 1/s: the observer knows 3 modes.*at 122 Hz", ("folded mode",),
+         {**KALMAN, "payload.mode_count": 16}, 1.0, mode=5),
+    Case("folded mode", r"The 122 Hz of the spectrum are mode 5 at 1122 Hz: samples come every 1 ms", SLOW,
+         {**UNDAMPED, "controller.kind": "pd"}, 1.0, mode=5),
+    Case("growing pose", r"at 23\.7 1/s: feedback at 123 1/s .* λT_c = 2\.45 above 2\. A control period below 16\.3 ms", (),
+         {**HELD, "controller.control_period": 0.02}, 0.3),
+    Case("growing pose", r"at 25\.3 1/s: .* every 4 ms with 1 samples of delay, λT_c = 1\.5 above 1\.", (),
+         {**HELD, "controller.kind": "pd", "controller.control_period": 0.004, "controller.input_delay": 1}, 0.1),
+    Case("growing loop", r"13\.\d Hz grows at 5\.4 1/s: pose and law, a pole of arms, beam and law together\. Lower", (),
+         {**HELD, "controller.kind": "pd", "controller.velocity_gain": 20.0, "controller.control_period": 1e-3,
+          "controller.input_delay": 2}, 0.2),
+    Case("small margin", r"nearly lost at 35\.7 Hz: .*0\.853 to 1\.17 .*±9°", (),
+         {**HELD, "controller.control_period": 0.014}, 0.2),
+    Case("condition not met", r"ρ̂ ≥ ‖Ψ‖: 3 N against the beam's reaction on this path, 8\.59 N", STEADY,
+         {"controller.kind": "sliding-mode", "controller.bound": 3.0}, 2.0),
+    Case("chatter", r"by 1\d(\.\d)? N·m \(RMS\) at each instant of the 1 ms clock.* layer of 0\.001 m/s",
+         ("outside the boundary layer", *START, *SLOW), {"controller.boundary_layer": 1e-3}, 2.0, "fast-adaptation"),
+    Case("noisy torques", r"jump by 9\.\d+ N·m \(RMS\)", ("drifting estimates",), {**NOISE, **HELD}, 2.0),
+    Case("drifting estimates", r"grows by 0\.0017\d N each second .* at 0\.017\d m/s.* σ = 0\.5 1/s", ("noisy torques",),
+         {**NOISE, **HELD}, 2.0),
+    Case("leaking estimates", r"stands at 0\.00035\d N instead of growing: leakage σ = 5 1/s", ("noisy torques",),
+         {**NOISE, **HELD, "controller.leakage": 5.0}, 3.0),
+    Case("torque at its limit", r"Joint 2 of the right arm .* 60 N·m for 9\d(\.\d)? %", (),
+         {"controller.torque_limit": (60.0, 60.0, 60.0)}, 2.0),
+    Case("nearly singular arm", r"left arm comes within 15\.6° of stretched: .* 3\.71", (),
+         {**HELD, "trajectory.center": (0.0, 1.287, 0.0)}, 0.3),
+    Case("load share", r"3\.04 N \(RMS\), and 3\.16 N .* gives 90 %", STEADY, {"controller.load_share": 0.9}, 2.0),
+    Case("wanted force", r"with 50 N along the link because F_d = 50 N", STEADY, {"controller.wanted_internal_force": 50.0}, 2.0),
+    Case("left after the stop", r"rings on by 3\.88 mm, 48\.1 % .* \(4\.97 Hz\) ends the motion 101 ms later", SLOW, BANG, 2.0),
+    Case("left after the stop", r"rings on by 0\.14 mm.*\(14\.3 Hz\) ends the motion 35 ms later", SLOW, REST, 1.2),
+    Case("left after a shaped stop", r"zv ends the motion 101 ms later; of up to 5\.84 mm .* 0\.03 mm are left", SLOW,
+         {**BANG, "trajectory.shaper": "zv"}, 2.0),
+    Case("shaper for another mode", r"made for 7\.69 Hz, but the loop rings at 4\.97 Hz: it leaves 66\.9 %", SLOW,
+         {**BANG, "trajectory.shaper": "zv", "trajectory.shaper_frequency": 8.0}, 2.0),
+)  # fmt: skip
+
+
+def begun_in_its_mode(case: Case) -> Scenario:
+    scenario = load_preset(case.preset).replace(case.changes)
+    if case.mode:
+        shape = modes(scenario).shape[:, case.mode - 1]
+        scenario = scenario.replace({"initial.beam_coordinates": tuple(5e-5 * shape), "initial.pose_rate": (0.0,) * 3})
+    return scenario
+
+
+@cache
+def background(scenario: Scenario) -> Background:
+    return Background.of(scenario)
+
+
+def sentences(scenario: Scenario, run: Run) -> dict[str, str]:
+    """Explanation → sentence, in their order."""
+    return {each.name: each.sentence for each in explain(Evidence.of_run(run, background(scenario)))}
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.name}, {case.preset}")
+def test_a_scripted_run_gets_its_sentences_and_no_others(case: Case):
+    scenario = begun_in_its_mode(case)
+    found = sentences(scenario, simulate(scenario, case.duration, 0.001, case.commands))
+    assert case.name in found
+    assert re.search(case.says, found[case.name]), found[case.name]
+    assert set(found) == {case.name, *case.also}
+
+
+def test_every_explanation_has_its_case_and_no_case_is_left_out():
+    assert {case.name for case in CASES} == set(EXPLANATIONS)
+    assert len(CASES) >= 30
+
+
+def test_each_names_an_equation_and_a_plot_of_the_lab():
+    shown = [plot.title for plots in tabs(load_preset("paper")).values() for plot in plots]
+    shown.append("Spectrum of the mid-span vibration")
+    for each in EXPLANATIONS.values():
+        assert any(title.startswith(each.plot) for title in shown), each
+        assert re.search(r"[=≤≥<≈~|]|conditions", each.equation), each
+    assert [each.place for each in EXPLANATIONS.values()] == sorted(each.place for each in EXPLANATIONS.values())
+
+
+@pytest.mark.parametrize("preset", ["paper", "single-arm"])
+def test_what_is_too_short_or_stands_still_gets_no_wrong_word(preset: str):
+    scenario = load_preset(preset)
+    run = simulate(scenario, 0.05)
+    for stop in (0, 1, 2, 5, 20, 51):
+        for text in sentences(scenario, run.slice(0, stop)).values():
+            assert not re.search(r"\b(nan|inf)\b", text)
+    still = scenario.replace({"trajectory.kind": "hold"})
+    assert set(sentences(still, simulate(still, 1.6))) <= set(SLOW)
+
+
+# What they advise.
+
+
+def advised(pattern: str, text: str) -> float:
+    found = re.search(pattern, text)
+    assert found, text
+    return float(found[1])
+
+
+def test_the_cures_of_a_growing_mode_cure_it():
+    """On one side of the damping, and of the control period, that the sentence names nothing grows, on the other it does."""
+    scenario = load_preset("paper").replace(MEASURED)
+    text = sentences(scenario, simulate(scenario, 0.1))["growing mode"]
+    more = advised(r"larger by ([\d.]+) %", text) / 100
+    for share, grows in ((0.9, True), (1.1, False)):
+        assert (modes(scenario.replace({"payload.damping.ratio": share * more})).growth > 0.01) == grows
+    few = scenario.replace({"payload.mode_count": 3})
+    shorter = advised(r"below ([\d.]+) ms", text) / 1000
+    for share, grows in ((1.1, True), (0.9, False)):
+        assert (modes(few.replace({"controller.control_period": share * shorter})).growth > 0.01) == grows
+    assert modes(few.replace({"controller.kind": "composite", "controller.observer.kind": "kalman"})).growth < 0.3
+
+
+def test_the_cure_of_a_growing_pose_cures_it():
+    scenario = load_preset("paper").replace({**HELD, "controller.control_period": 0.02})
+    shorter = advised(r"below ([\d.]+) ms", sentences(scenario, simulate(scenario, 0.1))["growing pose"]) / 1000
+    for share, grows in ((1.02, True), (0.98, False)):
+        assert modes(scenario.replace({"controller.control_period": share * shorter})).unstable == grows
+
+
+def test_twice_the_feedback_nearly_halves_the_error_and_feed_forward_takes_its_cause_away():
+    error = [
+        float(
+            np.linalg.norm(
+                simulate(load_preset("smooth-start").replace(change), 2.0).tracking_error[1000:, :2], axis=1
+            ).max()
+        )
+        for change in ({}, {"controller.feedback_gain": 400.0}, {"trajectory.bending_feedforward": 1.0})
+    ]
+    assert error[1] / error[0] == pytest.approx(0.5, abs=0.06)
+    assert error[2] < 0.02 * error[0]
+
+
+def test_a_shaper_leaves_the_share_that_is_named():
+    """On the closed loop's damped mode; the motion excites a little of others, too."""
+    plain, shaped = (load_preset("paper").replace({**BANG, **more}) for more in ({}, {"trajectory.shaper": "zv"}))
+    ring = background(plain).rings[1]
+    own = background(shaped)
+    assert share_left(own.shaper, ring) < 0.01
+    wrong = background(shaped.replace({"trajectory.shaper_frequency": 8.0})).shaper
+    times = np.linspace(0.6, 0.8, 400)
+    pole = complex(ring.rate, 2 * np.pi * ring.frequency)
+    summed = sum(amplitude * np.exp(pole * (times - t)) for amplitude, t in wrong)
+    assert np.abs(summed).max() / np.abs(np.exp(pole * times)).max() == pytest.approx(share_left(wrong, ring), rel=1e-9)
+
+
+def test_in_python_a_run_explains_itself():
+    run = flexlab.simulate("paper", 0.6)
+    assert [each.name for each in run.explanations] == ["ring", "jerky start"]
+    assert run.explanations == flexlab.explain(run)
+    assert str(run.explanations[0]).endswith("Active damping ends it sooner. [Mid-span deflection; "
+                                             "w ~ exp(-ζωt) cos(ωt): the pole -ζω ± iω of the closed loop]")  # fmt: skip

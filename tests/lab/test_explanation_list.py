@@ -1,0 +1,86 @@
+"""The sentences beside the plots: true of what is on the screen, few, and calm."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from flexlab.analysis.explanations import EXPLANATIONS, Background, Explained, explain
+from flexlab.lab.mode_computation import ModeStudy
+from flexlab.lab.plots.explanation_list import MISSED, MOST, REWORDED, SEEN, CalmList, evidence, list_html
+from flexlab.presets import load_preset
+from flexlab.sim.commands import ChangeScenario, Play, Tap
+from flexlab.sim.simulate import simulate
+from flexlab.sim.snapshot import Event
+
+NAMES = list(EXPLANATIONS)
+
+
+def said(names: Iterable[str], text: str = "One.") -> list[Explained]:
+    return [Explained(name, text, "a = b", "Tracking error") for name in names]
+
+
+def shown(calm: CalmList, names: Iterable[str], text: str = "One.") -> list[str]:
+    return [each.name for each in calm.look(said(names, text))]
+
+
+def test_a_sentence_comes_after_two_looks_and_goes_after_three():
+    calm, one = CalmList(), NAMES[:1]
+    assert [shown(calm, one) for _ in range(SEEN)] == [[]] * (SEEN - 1) + [one]
+    assert [shown(calm, []) for _ in range(MISSED)] == [one] * (MISSED - 1) + [[]]
+
+
+def test_what_flickers_stays_and_what_flashes_never_comes():
+    calm, one, other = CalmList(), NAMES[0], NAMES[1]
+    for _ in range(SEEN):
+        shown(calm, [one])
+    for k in range(10):
+        # One is missed every other time, the other is never seen twice in a row.
+        assert shown(calm, [one] if k % 2 else [other]) == [one]
+
+
+def test_numbers_stay_for_some_looks():
+    calm = CalmList()
+    texts = [[each.sentence for each in calm.look(said(NAMES[:1], f"{k}."))] for k in range(SEEN + 2 * REWORDED)]
+    changes = sum(one != other for one, other in zip(texts[SEEN:], texts[SEEN - 1 :], strict=False))
+    assert changes == 2
+
+
+def test_the_most_important_come_first_and_no_more_than_three():
+    calm = CalmList()
+    for _ in range(SEEN):
+        found = shown(calm, reversed(NAMES))
+    assert found == NAMES[:MOST]
+    calm.clear()
+    assert shown(calm, NAMES) == []
+
+
+def test_samples_before_a_change_or_a_touch_tell_nothing():
+    scenario = load_preset("paper")
+    run, about = simulate(scenario, 1.0), Background.of(scenario)
+    assert [each.name for each in explain(evidence(about, run, (), 0.0))] == ["ring", "jerky start"]
+    for command in (ChangeScenario({"controller.feedback_gain": 300.0}), Tap(0.0, (0.0, 1.0))):
+        later = evidence(about, run, (Event(0.7, "", command), Event(0.8, "", Play())), 0.0)
+        assert later.samples.time[0] == pytest.approx(0.7)
+        assert not later.begins
+        assert "jerky start" not in [each.name for each in explain(later)]
+
+
+def test_nothing_is_said_of_a_scenario_that_is_not_computed_yet():
+    study, paper = ModeStudy(), load_preset("paper")
+    assert study.background(paper) is None
+    study.ask(paper)
+    study.stop()
+    about = study.background(paper.replace({"title": "the same"}))
+    assert about is not None
+    assert study.result is not None
+    np.testing.assert_array_equal(about.modes.poles, study.result.poles)
+    assert study.background(paper.replace({"payload.bending_stiffness": 10.0})) is None
+
+
+def test_what_is_shown_is_escaped_and_names_plot_and_equation():
+    text = list_html([Explained("x", "<b>1 < 2", "a < b", "Tracking error")])
+    assert "&lt;b&gt;1 &lt; 2" in text
+    assert "<b>Tracking error.</b>" in text
+    assert "a &lt; b" in text
+    assert list_html([]) == ""

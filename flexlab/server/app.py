@@ -15,6 +15,7 @@ from flexlab.server.pages.page_context import CONTEXT, Context
 from flexlab.server.pages.run_actions import add_run_actions
 from flexlab.server.pages.runs_pages import add_runs_pages
 from flexlab.server.pages.start_page import start_page
+from flexlab.server.pages.study_pages import add_study_pages
 from flexlab.server.pages.upload import add_upload
 
 STATIC = Path(__file__).resolve().parent / "static"
@@ -34,6 +35,7 @@ def build_app(context: Context) -> web.Application:
     add_run_actions(app.router)
     add_upload(app.router)
     add_runs_pages(app.router)
+    add_study_pages(app.router)
     app.router.add_get("/favicon.ico", _icon)
     app.router.add_get("/static/{name}", _static)
     # No listing of folders, no links that lead out of the folder.

@@ -33,6 +33,7 @@ from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
 from flexlab.server.replay_jobs import Replays
 from flexlab.server.settings import SECRET_BYTES, WILDCARDS, Settings
+from flexlab.server.studies import Studies
 from flexlab.server.workshop import Workshop
 from flexlab.sockets import listen
 
@@ -132,6 +133,7 @@ class FrontServer:
                 jobs,
                 Comparisons(jobs, self.workshop),
                 Replays(jobs),
+                Studies(jobs, self.workshop),
                 self.workshop,
                 preset_cards,
             )

@@ -13,6 +13,7 @@ from flexlab.server.metric_jobs import Measuring
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.replay_jobs import Replays
 from flexlab.server.settings import Settings
+from flexlab.server.studies import Studies
 from flexlab.server.token_guesses import Guesses
 
 
@@ -31,6 +32,7 @@ class Context:
     jobs: Jobs
     comparisons: Comparisons
     replays: Replays
+    studies: Studies
     workshop: Path
     """A folder for files that nobody keeps; gone when the server closes."""
     preset_cards: PresetCards

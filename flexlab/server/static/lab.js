@@ -74,7 +74,8 @@
   }
 
   document.addEventListener("DOMContentLoaded", () => {
-    const bar = element("div", { id: "server-bar" }, link("/", "Start"), link("/runs", "Runs"), button("Share", share), live);
+    const bar = element("div", { id: "server-bar" }, link("/", "Start"), link("/runs", "Runs"), link("/studies", "Studies"),
+      button("Share", share), live);
     document.body.append(bar, word);
     look();
     setInterval(look, LOOK);

@@ -1,0 +1,171 @@
+"""Studies of a real server, without a browser: what may be varied, how it goes, what comes of it, where a cell leads."""
+
+import json
+from collections.abc import Iterator
+from urllib.parse import urlencode
+
+import pytest
+from http_client import PATIENCE, Answer, ask, wait_until
+
+import flexlab
+from flexlab.analysis.sweep.fields import varied_fields
+from flexlab.errors import FlexlabError
+from flexlab.presets import load_preset
+from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.pages.study_form import MOST_CELLS, read_wish
+from flexlab.server.scenario_links import decode_scenario, encode_scenario
+from flexlab.server.settings import Settings
+
+EI, K, LENGTH = "payload.bending_stiffness", "controller.feedback_gain", "payload.length"
+FORM = {"Content_Type": "application/x-www-form-urlencoded"}
+STUDY_PATIENCE = 4 * PATIENCE
+"""s: a study starts a process that stands back behind all others."""
+SWEEP = {
+    "scenario": encode_scenario(load_preset("paper")), "name": "paper", "kind": "sweep", "duration": "0.05",
+    "field1": LENGTH, "low1": "0.5", "high1": "9.5", "count1": "2",
+    "field2": EI, "low2": "50", "high2": "200", "count2": "3", "log2": "yes",
+}  # fmt: skip
+TUNING = SWEEP | {
+    "kind": "tuning", "field1": K, "low1": "50", "high1": "500", "field2": "", "cost": "rms-y", "candidates": "16",
+    "limited": "torque", "limit": "1e6",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
+    """One server for all studies of this file."""
+    settings = Settings(logs=tmp_path_factory.mktemp("logs"), port=0, shadows=False)
+    with open_front_server(settings, load_preset("soft-beam"), "soft-beam") as opened:
+        yield opened
+
+
+def post(server: FrontServer, path: str, form: dict[str, str]) -> Answer:
+    return ask(server.url, path, "POST", urlencode(form).encode(), **FORM)
+
+
+def finished(server: FrontServer, form: dict[str, str]) -> str:
+    """The address of a study that is done."""
+    address = post(server, "/studies", form).headers["Location"]
+    state = f"{address}/state"
+    wait_until(lambda: not json.loads(ask(server.url, state).text)["working"], "the study is done", STUDY_PATIENCE)
+    return address
+
+
+@pytest.fixture(scope="module")
+def swept(server: FrontServer) -> str:
+    """A sweep of six cells, of which three cannot be reached."""
+    return finished(server, SWEEP)
+
+
+def test_every_field_that_may_be_varied_is_one_number_with_its_range():
+    fields = {item.path: item for item in varied_fields(load_preset("paper"))}
+    assert {EI, K, "gravity", "payload.damping.coefficient"} <= set(fields)
+    assert not [path for path in fields if "simulation" in path or path.endswith((".elbow", ".seed", ".kind"))]
+    assert fields[EI].words == "Bending stiffness EI (N·m²)"
+    for item in fields.values():
+        assert item.about.low <= item.range[0] < item.range[1] <= item.about.high, item.path
+
+
+def test_the_page_offers_the_lab_and_all_presets(server: FrontServer):
+    page = ask(server.url, "/studies").text
+    assert '<option value="lab" selected>the lab as it is now: A soft beam' in page
+    assert '<option value="vibration-damping">' in page
+    assert f'<option value="{EI}" data-low="1" data-high="1000" data-log="yes"' in page
+    assert "1/(kg·s)" in ask(server.url, "/studies?from=vibration-damping").text, "fields are those of the scenario"
+    assert ask(server.url, "/studies?from=nothing").status == 404
+
+
+def test_a_sweep_has_the_numbers_of_the_command_line_and_says_what_failed(server: FrontServer, swept: str, tmp_path):
+    found = json.loads(ask(server.url, f"{swept}/data").text)
+    own = flexlab.sweep(
+        "paper", [f"{LENGTH}=0.5:9.5:2", f"{EI}=50:200:log:3"], 0.05, folder=tmp_path / "own", progress=False
+    )
+    assert found["status"] == own.table.column("status").to_pylist()
+    assert found["status"][:3] == ["finished"] * 3
+    assert "reach" in found["sentence"][3]
+    metric = next(item for item in found["metrics"] if item["field"] == "rms-y")
+    assert metric["values"][:3] == own.column("RMS error y [mm]")[:3].tolist()
+    assert metric["values"][3:] == [None] * 3
+    assert [axis["unit"] for axis in found["axes"]] == ["m", "N·m²"]
+    assert ask(server.url, f"{swept}/cells.parquet").body == (own.folder / "cells.parquet").read_bytes()
+    assert f'href="{swept}"' in ask(server.url, "/studies").text
+
+
+def test_a_cell_leads_to_its_scenario_in_the_lab(server: FrontServer, swept: str):
+    answer = ask(server.url, f"{swept}/cells/2")
+    assert answer.status == 303
+    assert answer.headers["Location"].startswith("/lab/?scenario=")
+    scenario = decode_scenario(answer.headers["Location"].partition("=")[2])
+    assert scenario.payload.bending_stiffness == pytest.approx(200.0)
+    assert scenario == load_preset("paper").replace({EI: scenario.payload.bending_stiffness})
+    assert "cells 0 to 5" in ask(server.url, f"{swept}/cells/6").text
+    assert ask(server.url, f"{swept}/cells/-1").status == 404
+    assert ask(server.url, f"{swept}/cells/2", Sec_Fetch_Dest="image").status == 403
+
+
+def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServer):
+    address = finished(server, TUNING)
+    page = ask(server.url, address).text
+    assert "Open the tuned scenario in the lab" in page
+    assert "Peak joint torque" in page
+    found = json.loads(ask(server.url, f"{address}/data").text)
+    assert len(found["points"]) >= 16
+    assert found["after"][0] <= found["before"][0]
+
+
+def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
+    long = SWEEP | {"count1": "30", "count2": "30", "high1": "0.55", "duration": "6"}
+    first, second = (post(server, "/studies", long).headers["Location"] for _ in range(2))
+    refused = post(server, "/studies", long)
+    assert (refused.status, "wait for one, or cancel it" in refused.text) == (503, True)
+    for address in (first, second):
+        assert post(server, f"{address}/cancel", {}).headers["Location"] == address
+        assert json.loads(ask(server.url, f"{address}/state").text)["sentence"] == "Cancelled."
+        assert ask(server.url, f"{address}/data").status == 404
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"count1": "50", "count2": "50"}, f"2500 cells are too many for this page: choose fewer values, {MOST_CELLS}"),
+        ({"count1": "1e7"}, "10000000 values of payload.length are too many"),
+        ({"count1": "0"}, "a range has 2 at least"),
+        ({"count1": "2.5"}, "is no whole number"),
+        ({"low1": "9"}, ""),
+        ({"low1": "10"}, "runs backwards or nowhere"),
+        ({"low1": "nan"}, "'nan' is no number"),
+        ({"low1": "x" * 5000}, "is no number"),
+        ({"high1": "1e9"}, "is outside the allowed range 0.05 to 10 m"),
+        ({"low2": "-5"}, "is logarithmic and begins at"),
+        ({"field1": ""}, ""),
+        ({"field1": "", "field2": ""}, "Nothing is varied"),
+        ({"field2": LENGTH}, "is varied twice"),
+        ({"field1": "payload.lenght"}, "did you mean payload.length?"),
+        ({"duration": "0"}, "outside 0 to 20 s"),
+        ({"duration": "20", "count1": "20", "count2": "20"}, "over the 6000 s that this page gives a study"),
+        ({"kind": "tuning", "cost": "rms-y"}, "Candidates '' is no number"),
+        ({**TUNING, "candidates": "4000"}, "outside 16 to 400"),
+        ({**TUNING, "cost": "beauty"}, "is no metric"),
+        ({**TUNING, "limit": "0"}, "give a number above 0"),
+    ],
+)
+def test_what_cannot_be_studied_is_said_in_a_sentence(changes: dict[str, str], says: str):
+    form, paper = SWEEP | changes, load_preset("paper")
+    if not says:
+        assert read_wish(form, paper).axes
+        return
+    with pytest.raises(FlexlabError) as caught:
+        read_wish(form, paper)
+    assert says in str(caught.value)
+    assert len(str(caught.value)) < 300
+
+
+def test_hostile_forms_are_answered_with_a_page(server: FrontServer):
+    for form, status in (({}, 422), ({"scenario": "zz"}, 422), (SWEEP | {"count1": "99", "count2": "99"}, 422)):
+        answer = post(server, "/studies", form)
+        assert (answer.status, "Traceback" in answer.text) == (status, False)
+    for path in ("/studies/none", "/studies/none/state", "/studies/none/data", "/studies/none/cells.parquet"):
+        assert ask(server.url, path).status == 404
+    assert post(server, "/studies/none/cancel", {}).status == 400
+    foreign = ask(server.url, "/studies", "POST", urlencode(SWEEP).encode(), Origin="http://elsewhere.example", **FORM)
+    assert foreign.status == 403

@@ -34,19 +34,20 @@ def warm_up(scenario: Scenario, meanwhile: AbstractContextManager[object] | None
 @contextmanager
 def compiling_the_rest() -> Generator[None]:
     """Meanwhile, have a process of its own compile what the first picture did not need, if that was never done."""
-    from flexlab.sim.compile_all import is_everything_compiled
+    from flexlab.sim.compile_all import WHILE_OPEN, is_everything_compiled
 
     if is_everything_compiled():
         yield
         return
     nowhere = subprocess.DEVNULL
-    program = [sys.executable, "-m", "flexlab.sim.compile_all"]
-    process = subprocess.Popen(program, stdin=nowhere, stdout=nowhere, stderr=nowhere)
+    program = [sys.executable, "-m", "flexlab.sim.compile_all", WHILE_OPEN]
+    # A lab that is killed closes the pipe, too: nothing is left that takes a core for a minute.
+    process = subprocess.Popen(program, stdin=subprocess.PIPE, stdout=nowhere, stderr=nowhere)
     try:
         yield
     finally:
         process.terminate()
-        process.wait()
+        process.communicate()
 
 
 def _tell(done: threading.Event, meanwhile: AbstractContextManager[object]) -> None:

@@ -87,6 +87,20 @@ def sweep_empty(logs: Path) -> int:
     return count
 
 
+def finish_abandoned(logs: Path, mending: Mending | None = None) -> None:
+    """Finish whatever dead writers left in the folder, and sweep up their empty files.
+
+    A file that cannot be finished keeps what it has; `run_state` tells.
+    """
+    mending = mending or Mending()
+    with contextlib.suppress(OSError):
+        sweep_empty(logs)
+        for path in unfinished_runs(logs):
+            with contextlib.suppress(RecordingError, OSError):
+                if not mending.stopped:
+                    finish(path, mending)
+
+
 def unfinished_runs(logs: Path) -> list[Path]:
     """Recordings that their writer left without a footer, newest first, those in use and those known as lost left out."""
     return [path for path in list_runs(logs) if run_state(path) == "unfinished"]

@@ -6,7 +6,7 @@ import threading
 from pathlib import Path
 
 from flexlab.errors import RecordingError
-from flexlab.recording.repair import Mending, finish, sweep_empty, unfinished_runs
+from flexlab.recording.repair import Mending, finish, finish_abandoned
 
 
 class Finisher:
@@ -30,10 +30,7 @@ class Finisher:
         self._thread.join()
 
     def _work(self, logs: Path) -> None:
-        with contextlib.suppress(OSError):
-            sweep_empty(logs)
-            for path in unfinished_runs(logs):
-                self._finish(path)
+        finish_abandoned(logs, self._mending)
         while (path := self._queue.get()) is not None:
             self._finish(path)
 

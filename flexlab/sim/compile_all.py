@@ -5,6 +5,8 @@ them, finds them on disk.
 """
 
 import os
+import sys
+import threading
 
 from flexlab.compiled import PLAIN_PYTHON, cache_folder
 from flexlab.control.law import laws
@@ -16,6 +18,9 @@ from flexlab.sim.world import World
 
 DONE = "everything"
 """Name of the file in the cache folder that says so."""
+
+WHILE_OPEN = "--while-open"
+"""Argument of a process that is to end when its standard input does, finished or not."""
 
 PATIENCE = 15
 """How much more important than this everything else on the machine is (`nice`)."""
@@ -40,6 +45,13 @@ def compile_everything() -> None:
     (cache_folder() / DONE).touch()
 
 
+def _end_with_the_input() -> None:
+    sys.stdin.buffer.read()
+    os._exit(1)
+
+
 if __name__ == "__main__":
     os.nice(PATIENCE)
+    if WHILE_OPEN in sys.argv:
+        threading.Thread(target=_end_with_the_input, name="flexlab-starter", daemon=True).start()
     compile_everything()

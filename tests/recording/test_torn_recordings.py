@@ -16,8 +16,9 @@ from flexlab.recording.rerun_internals import tool
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import open_file_stream
+from flexlab.recording.store import run_files
 from flexlab.recording.store.notes import read_notes
-from flexlab.recording.store.run_files import claim_run_file, has_footer, run_state
+from flexlab.recording.store.run_files import claim_run_file, has_footer, is_in_use, run_state
 from flexlab.sim.samples import Run, join_blocks
 
 BLOCK = 100
@@ -52,6 +53,20 @@ def test_a_recording_without_an_end_is_read_and_mended(unfinished: Path, run: Ru
     assert run_state(unfinished) == "recovered"
     assert unfinished.stat().st_mtime_ns == date
     assert_same_bits(read_recording(unfinished).samples, run.slice(0, 1000))
+
+
+def test_who_looks_at_a_file_is_no_writer_and_hinders_no_mending(
+    unfinished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fcntl = pytest.importorskip("fcntl", reason="Windows has no such locks")
+    with unfinished.open("rb") as looker:
+        fcntl.flock(looker, fcntl.LOCK_SH)
+        assert not is_in_use(unfinished)
+        assert run_state(unfinished) == "unfinished"
+        # It looks until `finish` waits for it.
+        monkeypatch.setattr(run_files.time, "sleep", lambda seconds: looker.close())
+        finish(unfinished)
+    assert run_state(unfinished) == "recovered"
 
 
 def test_a_run_that_is_being_recorded_is_read_up_to_when_the_reading_began(run: Run, tmp_path: Path) -> None:

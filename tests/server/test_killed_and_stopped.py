@@ -1,11 +1,12 @@
 """Real processes, really killed and stopped: others go on, runs are kept, and nothing is left behind that hinders anybody."""
 
+import contextlib
 import json
 import re
 import signal
 import socket
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import psutil
@@ -13,6 +14,7 @@ import pytest
 from http_client import Answer, ask, upgrade, wait_until
 from lab_process import Lab
 
+from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
@@ -70,6 +72,14 @@ def gone(process: psutil.Process) -> bool:
         return True
 
 
+def begun_run(lab: Lab, before: Collection[Path] = ()) -> Path | None:
+    """The one run that was not there before, as soon as something of it is in its file."""
+    for run in set(list_runs(lab.folder / "logs")) - set(before):
+        with contextlib.suppress(RecordingError):
+            return run if len(read_recording(run).samples) else None
+    return None
+
+
 @pytest.fixture
 def temporary(tmp_path: Path) -> Path:
     """A folder of temporary files of the test's own."""
@@ -103,6 +113,7 @@ def test_a_second_ctrl_c_ends_at_once(start_lab: StartLab):
     lab = start_lab("--private")
     Visitor(lab).enter()
     (worker,) = workers(lab)
+    wait_until(lambda: begun_run(lab), "it is recorded")
     worker.suspend()  # A lab that hangs: closing in order waits for it.
     try:
         lab.process.send_signal(signal.SIGINT)
@@ -148,13 +159,12 @@ def test_a_private_lab_that_fails_is_told_replaced_and_its_run_kept(start_lab: S
         before = list_runs(lab.folder / "logs")
         first = anna.enter()
         (worker,) = [worker for worker in workers(lab) if worker not in others]
-        runs = wait_until(lambda before=before: set(list_runs(lab.folder / "logs")) - set(before), "it is recorded")
+        run = wait_until(lambda before=before: begun_run(lab, before), "it is recorded")
         worker.send_signal(how)
         told = wait_until(lambda first=first: json.loads(anna.state(first)).get("sentence"), "Anna is told")
         assert "your run was kept" in told
         assert ("did not answer" in told) == (how == signal.SIGSTOP)
         wait_until(lambda worker=worker: gone(worker), "the failed process is over")
-        (run,) = runs
         wait_until(lambda run=run: run_state(run) == "recovered", "Anna's run is made whole")
         assert len(read_recording(run).samples) > 0
         assert ben.enter() == second, "Ben's lab runs on"
@@ -166,7 +176,7 @@ def test_nothing_is_left_of_a_killed_server(start_lab: StartLab, temporary: Path
     lab = start_lab("--private", TMPDIR=str(temporary))
     visitor, port = Visitor(lab), lab.port()
     visitor.enter()
-    wait_until(lambda: list_runs(lab.folder / "logs"), "it is recorded")
+    wait_until(lambda: begun_run(lab), "it is recorded")
     processes = psutil.Process(lab.process.pid).children(recursive=True)
     assert processes
     lab.process.kill()

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -50,11 +51,20 @@ def private(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
         yield opened
 
 
+@pytest.fixture
+def torn(recorded: Path, tmp_path: Path) -> Path:
+    """What a lab leaves that dies while it records."""
+    path = tmp_path / "2026-01-01T12-00-00-begun.rrd"
+    data = recorded.read_bytes()
+    path.write_bytes(data[: int(0.9 * len(data))])
+    return path
+
+
 def state(visitor: Visitor, path: str) -> str:
     return visitor.ask(f"/state{path.rstrip('/')}").text
 
 
-def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: FrontServer):
+def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: FrontServer, torn: Path):
     anna, ben = Visitor(private), Visitor(private)
     first, second = anna.enter(), ben.enter("/lab/soft-beam")
     assert first != second
@@ -83,9 +93,12 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
             lambda: anna.place.status().time > 0.5 and anna.place.status().recording, "Anna's run is recorded"
         )
         ben_before = ben.place.status().time
-        os.kill(
-            ben.place.worker.pid, signal.SIGINT
-        )  # Ctrl-C in a terminal reaches every process; closing is the server's part
+        # Two runs of which the lab has told the server nothing: one just begun, and one of which nothing was written.
+        begun = Path(shutil.copy(torn, private.settings.logs))
+        empty = begun.with_name("2026-01-01T12-00-00-empty.rrd")
+        empty.touch()
+        # Ctrl-C in a terminal reaches every process; closing is the server's part.
+        os.kill(ben.place.worker.pid, signal.SIGINT)
         os.kill(anna.place.worker.pid, signal.SIGKILL)
         told = wait_until(
             lambda: "ended unexpectedly (ended by signal 9)" in state(anna, first) and state(anna, first), ""
@@ -100,6 +113,7 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     assert ben.enter() == second
     wait_until(lambda: run_state(run) == "recovered", "Anna's run is made whole")
     assert len(read_recording(run).samples) > 100
+    wait_until(lambda: run_state(begun) == "recovered" and not empty.exists(), "so is what she had just begun")
     assert anna.enter() not in (first, second), "Anna gets a new lab"
 
 

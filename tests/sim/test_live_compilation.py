@@ -1,5 +1,10 @@
 """What has not been compiled yet is compiled beside the running world, and everything can be compiled beforehand."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from flexlab.control.law import laws
@@ -7,7 +12,7 @@ from flexlab.presets import load_preset
 from flexlab.sim import assembly
 from flexlab.sim.assembly import Unprepared, build_assembly
 from flexlab.sim.commands import ChangeScenario
-from flexlab.sim.compile_all import compile_everything, is_everything_compiled
+from flexlab.sim.compile_all import WHILE_OPEN, compile_everything, is_everything_compiled
 from flexlab.sim.world import World
 
 
@@ -32,3 +37,12 @@ def test_everything_can_be_compiled_beforehand():
     compile_everything()
     assert is_everything_compiled()
     assert all(law.is_loaded for law in laws().values())
+
+
+def test_compiling_for_a_lab_ends_with_the_lab_however_that_ends(tmp_path: Path):
+    """What is killed cannot say so, but the system closes its end of the pipe."""
+    program = [sys.executable, "-m", "flexlab.sim.compile_all", WHILE_OPEN]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(program, stdin=subprocess.DEVNULL, env=environment, check=False)
+    assert done.returncode == 1
+    assert not list(tmp_path.rglob("everything"))

@@ -35,7 +35,7 @@ MAX_SAME_NAME = 1000
 """Runs of one preset within one second."""
 
 CLAIM_ATTEMPTS, CLAIM_PAUSE = 50, 0.01
-"""How often, and with how many s between, a new file is claimed."""
+"""How often, and with how many s between, a file is claimed before it counts as another's."""
 
 NEWEST = "newest"
 """What people say instead of the newest run's name."""
@@ -101,8 +101,8 @@ def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> R
 def claim(path: Path, mode: Literal["xb", "rb+"]) -> RunFile:
     """Open and lock a file. Raises OSError, `BlockingIOError` if another process has it."""
     handle = path.open(mode, buffering=0)
-    # Somebody who looks whether a new file is in use holds its lock for a moment.
-    for attempts_left in reversed(range(CLAIM_ATTEMPTS if mode == "xb" else 1)):
+    # Whoever looks whether a file is in use holds its lock for a moment: that is no reason to leave it for ever.
+    for attempts_left in reversed(range(CLAIM_ATTEMPTS)):
         try:
             if fcntl is not None:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -120,7 +120,9 @@ def is_in_use(path: Path) -> bool:
     if fcntl is None:
         return not read_notes(path).get("ended") and time.time() - path.stat().st_mtime < QUIET_TIME
     try:
-        claim(path, "rb+").release()
+        with path.open("rb", buffering=0) as handle:
+            # Shared: two who look at once must not take each other for a writer.
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
     except OSError:

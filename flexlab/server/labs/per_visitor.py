@@ -13,7 +13,7 @@ from typing import Any
 from flexlab.control import own_law_hosts
 from flexlab.errors import FlexlabError, LabError
 from flexlab.recording.live import LiveHub
-from flexlab.recording.repair import finish
+from flexlab.recording.repair import finish, finish_abandoned
 from flexlab.server.child_processes import prepare_lab_processes
 from flexlab.server.labs.lab_provider import Choice, FullError, Lab
 from flexlab.server.labs.recorded_lab import LabStatus
@@ -212,8 +212,7 @@ class PrivateLabs:
             reason = f"ended by signal {-code}" if code is not None and code < 0 else f"exit code {code}"
             log.warning("A private lab ended unexpectedly (%s); its run is in %s.", reason, recording)
             place.why = CRASHED.format(reason=reason)
-        if recording is not None:
-            self._keep(asyncio.to_thread(_mend, recording))
+        self._keep(asyncio.to_thread(_mend, self._settings.logs, recording))
         self._ended[lab] = place.visitor, place.why
         self._addresses = {visitor: self._addresses.get(visitor, "") for visitor in self._taken()}
         while len(self._ended) > ENDED_KEPT:
@@ -226,7 +225,12 @@ class PrivateLabs:
         task.add_done_callback(self._tasks.discard)
 
 
-def _mend(recording: Path) -> None:
-    """Make the recording of a worker whole that may have died while it wrote."""
-    with contextlib.suppress(FlexlabError, OSError):
-        finish(recording)
+def _mend(logs: Path, recording: Path | None) -> None:
+    """Make whole what a worker left that may have died while it wrote.
+
+    Its last report says which run that was, but up to a second late: a run begun since then is known from the folder alone.
+    """
+    if recording is not None:
+        with contextlib.suppress(FlexlabError, OSError):
+            finish(recording)
+    finish_abandoned(logs)

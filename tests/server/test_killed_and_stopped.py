@@ -18,6 +18,7 @@ from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
+from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import is_in_use, list_runs, run_state
 from flexlab.sim.simulate import simulate
 
@@ -58,7 +59,10 @@ def workers(lab: Lab) -> list[psutil.Process]:
     """The processes that do something for it: jobs, and labs, which are forked from one that only holds their program."""
 
     def works(process: psutil.Process) -> bool:
-        words = " ".join(process.cmdline())
+        try:
+            words = " ".join(process.cmdline())
+        except psutil.Error:  # It has just ended.
+            return False
         return "spawn_main" in words or ("forkserver" in words and process.ppid() != lab.process.pid)
 
     return [process for process in psutil.Process(lab.process.pid).children(recursive=True) if works(process)]
@@ -183,7 +187,7 @@ def test_nothing_is_left_of_a_killed_server(start_lab: StartLab, temporary: Path
     wait_until(lambda: all(map(gone, processes)), "its processes end by themselves")
     (run,) = list_runs(lab.folder / "logs")
     assert not is_in_use(run)
-    assert run_state(run) == "complete", "the lab closed its run itself"
+    assert read_notes(run)["ended"], "the lab closed its run itself"
     assert len(read_recording(run).samples) > 0
     again = start_lab("--private", port=port, TMPDIR=str(temporary))
     assert Visitor(again).enter()

@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from http_client import Answer, ask, looking, upgrade, wait_until
+from http_client import PATIENCE, Answer, ask, looking, upgrade, wait_until
 
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.labs import per_visitor
 from flexlab.server.settings import Settings
 
 
@@ -40,6 +41,15 @@ class Visitor:
     def place(self):
         """What the server knows of this visitor's lab."""
         return self.front_server.places.of_visitor(*self.cookies.values())
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _patience() -> Iterator[None]:
+    """A lab on a busy machine may be slow to report and to close; that it is ended by force then is tested elsewhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("STOP_TIME", "SILENCE", "SILENT_AT_CLOSING"):
+            patch.setattr(per_visitor, name, PATIENCE)
+        yield
 
 
 @pytest.fixture(scope="module")

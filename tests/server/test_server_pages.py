@@ -18,7 +18,8 @@ def test_the_start_page_names_every_preset_and_what_runs(front_server: FrontServ
     page = ask(front_server.url).text
     for name in preset_names():
         assert f'href="/lab/{name}"' in page
-    assert "is running (t = " in page
+    (lab,) = front_server.places.running()
+    assert f"is {lab.status().state} (t = " in page
     assert ask(front_server.url, "/static/style.css").headers["Content-Type"].startswith("text/css")
 
 

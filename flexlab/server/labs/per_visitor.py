@@ -142,7 +142,7 @@ class PrivateLabs:
             place.port = await asyncio.to_thread(place.worker.wait_until_ready)
         except LabError:
             self._places.pop(lab, None)
-            await asyncio.to_thread(place.worker.stop)
+            await asyncio.to_thread(place.worker.stop, STOP_TIME)
             raise
         place.seen = time.monotonic()
         return place
@@ -195,7 +195,7 @@ class PrivateLabs:
             for place in list(self._places.values()):
                 if place.port and not place.visitors and not place.why and time.monotonic() - place.seen > idle:
                     place.why = IDLE.format(time=f"{idle / 60:g} minutes" if idle >= 60 else f"{idle:g} s")
-                    self._keep(asyncio.to_thread(place.worker.stop))
+                    self._keep(asyncio.to_thread(place.worker.stop, STOP_TIME))
                 elif place.port and not place.why and time.monotonic() - place.worker.heard_at > SILENCE:
                     log.warning("A private lab has said nothing for %g s: it is closed.", SILENCE)
                     place.why = HANGING

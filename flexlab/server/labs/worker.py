@@ -152,7 +152,7 @@ class Worker:
         """Begin a run of another scenario."""
         self._send(choice)
 
-    def stop(self, patience: float = STOP_TIME) -> None:
+    def stop(self, patience: float) -> None:
         """Close lab and recording, by force if that takes longer than `patience` s. Blocks."""
         self._send(None)
         self._process.join(patience)

@@ -16,6 +16,10 @@ CHAPTERS = [
     "The equations",
     "The controller",
     "The rivals",
+    "Sliding-mode laws",
+    "Model-based laws",
+    "Feedback alone",
+    "Vibration control",
     "Reading the plots",
     "Keys and tips",
     "Paths and shapers",
@@ -27,6 +31,8 @@ LESSONS = [
     "Why adaptive?",
     "Internal force",
     "Can vibration reach zero?",
+    "Stopping without a ring",
+    "Spillover",
 ]
 SVG = "{http://www.w3.org/2000/svg}"
 PICTURES = sorted(file for name in ("guide", "pictures") for file in (web_assets_folder() / name).rglob("*.svg"))

@@ -16,6 +16,7 @@ from flexlab.analysis.lesson_measures import ring_frequency, torque_jump
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.modes import modes
+from flexlab.analysis.pole_table import PoleRow
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY
 from flexlab.assets import presets_folder, web_assets_folder
 from flexlab.physics.beam import beam_matrices
@@ -24,6 +25,7 @@ from flexlab.scenario import AdaptiveSlidingMode
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
+from flexlab.sim.target import shaper_impulses
 
 EI, K, EPSILON = "payload.bending_stiffness", "controller.feedback_gain", "controller.boundary_layer"
 
@@ -150,6 +152,44 @@ def error_left(kind: str, factor: float) -> float:
     return 1e3 * peak(rival, "tracking_error", 2, 3, slice(2))
 
 
+Changes = tuple[tuple[str, float | str], ...]
+CLOCK: Changes = (("controller.control_period", 0.001), ("controller.input_delay", 1))
+ESTIMATED: Changes = (("controller.kind", "composite"), ("controller.observer.kind", "kalman"))
+MEASURED: Changes = (*CLOCK, ("controller.sensor_noise.strain", 1e-6))
+OBSERVED: Changes = (*MEASURED, *ESTIMATED)
+UNDAMPED: Changes = (
+    *CLOCK,
+    ("payload.element_count", 8),
+    ("payload.damping.kind", "modal"),
+    ("payload.damping.ratio", 0.0),
+)
+UNDAMPED_OBSERVED: Changes = (*UNDAMPED, *ESTIMATED)
+
+
+@cache
+def real(changes: Changes) -> Run:
+    """The preset vibration-damping with a clock, a delay and noisy gauges."""
+    return simulate(load_preset("vibration-damping").replace(dict(changes)), 3.0)
+
+
+@cache
+def grows(changes: Changes) -> PoleRow:
+    """The fastest growing pole of the preset vibration-damping with changes."""
+    return modes(load_preset("vibration-damping").replace(dict(changes))).pole_rows()[0]
+
+
+@cache
+def shaped(shaper: str, frequency: float | None = None) -> Run:
+    """The preset soft-beam on the path bang-bang through an input shaper."""
+    path = {"trajectory.kind": "bang-bang", "trajectory.shaper": shaper, "trajectory.shaper_frequency": frequency}
+    return simulate(load_preset("soft-beam").replace(path), 2.0)
+
+
+def left_after(shaper: str, frequency: float | None = None) -> float:
+    """Residual vibration after the stop, mm."""
+    return 1e3 * run_metrics(shaped(shaper, frequency)).residual_vibration[0]
+
+
 def settling(preset: str) -> float:
     return metrics(preset).settling_time
 
@@ -230,7 +270,7 @@ CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
         )
         for before, factor in (("", 1.0), (r"\S+ mm \| ", 3.0))
     ),
-    "4-reading-the-plots": (
+    "8-reading-the-plots": (
         (r"`paper`: (\S+) mm after the start", lambda: 1e3 * max(metrics("paper").peak_error[:2])),
         (r"at most (\S+) mm from t", lambda: 1e3 * max(metrics("paper", 1.0).peak_error[:2])),
         (r"the first at (\S+) Hz", lambda: first_mode("paper")),
@@ -275,10 +315,34 @@ CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
     "6-vibration": (
         (r"takes (\S+) s", lambda: settling("paper")),
         (r"with it: (\S+) s", lambda: settling("vibration-damping")),
+        (r"the ring, within (\S+) s", lambda: run_metrics(real(MEASURED)).settling_time),
+        (r"jump by (\S+) N·m \(RMS\) per", lambda: torque_jump(between(real(MEASURED), 0.5, 1.0), 0.001)),
+        (r"torque acts: (\S+) s again", lambda: run_metrics(real(OBSERVED)).settling_time),
+        (r"change by (\S+) N·m \(RMS\) per", lambda: torque_jump(between(real(OBSERVED), 0.5, 1.0), 0.001)),
         (r"grows by (\S+) %", lambda: worse("vibration-damping", 0, 3)),
         (r"peaks at (\S+) N·m", lambda: moment("vibration-damping")),
         (r"instead of (\S+) N·m", lambda: moment("paper")),
+        (r"observer at (\S+) N·m", lambda: float(np.abs(real(OBSERVED).internal_force[:, 0, 2]).max())),
         (r"bending of (\S+) mm", lambda: bends("vibration-damping")),
+    ),
+    "7-input-shaping": (
+        (r"moves by (\S+) m in half", lambda: shaped("none").desired_pose[-1, 1] - shaped("none").desired_pose[0, 1]),
+        (r"after the stop (\S+) mm ring", lambda: left_after("none")),
+        (r"other half (\S+) ms later", lambda: 1e3 * float(shaper_impulses(shaped("zv").scenario)[-1, 1])),
+        (r"mode at (\S+) Hz", lambda: 0.5 / float(shaper_impulses(shaped("zv").scenario)[1, 1])),
+        (r"cancels: (\S+) mm are", lambda: left_after("zv")),
+        (r"and leaves (\S+) mm", lambda: left_after("zv", 4.0)),
+        (r"period, (\S+) ms", lambda: 1e3 * float(shaper_impulses(shaped("zvd").scenario)[-1, 1])),
+        (r"wrong frequency (\S+) mm", lambda: left_after("zvd", 4.0)),
+    ),
+    "8-spillover": (
+        (r"answered (\S+) ms late", lambda: 1e3 * (1 + 0.5) * 0.001),
+        (r"third mode, (\S+) Hz", lambda: grows(UNDAMPED).frequency),
+        (r"the mode grows at (\S+) 1/s", lambda: grows(UNDAMPED).rate),
+        (r"the fifth, (\S+) Hz", lambda: 1000 + grows(UNDAMPED_OBSERVED).frequency),
+        (r"shows it at (\S+) Hz", lambda: grows(UNDAMPED_OBSERVED).frequency),
+        (r"feeds it: it grows at (\S+) 1/s", lambda: grows(UNDAMPED_OBSERVED).rate),
+        (r"hardly helps, (\S+) 1/s", lambda: grows((*UNDAMPED_OBSERVED, ("controller.observer.observer_modes", 5))).rate),
     ),
 }  # fmt: skip
 """Text → (pattern with the number, how it is computed in the number's own unit)."""
@@ -310,6 +374,7 @@ CHATTER_SPREAD = 0.15
 
 SETTINGS = (
     r"\(1 s\)|one second|t = (0\.6|1) s|at 1 kHz|at 60 Hz|steps of 1 ms|the 1 Hz motion|T_c|Λ = 50 1/s|RMS per step",
+    r"for 4 Hz|frequency, 4 Hz|clock of 1 kHz|ratio of 0\.01 %",
     r"deflection of 5 % of its length|with 95 % intervals|\(10 s in under",
 )
 """Numbers with a unit that are set, not measured."""
@@ -383,8 +448,13 @@ def test_words_for_numbers():
     assert load_preset("weak-feedback").controller.feedback_gain == 0.1 * paper.controller.feedback_gain
     assert "five times as fast as the path" in TEXTS["2-soft-beam"]
     assert soft / load_preset("soft-beam").trajectory.frequency[0] == pytest.approx(5, abs=0.25)
-    assert "within half a second" in TEXTS["5-keys-and-tips"]
+    assert "within half a second" in TEXTS["9-keys-and-tips"]
     assert 0.4 < settling("paper") < 0.5
+    assert "as much as in `paper`" in TEXTS["6-vibration"]
+    assert torque_jump(between(run("paper"), 0.5, 1.0), 0.001) == pytest.approx(0.75, abs=0.01)
+    assert "At a ratio of 0.01 % already nothing grows" in TEXTS["8-spillover"]
+    assert grows((*UNDAMPED_OBSERVED, ("payload.damping.ratio", 1e-4))).verdict == "decays"
+    assert grows(UNDAMPED_OBSERVED).origin == "beam mode 5"
 
 
 def test_what_stays_of_a_soft_beams_vibration_is_forced():

@@ -6,23 +6,31 @@ this run, but for the two references named below.
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from flexlab.analysis.lesson_measures import (
+    DISTURBANCES,
+    UNDAMPED_TIME,
+    Verdict,
     first_frequency,
+    has_start,
     largest,
     length,
     newest,
     ring_frequency,
     tick,
     torque_jump,
+    wait_for_start,
+)
+from flexlab.analysis.lesson_vibration_checks import (
+    RINGING,
+    check_input_shaping,
+    check_spillover,
+    check_vibration,
 )
 from flexlab.analysis.metrics.run_metrics import between
-from flexlab.analysis.metrics.settling_time import settling_time
-from flexlab.scenario import AdaptiveSlidingMode, Scenario, VibrationDamping, parse_scenario
-from flexlab.sim.commands import ChangeScenario, Pull, Tap
+from flexlab.scenario import AdaptiveSlidingMode, Scenario, parse_scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
 
@@ -31,25 +39,11 @@ SECONDS = 30.0
 
 UNADAPTED_ERROR = 1.46e-3
 """RMS position error that the preset weak-feedback settles at, m (a test measures it)."""
-UNDAMPED_TIME = 0.44
-"""Settling time of the preset paper, s (a test measures it)."""
-
-RINGING = 2e-5
-"""Vibration that counts as a ring, m: 28 times what steady motion leaves in the preset paper."""
 QUIET = 1e-5
 """Vibration that counts as none, m."""
 CHATTER = 5.0
 """RMS jump of a joint torque from one control step to the next that counts as chatter, N·m; 0.5 is usual."""
-DISTURBANCES = (ChangeScenario, Pull, Tap)
-"""Commands after which a run is not steady for a while."""
-
-
-class Verdict(NamedTuple):
-    """What a check found: whether the lesson is done, and a sentence with the numbers or the next step."""
-
-    done: bool
-    sentence: str
-
+__all__ = ["CHECKS", "RINGING", "SECONDS", "UNDAMPED_TIME", "Verdict", "check_lesson"]
 
 Check = Callable[[Scenario, Samples, Sequence[Event]], Verdict]
 
@@ -64,7 +58,7 @@ def check_lesson(check: str, scenario: Scenario, samples: Samples, events: Seque
 
 def check_ring(scenario: Scenario, samples: Samples, events: Sequence[Event]) -> Verdict:
     """Why does it ring? Done in a run that starts with the path's velocity and stays quiet."""
-    waiting = _wait_for_start(samples, 0.6)
+    waiting = wait_for_start(samples, 0.6)
     if waiting:
         return waiting
     if any(isinstance(event.command, DISTURBANCES) for event in events):
@@ -182,37 +176,10 @@ def check_internal_force(scenario: Scenario, samples: Samples, events: Sequence[
     if peak < 0.3:
         return Verdict(True, f"{facts}, and the two internal forces cancel to within {max(balance, 1e-15):.0e} N ✓")
     start = ""
-    if _has_start(samples):
+    if has_start(samples):
         begun = largest(np.linalg.norm(between(samples, 0.0, 0.1).internal_force[:, 0, :2], axis=1))
         start = f" (at the start {begun:.0f} N)"
     return Verdict(False, f"{facts}{start}. Now set Feedback gain K to 1000.")
-
-
-def check_vibration(scenario: Scenario, samples: Samples, events: Sequence[Event]) -> Verdict:
-    """Can vibration reach zero? Done when active damping ends the ring of a jerky start within 0.15 s."""
-    waiting = _wait_for_start(samples, 1.0)
-    if waiting:
-        return waiting
-    run = between(samples, 0.0, 1.0)
-    peak = largest(between(samples, 0.0, 0.1).vibration)
-    if peak < RINGING:
-        return Verdict(False, "This run did not ring at its start: load the preset vibration-damping.")
-    time = settling_time(run.time, run.vibration)
-    bending, rest = largest(run.quasi_static_deflection), largest(between(samples, 0.9, 1.0).vibration)
-    if np.isnan(time):
-        return Verdict(
-            False, f"The ring of {length(peak)} is still over one per cent after a second: load vibration-damping."
-        )
-    facts = f"The ring of {length(peak)} fell to one per cent within {time:.2f} s"
-    if not isinstance(scenario.controller, VibrationDamping):
-        return Verdict(False, f"{facts} without active damping. Now load the preset vibration-damping.")
-    if time > 0.15:
-        return Verdict(False, f"{facts}: press R, and give Lateral vibration gain k_v a value of about 100.")
-    return Verdict(
-        True,
-        f"{facts} (the preset paper takes {UNDAMPED_TIME:g} s), and {length(rest)} of it is left after a second; "
-        f"slow bending of up to {length(bending)} stays ✓",
-    )
 
 
 CHECKS: dict[str, Check] = {
@@ -222,21 +189,10 @@ CHECKS: dict[str, Check] = {
     "adaptation": check_adaptation,
     "internal-force": check_internal_force,
     "vibration": check_vibration,
+    "input-shaping": check_input_shaping,
+    "spillover": check_spillover,
 }
 """Check id → function, as the lessons name them."""
-
-
-def _has_start(samples: Samples) -> bool:
-    return bool(samples.time[0] < 0.5 * tick(samples))
-
-
-def _wait_for_start(samples: Samples, until: float) -> Verdict | None:
-    """What to do while a check that looks at a run's start cannot be made; None when it can."""
-    if not _has_start(samples):
-        return Verdict(False, "Press R: this check looks at the start of a run.")
-    if samples.time[-1] < until:
-        return Verdict(False, f"Let the run go on to t = {until:g} s.")
-    return None
 
 
 def _since(samples: Samples, events: Sequence[Event]) -> float:

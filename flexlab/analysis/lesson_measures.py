@@ -1,6 +1,8 @@
-"""What lessons measure in a run: frequencies, peaks, jumps, and how they read in a sentence."""
+"""What lessons measure in a run: frequencies, peaks, jumps, how they read in a sentence, and what a check answers."""
 
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,7 +10,40 @@ from flexlab.analysis.metrics.run_metrics import between
 from flexlab.scenario import Payload
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
+from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.samples import Samples
+from flexlab.sim.snapshot import Event
+
+UNDAMPED_TIME = 0.44
+"""Settling time of the preset paper, s (a test measures it)."""
+DISTURBANCES = (ChangeScenario, Pull, Tap)
+"""Commands after which a run is not steady for a while."""
+
+
+class Verdict(NamedTuple):
+    """What a check found: whether the lesson is done, and a sentence with the numbers or the next step."""
+
+    done: bool
+    sentence: str
+
+
+def has_start(samples: Samples) -> bool:
+    """Whether the run's first instant is among them."""
+    return bool(samples.time[0] < 0.5 * tick(samples))
+
+
+def wait_for_start(samples: Samples, until: float) -> Verdict | None:
+    """What to do while a check that looks at a run's start cannot be made; None when it can."""
+    if not has_start(samples):
+        return Verdict(False, "Press R: this check looks at the start of a run.")
+    if samples.time[-1] < until:
+        return Verdict(False, f"Let the run go on to t = {until:g} s.")
+    return None
+
+
+def changed(events: Sequence[Event]) -> bool:
+    """Whether a run's scenario was changed on its way."""
+    return any(isinstance(event.command, ChangeScenario) for event in events)
 
 
 def first_frequency(payload: Payload) -> float:

@@ -115,13 +115,66 @@ def test_internal_force():
     assert "up to 0.16 N" in after.sentence
 
 
+def begun(check: str, preset: str, duration: float, **changes: object) -> Verdict:
+    """What the lab shows of a run that was begun with changes."""
+    scenario = load_preset(preset).replace({path.replace("__", "."): value for path, value in changes.items()})
+    return check_lesson(check, scenario, window(simulate(scenario, duration), duration), [])
+
+
+CLOCK: dict[str, object] = {"controller__control_period": 0.001, "controller__input_delay": 1}
+KALMAN: dict[str, object] = {"controller__kind": "composite", "controller__observer__kind": "kalman"}
+
+
 def test_can_vibration_reach_zero():
     before = verdict("vibration", "paper", until=1.0)
     assert not before.done
     assert "within 0.44 s without active damping" in before.sentence
-    after = verdict("vibration", "vibration-damping", until=1.0)
+    ideal = verdict("vibration", "vibration-damping", until=1.0)
+    assert not ideal.done
+    assert "fell to one per cent within 0.12 s, with rates that are known at once" in ideal.sentence
+    noisy = {**CLOCK, "controller__sensor_noise__strain": 1e-6}
+    measured = begun("vibration", "vibration-damping", 1.0, **noisy)
+    assert not measured.done
+    assert "within 0.13 s with a clock of 1 ms and 1 samples of delay, but the torques jump by 1" in measured.sentence
+    assert not begun("vibration", "vibration-damping", 1.0, **CLOCK, **KALMAN).done
+    after = begun("vibration", "vibration-damping", 1.0, **noisy, **KALMAN)
     assert after.done
-    assert "fell to one per cent within 0.12 s" in after.sentence
+    assert "within 0.12 s with a clock of 1 ms and 1 samples of delay, from noisy gauges" in after.sentence
+
+
+def test_stopping_without_a_ring():
+    bang: dict[str, object] = {"trajectory__kind": "bang-bang"}
+    assert not verdict("input-shaping", "soft-beam").done
+    stages = [
+        begun("input-shaping", "soft-beam", 1.6, **bang, trajectory__shaper=shaper, trajectory__shaper_frequency=hertz)
+        for shaper, hertz in (("none", None), ("zv", None), ("zv", 4.0), ("zvd", 4.0))
+    ]
+    assert [stage.done for stage in stages] == [False, False, False, True]
+    assert "3.88 mm of vibration after the stop" in stages[0].sentence
+    assert "zv, 101 ms longer: 0.03 mm" in stages[1].sentence
+    assert "Made for 4 Hz instead of 4.97 Hz, zv" in stages[2].sentence
+    assert "0.14 mm of vibration after the stop" in stages[3].sentence
+
+
+def test_spillover():
+    beam: dict[str, object] = {
+        "payload__element_count": 8,
+        "payload__damping__kind": "modal",
+        "payload__damping__ratio": 0.0,
+    }
+    stages = [
+        begun("spillover", "vibration-damping", 0.1, **changes)
+        for changes in (
+            CLOCK,
+            CLOCK | beam,
+            CLOCK | beam | KALMAN,
+            CLOCK | beam | KALMAN | {"payload__damping__ratio": 1e-3},
+        )
+    ]
+    assert [stage.done for stage in stages] == [False, False, False, True]
+    assert "Set Elements to 8" in stages[0].sentence
+    assert "beam mode 3, 401 Hz, grows at 2.65 1/s" in stages[1].sentence
+    assert "knows 3 of 16 modes, and beam mode 5, 1122 Hz, grows at 0.23 1/s: spillover" in stages[2].sentence
 
 
 # What checks compare with, and what the texts claim without a number (the numbers: tests/test_numbers_in_texts.py).

@@ -71,11 +71,14 @@ class Background(NamedTuple):
             except FlexlabError:
                 shaper = np.zeros((0, 2))
         conditions = () if around is None else conditions_in(around)
-        return cls(scenario, found, conditions, around, informed, shaper, _rings(found))
+        return cls(scenario, found, conditions, around, informed, shaper, rings_of(found))
 
 
-def _rings(found: Modes) -> dict[int, Ring]:
-    """A clock shows frequencies folded: of those that fold alike, the one nearest to the mode's own is it."""
+def rings_of(found: Modes) -> dict[int, Ring]:
+    """Of each mode that oscillates.
+
+    A clock shows frequencies folded: of those that fold alike, the one nearest to the mode's own is it.
+    """
     rings: dict[int, Ring] = {}
     for pole, name in zip(found.poles, found.pole_origin, strict=True):
         if pole.imag <= 0 or not name.startswith("beam mode "):

@@ -26,6 +26,8 @@ MOST_WAITING = 5
 """Studies that wait for their turn."""
 MOST_OF_ONE = 2
 """Studies of one visitor that compute or wait."""
+MOST_OF_ADDRESS = AT_ONCE + MOST_WAITING - 1
+"""The same of one address: a place stays free for others."""
 MOST_KEPT = 30
 """Studies that are remembered: the oldest finished one goes first."""
 ID_BYTES = 9
@@ -82,6 +84,8 @@ class Study:
     name: str
     """Of the scenario: a preset's, or the lab's."""
     wish: SweepWish | TuningWish
+    address: str = ""
+    """Where the visitor came from."""
     share: float = 0.0
     """How far it is, 0 to 1."""
     working: bool = True
@@ -104,14 +108,15 @@ class Studies:
     _studies: OrderedDict[str, Study] = field(default_factory=OrderedDict[str, Study])
     _tasks: dict[str, asyncio.Task[None]] = field(default_factory=dict[str, asyncio.Task[None]])
 
-    def start(self, visitor: str, name: str, wish: SweepWish | TuningWish) -> Study:
+    def start(self, visitor: str, name: str, wish: SweepWish | TuningWish, address: str = "") -> Study:
         """Begin a study, or queue it. Raises `LabError` if too much is going on."""
         working = [study for study in self._studies.values() if study.working]
         if sum(study.visitor == visitor for study in working) >= MOST_OF_ONE:
             raise LabError(f"{MOST_OF_ONE} studies of yours are being computed: wait for one, or cancel it.")
-        if len(working) >= AT_ONCE + MOST_WAITING:
+        from_here = sum(study.address == address for study in working)
+        if len(working) >= AT_ONCE + MOST_WAITING or from_here >= MOST_OF_ADDRESS:
             raise LabError(f"{len(working)} studies are being computed on this machine: try again in a few minutes.")
-        study = Study(secrets.token_urlsafe(ID_BYTES), visitor, name, wish)
+        study = Study(secrets.token_urlsafe(ID_BYTES), visitor, name, wish, address)
         self._studies[study.id] = study
         self._forget_old()
         task = asyncio.create_task(self._compute(study))

@@ -128,7 +128,7 @@ async def start(request: web.Request) -> web.Response:
         scenario = decode_scenario(str(form.get("scenario", "")))
         wish = await asyncio.to_thread(read_wish, form, scenario)
         visitor = _visitor(request) or (secrets.token_urlsafe(VISITOR_BYTES) if context.places.is_private else "")
-        study = context.studies.start(visitor, str(form.get("name", ""))[:80], wish)
+        study = context.studies.start(visitor, str(form.get("name", ""))[:80], wish, request.remote or "")
     except LabError as error:
         return message("Not now", str(error), 503, ALL_STUDIES)
     except FlexlabError as error:

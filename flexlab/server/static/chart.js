@@ -25,6 +25,14 @@ function number(value, digits = 3) {
   return text.replace("e+", "e").replace(/-/g, "−");
 }
 
+// Numbers in words, with as many digits as tell them apart.
+function numbers(values) {
+  for (let digits = 3; ; digits++) {
+    const said = values.map((value) => number(value, digits));
+    if (digits > 8 || new Set(said).size === new Set(values).size) return said;
+  }
+}
+
 // Where a value lies between the least and the largest one, 0 to 1; logarithmic where they are far apart.
 function scaleOf(values) {
   const known = values.filter((value) => value !== null);

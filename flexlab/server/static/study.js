@@ -23,7 +23,8 @@ const titled = (axis) => [axis.title, axis.symbol].filter(Boolean).join(" ") + (
 // Of the middles of `count` equal cells, as many labels as fit.
 function cellTicks(values, room) {
   const step = Math.ceil(values.length / Math.max(room, 2));
-  return values.map((value, k) => [(k + 0.5) / values.length, number(value)]).filter((_, k) => k % step === 0);
+  const said = numbers(values);
+  return values.map((_, k) => [(k + 0.5) / values.length, said[k]]).filter((_, k) => k % step === 0);
 }
 
 function words(found, metric, cell) {
@@ -40,12 +41,24 @@ function place(found, cell, axis) {
   return found.axes[axis].values[axis === 0 ? Math.floor(cell / count) : cell % count];
 }
 
+// Round numbers of a scale at their places.
+function labelled(scale, count, share = scale.share) {
+  const ticks = roundTicks(scale, count);
+  const said = numbers(ticks);
+  return ticks.map((tick, k) => [share(tick), said[k]]);
+}
+
 // A mark that is read by pointing at it or going to it with the arrow keys, and opens its scenario.
 function link(found, metric, cell, ...children) {
   const said = words(found, metric, cell);
   const made = svg("a", { href: chart.dataset.cells + cell, class: "cell", tabindex: cell === 0 ? 0 : -1, "aria-label": said,
     "data-cell": cell }, ...children);
-  const tell = () => { document.getElementById("reading").textContent = said; };
+  const tell = () => {
+    document.getElementById("reading").textContent = said;
+    // Above all other cells, which would cover its border.
+    const cover = chart.querySelector(".chosen");
+    for (const name of ["x", "y", "width", "height"]) cover?.setAttribute(name, children[0].getAttribute(name));
+  };
   made.addEventListener("pointerenter", tell);
   made.addEventListener("focus", tell);
   return made;
@@ -68,6 +81,7 @@ function drawMap(drawing, found, metric, box, narrow) {
     }
     drawing.append(link(found, metric, cell, ...marks));
   });
+  drawing.append(svg("rect", { class: "chosen" }));
   if (!scale.empty) colorBar(drawing, scale, box, narrow);
 }
 
@@ -76,13 +90,13 @@ function colorBar(drawing, scale, box, narrow) {
   const [x, y] = narrow ? [box.left, box.top + box.height + 56] : [box.left + box.width + 18, box.top];
   const length = narrow ? box.width : box.height;
   for (let k = 0; k < steps; k++) {
-    const [from, size] = [(k * length) / steps, length / steps + 0.5];
+    const [from, size] = [(k * length) / steps, length / steps + (k < steps - 1 ? 1 : 0)];
     drawing.append(svg("rect", narrow ? { x: x + from, y, width: size, height: 12, fill: viridis((k + 0.5) / steps) } :
       { x, y: y + length - from - size, width: 14, height: size, fill: viridis((k + 0.5) / steps) }));
   }
-  for (const tick of roundTicks(scale, narrow ? 4 : 6)) {
-    const at = scale.share(tick) * length;
-    drawing.append(narrow ? text(number(tick), x + at, y + 28) : text(number(tick), x + 20, y + length - at + 4, "start"));
+  for (const [share, said] of labelled(scale, narrow ? 4 : 6)) {
+    const at = share * length;
+    drawing.append(narrow ? text(said, x + at, y + 28) : text(said, x + 20, y + length - at + 4, "start"));
   }
 }
 
@@ -94,10 +108,7 @@ function drawCurve(drawing, found, metric, box) {
   const share = (value) => ((logarithmic ? Math.log(value) : value) - ends[0]) / (ends[1] - ends[0] || 1);
   const at = (cell) => [box.left + share(axis.values[cell]) * box.width,
     box.top + (1 - sides[1].share(metric.values[cell])) * box.height];
-  const ticks = logarithmic ? roundTicks({ ...sides[0], logarithmic: true }, box.width / 60) : roundTicks(
-    { ...sides[0], logarithmic: false }, box.width / 60);
-  frame(drawing, box, ticks.map((tick) => [share(tick), number(tick)]),
-    roundTicks(sides[1], box.height / 40).map((tick) => [sides[1].share(tick), number(tick)]),
+  frame(drawing, box, labelled({ ...sides[0], logarithmic }, box.width / 60, share), labelled(sides[1], box.height / 40),
     [titled(axis), `${metric.title} (${metric.unit})`]);
   const known = metric.values.map((value, cell) => [value, cell]).filter(([value]) => value !== null).map(([, cell]) => cell);
   drawing.append(svg("polyline", { points: known.map((cell) => at(cell).join(",")).join(" "), class: "curve" }));
@@ -114,7 +125,7 @@ function drawCurve(drawing, found, metric, box) {
 function drawTradeOff(drawing, found, box) {
   const marks = [...found.points, found.before, found.after].filter(Boolean);
   const sides = [0, 1].map((k) => scaleOf(marks.map((mark) => mark[k])));
-  const ticks = sides.map((side, k) => roundTicks(side, [box.width / 70, box.height / 40][k]).map((tick) => [side.share(tick), number(tick)]));
+  const ticks = sides.map((side, k) => labelled(side, [box.width / 70, box.height / 40][k]));
   frame(drawing, box, ticks[0], ticks[1], found.titles);
   const dot = (mark, name, r) => mark && drawing.append(svg("circle", { cx: box.left + sides[0].share(mark[0]) * box.width,
     cy: box.top + (1 - sides[1].share(mark[1])) * box.height, r, class: name }));
@@ -137,7 +148,8 @@ function draw(found, metric) {
   const total = Math.max(holder.clientWidth, 240);
   const map = Boolean(found.axes?.[1]);
   const narrow = total < 560;
-  const box = { left: 66, top: 12, width: total - 66 - (map && !narrow ? 92 : 18), height: 0 };
+  const left = map || narrow ? 66 : 84;
+  const box = { left, top: 12, width: total - left - (map && !narrow ? 92 : 18), height: 0 };
   box.height = Math.min(Math.max(box.width * 0.62, 220), 470);
   const height = box.top + box.height + (map && narrow ? 96 : 48);
   const drawing = svg("svg", { viewBox: `0 0 ${total} ${height}`, width: total, height, role: "group" });

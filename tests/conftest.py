@@ -1,9 +1,12 @@
 """Shared by all tests: where things are, the command line, and one browser."""
 
+import contextlib
+import io
 import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -11,6 +14,9 @@ from get_browser import find_browser
 from lab_process import Lab
 from playwright.sync_api import Browser, sync_playwright
 from workers import is_of_browser, pytest_cmdline_main, pytest_xdist_make_scheduler
+
+from flexlab.cli import main
+from flexlab.cli.console import notes, output
 
 __all__ = ["pytest_cmdline_main", "pytest_xdist_make_scheduler"]
 
@@ -40,16 +46,48 @@ def root() -> Path:
     return ROOT
 
 
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+SPOKEN_TO = {"COLUMNS": "120", "NO_COLOR": "1", "PYTHONIOENCODING": "utf-8"}
+"""What a command's output depends on, set the same for all tests."""
+
+
 @pytest.fixture
-def flexlab_command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Run the command line as a person would, in an empty folder; returns exit code, output and complaints."""
+def flexlab_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+    """Run the command line in an empty folder; returns exit code, output and complaints.
+
+    It runs in this process, which has loaded and compiled everything: a start of its own takes most commands a hundred times
+    longer than what they do. `flexlab_process` starts one.
+    """
 
     def run(*words: str, folder: Path = tmp_path) -> subprocess.CompletedProcess[str]:
-        environment = os.environ | {"COLUMNS": "120", "NO_COLOR": "1", "PYTHONIOENCODING": "utf-8"}
+        said, complained = io.StringIO(), io.StringIO()
+        with monkeypatch.context() as circumstances, contextlib.chdir(folder):
+            for name, value in SPOKEN_TO.items():
+                circumstances.setenv(name, value)
+            circumstances.setattr("sys.stdin", io.StringIO())
+            # Consoles keep the width that they were made for.
+            output.cache_clear()
+            notes.cache_clear()
+            with redirect_stdout(said), redirect_stderr(complained), pytest.raises(SystemExit) as ended:
+                main(words)
+        output.cache_clear()
+        notes.cache_clear()
+        assert isinstance(ended.value.code, int)
+        return subprocess.CompletedProcess(words, ended.value.code, said.getvalue(), complained.getvalue())
+
+    return run
+
+
+@pytest.fixture
+def flexlab_process(tmp_path: Path) -> Command:
+    """As `flexlab_command`, in a process of its own, as a person starts it."""
+
+    def run(*words: str, folder: Path = tmp_path) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             [sys.executable, "-m", "flexlab", *words],
             cwd=folder,
-            env=environment,
+            env=os.environ | SPOKEN_TO,
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,

@@ -26,8 +26,8 @@ def refused(done: subprocess.CompletedProcess[str]) -> str:
     return sentence
 
 
-def test_help_shows_every_command(flexlab_command: Command):
-    done = flexlab_command("--help")
+def test_help_shows_every_command(flexlab_process: Command):
+    done = flexlab_process("--help")
     assert done.returncode == 0
     for name in COMMANDS[1:]:
         assert f"flexlab {name}" in done.stdout
@@ -36,33 +36,33 @@ def test_help_shows_every_command(flexlab_command: Command):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_explains_itself(flexlab_command: Command, name: str):
-    done = flexlab_command(name, "--help")
+def test_every_command_explains_itself(flexlab_process: Command, name: str):
+    done = flexlab_process(name, "--help")
     assert done.returncode == 0
     assert done.stdout.startswith(f"usage: flexlab {name}")
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_help_loads_nothing_heavy(name: str):
+def test_help_loads_nothing_heavy():
     program = (
         "import sys, flexlab.cli\n"
-        f"try: flexlab.cli.main([{name!r}, '--help'])\n"
-        "except SystemExit: pass\n"
-        "print(*sorted({'numba', 'scipy', 'viser', 'rerun', 'pyarrow'} & set(sys.modules)), file=sys.stderr)"
+        "for name in flexlab.cli.COMMANDS:\n"
+        "    try: flexlab.cli.main([name, '--help'])\n"
+        "    except SystemExit: pass\n"
+        "    heavy = {'numba', 'scipy', 'viser', 'rerun', 'pyarrow'} & set(sys.modules)\n"
+        "    assert not heavy, f'flexlab {name} --help loads {heavy}'\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stderr.split() == []
+    subprocess.run([sys.executable, "-c", program], stdout=subprocess.DEVNULL, check=True)
 
 
-def test_version(flexlab_command: Command):
+def test_version(flexlab_process: Command):
     from flexlab import __version__
 
-    assert flexlab_command("--version").stdout == f"flexlab {__version__}\n"
+    assert flexlab_process("--version").stdout == f"flexlab {__version__}\n"
 
 
-def test_presets_are_listed_with_what_to_watch(flexlab_command: Command):
-    done = flexlab_command("presets")
+def test_presets_are_listed_with_what_to_watch(flexlab_process: Command):
+    done = flexlab_process("presets")
     assert done.returncode == 0
     for name in preset_names():
         assert name in done.stdout
@@ -93,9 +93,9 @@ def test_own_presets_are_listed_and_broken_ones_named(flexlab_command: Command, 
     assert done.returncode == 2
 
 
-def test_an_unknown_command_is_one_sentence(flexlab_command: Command):
-    assert "did you mean presets?" in refused(flexlab_command("prests"))
-    assert "lab, run, review" in refused(flexlab_command("zzz"))
+def test_an_unknown_command_is_one_sentence(flexlab_process: Command):
+    assert "did you mean presets?" in refused(flexlab_process("prests"))
+    assert "lab, run, review" in refused(flexlab_process("zzz"))
 
 
 @pytest.mark.parametrize("words", [["--preset"], ["--prot", "1"], ["run"], ["--port", "many"], ["run", "paper", "-x"]])

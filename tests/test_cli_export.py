@@ -39,8 +39,13 @@ def bits(samples: Samples) -> list[bytes]:
     return [getattr(samples, name).tobytes() for name in Samples.__dataclass_fields__]
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
-def test_a_run_comes_back_as_it_went(flexlab_command: Command, tapped: Path, tmp_path: Path, suffix: str):
+@pytest.mark.parametrize(
+    ("suffix", "way"), [(".csv", "flexlab_process"), (".parquet", "flexlab_command"), (".npz", "flexlab_command")]
+)
+def test_a_run_comes_back_as_it_went(
+    request: pytest.FixtureRequest, tapped: Path, tmp_path: Path, suffix: str, way: str
+):
+    flexlab_command: Command = request.getfixturevalue(way)
     out = flexlab_command("export", tapped.stem, "--to", f"out{suffix}")
     assert out.returncode == 0, out.stderr
     assert out.stdout.startswith(f"out{suffix}  ")

@@ -29,10 +29,10 @@ def test_the_lab_serves_records_and_ends(start_lab: Callable[..., Lab], how: sig
     assert str(Path("logs") / file.name) in "".join(lab.said)
 
 
-def test_a_busy_port_is_one_sentence(flexlab_command: Command, tmp_path: Path):
+def test_a_busy_port_is_one_sentence(flexlab_process: Command, tmp_path: Path):
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = busy.getsockname()[1]
-        done = flexlab_command("--no-browser", "--port", str(port))
+        done = flexlab_process("--no-browser", "--port", str(port))
     assert done.returncode == 2
     assert str(port) in done.stderr
     assert "in use" in done.stderr

@@ -60,9 +60,9 @@ def good(done: subprocess.CompletedProcess[str]) -> str:
     return done.stdout
 
 
-def test_the_table_has_a_line_of_numbers_for_each_run(flexlab_command: Command, logs: Path):
+def test_the_table_has_a_line_of_numbers_for_each_run(flexlab_process: Command, logs: Path):
     write_notes(run_of(logs, "paper"), note="my [b]best[/b]", tags=["thesis"], keep=True)
-    done = flexlab_command("logs")
+    done = flexlab_process("logs")
     heading, units, soft, below, *others = good(done).splitlines()
     assert heading.split()[:4] == ["run", "duration", "size", "state"]
     assert [units.split()[i] for i in (0, -1)] == ["mm", "N"]

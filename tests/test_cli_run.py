@@ -14,8 +14,8 @@ from flexlab.scenario import Scenario
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def test_a_run_is_recorded_and_summed_up(flexlab_command: Command, tmp_path: Path):
-    done = flexlab_command("run", "paper", "--duration", "1.5", "--logs", "runs")
+def test_a_run_is_recorded_and_summed_up(flexlab_process: Command, tmp_path: Path):
+    done = flexlab_process("run", "paper", "--duration", "1.5", "--logs", "runs")
     assert done.returncode == 0, done.stderr
     (file,) = (tmp_path / "runs").glob("*-paper.rrd")
     assert str(Path("runs") / file.name) in done.stdout

@@ -12,9 +12,9 @@ import flexlab
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def test_a_sweep_leaves_the_table_that_python_gives(flexlab_command: Command, tmp_path: Path):
+def test_a_sweep_leaves_the_table_that_python_gives(flexlab_process: Command, tmp_path: Path):
     words = ("--vary", "payload.bending_stiffness=10:100:log:3", "--duration", "0.2", "--set", "gravity=1", "--to", "a")
-    done = flexlab_command(
+    done = flexlab_process(
         "sweep", "paper", *words, "--vary", "trajectory.center=[0,0.75,0],[0,1.6,0]", "--show", "force"
     )
     assert done.returncode == 0, done.stderr

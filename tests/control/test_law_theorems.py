@@ -77,7 +77,7 @@ def prove(kind: str, **gains) -> Proof:
         M, C, G = (part.sum(0) for part in seen.sums())
         B, true_B = M + seen.A, M + np.diag([m, m, inertia])
         h, weight = 1e-4, np.array([0, scenario.gravity, 0])
-        turned = [system.see(0.0, np.concatenate([x + [0, 0, e], state[3:]])).A for e in (h, -h)]
+        turned = [system.believed_inertia(x[2] + e) for e in (h, -h)]
         A_rate = (turned[0] - turned[1]) / (2 * h) * v[2]
         s = samples.sliding_variable[k]
         rest = C @ v + G - u.sum(0)

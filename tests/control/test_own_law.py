@@ -279,22 +279,22 @@ def _same(chosen: Scenario) -> Scenario:
     return chosen
 
 
-def test_presets_and_the_shell_take_a_file(tmp_path: Path, flexlab_command):
+def test_presets_and_the_shell_take_a_file(tmp_path: Path, flexlab_process):
     (tmp_path / "mine.py").write_text(PD)
-    done = flexlab_command(
+    done = flexlab_process(
         "run", "paper", "--duration", "0.1", "--law", "mine.py", "--set", "controller.velocity_gain=900"
     )
     assert done.returncode == 0, done.stderr
     save_scenario(scenario(), tmp_path / "kept.json")
-    hidden = flexlab_command("run", "kept.json", "--duration", "0.1")
+    hidden = flexlab_process("run", "kept.json", "--duration", "0.1")
     assert hidden.returncode != 0
     assert "does not run by itself" in hidden.stderr
-    again = flexlab_command("replay")
+    again = flexlab_process("replay")
     assert again.returncode != 0
     assert "give --run-own-law to let it run" in again.stderr
     assert "class OwnPD" in again.stderr
-    assert flexlab_command("replay", "--run-own-law").returncode == 0
-    unknown = flexlab_command("run", "paper", "--law", "none.py")
+    assert flexlab_process("replay", "--run-own-law").returncode == 0
+    unknown = flexlab_process("run", "paper", "--law", "none.py")
     assert "There is no file none.py" in unknown.stderr
 
 

@@ -51,27 +51,25 @@ def arm_at(scenario: Scenario, index: int, x: np.ndarray, v: np.ndarray) -> ArmA
     arm, side = scenario.arms[index], (-1 if index == 0 else 1)
     l1, l2, l3 = arm.link_length
     reach, alpha = side * (scenario.payload.length / 2 + l3), inverse_kinematics(scenario, index, x)
-    W = np.column_stack([l1 * normal(alpha[0]), l2 * normal(alpha[1])])
+    links = np.array([l1, l2])
+    inverse = np.linalg.inv(links * normal(alpha[:2]))
     J = np.zeros((3, 3))
-    J[:2] = np.linalg.solve(W, np.column_stack([np.eye(2), reach * normal(x[2])]))
+    J[:2, :2], J[:2, 2] = inverse, inverse @ (reach * normal(x[2]))
     J[2, 2] = 1
     rate = J @ v
-    W_dot = -np.column_stack([l1 * e(alpha[0]) * rate[0], l2 * e(alpha[1]) * rate[1]])
-    end = np.zeros((2, 3))
-    end[:, 2] = -reach * e(x[2]) * v[2]
+    end = (links * e(alpha[:2]) * rate[:2]) @ J[:2]
+    end[:, 2] -= reach * e(x[2]) * v[2]
     J_dot = np.zeros((3, 3))
-    J_dot[:2] = np.linalg.solve(W, end - W_dot @ J[:2])
+    J_dot[:2] = inverse @ end
     centers = np.array([[arm.link_center[0], 0, 0], [l1, arm.link_center[1], 0], [l1, l2, arm.link_center[2]]])
     gyration = np.array(arm.inertia) / np.array(arm.link_mass)
-    M, C, G = np.zeros((3, 3, 3)), np.zeros((3, 3, 3)), np.zeros((3, 3))
-    for k in range(3):
-        P, P_dot = np.zeros((2, 3)), np.zeros((2, 3))
-        for j in range(3):
-            P += centers[k, j] * np.outer(normal(alpha[j]), J[j])
-            P_dot += centers[k, j] * (np.outer(normal(alpha[j]), J_dot[j]) - np.outer(e(alpha[j]), J[j]) * rate[j])
-        M[k] = P.T @ P + gyration[k] * np.outer(J[k], J[k])
-        C[k] = P.T @ P_dot + gyration[k] * np.outer(J[k], J_dot[k])
-        G[k] = scenario.gravity * P[1]
+    turning, falling = normal(alpha) * centers[:, None], e(alpha) * rate * centers[:, None]
+    # Of each link's centre of mass, (link, axis, coordinate).
+    P, P_dot = turning @ J, turning @ J_dot - falling @ J
+    spin = gyration[:, None, None] * J[:, :, None]
+    M = P.transpose(0, 2, 1) @ P + spin * J[:, None, :]
+    C = P.transpose(0, 2, 1) @ P_dot + spin * J_dot[:, None, :]
+    G = scenario.gravity * P[:, 1]
     differences = np.array([[1, 0, 0], [-1, 1, 0], [0, -1, 1]])
     return ArmAt(M, C, G, differences @ J, differences @ alpha)
 
@@ -93,11 +91,11 @@ class Seen(NamedTuple):
 
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """M̄_i, C̄_i, Ḡ_i with the arms' true masses, first axis: arm."""
-        parts = [
-            [np.tensordot(arm.link_mass, each, 1) for each in (at.M, at.C, at.G)]
-            for arm, at in zip(self.scenario.arms, self.arms, strict=True)
-        ]
-        return tuple(np.array(part) for part in zip(*parts, strict=True))  # type: ignore[return-value]
+        masses = [np.array(arm.link_mass) for arm in self.scenario.arms]
+        pairs = list(zip(masses, self.arms, strict=True))
+        M = np.array([(mass @ at.M.reshape(3, 9)).reshape(3, 3) for mass, at in pairs])
+        C = np.array([(mass @ at.C.reshape(3, 9)).reshape(3, 3) for mass, at in pairs])
+        return M, C, np.array([mass @ at.G for mass, at in pairs])
 
 
 Law = Callable[[Seen, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -153,10 +151,14 @@ class FlexibleSystem:
         n, x, v = len(self.K), state[:3], state[3:6]
         q_dot = state[6 + n : 6 + 2 * n]
         arms = [arm_at(self.scenario, i, x, v) for i in range(len(self.scenario.arms))]
-        c, s = e(x[2])
-        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         rate = np.array([self.h @ q_dot, self.g @ q_dot])
-        return Seen(self.scenario, arms, x, v, self.desired(t), self.share, self.m, turn @ self.A @ turn.T, rate)
+        return Seen(self.scenario, arms, x, v, self.desired(t), self.share, self.m, self.believed_inertia(x[2]), rate)
+
+    def believed_inertia(self, theta: float) -> np.ndarray:
+        """`Seen.A` at an angle."""
+        c, s = e(theta)
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        return turn @ self.A @ turn.T
 
     def inputs(self, seen: Seen, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The law's u_i and memory rate, with the wanted internal force."""
@@ -177,8 +179,9 @@ class FlexibleSystem:
         J[:, :, 3:] = normal(theta)[None, :, None] * self.N[:, None, :]
         J_dot[:, :, 2] = -(self.s * omega + w_dot)[:, None] * e(theta) - (w * omega)[:, None] * normal(theta)
         J_dot[:, :, 3:] = -omega * e(theta)[None, :, None] * self.N[:, None, :]
-        A = np.einsum("k,kai,kaj->ij", self.mass, J, J)
-        B = np.einsum("k,kai,kaj->ij", self.mass, J, J_dot)
+        flat = J.reshape(-1, 3 + n)
+        weighted = flat.T * np.repeat(self.mass, 2)
+        A, B = weighted @ flat, weighted @ J_dot.reshape(-1, 3 + n)
         force = -B @ np.concatenate([state[3:6], q_dot]) - gravity * self.mass @ J[:, 1]
         force[3:] -= self.K @ q + self.D @ q_dot
         M, C, G = seen.sums()

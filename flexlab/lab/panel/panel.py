@@ -15,6 +15,7 @@ from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.playback import Playback
 from flexlab.lab.panel.preset_menu import Presets
 from flexlab.lab.panel.readouts import notices_html, status_html
+from flexlab.lab.panel.ring_panel import RingPanel
 from flexlab.lab.panel.run_comparison import Comparing
 from flexlab.lab.panel.scenario_files import ScenarioFiles
 from flexlab.lab.panel.sections import SECTIONS, Section, conditions_html, three_valued
@@ -64,6 +65,7 @@ class Panel:
             self._viewing = ViewControls(gui, lab_state, look)
         with tabs.add_tab("Touch"):
             self._touching = DisturbanceSettings(gui, lab_state, touch)
+            self._ring = RingPanel(gui, lab_state, runner)
         with tabs.add_tab("Modes"):
             self._modes = ModePanel(gui, lab_state, runner, study)
         with tabs.add_tab("Compare"):
@@ -86,6 +88,7 @@ class Panel:
         self._presets.update()
         self._drive.update(snapshot)
         self._modes.update(snapshot)
+        self._ring.update()
         self._comparing.update(snapshot)
         self._filing.update(snapshot)
         note = three_valued(lab_state.intended)

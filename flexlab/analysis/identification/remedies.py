@@ -1,0 +1,96 @@
+"""What a fitted ring asks for: which input shaper at which frequency, which vibration gain."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlab.analysis.identification.ring import RingFit
+from flexlab.control.shapers import impulses, residual
+from flexlab.scenario import Scenario
+from flexlab.sim.build import build_beam
+
+SHAPERS = ("zv", "zvd", "ei-shaper")
+"""Shortest first."""
+TOLERATED = 0.0501
+"""Residual, as a share of the unshaped, within which a shaper counts as right: that of the paper's table, and rounding."""
+WIDEST, STEPS = 0.5, 1001
+"""Part of the frequency, either way, in which a shaper's band is looked for, and places there."""
+WANTED_RATIO = 0.1
+"""Damping ratio that the suggested gain gives the mode: it falls to 1 % within seven and a half periods."""
+SEEN = 0.01
+"""Share of a motion's loads that a mode must have to be damped by it."""
+
+
+@dataclass(frozen=True)
+class ShaperChoice:
+    """One input shaper for a ring."""
+
+    name: str
+    delay: float
+    """s by which the motion ends later."""
+    band: float
+    """Part of the frequency by which it may be wrong, either way, for less than 5 % of the vibration to be left."""
+
+
+@dataclass(frozen=True)
+class Remedies:
+    """What to do about a ring."""
+
+    shapers: tuple[ShaperChoice, ...]
+    suggested: str
+    """The shortest shaper whose band holds the frequency's 95 % interval."""
+    frequency: float
+    """Hz."""
+    damping_ratio: float
+    gain_field: str
+    """Name of the field that damps this mode."""
+    gain: float
+    """Its value for `WANTED_RATIO`."""
+
+    def changes(self, shaper: str) -> dict[str, object]:
+        """What makes a scenario's path go through a shaper for this ring, as one change."""
+        return {
+            "trajectory.shaper": shaper,
+            "trajectory.shaper_frequency": self.frequency,
+            "trajectory.shaper_damping": self.damping_ratio,
+        }
+
+
+def remedies(fit: RingFit, scenario: Scenario) -> Remedies | None:
+    """For the mode that rings loudest; None if its frequency is not identifiable.
+
+    The gain is that of a_lat = k_v hᵀq̇ (or α = k_θ gᵀq̇), which adds k_v h_k²/(2 ω_k) to the ratio of mode k as long as torques
+    act at once.
+    """
+    frequency, ratio = fit.first.frequency, fit.first.damping_ratio
+    if not frequency.identifiable:
+        return None
+    omega = 2 * math.pi * frequency.value
+    zeta = float(np.clip(ratio.value, 0.0, 0.9)) if ratio.identifiable else 0.0
+    uncertain = max(frequency.high - frequency.value, frequency.value - frequency.low) / frequency.value
+    choices = tuple(_choice(name, omega, zeta) for name in SHAPERS)
+    fitting = [choice.name for choice in choices if choice.band >= uncertain]
+    beam = build_beam(scenario.payload)
+    mode = int(np.argmin(np.abs(beam.modes.omega - omega)))
+    h, g = (float(beam.modes.V[:, mode] @ load) for load in (beam.matrices.h, beam.matrices.g))
+    lateral = h * h > SEEN * beam.kappa[0]
+    square = h * h if lateral else g * g
+    gain = max(0.0, 2 * (WANTED_RATIO - zeta) * omega / square) if square > 0 else math.nan
+    return Remedies(
+        choices,
+        fitting[0] if fitting else SHAPERS[-1],
+        frequency.value,
+        zeta,
+        "lateral_vibration_gain" if lateral else "angular_vibration_gain",
+        gain,
+    )
+
+
+def _choice(name: str, omega: float, zeta: float) -> ShaperChoice:
+    shaped = impulses(name, omega, zeta)
+    undamped = impulses(name, omega, 0.0)
+    off = np.linspace(0.0, WIDEST, STEPS)
+    left = np.array([max(residual(undamped, omega * (1 + d)), residual(undamped, omega * (1 - d))) for d in off])
+    wrong = np.flatnonzero(left > TOLERATED)
+    return ShaperChoice(name, float(shaped[-1, 1]), float(off[wrong[0] - 1] if len(wrong) else WIDEST))

@@ -1,0 +1,103 @@
+"""From a tap to frequency and damping, and from there to a shaper and a gain: one click each."""
+
+import viser
+
+from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Remedies
+from flexlab.errors import LabError
+from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.panel.number_control import put
+from flexlab.lab.panel.text import escaped, number
+from flexlab.lab.ring_study import FittedRing, RingStudy
+from flexlab.sim.runner import Runner
+
+SYMBOLS = {"lateral_vibration_gain": ("k_v", "1/(kg·s)"), "angular_vibration_gain": ("k_θ", "1/(kg·m²·s)")}
+
+
+class RingPanel:
+    """Buttons and findings, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner):
+        self._lab_state, self._study = lab_state, RingStudy(runner)
+        fit = gui.add_button(
+            "Fit the ring",
+            icon=viser.Icon.WAVE_SINE,
+            color="gray",
+            hint="Frequency and damping of the vibration since the last tap, release or stop",
+        )
+        self._found = gui.add_html("")
+        self._shapers = gui.add_button_group(
+            "Use shaper",
+            SHAPERS,
+            visible=False,
+            hint="The path goes through this input shaper, made for the fitted ring",
+        )
+        self._damp = gui.add_button(
+            "Use this gain", color="gray", visible=False, hint="Sets the vibration gain of the control law"
+        )
+        fit.on_click(handler(lab_state, lambda _: self._study.ask()))
+        self._shapers.on_click(handler(lab_state, lambda event: self._use(str(event.target.value))))
+        self._damp.on_click(handler(lab_state, lambda _: self._use_gain()))
+
+    def update(self) -> None:
+        """Show what was found."""
+        result, offered = self._study.result, self._offered()
+        if self._study.is_busy:
+            text = '<div class="fl fl-dim">Fitting …</div>'
+        elif result is not None:
+            text = ring_html(result, offered is not None and self._has(offered.gain_field))
+        else:
+            problem = self._study.problem
+            text = f'<div class="fl"><div class="fl-box">{escaped(problem)}</div></div>' if problem else ""
+        put(self._found, content=text)
+        put(self._shapers, visible=offered is not None)
+        put(self._damp, visible=offered is not None and self._has(offered.gain_field))
+
+    def _offered(self) -> Remedies | None:
+        result = self._study.result
+        return None if result is None or self._study.is_busy else result.remedies
+
+    def _has(self, field: str) -> bool:
+        return field in type(self._lab_state.intended.controller).model_fields
+
+    def _use(self, shaper: str) -> None:
+        offered = self._offered()
+        if offered is None or shaper not in SHAPERS:
+            raise LabError("Fit a ring first: its frequency is what the shaper is made for.")
+        self._lab_state.change(offered.changes(shaper))
+
+    def _use_gain(self) -> None:
+        offered = self._offered()
+        if offered is None or not self._has(offered.gain_field):
+            raise LabError("This control law has no vibration gain: choose vibration-damping or composite.")
+        self._lab_state.change({f"controller.{offered.gain_field}": float(f"{offered.gain:.4g}")})
+
+
+def ring_html(found: FittedRing, has_gain: bool) -> str:
+    """The fitted modes with their intervals, and what they ask for."""
+    fit = found.fit
+    rows = "".join(
+        f"<tr><td>{'<b>' if mode is fit.first else ''}f{k}{'</b>' if mode is fit.first else ''}</td>"
+        f"<td>{escaped(str(mode.frequency))}</td></tr><tr><td>ζ{k}</td><td>{escaped(str(mode.damping_ratio))}</td></tr>"
+        for k, mode in enumerate(fit.modes, start=1)
+    )
+    span = 1e3 * (fit.end - fit.start)
+    head = f"Since {found.since}: {fit.samples} samples, {span:.0f} ms, noise {number(1e3 * fit.noise, 2)} mm"
+    parts = [f'<div class="fl-dim">{escaped(head)}</div><table class="fl-table">{rows}</table>']
+    if found.remedies is not None:
+        parts += [f'<div class="fl-line">{escaped(sentence)}</div>' for sentence in sentences(found.remedies, has_gain)]
+    return f'<div class="fl">{"".join(parts)}</div>'
+
+
+def sentences(offered: Remedies, has_gain: bool) -> list[str]:
+    """Which shaper, which gain, and why."""
+    shapers = "; ".join(
+        f"{one.name} ends {1e3 * one.delay:.1f} ms later and forgives ±{100 * one.band:.0f} %"
+        for one in offered.shapers
+    )
+    symbol, unit = SYMBOLS[offered.gain_field]
+    way = "This law takes it." if has_gain else "The laws vibration-damping and composite have it."
+    return [
+        f"Input shapers for {offered.frequency:.4g} Hz: {shapers}. Shortest that suffices: {offered.suggested}.",
+        f"{symbol} = {number(offered.gain, 3)} {unit} damps this mode to ζ = {100 * WANTED_RATIO:.0f} %, if torques act at "
+        f"once. {way}",
+    ]

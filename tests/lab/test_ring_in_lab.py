@@ -1,0 +1,53 @@
+"""A tap in a running lab, its ring fitted, and what it asks for taken up: one undoable change each."""
+
+import pytest
+from lab_page import wait_until
+
+from flexlab.errors import LabError
+from flexlab.lab.panel.ring_panel import RingPanel
+from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+from flexlab.sim.commands import StepOnce, Tap
+
+
+def test_from_a_tap_to_a_shaper_and_a_gain():
+    scenario = load_preset("paper").replace({"trajectory.kind": "hold", "controller.kind": "vibration-damping"})
+    scenario = scenario.replace({"controller.lateral_vibration_gain": 5.0})
+    with Session(scenario, port=0, shadows=False, playing=False) as lab:
+        panel = RingPanel(lab.server.gui, lab.lab_state, lab.runner)
+        ask, state = panel._study.ask, lab.lab_state
+
+        def fitted() -> None:
+            ask()
+            wait_until(lambda: not panel._study.is_busy, "the fit")
+            panel.update()
+
+        fitted()
+        assert "There is no free ring to fit: tap the beam" in panel._found.content
+        assert not panel._shapers.visible
+        with pytest.raises(LabError, match="Fit a ring first"):
+            panel._use("zv")
+        state.submit(Tap(0.0, (0.0, 0.05)))
+        state.submit(StepOnce(400))
+        wait_until(lambda: lab.runner.snapshot.latest.time[0] >= 0.4, "the ring")
+        fitted()
+        result = panel._study.result
+        assert result is not None
+        assert result.fit.first.frequency.value == pytest.approx(45.0, rel=0.05)
+        assert "95 % within" in panel._found.content
+        assert panel._shapers.visible
+        assert panel._damp.visible
+
+        panel._use("zvd")
+        path = state.intended.trajectory
+        assert (path.shaper, path.shaper_frequency) == ("zvd", result.remedies.frequency)
+        wait_until(lambda: lab.runner.snapshot.scenario.trajectory == path, "the engine takes it up")
+        state.undo()
+        assert state.intended.trajectory.shaper == "none"
+        panel._use_gain()
+        assert state.intended.controller.lateral_vibration_gain == pytest.approx(result.remedies.gain, rel=1e-3)
+        state.change({"controller.kind": "pd"})
+        panel.update()
+        assert not panel._damp.visible
+        with pytest.raises(LabError, match="choose vibration-damping or composite"):
+            panel._use_gain()

@@ -119,6 +119,12 @@ def test_a_recording_holds_its_text_and_replays_only_when_allowed(tmp_path: Path
         World(recording.scenario)
 
 
+def test_it_is_no_slow_part_of_the_composite_law_which_says_so():
+    kind = scenario().controller.kind
+    with pytest.raises(ScenarioError, match="the slow part cannot be own-pd, a law in Python: choose one of flexlab's"):
+        load_preset("paper").replace({"controller.kind": "composite", "controller.slow.kind": kind})
+
+
 def test_an_older_text_of_a_law_keeps_apart_from_the_present_one():
     old = scenario().model_dump(mode="json")
     add_own_law(PD.replace('symbol="D")', 'symbol="D")\n    third = gain(1.0, "1", low=0, high=2)'), "own_pd.py")

@@ -102,6 +102,15 @@ class Composite(Controller):
         """A part whose kind is not said is of the usual kind."""
         if not isinstance(data, dict):
             return data
+        slow = data["slow"].get("kind") if isinstance(data.get("slow"), dict) else None
+        known = laws().get(slow) if isinstance(slow, str) else None
+        if known is not None and type(known) is not Law:
+            raise PydanticCustomError(
+                "sampling",
+                "the slow part cannot be {kind}, a law in Python: choose one of flexlab's, or damp the beam in your own file "
+                "with at.beam_rate",
+                {"kind": slow},
+            )
         usual = {name: cls.model_fields[name].default.kind for name in ("slow", "observer")}
         return data | {
             name: {"kind": kind, **data[name]}

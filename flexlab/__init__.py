@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from flexlab.linear_api import linearize
     from flexlab.notebook import Lab
     from flexlab.own_laws.declaration import OwnLaw, gain, memory, readout
+    from flexlab.own_paths.declaration import OwnPath, option
     from flexlab.presets import load_preset, preset_names
     from flexlab.scenario import Scenario, parse_scenario
 
@@ -42,6 +43,8 @@ _HOMES = {
     "gain": "flexlab.own_laws.declaration",
     "memory": "flexlab.own_laws.declaration",
     "readout": "flexlab.own_laws.declaration",
+    "OwnPath": "flexlab.own_paths.declaration",
+    "option": "flexlab.own_paths.declaration",
 }
 """Public names and the modules they live in; imported on first use, so that `flexlab --help` need not load numba."""
 
@@ -51,6 +54,7 @@ __all__ = [
     "LinearModel",
     "Modes",
     "OwnLaw",
+    "OwnPath",
     "Run",
     "RunMetrics",
     "Scenario",
@@ -63,6 +67,7 @@ __all__ = [
     "load_preset",
     "memory",
     "modes",
+    "option",
     "parse_scenario",
     "preset_names",
     "read",

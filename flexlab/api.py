@@ -22,9 +22,11 @@ from flexlab.analysis.sweep.table import sweep_folder
 from flexlab.control.own_law_files import law_kind
 from flexlab.errors import StudyError
 from flexlab.own_laws.declaration import OwnLaw
+from flexlab.own_paths.declaration import OwnPath
 from flexlab.presets import find_scenario
 from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.scenario.path_file import with_path
 from flexlab.sim import samples
 from flexlab.sim import simulate as engine
 from flexlab.sim.commands import WorldCommand
@@ -134,19 +136,23 @@ def simulate(
     sample_period: float = 0.001,
     commands: Sequence[tuple[float, WorldCommand]] = (),
     law: str | Path | type[OwnLaw] | None = None,
+    path: str | Path | type[OwnPath] | None = None,
 ) -> Run:
     """Simulate a scenario for `duration` s with a sample exactly at every k · `sample_period` s, t = 0 included.
 
     `scenario`: a `Scenario`, the name of a preset, the path of a scenario file, or plain data. `commands`: (time in s,
     command) pairs, as a person in the live lab would give them; each takes effect on the first sample instant that is not
     before its time. `law`: another control law, by its name, the path of a Python file that holds one, or a class of
-    `OwnLaw`. A run that cannot start or go on ends early: `run.status` says why, and the good samples are kept.
+    `OwnLaw`; `path`: another path, by its name, a CSV file, a Python file, or a class of `OwnPath`. A run that cannot
+    start or go on ends early: `run.status` says why, and the good samples are kept.
     Raises `PresetError` or `ScenarioError` for a scenario or command that is not valid and `StudyError` for a duration or
     period that is not, or a command that changes the beam's mesh or starts the run anew.
     """
     name, valid = named_scenario(scenario)
     if law is not None:
         valid = valid.replace({"controller.kind": law_kind(law)})
+    if path is not None:
+        valid = with_path(valid, path)
     return _run(engine.simulate(valid, duration, sample_period, commands), name)
 
 

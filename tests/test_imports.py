@@ -22,6 +22,7 @@ LAYERS = {
     "numba_internals": 0,
     "physics": 1,
     "own_laws": 2,
+    "own_paths": 2,
     "control": 3,
     "scenario": 4,
     "presets": 4,

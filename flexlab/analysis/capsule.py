@@ -13,7 +13,7 @@ from typing import Any
 
 from flexlab.analysis.figures import paper_figures
 from flexlab.analysis.metrics import run_metrics
-from flexlab.analysis.replay import own_law_texts
+from flexlab.analysis.replay import own_law_texts, own_path_texts
 from flexlab.analysis.result_hash import result_hash
 from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import scenario_text
@@ -41,6 +41,7 @@ KINDS = {
     "commands.json": ("application/json", "What a person did in the run, with its times in s"),
     "versions.json": ("application/json", "What computed the samples, and what made this archive"),
     "metrics.json": ("application/json", "Metrics, SI units, and the hash of the result"),
+    "path.py": ("text/x-python", "The source of the path, which came with the scenario"),
     "law.py": ("text/x-python", "The source of the control law, which came with the scenario"),
 }
 
@@ -89,9 +90,10 @@ def _fill(folder: Path, source: Path, recording: Recording) -> None:
         (folder / name).write_text(text, encoding="utf-8")
     if len(recording.samples):
         paper_figures(recording.samples, folder / "figures", ["svg"])
-    texts = [source for _, source in own_law_texts(recording)]
-    if texts:
-        (folder / "law.py").write_text("\n\n".join(texts), encoding="utf-8")
+    laws = [source for _, source in own_law_texts(recording)]
+    for name, texts in (("law.py", laws), ("path.py", own_path_texts(recording))):
+        if texts:
+            (folder / name).write_text("\n\n".join(texts), encoding="utf-8")
 
 
 def _metadata(folder: Path, files: list[str], recording: Recording) -> dict[str, Any]:

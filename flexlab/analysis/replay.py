@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlab.control.own_law import OwnController
+from flexlab.control.own_path import OwnTrajectory
 from flexlab.errors import StudyError
 from flexlab.recording.documents import package_version
 from flexlab.recording.reader import Recording
@@ -87,6 +88,16 @@ def own_law_texts(recording: Recording) -> list[tuple[str, str]]:
             source = event.command.changes["controller.source"]
             found.append((str(event.command.changes.get("controller.kind", law.kind)), source))
     return list({source: (kind, source) for kind, source in reversed(found)}.values())[::-1]
+
+
+def own_path_texts(recording: Recording) -> list[str]:
+    """The texts of the paths in Python on which a recorded run went, in the order in which they came; no replay needs them."""
+    path = recording.scenario.trajectory
+    found = [path.source] if isinstance(path, OwnTrajectory) else []
+    for event in recording.events:
+        if isinstance(event.command, ChangeScenario) and "trajectory.source" in event.command.changes:
+            found.append(event.command.changes["trajectory.source"])
+    return list(dict.fromkeys(found))
 
 
 def _left_out(recording: Recording, absent: frozenset[str]) -> str:

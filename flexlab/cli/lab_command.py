@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, output
-from flexlab.cli.options import LOGS, Law, Logs, Preset
+from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Preset
 from flexlab.cli.showing import ending, open_browser, wait_for
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 def command(
     preset: Preset = "paper",
     law: Law = None,
+    path: PathChoice = None,
     host: Annotated[
         str,
         tyro.conf.arg(
@@ -91,11 +92,12 @@ def command(
     from flexlab.cli.options import chosen_scenarios
     from flexlab.control.own_law_files import add_law_files
     from flexlab.control.own_law_hosts import run_apart
+    from flexlab.control.own_path_files import add_path_files
 
     run_apart()
-    for problem in add_law_files():
+    for problem in [*add_law_files(), *add_path_files()]:
         complain(problem)
-    [(name, scenario)] = chosen_scenarios([preset], (), law, None)
+    [(name, scenario)] = chosen_scenarios([preset], (), law, None, path)
     from flexlab.cli.warmup import compiling_the_rest, warm_up
     from flexlab.recording.store.run_files import check_folder
     from flexlab.server.front_server import open_front_server

@@ -22,7 +22,6 @@ from flexlab.control.own_law_channel import Channel
 from flexlab.errors import ScenarioError
 from flexlab.own_laws.declaration import (
     LONGEST_PERIOD,
-    LONGEST_SOURCE,
     SHORTEST_PERIOD,
     Declaration,
     Gain,
@@ -42,6 +41,7 @@ from flexlab.own_laws.message import (
     SIGNALS,
     WAIT,
 )
+from flexlab.own_laws.reading import LONGEST_SOURCE
 from flexlab.physics.law_input import LAW_INPUT
 from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.signal import Signal
@@ -213,7 +213,7 @@ def own_law_of(source: str, file: str, kind: str = "") -> PythonLaw:
         if gain_name in OwnController.model_fields or gain_name == "kind":
             text = f"{file}: {gain_name} is a field of every controller: give the gain another name."
             raise ScenarioError([("controller.source", text)])
-        gains[gain_name] = (OneOrThree if _size(gain) == 3 else Number, _gain_field(gain_name, gain))
+        gains[gain_name] = (OneOrThree if _size(gain) == 3 else Number, gain_field(gain_name, gain))
     period = quantity(
         declared.period, title="Control period", symbol="T_c", unit="s", low=SHORTEST_PERIOD, high=LONGEST_PERIOD
     )
@@ -235,7 +235,7 @@ def own_law_of(source: str, file: str, kind: str = "") -> PythonLaw:
     return replace(law, start=law.begin)
 
 
-def _gain_field(name: str, gain: Gain) -> Any:
+def gain_field(name: str, gain: Gain) -> Any:
     """A gain's field; its slider covers the range, or three times the default where that is much less."""
     top = 3 * float(np.max(np.abs(gain.default)))
     slider = gain.slider or (gain.low, min(gain.high, top) if top > gain.low else gain.high)

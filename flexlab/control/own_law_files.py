@@ -1,6 +1,5 @@
 """Where laws in Python come from: a person's folder `presets/laws`, the examples of flexlab, a path, a class."""
 
-import contextlib
 import inspect
 import re
 import textwrap
@@ -8,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.assets import presets_folder
-from flexlab.control import own_law_hosts as hosts
 from flexlab.control.law import add_law_file, laws
 from flexlab.control.own_law import PythonLaw, add_own_law
 from flexlab.errors import ScenarioError
@@ -17,7 +15,7 @@ from flexlab.own_laws.declaration import OwnLaw, read_declaration
 OWN_FOLDER = Path("presets/laws")
 """A person's own laws, relative to the working directory."""
 
-HEADER = "import flexlab\nimport numpy as np\nfrom flexlab import OwnLaw, gain, memory, readout"
+HEADER = "import math\nimport flexlab\nimport numpy as np\nfrom flexlab import OwnLaw, OwnPath, gain, memory, option, readout"
 """What the text of a class may take for granted, so that a recording can hold it."""
 
 
@@ -59,22 +57,12 @@ def add_law_files() -> list[str]:
     return problems
 
 
-def know_own_laws(allowed: dict[str, str]) -> None:
-    """In a process that works for another one: let run what that one allows, in processes of their own; know its files."""
-    hosts.run_apart()
-    hosts.allow_digests(allowed)
-    for file in dict.fromkeys(allowed.values()):
-        if Path(file).is_file():
-            with contextlib.suppress(ScenarioError):  # Said already by the process that allows it.
-                add_own_law_file(file)
-
-
 def law_kind(law: Any) -> str:
     """The kind of a law given by its name, by the path of a Python file, or as a class. Raises `ScenarioError`."""
     if isinstance(law, Path) or (isinstance(law, str) and law.endswith(".py")):
         return _kernel_law(Path(law)) or add_own_law_file(law).kind
     if isinstance(law, type) and issubclass(law, OwnLaw):
-        return add_own_law(_text_of(law), inspect.getsourcefile(law) or law.__name__).kind
+        return add_own_law(text_of(law), inspect.getsourcefile(law) or law.__name__).kind
     if not isinstance(law, str):
         text = f"law = {law!r:.60} is no control law: give a name such as pd, a Python file, or a class of OwnLaw."
         raise ScenarioError([("controller.kind", text)])
@@ -103,7 +91,7 @@ def _declares(path: Path, kind: str) -> bool:
         return False
 
 
-def _text_of(law: type) -> str:
+def text_of(law: type) -> str:
     """A class's own text after `HEADER`, with the line numbers of its file where there is room for the header."""
     try:
         lines, first = inspect.getsourcelines(law)

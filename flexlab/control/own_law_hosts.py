@@ -10,14 +10,15 @@ from flexlab.control.own_law_channel import AnswerFunction, Channel, address_of,
 from flexlab.control.own_law_process import Apart
 from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.own_laws.declaration import digest
-from flexlab.own_laws.execution import LawProblem, RunningLaw
+from flexlab.own_laws.execution import RunningLaw
+from flexlab.own_laws.running_text import TextProblem
 
 
 class InProcess:
     """A law that runs here, as a person's own code does in their own shell."""
 
     def __init__(self, source: str, file: str):
-        """Raises `LawProblem` or `ScenarioError` for a text that cannot be run."""
+        """Raises `TextProblem` or `ScenarioError` for a text that cannot be run."""
         self._law = RunningLaw(source, file)
         self._lock = threading.Lock()
         self._function = AnswerFunction(self._answer)
@@ -71,6 +72,11 @@ def run_apart(apart: bool = True) -> None:
         _kind = wanted
 
 
+def runs_apart() -> bool:
+    """Whether texts in Python run in processes of their own."""
+    return _kind is Apart
+
+
 def allow(source: str, file: str) -> None:
     """Let a law's text run, which stands in `file` (its name is enough for sentences)."""
     _allowed[digest(source)] = file
@@ -107,7 +113,7 @@ def host_of(source: str, kind: str) -> Host:
             if host is None:
                 host = _hosts[key] = _kind(source, _allowed[key])
         host.ensure()
-    except (LawProblem, FlexlabError) as error:
+    except (TextProblem, FlexlabError) as error:
         with _lock:
             _hosts.pop(key, None)
         raise ScenarioError([("controller.source", f"The control law {kind} cannot be used: {error}")]) from None

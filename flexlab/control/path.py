@@ -157,6 +157,13 @@ class Path:
         fields = [(name, "f8", (size,)) if size > 1 else (name, "f8") for name, size in own.items()]
         return np.dtype(fields or [("none", "f8")])
 
+    def numbers(self, trajectory: Trajectory) -> np.ndarray:
+        """The record of a model's numbers, (1,)."""
+        record = np.zeros(1, self.record)
+        for name in own_numbers(self.model, Trajectory):
+            record[name] = getattr(trajectory, name)
+        return record
+
     @cached_property
     def address(self) -> int:
         """Of the kernel, compiled or loaded from the cache when first asked for."""
@@ -172,17 +179,20 @@ _paths: dict[str, Path] = {}
 _listeners: list[Callable[[], None]] = []
 
 
-def add_path(path: Path) -> None:
-    """Make a path known. Raises ImportError for one whose name is taken."""
-    if path.kind in _paths and _paths[path.kind] != path:
+def add_path(path: Path, instead: bool = False) -> None:
+    """Make a path known, `instead` of another one of its kind. Raises ImportError for one whose name is taken."""
+    global _paths
+    if not instead and path.kind in _paths and _paths[path.kind] != path:
         raise ImportError(f"Two paths are called {path.kind!r}: give one of them another kind.")
-    _paths[path.kind] = path
+    # A new table each time: other threads may be reading the present one.
+    _paths = {**_paths, path.kind: path}
     _tell()
 
 
 def forget_path(kind: str) -> None:
     """Make an added path unknown again."""
-    del _paths[kind]
+    global _paths
+    _paths = {name: path for name, path in _paths.items() if name != kind}
     _tell()
 
 
@@ -217,12 +227,9 @@ def paths() -> dict[str, Path]:
 def build_motion(trajectory: Trajectory) -> DesiredMotion:
     """The kernel and numbers of a path, without what every path may have besides."""
     path = paths()[trajectory.kind]  # type: ignore[attr-defined]
-    record = np.zeros(1, path.record)
-    for name in own_numbers(path.model, Trajectory):
-        record[name] = getattr(trajectory, name)
     # A copy: kernels are compiled for arrays that can be written to, and only for those.
     rows = NO_ROWS if path.rows is None else np.array(path.rows(trajectory), dtype=float, order="C")
-    return DesiredMotion(path.address, record.view(np.float64), rows)
+    return DesiredMotion(path.address, path.numbers(trajectory).view(np.float64), rows)
 
 
 @lru_cache(maxsize=64)

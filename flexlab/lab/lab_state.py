@@ -8,9 +8,11 @@ from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from flexlab.control.own_path import needs_running, with_table
 from flexlab.errors import FlexlabError, LabError, ScenarioError
 from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.reference_run import ReferenceRun, differences
+from flexlab.lab.slow_changes import SlowChanges
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.lab.view_settings import FollowedExaggeration, ViewSettings, fitting_exaggeration, fitting_window
 from flexlab.log_limits import limited
@@ -66,6 +68,7 @@ class LabState:
         self._view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
         self._followed = FollowedExaggeration(PATIENCE)
         self._fitted_speed = snapshot.target_speed
+        self._slow = SlowChanges(self._change_slowly, self.say)
         self._let_go_of(origin)
 
     @property
@@ -104,14 +107,30 @@ class LabState:
             self._view = dataclasses.replace(self._view, **changes)
 
     def change(self, changes: Mapping[str, Any]) -> None:
-        """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid."""
+        """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid.
+
+        What has a person's own path run is asked for beside the page; if it is refused, a notice says why.
+        """
+        of_path = any(path.partition(".")[0] == "trajectory" for path in changes)
+        if of_path and (self._slow.is_busy or needs_running(self.intended.trajectory, changes)):
+            self._slow.ask(changes)
+        else:
+            self._change(changes)
+
+    def _change_slowly(self, changes: Mapping[str, Any]) -> None:
+        # The poses are kept once they are made: what follows has not to wait for them.
+        self.intended.replace(changes)
+        self._change(changes)
+
+    def _change(self, changes: Mapping[str, Any]) -> None:
         with self._lock:
             wanted = change_path(self.intended, changes, float(self.snapshot.latest.time[0]))
             fault = None if same_reach(self.intended, wanted) else check_trajectory(wanted)
             if fault is not None:
                 raise ScenarioError([("trajectory", fault.text)])
             self._undo.note(self._settings, gesture=tuple(changes))
-            self._send(dataclasses.replace(self._settings, scenario=wanted), changes)
+            complete = with_table(changes, wanted.trajectory)
+            self._send(dataclasses.replace(self._settings, scenario=wanted), complete)
 
     def load(self, scenario: Scenario, name: str, origin: Origin | None = None) -> None:
         """Ask for a new run from another scenario, or one that goes on from an earlier run."""

@@ -11,7 +11,7 @@ from flexlab.lab.client_cameras import ClientCameras
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.mode_computation import ModeStudy
-from flexlab.lab.own_law_watch import OwnLawWatch
+from flexlab.lab.own_file_watch import OwnFileWatch
 from flexlab.lab.page_reports import PAGE_SCRIPT, PageReports
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
@@ -74,7 +74,7 @@ class Session:
         self._lab_state: LabState | None = None
         self._study = ModeStudy()
         self._drawing: RenderLoop | None = None
-        self._own_laws: OwnLawWatch | None = None
+        self._own_files: OwnFileWatch | None = None
 
     @property
     def server(self) -> GuardedServer:
@@ -106,8 +106,8 @@ class Session:
         self._server = open_server(self._host, self._port, "flexlab", self.guard, self._secret, PAGE_SCRIPT)
         try:
             self._drawing = self._furnish(self._server)
-            self._own_laws = OwnLawWatch(self.lab_state)
-            self._own_laws.start()
+            self._own_files = OwnFileWatch(self.lab_state)
+            self._own_files.start()
             self.runner.start()
             self._drawing.start()
         except BaseException:
@@ -116,8 +116,8 @@ class Session:
 
     def stop(self) -> None:
         """Stop drawing, simulation and server; returns when all threads are done. May be called twice."""
-        if self._own_laws is not None:
-            self._own_laws.stop()
+        if self._own_files is not None:
+            self._own_files.stop()
         if self._drawing is not None:
             self._drawing.stop()
         self._study.stop()

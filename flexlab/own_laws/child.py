@@ -12,20 +12,24 @@ import sys
 import threading
 import time
 import traceback
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
 from flexlab.errors import FlexlabError
-from flexlab.own_laws.execution import LawProblem, RunningLaw
+from flexlab.own_laws.execution import RunningLaw
 from flexlab.own_laws.message import MESSAGE_SIZE
+from flexlab.own_laws.running_text import TextProblem
 from flexlab.physics.law_input import LAW_INPUT
 
+T = TypeVar("T")
+
 MOST_MEMORY = 2_000_000_000
-"""Bytes of address space: what a control law may ask for."""
+"""Bytes of address space: what a person's own file may ask for."""
 
 
-def _receive(calls: socket.socket, size: int) -> bytearray | None:
+def receive(calls: socket.socket, size: int) -> bytearray | None:
     """Exactly `size` bytes; None at the end."""
     data = bytearray(size)
     view, got = memoryview(data), 0
@@ -58,17 +62,18 @@ def _limit_memory() -> None:
         pass  # Where the system has no such limit, its own must do.
 
 
-class _Reports:
+class Reports:
     """Sentences for the parent, a line of JSON each."""
 
     def __init__(self, reports: socket.socket):
         self._reports = reports
 
     def say(self, **what: Any) -> None:
+        """Tell the parent."""
         self._reports.sendall(json.dumps(what).encode() + b"\n")
 
 
-def _watch_exits(reports: _Reports, file: str) -> None:
+def _watch_exits(reports: Reports, file: str) -> None:
     """Have os._exit and os.abort say where they were called: nothing else would know."""
 
     def telling(name: str, function: Any) -> Any:
@@ -83,32 +88,36 @@ def _watch_exits(reports: _Reports, file: str) -> None:
     os._exit, os.abort = telling("_exit", os._exit), telling("abort", os.abort)  # type: ignore[assignment]
 
 
-def main() -> None:
-    """Serve one law until the parent closes the socket."""
+def serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Reports], None]) -> None:
+    """Run one text for the parent: `load` it (text, file), then `answer` calls until the parent closes the socket."""
     calls, reported = socket.socket(fileno=int(sys.argv[1])), socket.socket(fileno=int(sys.argv[2]))
-    file, reports = sys.argv[3], _Reports(reported)
+    file, reports = sys.argv[3], Reports(reported)
     # Asked for by the parent when an answer is late: the handler works even while Python cannot.
     faulthandler.register(signal.SIGUSR1, file=reported.fileno(), all_threads=False, chain=False)
     faulthandler.enable(file=reported.fileno(), all_threads=False)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which ends this by closing the socket.
     _end_with_the_parent()
-    length = _receive(calls, 8)
+    length = receive(calls, 8)
     if length is None:
         return
-    text = _receive(calls, int.from_bytes(length, "little"))
+    text = receive(calls, int.from_bytes(length, "little"))
     if text is None:
         return
     _watch_exits(reports, file)
     _limit_memory()
     try:
-        law = RunningLaw(text.decode(), file)
-    except (LawProblem, FlexlabError) as error:
+        loaded = load(text.decode(), file)
+    except (TextProblem, FlexlabError) as error:
         reports.say(problem=str(error))
         return
     reports.say(ready=True)
+    answer(loaded, calls, reports)
+
+
+def _answer(law: RunningLaw, calls: socket.socket, reports: Reports) -> None:
     message_bytes = 8 * MESSAGE_SIZE
     while True:
-        data = _receive(calls, message_bytes + LAW_INPUT.itemsize)
+        data = receive(calls, message_bytes + LAW_INPUT.itemsize)
         if data is None:
             return
         message = np.frombuffer(data, float, MESSAGE_SIZE)
@@ -119,4 +128,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    serve(RunningLaw, _answer)

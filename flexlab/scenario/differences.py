@@ -11,6 +11,9 @@ TEXTS = ("title", "watch")
 ENGINE = "trajectory.transition"
 """A field that nobody sets: what a change of the path in motion leaves over for a moment."""
 
+FOLLOW = ("trajectory.table", "trajectory.table_of")
+"""Fields that follow from others: from the text of a person's own path and its options."""
+
 Difference = tuple[str, Any, Any]
 """(dotted path, value in one, value in the other)."""
 
@@ -31,7 +34,7 @@ def differences(one: BaseModel, other: BaseModel) -> list[Difference]:
     for path, old, new in part_differences(one, other):
         first, second = dict(_leaves(_plain(old), path)), dict(_leaves(_plain(new), path))
         both = ((name, first.get(name), second.get(name)) for name in {**first, **second})
-        found += [item for item in both if not item[0].startswith((*TEXTS, ENGINE)) and item[1] != item[2]]
+        found += [item for item in both if not item[0].startswith((*TEXTS, ENGINE, *FOLLOW)) and item[1] != item[2]]
     return found
 
 

@@ -5,8 +5,9 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from flexlab.control.path import add_path_file
+from flexlab.control.own_path_files import path_kind
 from flexlab.control.paths.table import MOST_ROWS
 from flexlab.errors import PresetError
 from flexlab.plain_text import visible
@@ -27,19 +28,14 @@ LONGEST_FILE = 5_000_000
 """Bytes of a file that is read: ten times what the most rows need."""
 
 
-def with_path(scenario: Scenario, path: str) -> Scenario:
-    """The scenario on a path given by its kind, by a CSV file or by the Python file that defines it.
+def with_path(scenario: Scenario, path: Any) -> Scenario:
+    """The scenario on a path given by its kind, by a CSV file, by the Python file that defines it, or as a class of `OwnPath`.
 
     Raises `PresetError` or `ScenarioError`.
     """
-    if path.lower().endswith(".csv"):
+    if isinstance(path, (str, Path)) and str(path).lower().endswith(".csv"):
         return with_path_file(scenario, path)
-    if path.endswith(".py"):
-        try:
-            path = add_path_file(Path(path)).kind
-        except Exception as error:  # Whatever the file raises: it is its writer's to read.
-            raise PresetError(f"{path} holds no path that can be used: {type(error).__name__}: {error}") from None
-    return scenario.replace({"trajectory.kind": path})
+    return scenario.replace({"trajectory.kind": path_kind(path)})
 
 
 def with_path_file(scenario: Scenario, file: str | Path) -> Scenario:

@@ -10,6 +10,7 @@ from flexlab.control.controller import Controller
 from flexlab.control.law import on_new_law
 from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
 from flexlab.control.own_law import with_known_law
+from flexlab.control.own_path import with_known_path
 from flexlab.control.path import Trajectory, on_new_path
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
@@ -193,7 +194,7 @@ def parse_scenario(data: Any) -> Scenario:
     if isinstance(data.get(SCHEMA_FIELD), str):
         data = {name: value for name, value in data.items() if name != SCHEMA_FIELD}
     try:
-        return Scenario.model_validate(with_known_law(in_present_terms(data)))
+        return Scenario.model_validate(with_known_path(with_known_law(in_present_terms(data))))
     except ValidationError as error:
         found = error.errors(include_url=False)
         problems = [problem(Scenario, item) for item in found[:MOST_PROBLEMS]]

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
-from flexlab.control.own_law_files import know_own_laws
+from flexlab.control.own_files import know_own_files
 from flexlab.control.own_law_hosts import allowed
 from flexlab.errors import FlexlabError, LabError
 from flexlab.server.child_processes import end_with_the_server, leave_interrupts_to_the_server, without_interrupt
@@ -61,7 +61,7 @@ def carry_out(
     work: Callable[..., Any], arguments: tuple[Any, ...], reports: bool, own_laws: dict[str, str], pipe: Connection
 ) -> None:
     """The life of a job's process."""
-    know_own_laws(own_laws)
+    know_own_files(own_laws)
     leave_interrupts_to_the_server()
     end_with_the_server()
     with contextlib.suppress(AttributeError, OSError):

@@ -6,6 +6,7 @@ import json
 import zlib
 from typing import Any
 
+from flexlab.control.own_path import OwnTrajectory
 from flexlab.errors import PresetError
 from flexlab.presets import DuplicateField, unique_fields
 from flexlab.scenario import Scenario, parse_scenario
@@ -18,9 +19,10 @@ LONGEST_TEXT = 200_000
 
 def encode_scenario(scenario: Scenario) -> str:
     """The scenario as a word for a link. Numbers keep every bit."""
-    text = json.dumps(
-        scenario.anew().model_dump(mode="json"), separators=(",", ":"), ensure_ascii=False, allow_nan=False
-    )
+    data = scenario.anew().model_dump(mode="json")
+    if isinstance(scenario.trajectory, OwnTrajectory):  # Its poses are too long for a link, and follow from its text.
+        del data["trajectory"]["table"], data["trajectory"]["table_of"]
+    text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     return base64.urlsafe_b64encode(zlib.compress(text.encode(), 9)).decode().rstrip("=")
 
 

@@ -1,5 +1,6 @@
 """Commands in words, for event lists and logs."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from flexlab.errors import ScenarioError
@@ -18,11 +19,18 @@ from flexlab.sim.commands import (
 )
 from flexlab.sim.world_state import Origin
 
+TEXTS = {"controller.source": "Text of the control law", "trajectory.source": "Text of the path"}
+"""Fields that hold a person's own code."""
+OF_A_TABLE = ("trajectory.source", "trajectory.table", "trajectory.table_of")
+"""Fields that go with every change of an option of a path in Python."""
+
 
 def command_text(command: Command) -> str:
     """One line that says what a command does, with values and units."""
     if isinstance(command, ChangeScenario):
-        return "; ".join(_change_text(path, value) for path, value in command.changes.items())
+        shown = {path: value for path, value in command.changes.items() if path not in OF_A_TABLE}
+        shown = shown or {path: command.changes[path] for path in TEXTS if path in command.changes}
+        return "; ".join(_change_text(path, value) for path, value in shown.items())
     if isinstance(command, Pull):
         if command.stiffness == 0:
             return f"Let go of {_held(command)}"
@@ -55,8 +63,10 @@ def _resume_text(origin: Origin) -> str:
 
 
 def _change_text(path: str, value: Any) -> str:
-    if path == "controller.source":
-        return f"Text of the control law, {len(value.splitlines())} lines"
+    if path in TEXTS:
+        return f"{TEXTS[path]}, {len(value.splitlines())} lines"
+    if path == "trajectory" and isinstance(value, Mapping):
+        return f"Path {value.get('kind', '')}"
     try:
         about = Scenario().about(path)
     except ScenarioError:

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexlab.control.own_path import with_table
 from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, Unprepared
@@ -291,6 +292,9 @@ class Runner:
         world = self._world
         event = Event(world.time, command_text(command), command)
         begins_anew = world.apply(command, known, at_once)
+        if isinstance(command, ChangeScenario):  # What is recorded must need no code of a person's own.
+            complete = replace(command, changes=with_table(command.changes, world.scenario.trajectory))
+            event = replace(event, command=complete)
         self._report(event)
         self._block.forget()
         if begins_anew:

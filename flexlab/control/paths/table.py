@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from flexlab.compiled import pluggable
+from flexlab.compiled import inlined, pluggable
 from flexlab.control.path import Path, Trajectory
 from flexlab.control.row_search import row_before
 from flexlab.quantities import Number, Quartet, quantity
@@ -128,15 +128,23 @@ def _row_error(row: int, text: str) -> PydanticCustomError:
 
 @lru_cache(maxsize=16)
 def pieces(rows: tuple[tuple[float, ...], ...], ends: str) -> np.ndarray:
-    """The spline's polynomials, rows (time of the knot, s; of x, y, θ each the six coefficients, highest power first)."""
-    table = np.array(rows)
+    """`polynomials` of a path's rows."""
+    return polynomials(np.array(rows), ends)
+
+
+def spline(table: np.ndarray, ends: str) -> Any:
+    """The quintic spline through rows (t, x, y, θ) as a function of time; `ends` as of `Table`, or "round": it repeats."""
     rest = [(1, np.zeros(3)), (2, np.zeros(3))]
     # Here, as every start of flexlab would wait a tenth of a second for it.
     from scipy.interpolate import make_interp_spline
 
-    spline = make_interp_spline(
-        table[:, 0], table[:, 1:], k=DEGREE, bc_type=(rest, rest) if ends == "at rest" else None
-    )
+    conditions: dict[str, Any] = {"at rest": (rest, rest), "free": None, "round": "periodic"}
+    return make_interp_spline(table[:, 0], table[:, 1:], k=DEGREE, bc_type=conditions[ends])
+
+
+def polynomials(table: np.ndarray, ends: str) -> np.ndarray:
+    """The spline's polynomials, rows (time of the knot, s; of x, y, θ each the six coefficients, highest power first)."""
+    through = spline(table, ends)
     knots = table[:-1, 0]
     found = np.empty((len(table), 1 + 3 * FREE_ROWS))
     found[:, 0] = table[:, 0]
@@ -144,17 +152,16 @@ def pieces(rows: tuple[tuple[float, ...], ...], ends: str) -> np.ndarray:
     for power in range(FREE_ROWS):
         # Each knot's Taylor coefficients: what the spline is made of where free ends leave knots out, too.
         factorial *= max(power, 1)
-        found[:-1, 1 + DEGREE - power :: FREE_ROWS] = spline(knots, nu=power) / factorial
+        found[:-1, 1 + DEGREE - power :: FREE_ROWS] = through(knots, nu=power) / factorial
     found[-1, 1:] = 0.0
     found[-1, FREE_ROWS::FREE_ROWS] = table[-1, 1:]
     found.flags.writeable = False
     return found
 
 
-@pluggable
-def table(path, rows, t, desired):
-    """The polynomial of the row before; outside the table its ends."""
-    own = t - path.start
+@inlined
+def along_pieces(rows, own, desired):
+    """The polynomial of the row before the table's time `own`, s; outside the table its ends."""
     k = row_before(rows, own)
     dt = own - rows[k, 0]
     if dt < 0 or k == len(rows) - 1:
@@ -169,6 +176,12 @@ def table(path, rows, t, desired):
         desired[0, a], desired[1, a], desired[2, a] = p, v, g
         if own < rows[0, 0] or k == len(rows) - 1:
             desired[1, a] = desired[2, a] = 0.0
+
+
+@pluggable
+def table(path, rows, t, desired):
+    """The table's poses from its start on."""
+    along_pieces(rows, t - path.start, desired)
 
 
 PATH = Path(Table, table, rows=Table.pieces, place=70)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from flexlab.control.own_law_files import know_own_laws
+from flexlab.control.own_files import know_own_files
 from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.recording.live import LiveHub, Take
 from flexlab.server.child_processes import lab_processes, leave_interrupts_to_the_server, without_interrupt
@@ -68,7 +68,7 @@ def _sender(pipe: Connection) -> Take:
 def work(order: Order, pipe: Connection, live: Connection | None) -> None:
     """The worker's life: open, report, follow, close. Ends when the server says so or is no more."""
     leave_interrupts_to_the_server()
-    know_own_laws(order.own_laws)
+    know_own_files(order.own_laws)
     stopping = threading.Event()
     signal.signal(signal.SIGTERM, lambda number, frame: stopping.set())
     try:

@@ -1,4 +1,4 @@
-"""Follows the files of control laws while a lab runs: what is saved acts at once, in the run that is on."""
+"""Follows the files of a person's own laws and paths while a lab runs: what is saved acts at once, in the run that is on."""
 
 import logging
 import threading
@@ -10,6 +10,7 @@ from flexlab.control import own_law_hosts as hosts
 from flexlab.control.law import laws
 from flexlab.control.own_law import PythonLaw, same_declaration
 from flexlab.control.own_law_files import add_own_law_file
+from flexlab.control.own_path_files import add_own_path_file, holds_path
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState
 
@@ -19,14 +20,14 @@ DEBOUNCE, STEP, LOOK = 200, 50, 500
 log = logging.getLogger(__name__)
 
 
-class OwnLawWatch:
-    """Looks at the files whose laws may run here."""
+class OwnFileWatch:
+    """Looks at the files whose laws and paths may run here."""
 
     def __init__(self, lab_state: LabState):
         self._lab_state = lab_state
         self._stop = threading.Event()
         self._files = [file for file in map(Path, set(hosts.allowed().values())) if file.is_file()]
-        self._thread = threading.Thread(target=self._follow, name="flexlab-own-laws", daemon=True)
+        self._thread = threading.Thread(target=self._follow, name="flexlab-own-files", daemon=True)
 
     def start(self) -> None:
         """Begin, if there is anything to look at."""
@@ -60,11 +61,11 @@ class OwnLawWatch:
                 begun = True
                 for path in sorted(paths):
                     if Path(path).is_file():
-                        self._reload(Path(path))
+                        (self._reload_path if holds_path(path) else self._reload_law)(Path(path))
         except (OSError, RuntimeError):
-            log.exception("files of control laws are not followed any more")
+            log.exception("files of laws and paths are not followed any more")
 
-    def _reload(self, path: Path) -> None:
+    def _reload_law(self, path: Path) -> None:
         present = self._lab_state.intended.controller
         old = laws().get(present.kind)
         try:
@@ -80,6 +81,26 @@ class OwnLawWatch:
                 self._lab_state.say(f"{path.name} was saved: the run starts anew with it.")
         except FlexlabError as error:
             self._lab_state.say(f"{path.name} was saved, but the law goes on as it was: {error}", level="error")
+
+    def _reload_path(self, file: Path) -> None:
+        """The target goes on to the new path, with the options that it still has."""
+        present = self._lab_state.intended.trajectory
+        try:
+            path = add_own_path_file(file)
+            fields = path.model.model_fields
+            source = fields["source"].default
+            if present.kind != path.kind or getattr(present, "source", "") == source:
+                self._lab_state.say(f"{file.name} was saved: the path {path.kind} is new.")
+                return
+            kept = {
+                name: value
+                for name, value in present.model_dump().items()
+                if name in fields and name not in ("kind", "source", "table", "table_of", "transition")
+            }
+            self._lab_state.change({"trajectory": {"kind": path.kind, **kept, "source": source}})
+            self._lab_state.say(f"{file.name} was saved: the path {path.kind} goes on with the new text.")
+        except FlexlabError as error:
+            self._lab_state.say(f"{file.name} was saved, but the path goes on as it was: {error}", level="error")
 
     def _restart(self, law: PythonLaw) -> None:
         """Begin anew with a law that declares something else, with the gains that it still has."""

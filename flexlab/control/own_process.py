@@ -1,0 +1,194 @@
+"""A person's own file in a process of its own, as the lab holds it: reports, crashes, lateness, and the line at fault."""
+
+import json
+import os
+import re
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+from flexlab.own_laws.running_text import TextProblem
+
+PROBE = 0.02
+"""s over which a late process is looked at: whether it works, or waits for a processor that others have."""
+LOADING_LIMIT = 60.0
+"""s that a file may take until its class is there: libraries may have to be compiled."""
+LINE_LIMIT = 0.3
+"""s to wait for the line in which a late process is."""
+
+
+class OwnProcess:
+    """A text in a process of its own: what it does wrong ends that process with a sentence, and nothing else."""
+
+    module = ""
+    """That the process runs; it serves the text (`own_laws.child`)."""
+
+    def __init__(self, source: str, file: str):
+        """Starts the process; `ensure` waits until it is ready."""
+        self._source, self._file = source, file
+        self._lock = threading.RLock()
+        self._calls = socket.socket(socket.AF_UNIX)  # holds a number that stays the same for all processes to come
+        self._reports: socket.socket | None = None
+        self._said = b""
+        self._process: subprocess.Popen[bytes] | None = None
+        self._is_loaded = False
+        self._problem = ""
+        self._start()
+
+    @property
+    def problem(self) -> str:
+        """What went wrong last, as a sentence; empty: nothing."""
+        self._listen(0.0)
+        return self._problem
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether a call is answered at once."""
+        self._listen(0.0)
+        return self._is_alive() and self._is_loaded and not self._problem
+
+    def ensure(self) -> None:
+        """Be ready, in a new process if need be. Raises `TextProblem` for a text that cannot be run."""
+        if self.problem or not self._is_alive():
+            self._start_again()
+        with self._lock:
+            end = time.monotonic() + LOADING_LIMIT
+            while not self._is_loaded and not self._problem:
+                self._listen(PROBE)
+                if not self._is_loaded and not self._problem and not self._is_alive():
+                    self._problem = self._how_it_ended()
+                elif time.monotonic() > end and not self._is_loaded:
+                    self._problem = f"{self._name}{self._line()}: it was not loaded within {LOADING_LIMIT:g} s."
+            if self._problem:
+                problem = self._problem
+                self.close()
+                raise TextProblem(problem)
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            if self._process is not None:
+                self._process.kill()
+                self._process.wait()
+                self._process = None
+
+    @property
+    def _name(self) -> str:
+        return Path(self._file).name
+
+    def _is_alive(self) -> bool:
+        return self._process is not None and self._process.poll() is None
+
+    def _start_again(self) -> None:
+        with self._lock:
+            self._start()
+
+    def _start(self) -> None:
+        self.close()
+        ours, theirs = socket.socketpair()
+        reports, reporting = socket.socketpair()
+        self._prepare(ours)
+        command = [sys.executable, "-m", self.module]
+        # One thread each: a text that multiplies small matrices must not take all cores from the lab.
+        threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+        handed = theirs.fileno(), reporting.fileno()
+        self._process = subprocess.Popen(
+            [*command, *map(str, handed), self._file],
+            pass_fds=handed,
+            env=os.environ | threads,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        theirs.close()
+        reporting.close()
+        self._reports, self._said, self._problem, self._is_loaded = reports, b"", "", False
+        reports.setblocking(False)
+        text = self._source.encode()
+        ours.sendall(len(text).to_bytes(8, "little") + text)
+        os.dup2(ours.fileno(), self._calls.fileno(), inheritable=False)
+        ours.close()
+
+    def _prepare(self, calls: socket.socket) -> None:
+        """Options of a new socket for calls."""
+
+    def _listen(self, patience: float) -> str:
+        """Take note of what the process reports; returns what is no report of its own: the lines of its crash or stall."""
+        reports = self._reports
+        if reports is None:
+            return ""
+        with self._lock:
+            if patience:
+                select.select([reports], [], [], patience)
+            try:
+                while data := reports.recv(65536):
+                    self._said += data
+            except OSError:
+                pass
+            lines = self._said.split(b"\n")
+            other = []
+            for line in lines[:-1]:
+                if line.startswith(b"{"):
+                    self._note(line)
+                else:
+                    other.append(line.decode(errors="replace"))
+            self._said = lines[-1]
+            return "\n".join(other)
+
+    def _note(self, line: bytes) -> None:
+        try:
+            said = json.loads(line)
+        except ValueError:
+            return
+        if said.get("ready"):
+            self._is_loaded = True
+        elif not self._problem:
+            self._problem = str(said.get("problem", ""))
+
+    def _gave_up(self, problem: str) -> bool:
+        self._problem = self._problem or problem
+        self.close()
+        return False
+
+    def _waited(self) -> float:
+        """s that the process has waited for a processor; 0 where the system does not tell."""
+        try:
+            pid = self._process.pid if self._process is not None else 0
+            return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
+        except (OSError, ValueError, IndexError):
+            return 0.0
+
+    def _line(self) -> str:
+        """Where the text is now, as in ", line 12"; empty if it cannot be found out."""
+        if self._process is None:
+            return ""
+        self._listen(0.0)
+        self._process.send_signal(signal.SIGUSR1)
+        end, text = time.monotonic() + LINE_LIMIT, ""
+        while time.monotonic() < end and self._is_alive():
+            text += self._listen(PROBE)
+            if found := self._line_in(text):
+                return found
+        return ""
+
+    def _line_in(self, text: str) -> str:
+        found = re.search(rf'File "{re.escape(self._file)}", line (\d+)', text)
+        return f", line {found[1]}" if found else ""
+
+    def _how_it_ended(self) -> str:
+        """A sentence about a process that ended."""
+        try:
+            code = self._process.wait(LINE_LIMIT) if self._process is not None else None
+        except subprocess.TimeoutExpired:
+            code = None
+        text = self._listen(PROBE)
+        if self._problem:
+            return self._problem
+        how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+        return f"{self._name}{self._line_in(text)}: its process ended ({how})."

@@ -1,0 +1,57 @@
+"""A path in Python in a running lab: chosen, moved by an option, saved anew, wrong, mended."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from lab_page import wait_until
+from own_path_text import ROUND, forget_own_paths
+
+from flexlab.control.own_path_files import add_own_path_file
+from flexlab.lab.panel.choice import changes_for
+from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+
+
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    forget_own_paths()
+    yield
+    forget_own_paths()
+
+
+def test_in_a_lab_it_is_taken_up_moved_saved_anew_and_a_wrong_one_leaves_all_as_it_was(tmp_path: Path):
+    file = tmp_path / "mine.py"
+    file.write_text(ROUND)
+    path = add_own_path_file(file)
+    with Session(load_preset("paper"), port=0, shadows=False) as lab:
+        state, runner = lab.lab_state, lab.runner
+        wait_until(lambda: runner.snapshot.latest.time[0] > 0.05, "the lab runs")
+        state.change(changes_for("trajectory.kind", path.kind))
+        wait_until(lambda: runner.snapshot.scenario.trajectory.kind == "round-trip", "the path is taken up")
+        for radius in (0.11, 0.12, 0.13):
+            state.change({"trajectory.radius": radius})
+        wait_until(lambda: runner.snapshot.scenario.trajectory.reach[0] == pytest.approx(0.13, 1e-3), "the last option")
+        state.change({"trajectory.radius": 2.0})
+        wait_until(lambda: "cannot reach the desired pose" in state.notice.text, "the sentence about its reach")
+        assert state.intended.trajectory.radius == 0.13
+
+        file.write_text(ROUND.replace("0.5 * self.radius", "0.25 * self.radius"))
+        wait_until(lambda: runner.snapshot.scenario.trajectory.reach[1] == pytest.approx(0.0325, 1e-3), "the new text")
+        good = runner.snapshot.scenario.trajectory
+        for wrong, said in (
+            ("while True: pass", "mine.py, line 19: position took longer than 1 s"),
+            ("1 / 0", "mine.py, line 19: ZeroDivisionError"),
+        ):
+            file.write_text(ROUND.replace("turn = 2 *", f"{wrong}\n        turn = 2 *"))
+            wait_until(lambda said=said: said in state.notice.text, said)
+        file.write_text("class RoundTrip(OwnPath:\n")
+        wait_until(lambda: "line 1: is no Python text" in state.notice.text, "the sentence about the text")
+        assert runner.snapshot.scenario.trajectory == good
+        file.write_text(ROUND.replace("high=2, symbol", "high=1, symbol"))  # declares something else
+        wait_until(lambda: runner.snapshot.scenario.trajectory.source != good.source, "the mended text")
+        assert runner.snapshot.scenario.trajectory.radius == 0.13
+        state.undo()
+        wait_until(lambda: runner.snapshot.scenario.trajectory.reach[1] == pytest.approx(0.0325, 1e-3), "the way back")
+        assert runner.snapshot.run_number == 1
+        assert not runner.snapshot.status.failed

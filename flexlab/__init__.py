@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from flexlab.analysis.explanations import Explained
     from flexlab.analysis.internal_force import internal_force_eq_26
+    from flexlab.analysis.leaderboard.board import Leaderboard
     from flexlab.analysis.linear_model import LinearModel
     from flexlab.analysis.metrics import RunMetrics
     from flexlab.analysis.modes import Modes
     from flexlab.analysis.sweep.result import Sweep
     from flexlab.api import Run, explain, modes, read, simulate, simulate_many, sweep
+    from flexlab.leaderboard_api import leaderboard
     from flexlab.linear_api import linearize
     from flexlab.notebook import Lab
     from flexlab.own_laws.declaration import OwnLaw, gain, memory, readout
@@ -28,6 +30,8 @@ _HOMES = {
     "simulate_many": "flexlab.api",
     "read": "flexlab.api",
     "sweep": "flexlab.api",
+    "leaderboard": "flexlab.leaderboard_api",
+    "Leaderboard": "flexlab.analysis.leaderboard.board",
     "Lab": "flexlab.notebook",
     "Sweep": "flexlab.analysis.sweep.result",
     "Run": "flexlab.api",
@@ -51,6 +55,7 @@ _HOMES = {
 __all__ = [
     "Explained",
     "Lab",
+    "Leaderboard",
     "LinearModel",
     "Modes",
     "OwnLaw",
@@ -63,6 +68,7 @@ __all__ = [
     "explain",
     "gain",
     "internal_force_eq_26",
+    "leaderboard",
     "linearize",
     "load_preset",
     "memory",

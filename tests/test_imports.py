@@ -33,6 +33,7 @@ LAYERS = {
     "analysis": 6,
     "benchmarks": 7,
     "api": 7,
+    "leaderboard_api": 7,
     "linear_api": 7,
     "notebook": 7,
     "": 7,  # flexlab/__init__.py, the names of the Python interface

@@ -188,6 +188,32 @@ def test_a_signal_that_is_simulated_is_one_row_and_its_line_in_the_same_file(cop
     assert replayed
 
 
+CASE = '''
+"""Gravity."""
+
+from flexlab.analysis.leaderboard.case import Case
+from flexlab.analysis.leaderboard.score import peak_error
+
+CASE = Case("B8", "Upright", "The paper's sine, upright.", 0.004, (peak_error(),), {"gravity": 9.81})
+'''
+
+
+def test_a_case_of_the_leaderboard_is_one_file(copy: Path):
+    (copy / "flexlab/analysis/leaderboard/cases/b8_upright.py").write_text(CASE, encoding="utf-8")
+    found = run(
+        copy,
+        """
+import json
+import flexlab
+from flexlab.analysis.leaderboard.report import report_text
+board = flexlab.leaderboard(["pd"], ["B8"], progress=False)
+print(json.dumps([board.rows[0].scores["peak"], "B8: Upright" in report_text(board)]))
+""",
+    )
+    assert 0 < found[0] < 0.1
+    assert found[1]
+
+
 LESSON = """---
 title: How soon is it quiet?
 preset: paper

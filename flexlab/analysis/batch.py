@@ -30,9 +30,7 @@ def simulate_many(
     on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `StudyError` for unusable arguments.
     """
     sample_count(duration, sample_period)
-    workers = os.cpu_count() or 1 if workers is None else workers
-    if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
-        raise StudyError(f"workers = {workers!r} is not usable: give a whole number from 1 to {MOST_WORKERS}, or None.")
+    workers = thread_count(workers)
 
     def one(scenario: Scenario | Mapping[str, Any]) -> Run:
         try:
@@ -44,6 +42,14 @@ def simulate_many(
     with one_blas_thread(), ThreadPoolExecutor(workers, thread_name_prefix="flexlab-batch") as pool:
         results = pool.map(one, scenarios)
         return list(_with_bar(results, len(scenarios)) if progress else results)
+
+
+def thread_count(workers: int | None) -> int:
+    """How many threads to use: one per core for None. Raises `StudyError` for what is no usable number."""
+    workers = os.cpu_count() or 1 if workers is None else workers
+    if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
+        raise StudyError(f"workers = {workers!r} is not usable: give a whole number from 1 to {MOST_WORKERS}, or None.")
+    return workers
 
 
 def _with_bar(results: Any, total: int) -> Any:

@@ -23,6 +23,7 @@ COMMANDS = (
     "import",
     "presets",
     "sweep",
+    "leaderboard",
     "tune",
     "fit",
     "validate",

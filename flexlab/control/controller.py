@@ -12,6 +12,8 @@ class PayloadModel(Part):
 
     linear_density_factor: Number = quantity(1.0, title="Believed ρ / true ρ", unit="1", low=1e-3, high=1e3)
     length_factor: Number = quantity(1.0, title="Believed L / true L", unit="1", low=1e-1, high=10)
+    stiffness_factor: Number = quantity(1.0, title="Believed EI / true EI", unit="1", low=1e-3, high=1e3)
+    """Of account for what is made for a model of the beam's bending: the Kalman observer, and laws that use it."""
 
 
 class SensorNoise(Part):

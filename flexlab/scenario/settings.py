@@ -14,6 +14,9 @@ LONGEST = 60
 LAW, SEED = "controller.kind", "controller.sensor_noise.seed"
 """The fields behind `--law` and `--seed`."""
 
+PERIOD, USUAL_PERIOD = "controller.control_period", 0.001
+"""The field, and the s that laws of control instants get where somebody chose one for a continuous loop."""
+
 
 def parse_setting(text: str) -> tuple[str, Any]:
     """(dotted path, value) of `PATH=VALUE`: the value as JSON, or the text itself where it is none (`kind=pd`).
@@ -54,3 +57,20 @@ def change_settings(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
     """
     ordered = sorted(changes.items(), key=lambda item: not item[0].endswith(".kind"))
     return scenario.replace(dict(ordered))
+
+
+def with_period_if_needed(scenario: Scenario, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The changes, and a control period of `USUAL_PERIOD` where the scenario has none and they are valid only with one."""
+    wanted = dict(changes)
+    if scenario.controller.control_period is not None or PERIOD in wanted:
+        return wanted
+    try:
+        change_settings(scenario, wanted)
+    except ScenarioError:
+        clocked = {**wanted, PERIOD: USUAL_PERIOD}
+        try:
+            change_settings(scenario, clocked)
+        except ScenarioError:
+            return wanted
+        return clocked
+    return wanted

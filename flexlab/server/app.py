@@ -10,6 +10,7 @@ from flexlab.server.auth import LARGEST_BODY, add_headers, answer_in_sentences, 
 from flexlab.server.connections import watch_patience
 from flexlab.server.pages.compare_page import add_compare_pages
 from flexlab.server.pages.lab_pages import add_lab_pages
+from flexlab.server.pages.leaderboard_page import add_leaderboard_pages
 from flexlab.server.pages.live_pages import add_live_pages
 from flexlab.server.pages.page_context import CONTEXT, Context
 from flexlab.server.pages.run_actions import add_run_actions
@@ -32,6 +33,7 @@ def build_app(context: Context) -> web.Application:
     add_lab_pages(app.router)
     add_live_pages(app.router)
     add_compare_pages(app.router)
+    add_leaderboard_pages(app.router)
     add_run_actions(app.router)
     add_upload(app.router)
     add_runs_pages(app.router)

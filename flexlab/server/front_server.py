@@ -12,6 +12,7 @@ from pathlib import Path
 import aiohttp
 from aiohttp import web
 
+from flexlab.analysis.leaderboard.store import FOLDER as LEADERBOARD
 from flexlab.errors import LabError
 from flexlab.recording.live import LiveHub
 from flexlab.recording.store.run_files import check_folder
@@ -26,6 +27,7 @@ from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import RecordedLab
 from flexlab.server.labs.shared import SharedLabProvider
+from flexlab.server.leaderboard_jobs import Boards
 from flexlab.server.metric_jobs import Measuring
 from flexlab.server.network_addresses import base_address, outside_addresses
 from flexlab.server.pages.page_context import Context
@@ -136,6 +138,7 @@ class FrontServer:
                 Studies(jobs, self.workshop),
                 self.workshop,
                 preset_cards,
+                Boards(jobs, self.settings.logs.parent / LEADERBOARD),
             )
             runner = web.AppRunner(build_app(context), access_log=None, shutdown_timeout=CLOSING_TIME)
             connections: Connections | None = None

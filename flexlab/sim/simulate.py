@@ -37,7 +37,7 @@ def simulate(
     begun, done = 0, 1
     _check_commands(commands)
     for time, command in sorted(commands, key=lambda item: item[0]):
-        stop = max(done, min(count, _tick_at(time, sample_period)) + 1)
+        stop = max(done, min(count, tick_at(time, sample_period)) + 1)
         done += world.fill(rows[done - begun : stop - begun])
         if world.status.failed or done > count:
             break
@@ -78,7 +78,8 @@ def _check_commands(commands: Sequence[tuple[float, WorldCommand]]) -> None:
             raise StudyError(f"commands: {command!r:.60} is no command of a world: give one of {kinds}, {example}.")
 
 
-def _tick_at(time: float, sample_period: float) -> int:
+def tick_at(time: float, sample_period: float) -> int:
+    """The first sample instant, counted from 0, that is not before a time, s."""
     return max(0, math.ceil(time / sample_period - 1e-9))
 
 

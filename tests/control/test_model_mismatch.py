@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from flexlab.control.observers.believed_plant import believed_plant
 from flexlab.presets import load_preset
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
@@ -10,6 +11,7 @@ from flexlab.sim.world import World
 FACTORS = {
     "controller.model.linear_density_factor": 2.0,
     "controller.model.length_factor": 0.6,
+    "controller.model.stiffness_factor": 1.7,
 }
 
 
@@ -35,6 +37,18 @@ def test_a_wrong_belief_reaches_the_inputs(path: str):
     paper = load_preset("paper")
     plain, other = World(paper).observe(), World(paper.replace({path: 2.0})).observe()
     assert np.abs(other.arm_input - plain.arm_input).max() > 0.5
+
+
+def test_a_wrong_stiffness_reaches_what_is_made_for_a_model_of_the_bending():
+    """A stiff beam believed to be softer is what a soft one is known to be; other laws never ask."""
+    stiff = load_preset("paper").replace({"payload.bending_stiffness": 200.0, "controller.model.stiffness_factor": 0.5})
+    for believed, true in zip(
+        believed_plant(stiff, 3, (0.1,)), believed_plant(load_preset("paper"), 3, (0.1,)), strict=True
+    ):
+        np.testing.assert_array_equal(believed, true)
+    paper = load_preset("paper")
+    plain, other = World(paper), World(paper.replace({"controller.model.stiffness_factor": 0.5}))
+    assert plain.observe_rows().tobytes() == other.observe_rows().tobytes()
 
 
 def test_tracking_survives_a_payload_of_twice_the_believed_mass():

@@ -5,7 +5,14 @@ import pytest
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset
 from flexlab.scenario import parse_scenario
-from flexlab.scenario.settings import change_settings, parse_value, settings_from
+from flexlab.scenario.settings import (
+    PERIOD,
+    USUAL_PERIOD,
+    change_settings,
+    parse_value,
+    settings_from,
+    with_period_if_needed,
+)
 
 
 @pytest.mark.parametrize(
@@ -73,3 +80,20 @@ def test_a_law_may_be_set_twice_over_only_once():
 def test_a_file_with_a_misspelt_field_says_which_was_meant():
     with pytest.raises(ScenarioError, match=r"payload\.bending_stifness is not a scenario field: did you mean "):
         parse_scenario({"payload": {"bending_stifness": 3}})
+
+
+@pytest.mark.parametrize(
+    ("changes", "period"),
+    [
+        ({"controller.kind": "lqr"}, USUAL_PERIOD),
+        ({"controller.kind": "composite", "controller.observer.kind": "kalman"}, USUAL_PERIOD),
+        ({"controller.kind": "composite"}, None),
+        ({"controller.kind": "lqr", PERIOD: 0.002}, 0.002),
+    ],
+)
+def test_a_law_of_control_instants_gets_a_period_where_it_cannot_do_without(changes: dict, period: float | None):
+    paper = load_preset("paper")
+    assert change_settings(paper, with_period_if_needed(paper, changes)).controller.control_period == period
+    sampled = paper.replace({PERIOD: 0.005})
+    assert with_period_if_needed(sampled, {"controller.kind": "lqr"}) == {"controller.kind": "lqr"}
+    assert with_period_if_needed(paper, {"controller.kind": "lqrr"}) == {"controller.kind": "lqrr"}, "wrong stays wrong"

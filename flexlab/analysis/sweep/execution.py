@@ -1,12 +1,11 @@
 """All cells of a sweep on all cores of this machine: parts are computed in any order, and each is saved as it is done."""
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from pathlib import Path
 
-from flexlab.analysis.batch import MOST_WORKERS
+from flexlab.analysis.batch import thread_count
 from flexlab.analysis.sweep.cell import Cell, run_part
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.analysis.sweep.table import SweepFolder
@@ -20,9 +19,7 @@ Told = Callable[[int, int], None]
 
 def on_threads(workers: int | None = None) -> Executor:
     """Compute on `workers` threads (None: one per core); the kernels hold no lock."""
-    workers = os.cpu_count() or 1 if workers is None else workers
-    if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
-        raise StudyError(f"workers = {workers!r} is not usable: give a whole number from 1 to {MOST_WORKERS}, or None.")
+    workers = thread_count(workers)
 
     def compute(plan: Plan, parts: Sequence[range]) -> Iterator[list[Cell]]:
         pool = ThreadPoolExecutor(workers, thread_name_prefix="flexlab-sweep")

@@ -92,21 +92,21 @@ def believed_plant(scenario: Any, mode_count: int, gauges: tuple[float, ...]) ->
         )
         raise ScenarioError([("controller.observer.observer_modes", text)])
     model, pose = scenario.controller.model, tuple(scenario.trajectory.middle)
-    return _plant(payload, scenario.arms, model.length_factor, model.linear_density_factor, pose, mode_count, gauges)
+    return _plant(payload, scenario.arms, model, pose, mode_count, gauges)
 
 
 @lru_cache(KNOWN_PLANTS)
 def _plant(
     payload: Any,
     arms: tuple[Any, ...],
-    length_factor: float,
-    density_factor: float,
+    model: Any,
     pose: tuple[float, ...],
     mode_count: int,
     gauges: tuple[float, ...],
 ) -> BelievedPlant:
-    length, mesh = payload.length * length_factor, (payload.element_count, payload.boundary)
-    beam = beam_matrices(length, payload.linear_density * density_factor, payload.bending_stiffness, *mesh)
+    length, mesh = payload.length * model.length_factor, (payload.element_count, payload.boundary)
+    density = payload.linear_density * model.linear_density_factor
+    beam = beam_matrices(length, density, payload.bending_stiffness * model.stiffness_factor, *mesh)
     omega, V = undamped_modes(beam)
     omega, V = omega[:mode_count], V[:, :mode_count]
     h, g = V.T @ beam.h, V.T @ beam.g

@@ -53,6 +53,7 @@ GROUPS = (
     Group("What the controller believes", (
         "controller.model.linear_density_factor",
         "controller.model.length_factor",
+        "controller.model.stiffness_factor",
     )),
     Group("Path, part by part", (PATH_NUMBERS,)),
     Group("Start of a run", ("initial.pose", "initial.pose_rate")),

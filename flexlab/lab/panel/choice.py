@@ -9,6 +9,7 @@ from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.quantities import Part, parts_of
 from flexlab.scenario import Scenario
+from flexlab.scenario.settings import PERIOD, USUAL_PERIOD, with_period_if_needed
 
 CHOICES = {
     "controller.kind": ("Control law", "Keeps the motion; fields that the new law lacks are dropped."),
@@ -80,8 +81,12 @@ class Choice:
     def _ask(self, value: str) -> None:
         if value not in self._options:
             raise LabError(f"{value[:40]!r} is not an option of {CHOICES[self._path][0]}: choose one from the menu.")
+        wanted = changes_for(self._path, self._options[value])
+        clocked = with_period_if_needed(self._lab_state.intended, wanted)
         try:
-            self._lab_state.change(changes_for(self._path, self._options[value]))
+            self._lab_state.change(clocked)
+            if clocked != wanted:
+                self._lab_state.say(f"{value} acts at control instants: {PERIOD} was set to {USUAL_PERIOD:g} s.")
         finally:
             # A refused word is not something to go on typing at: the menu shows the truth at once.
             self.show(self._lab_state.intended)

@@ -9,6 +9,7 @@ from aiohttp import web
 from flexlab.server.comparison_jobs import Comparisons
 from flexlab.server.jobs import Jobs
 from flexlab.server.labs.lab_provider import LabProvider
+from flexlab.server.leaderboard_jobs import Boards
 from flexlab.server.metric_jobs import Measuring
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.replay_jobs import Replays
@@ -36,6 +37,7 @@ class Context:
     workshop: Path
     """A folder for files that nobody keeps; gone when the server closes."""
     preset_cards: PresetCards
+    boards: Boards
     guesses: Guesses = field(default_factory=Guesses)
     """Wrong tokens of late."""
     watchers: list[web.Request] = field(default_factory=list[web.Request])

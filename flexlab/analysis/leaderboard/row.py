@@ -1,0 +1,155 @@
+"""One law in one scenario of one case: how it ended, and its scores."""
+
+import threading
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
+from flexlab.analysis.leaderboard.entrants import Entrant
+from flexlab.analysis.leaderboard.score import Tally
+from flexlab.analysis.result_hash import ResultHash
+from flexlab.errors import FlexlabError
+from flexlab.scenario import Scenario
+from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.samples import Samples
+from flexlab.sim.simulate import sample_count, tick_at
+from flexlab.sim.world import World
+
+BLOCK = 5000
+"""Samples of a run that are in memory at once."""
+FINISHED, INVALID = "finished", "invalid"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of it. Two rows with the same key are the same, bit for bit, on the same kind of machine."""
+
+    law: str
+    case: str
+    variant: str
+    status: str
+    """As `Run.status`, or "invalid"."""
+    sentence: str
+    """Why it failed, or since when its results are no longer accurate; empty: all is well."""
+    note: str
+    """What had to be set for this law, and settings that are not its defaults."""
+    scores: dict[str, float | None] = field(hash=False)
+    """SI, by the scores' names; None: no number. Empty if it failed."""
+    seed: int
+    """Of the sensors' noise."""
+    result_hash: str
+    """Of all samples, as `Run.result_hash`."""
+    key: str
+    """Of scenario, law, case and engine."""
+    engine: str
+    version: str
+    """Of flexlab."""
+    machine: str
+
+    @property
+    def failed(self) -> bool:
+        """Whether the law did not come to the end."""
+        return self.status != FINISHED
+
+    @property
+    def place(self) -> tuple[str, str, str]:
+        """What tells it from other rows of a table."""
+        return self.case, self.variant, self.law
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+    @classmethod
+    def from_data(cls, data: Any) -> "Row":
+        """What `as_data` gave. Raises ValueError or TypeError for anything else."""
+        if not isinstance(data, dict) or set(data) != {part.name for part in fields(cls)}:
+            raise ValueError("this is no row")
+        words = [value for name, value in data.items() if name not in ("scores", "seed")]
+        numbers = data["scores"].values() if isinstance(data["scores"], dict) else [data["scores"]]
+        known = all(isinstance(word, str) for word in words) and isinstance(data["seed"], int)
+        if not known or not all(value is None or isinstance(value, float) for value in numbers):
+            raise ValueError("this is no row")
+        return cls(**data)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A row that is to be."""
+
+    entrant: Entrant
+    case: Case
+    variant: Variant
+    scenario: Scenario | None
+    """None: not valid."""
+    problem: str
+    note: str
+    seed: int
+    key: str
+
+    @property
+    def place(self) -> tuple[str, str, str]:
+        """As `Row.place`."""
+        return self.case.name, self.variant.name, self.entrant.name
+
+
+def compute(task: Task, engine: str, version: str, machine: str) -> Row:
+    """Simulate a task. A law that fails says why; nothing is raised for it."""
+    hashed, tally = ResultHash(), Tally(task.case.scores)
+
+    def take(samples: Samples) -> None:
+        hashed.update(samples)
+        tally.update(samples)
+
+    status, sentence, scores = INVALID, task.problem, dict[str, float | None]()
+    if task.scenario is not None:
+        try:
+            with one_blas_thread(), _turn(task.scenario):
+                world = simulate_into(task.scenario, task.case, take)
+            status = str(world.status) if world.status.failed else FINISHED
+            sentence = world.status.text if world.status.failed else world.accuracy_warning
+            scores = {} if world.status.failed else tally.compute()
+        except FlexlabError as error:
+            sentence = str(error)
+    sentence = " ".join(sentence.split())
+    return Row(
+        task.entrant.name,
+        task.case.name,
+        task.variant.name,
+        status,
+        sentence,
+        task.note,
+        scores,
+        task.seed,
+        hashed.text(),
+        task.key,
+        engine,
+        version,
+        machine,
+    )
+
+
+_turns: dict[str, threading.Lock] = {}
+
+
+def _turn(scenario: Scenario) -> AbstractContextManager[object]:
+    """Runs of the same law in Python take turns: what went wrong last is known of the law, not of the run."""
+    source = getattr(scenario.controller, "source", "")
+    return _turns.setdefault(source, threading.Lock()) if source else nullcontext()
+
+
+def simulate_into(scenario: Scenario, case: Case, take: Any) -> World:
+    """Simulate a case, and hand out its samples in blocks: those of `sim.simulate` with the same commands."""
+    count = sample_count(case.duration, SAMPLE_PERIOD)
+    world = World(scenario.anew(), SAMPLE_PERIOD)
+    if world.status.failed:
+        return world
+    take(world.observe())
+    stops = [(min(count, tick_at(time, SAMPLE_PERIOD)), command) for time, command in case.commands]
+    for stop, command in [*sorted(stops, key=lambda item: item[0]), (count, None)]:
+        while world.tick < stop and not world.status.failed:
+            take(world.advance(min(BLOCK, stop - world.tick)))
+        if command is not None and not world.status.failed:
+            world.apply(command)
+    return world

@@ -1,0 +1,145 @@
+"""`flexlab leaderboard`: control laws on the same cases, in a table with scores that have a formula and a unit."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from flexlab.cli.console import complain, note, output
+
+if TYPE_CHECKING:
+    from flexlab.analysis.leaderboard.board import Leaderboard
+    from flexlab.analysis.leaderboard.row import Row, Task
+    from flexlab.analysis.leaderboard.store import RowStore
+    from flexlab.analysis.leaderboard.summary import Grid
+
+LONG_RUNS_ARE_LEFT_OUT = "B7 simulates ten minutes of each law, which takes some minutes: --long adds it."
+
+
+def command(
+    law: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(
+            metavar="FILE.py",
+            help="A law of your own that enters, too: the Python file that holds it; repeat it.",
+            help_behavior_hint="",
+        ),
+    ] = (),
+    law_name: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(metavar="KIND", help="Only this law of flexlab's; repeat it.", help_behavior_hint=""),
+    ] = (),
+    case: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(metavar="B1…B7", help="Only this case; repeat it.", help_behavior_hint=""),
+    ] = (),
+    long: Annotated[bool, tyro.conf.arg(help="B7, too: ten minutes of each law.", help_behavior_hint="")] = False,
+    seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of the sensors' noise.")] = 0,
+    to: Annotated[
+        Path | None,
+        tyro.conf.arg(
+            metavar="FOLDER",
+            help="Write leaderboard.html, the table as Parquet and CSV, and a figure per case.",
+            help_behavior_hint="",
+        ),
+    ] = None,
+    verify: Annotated[
+        bool,
+        tyro.conf.arg(help="Compute the rows that are kept again, and compare every bit.", help_behavior_hint=""),
+    ] = False,
+    workers: Annotated[
+        int | None, tyro.conf.arg(metavar="N", help="Threads. (default: one per core)", help_behavior_hint="")
+    ] = None,
+) -> int:
+    """Compare control laws in the cases B1 to B7. What was computed before, in the folder leaderboard, is not computed again.
+
+    A law that fails says why. Exits with 1 if --verify finds a difference.
+    """
+    from flexlab.analysis.leaderboard.board import make_tasks, run_board
+    from flexlab.analysis.leaderboard.case import chosen_cases
+    from flexlab.analysis.leaderboard.entrants import chosen_entrants
+    from flexlab.analysis.leaderboard.report import write_report
+    from flexlab.analysis.leaderboard.store import FOLDER, RowStore
+    from flexlab.analysis.sweep.execution import cell_progress
+    from flexlab.cli.warmup import warm_up
+    from flexlab.presets import load_preset
+
+    cases = chosen_cases(case or None, long)
+    tasks = make_tasks(cases, chosen_entrants(law_name or None, law), seed)
+    store = RowStore(FOLDER)
+    warm_up(load_preset("paper"))
+    if verify:
+        kept = [row for row in store.last() if row.case in {case.name for case in cases}]
+        # Without a choice of laws all rows are meant: one whose law is not given cannot be computed, and says so.
+        chosen = {task.place for task in tasks}
+        return _verify([row for row in kept if not law_name or row.place in chosen], tasks, store, workers)
+    with cell_progress(True) as told:
+        board = run_board(tasks, store, workers, told)
+    _print(board)
+    if to is not None:
+        for path in write_report(board, to):
+            output().print(str(path), markup=False, soft_wrap=True)
+    note(f"{len(board.rows)} rows, {board.computed} of them computed now.")
+    if not case and not long:
+        note(LONG_RUNS_ARE_LEFT_OUT)
+    return 0
+
+
+def _verify(rows: "list[Row]", tasks: "tuple[Task, ...]", store: "RowStore", workers: int | None) -> int:
+    from flexlab.analysis.leaderboard.verification import verify
+    from flexlab.analysis.sweep.execution import cell_progress
+    from flexlab.errors import StudyError
+
+    if not rows:
+        raise StudyError(f"{store.folder} holds no such rows: flexlab leaderboard computes them.")
+    with cell_progress(True) as told:
+        found = list(verify(rows, tasks, workers, told))
+    odd = [finding for finding in found if finding.sentence]
+    for finding in odd:
+        row = finding.row
+        complain(f"{' '.join(filter(None, (row.case, row.variant, row.law)))}: {finding.sentence}.")
+    output().print(f"{len(found) - len(odd)} of {len(found)} rows are the same, bit for bit.", markup=False)
+    return 1 if odd else 0
+
+
+def _print(board: "Leaderboard") -> None:
+    from flexlab.analysis.leaderboard.summary import (
+        OF_THE_BEST,
+        SEVERAL,
+        overview,
+        provenance,
+        sections,
+        settings,
+    )
+
+    _print_grid(f"Overview: {OF_THE_BEST} that ranks; {SEVERAL}", overview(board))
+    for section in sections(board):
+        case = section.case
+        _print_grid(f"{case.name} {case.title}: {case.main.column.title}, {case.main.column.unit}", section.main)
+        for score in case.scores if not section.details else (case.main,):
+            output().print(
+                f"  {score.column.title} ({score.column.unit}) = {score.formula}",
+                markup=False,
+                style="dim",
+                soft_wrap=True,
+            )
+        for sentence in section.failures:
+            output().print(f"  {sentence}", markup=False, style="red", soft_wrap=True)
+        output().print()
+    for sentence in settings(board):
+        output().print(sentence, markup=False, soft_wrap=True)
+    output().print(provenance(board), markup=False, soft_wrap=True)
+
+
+def _print_grid(title: str, grid: "Grid") -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), title=title, title_justify="left")
+    table.add_column("law", no_wrap=True, min_width=max((len(law) for law, _ in grid.lines), default=0))
+    for head in grid.heads:
+        table.add_column(Text(head), justify="right")
+    for law, cells in grid.lines:
+        styles = ("bold" if cell.level == 0 else "red" if cell.level is None else "" for cell in cells)
+        table.add_row(Text(law), *(Text(cell.text, style) for cell, style in zip(cells, styles, strict=True)))
+    output().print(table)

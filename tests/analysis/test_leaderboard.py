@@ -1,0 +1,209 @@
+"""The benchmark: rows are the runs that they name, computed once, verifiable, and a law that fails says why."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import flexlab
+from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board
+from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases
+from flexlab.analysis.leaderboard.content import law_source
+from flexlab.analysis.leaderboard.entrants import chosen_entrants, entrants
+from flexlab.analysis.leaderboard.report import write_report
+from flexlab.analysis.leaderboard.row import Row
+from flexlab.analysis.leaderboard.score import peak_error, settled
+from flexlab.analysis.leaderboard.store import RowStore
+from flexlab.analysis.leaderboard.summary import overview, sections, settings
+from flexlab.analysis.leaderboard.verification import Finding, verify
+from flexlab.errors import StudyError
+from flexlab.presets import load_preset
+from flexlab.sim.commands import Tap
+
+TAP = (0.004, Tap(0.0, (0.0, 0.1)))
+QUICK = Case(
+    "Q",
+    "Quick",
+    "Twelve milliseconds with a tap.",
+    0.012,
+    (peak_error(), settled()),
+    variants=(Variant("stiff"), Variant("soft", {"payload.bending_stiffness": 10.0})),
+    commands=(TAP,),
+)
+LAWS = ("adaptive-sliding-mode", "pd", "lqr")
+OWN = '''from flexlab import OwnLaw
+
+
+class Push(OwnLaw):
+    """Pushes."""
+
+    def act(self, at):
+        return at.weights + at.shared([PUSH, 0.0, 0.0])
+'''
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("leaderboard")
+
+
+@pytest.fixture(scope="module")
+def board(folder: Path) -> Leaderboard:
+    return flexlab.leaderboard(LAWS, [QUICK], folder=folder, progress=False)
+
+
+def verified(rows: tuple[Row, ...]) -> list[Finding]:
+    return list(verify(rows, make_tasks([QUICK], chosen_entrants(LAWS))))
+
+
+def test_a_row_is_the_run_that_simulate_gives(board: Leaderboard):
+    soft = load_preset("paper").replace({"payload.bending_stiffness": 10.0, "controller.kind": "pd"})
+    run = flexlab.simulate(soft, QUICK.duration, commands=[TAP])
+    row = board.row(QUICK, QUICK.variants[1], "pd")
+    assert row is not None
+    assert (row.status, row.sentence, row.seed) == ("finished", "", 0)
+    assert row.result_hash == run.result_hash
+    assert row.scores["peak"] == pytest.approx(abs(run.tracking_error[:, 0] + 1j * run.tracking_error[:, 1]).max())
+    assert row.scores["settled"] is None, "it still rings"
+
+
+def test_what_is_known_is_not_computed_again(board: Leaderboard, folder: Path):
+    assert board.computed == len(board.rows) == 6
+    again = flexlab.leaderboard(LAWS, [QUICK], folder=folder, progress=False)
+    assert (again.computed, again.rows) == (0, board.rows)
+    assert RowStore(folder).last() == board.rows
+
+
+def test_of_what_changed_only_that_is_computed(board: Leaderboard, tmp_path: Path, folder: Path):
+    file = tmp_path / "push.py"
+    computed = []
+    for push in (1.0, 2.0, 2.0):
+        file.write_text(OWN.replace("PUSH", str(push)))
+        found = flexlab.leaderboard(LAWS, [QUICK], more_laws=[file], folder=folder, progress=False)
+        computed.append(found.computed)
+    assert computed == [2, 2, 0]
+    assert found.laws[-1] == "push"
+    noisy = make_tasks([QUICK], chosen_entrants(LAWS), seed=1)
+    assert not {task.key for task in noisy} & {row.key for row in board.rows}
+    longer = make_tasks([replace(QUICK, duration=0.013)], chosen_entrants(LAWS))
+    assert not {task.key for task in longer} & {row.key for row in board.rows}
+
+
+def test_a_law_s_key_follows_its_own_file_and_those_it_uses():
+    paper = load_preset("paper")
+    kinds = {kind: paper.replace({"controller.kind": kind}) for kind in ("pd", "computed-torque", "composite")}
+    assert len({law_source(scenario) for scenario in kinds.values()}) == 3
+    other = kinds["composite"].replace({"controller.slow.kind": "pd"})
+    assert law_source(other) != law_source(kinds["composite"])
+
+
+def test_verification_finds_every_bit_again(board: Leaderboard):
+    found = verified(board.rows)
+    assert len(found) == 6
+    assert not any(finding.sentence for finding in found)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("scores", {"peak": 1e-3, "settled": None}, "the score peak is 0.001, and "),
+        ("result_hash", "0" * 16, "result hash is 0000000000000000, and "),
+        ("status", "diverged", "status is diverged, and finished here"),
+    ],
+)
+def test_verification_names_what_was_changed(board: Leaderboard, name: str, value: object, says: str):
+    kept = board.rows[1]
+    finding = next(f for f in verified((replace(kept, **{name: value}),)) if f.row.law == kept.law)
+    assert says in finding.sentence
+    assert "the table was changed" in finding.sentence
+    older = replace(kept, **{name: value}, engine="another")
+    assert "with other sources, another" in verified((older,))[0].sentence
+
+
+def test_a_row_whose_file_was_damaged_is_computed_again(tmp_path: Path):
+    tasks = make_tasks([replace(QUICK, variants=QUICK.variants[:1])], chosen_entrants(["pd"]))
+    store = RowStore(tmp_path)
+    first = run_board(tasks, store)
+    file = next((tmp_path / "rows").iterdir())
+    for text in ("", "[1]", json.dumps({**first.rows[0].as_data(), "seed": "x"})):
+        file.write_text(text)
+        assert store.get(tasks[0].key) is None
+    assert run_board(tasks, store) == first
+
+
+def test_a_law_that_fails_is_named_with_its_sentence(tmp_path: Path):
+    file = tmp_path / "broken.py"
+    file.write_text(OWN.replace("PUSH", "1 / 0").replace("Push", "Broken"))
+    far = replace(QUICK, variants=(Variant("near"), Variant("far", {"trajectory.center": (0.0, 1.6, 0.0)})))
+    found = flexlab.leaderboard(["pd", file], [far], folder=tmp_path / "rows", progress=False)
+    (section,) = sections(found)
+    assert [cell.text for cell in dict(section.main.lines)["pd"]][1] == "fails"
+    assert [cell.text for cell in dict(section.main.lines)["broken"]] == ["fails", "fails"]
+    assert any(text.startswith("broken (near): ") and "broken.py, line 8" in text for text in section.failures)
+    assert any(text.startswith("pd (far): ") and "reach" in text for text in section.failures)
+    assert dict(overview(found).lines)["pd"][0].text == "fails 1 of 2"
+
+
+def test_a_law_of_control_instants_says_that_it_was_sampled(board: Leaderboard):
+    assert settings(board) == ("lqr: sampled, controller.control_period = 0.001 s",)
+
+
+def test_every_law_of_flexlab_enters_every_case_and_only_learners_leak():
+    known = [entrant for entrant in entrants().values() if entrant.kind != "lqr"]
+    tasks = make_tasks(chosen_cases(["B5", "B7"], long=True), known)
+    assert not [task.problem for task in tasks if task.problem]
+    leaking = {task.entrant.name for task in tasks if task.variant.law_fields}
+    assert leaking == {
+        "adaptive-sliding-mode",
+        "vibration-damping",
+        "composite",
+        "composite-kalman",
+        "composite-soft",
+    }
+    assert {task.entrant.name for task in tasks} == {entrant.name for entrant in known}
+    assert "none" not in entrants()
+
+
+def test_the_cases_are_those_of_the_benchmark_and_the_long_one_is_asked_for():
+    assert list(cases()) == ["B1", "B2", "B3", "B4", "B5", "B6", "B7"]
+    assert [case.name for case in chosen_cases(None, long=False)] == ["B1", "B2", "B3", "B4", "B5", "B6"]
+    for case in cases().values():
+        assert len({score.name for score in case.scores}) == len(case.scores)
+        assert all(score.formula and score.column.unit for score in case.scores)
+
+
+def test_the_files_hold_every_score_with_formula_unit_and_hashes(board: Leaderboard, tmp_path: Path):
+    import pyarrow.parquet as parquet
+
+    paths = write_report(board, tmp_path / "to")
+    assert [path.name for path in paths] == ["leaderboard.html", "leaderboard.parquet", "leaderboard.csv", "Q.svg"]
+    html = paths[0].read_text(encoding="utf-8")
+    assert "max √(e_x² + e_y²)" in html
+    assert "http://" not in html.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
+        "http://creativecommons.org", ""
+    )
+    table = parquet.read_table(paths[1]).to_pylist()
+    assert len(table) == 12
+    line = next(line for line in table if (line["law"], line["variant"], line["score"]) == ("pd", "soft", "peak"))
+    assert line["shown"] == 1e3 * line["value"]
+    assert (line["unit"], line["formula"], line["seed"]) == ("mm", "max √(e_x² + e_y²)", 0)
+    assert line["key"] == board.row(QUICK, QUICK.variants[1], "pd").key  # type: ignore[union-attr]
+    assert paths[3].read_text(encoding="utf-8").startswith("<svg")
+    again = write_report(board, tmp_path / "again")
+    assert [path.read_bytes() for path in again] == [path.read_bytes() for path in paths]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ({"cases": ["B9"]}, "'B9' is no case: choose from B1, B2"),
+        ({"cases": "B1"}, "cases = 'B1' is no list"),
+        ({"laws": "pd"}, "laws = 'pd' is no list"),
+        ({"laws": ["pdd"]}, "'pdd' is no control law: choose from adaptive-sliding-mode"),
+        ({"laws": ["pd"], "cases": [QUICK], "workers": 0}, "workers = 0 is not usable"),
+    ],
+)
+def test_bad_input_is_a_sentence(tmp_path: Path, words: dict, says: str):
+    with pytest.raises(StudyError, match=says):
+        flexlab.leaderboard(**words, folder=tmp_path, progress=False)

@@ -1,0 +1,17 @@
+"""Laws of control instants can be chosen where control is continuous: the lab sets a period, says so, and takes it back."""
+
+from lab_page import wait_until
+from raw_browser import RawBrowser, widget
+
+from flexlab.lab.session import Session
+
+
+def test_the_menu_gives_lqr_a_control_period_and_says_so(session: Session) -> None:
+    with RawBrowser(session) as browser:
+        browser.update(widget(session, "Control law"), {"value": "lqr"})
+        wait_until(lambda: session.runner.snapshot.scenario.controller.kind == "lqr", "the law is taken", 60)
+        assert session.runner.snapshot.scenario.controller.control_period == 0.001
+        said = "lqr acts at control instants: controller.control_period was set to 0.001 s."
+        assert session.lab_state.notice.text == said
+        session.lab_state.undo()
+        assert session.lab_state.intended == session.lab_state.baseline

@@ -56,9 +56,7 @@ class World:
         self._y = np.zeros(state_length(self._assembly.system))
         self._workspace = new_workspace(self._assembly.system)
         self.status = Status("running", "Running.")
-        self._estimate = accuracy.nothing_yet(self._assembly)
-        self.accuracy_warning = ""
-        """Since when and why results are no longer accurate, a sentence; empty: they are."""
+        self._estimate = accuracy.nothing_yet(self._assembly, 0)
         fault = self._start()
         if fault is not None:
             self.status = fault
@@ -106,6 +104,11 @@ class World:
     def step(self) -> float:
         """The integration step in use, s."""
         return self._assembly.levels.step / 2**self._level
+
+    @property
+    def accuracy_warning(self) -> str:
+        """Since when and why results are no longer accurate, a sentence; empty: they are."""
+        return self._estimate.warning
 
     @property
     def pace_warning(self) -> str:
@@ -195,14 +198,14 @@ class World:
         """Move by one tick per row of rows (ticks, row length), writing the samples there; returns the ticks done."""
         if self.status.failed:
             return 0
-        before, estimate, warning, done, code = self.state(), self._estimate, self.accuracy_warning, 0, 0
+        before, estimate, done, code = self.state(), self._estimate, 0, 0
         while done < len(rows) and code == 0:
-            part = rows[done : done + accuracy.ticks_to_check(self.tick)]
-            start = self.state() if accuracy.is_due(self.tick) else None
+            part = rows[done : done + accuracy.ticks_to_check(self._estimate, self.tick)]
+            start = self.state() if accuracy.is_due(self._estimate, self.tick) else None
             ticks, code = self._advance(part, first_is_present=False)
             if code == INTERRUPTED:
                 self.restore(before)
-                self._estimate, self.accuracy_warning = estimate, warning
+                self._estimate = estimate
                 return 0
             self.tick, done = self.tick + ticks, done + ticks
             if ticks:
@@ -214,14 +217,14 @@ class World:
         return done
 
     def _watch_accuracy(self, rows: np.ndarray, start: WorldState | None) -> None:
-        """Take note of `rows` since the last comparison; of a tick that has a `start`, compare it with half the step."""
+        """Take note of `rows` since the last look; of a tick that has a `start`, compare it with half the step."""
         assembly, watch, again = self._assembly, self._assembly.watch, None
+        self._estimate = accuracy.note_peak(self._estimate, assembly, rows)
         if start is not None and (self._level < watch.most or watch.most == 0):
             again = accuracy.redo_tick(assembly, self._level, start, self.tick_period, self.new_rows(1))
-        arms = len(self.scenario.arms)
-        self._estimate = accuracy.note(self._estimate, assembly, arms, rows, self._y, again, self.tick_period)
-        if not self.accuracy_warning:
-            self.accuracy_warning = accuracy.warning(self._estimate, self.scenario, self.time)
+        if again is not None:
+            tick, period = self.tick - len(rows), self.tick_period
+            self._estimate = accuracy.note(self._estimate, assembly, tick, rows[-1], self._y, again, period)
 
     def interrupt(self) -> None:
         """Make a `fill` that runs on another thread, or the next one, return with nothing done, within a step's time."""
@@ -269,6 +272,7 @@ class World:
             apply_pull(assembly.system.plant, self.scenario, assembly.beam, command)
         else:
             apply_tap(payload, assembly.beam, self._y, command)
+        self._estimate = accuracy.disturbed(self._estimate, assembly, self.tick)
         return False
 
     def _change(self, command: ChangeScenario, known: Sequence[Assembly], at_once: bool) -> bool:
@@ -319,7 +323,7 @@ class World:
             length = min(len(assembly.sampling.line), len(old.sampling.line))
             assembly.sampling.line[-length:] = old.sampling.line[-length:]
         before, self.scenario, self._assembly, self._level = self.scenario, scenario, assembly, 0
-        self._estimate = accuracy.nothing_yet(assembly)
+        self._estimate = accuracy.disturbed(self._estimate, assembly, self.tick)
         if assembly.beam is not old.beam:
             assembly.system.plant.pull[:] = plant.pull
             set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
@@ -370,6 +374,7 @@ class World:
         self._assembly.system.plant.pull[:] = state.pull
         set_pull_row(self._assembly.system.plant, self.scenario.payload, self._assembly.beam)
         self._workspace = new_workspace(self._assembly.system)
+        self._estimate = accuracy.nothing_yet(self._assembly, self.tick)
         self.status = Status("running", "Running.")
 
 

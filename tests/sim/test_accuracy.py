@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from flexlab.presets import load_preset
+from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim import accuracy
+from flexlab.sim.commands import Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
@@ -24,8 +25,44 @@ def test_an_undamped_fine_beam_is_called_inaccurate():
     assert "internal force may be off by" in run.status.text
 
 
-@pytest.mark.parametrize("name", ["paper", "single-arm"])
-def test_plain_presets_are_called_accurate(name: str):
+def stiff(**changes: object) -> Scenario:
+    """Few fast modes that fade at once."""
+    still = {"kind": "nodal", "coefficient": 0.6}
+    beam = {"payload.element_count": 4, "payload.bending_stiffness": 1e6, "payload.damping": still}
+    return load_preset("paper").replace({**beam, **changes})
+
+
+def test_fast_modes_that_a_start_excites_are_seen_before_they_fade():
+    world = World(stiff(**{"payload.element_count": 3, "payload.bending_stiffness": 5e6}))
+    world.advance(20)
+    assert "since about t = 0.009 s: the internal force may be off by" in world.accuracy_warning
+    assert "the start or a change excites modes that are faster than the steps" in world.accuracy_warning
+
+
+def test_a_tap_is_looked_at_as_a_start_is():
+    world = World(stiff(**{"trajectory": {"kind": "hold"}, "simulation.step": 2e-5}))
+    world.advance(100)
+    assert not world.accuracy_warning, "nothing moves"
+    world.apply(Tap(0.1, (0.0, 0.2)))
+    world.advance(20)
+    assert "since about t = 0.109 s" in world.accuracy_warning
+    assert "the internal force may be off by" in world.accuracy_warning
+
+
+def test_a_run_that_starts_at_rest_is_not_judged_by_a_force_that_is_still_to_come():
+    world = World(load_preset("paper").replace({"trajectory.smooth_start": 1.0, "payload.element_count": 8}))
+    world.advance(300)
+    assert not world.accuracy_warning
+
+
+def test_of_one_arm_the_moving_force_counts():
+    world = World(load_preset("single-arm").replace({"payload.bending_stiffness": 2e7}))
+    world.advance(12)
+    assert "the moving force may be off by" in world.accuracy_warning
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_presets_are_called_accurate(name: str):
     assert simulate(load_preset(name), 1.0).status.text == "Finished at t = 1 s."
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
-from flexlab.numba_internals import Inlined, InlinedCompiler, QuickCompiler
+from flexlab.numba_internals import Inlined, InlinedCompiler, QuickCache, QuickCompiler
 
 PLAIN_PYTHON = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
 """Whether numba was told not to compile (NUMBA_DISABLE_JIT=1): then every kernel is the Python function that it is written as."""
@@ -87,9 +87,13 @@ def _compile(function: Callable[..., Any], no_cfunc_wrapper: bool = True, **opti
     previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
     try:
-        return numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=no_cfunc_wrapper, **options)(
+        kernel = numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=no_cfunc_wrapper, **options)(
             function
         )
+        # A person's own kernel may call what numba must have loaded first.
+        if options.get("cache") and not PLAIN_PYTHON and function.__module__.startswith("flexlab."):
+            kernel._cache = QuickCache(function)
+        return kernel
     finally:
         numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
 

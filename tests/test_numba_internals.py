@@ -6,11 +6,12 @@ import numba
 import numpy as np
 import pytest
 from numba.core import ir
+from numba.core.cpu import CPUContext
 from numba.core.targetconfig import TargetConfig
 from numba.core.types.functions import BaseFunction
 
 from flexlab.compiled import PLAIN_PYTHON, inlined
-from flexlab.numba_internals import QuickCompiler
+from flexlab.numba_internals import QuickCache, QuickCompiler
 
 pytestmark = pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 
@@ -68,3 +69,25 @@ def test_a_branch_for_what_is_none_is_not_compiled():
     assert chosen(None, 2.0) == 2.0
     assert not never._dispatcher.overloads  # type: ignore[attr-defined]
     assert np.isfinite(chosen(None, 1.0))
+
+
+def test_machine_code_on_disk_is_taken_up_without_what_compiling_needs(monkeypatch, tmp_path):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+
+    def length(a, b):
+        return np.sqrt(np.sin(a[0]) ** 2 + b**2)
+
+    def kernel():
+        made = numba.njit(cache=True, nogil=True)(length)
+        made._cache = QuickCache(length)
+        return made
+
+    expected = kernel()(np.ones(2), 2.0)
+
+    def refresh(_):
+        raise AssertionError("this loads how numba translates all of numpy")
+
+    monkeypatch.setattr(CPUContext, "refresh", refresh)
+    again = kernel()
+    assert again(np.ones(2), 2.0) == expected
+    assert sum(again.stats.cache_hits.values()) == 1

@@ -3,7 +3,8 @@
 import math
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -107,18 +108,28 @@ def _tell(run: EndedRun, summary: Summary) -> None:
     output().print(f"Recorded in {run.path}", markup=False, soft_wrap=True)
 
 
-def _blocks(world: World, ticks: int) -> Iterator[Samples]:
-    """The run from the present instant on, in blocks, under a progress bar."""
+@contextmanager
+def _progress(ticks: int) -> Iterator[Callable[[int], None]]:
+    """A progress bar on a terminal, and what moves it on to a tick."""
+    if not notes().is_terminal:
+        yield lambda _: None
+        return
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = TextColumn("simulating"), BarColumn(), TextColumn("{task.percentage:.0f} %"), TimeRemainingColumn()
-    with Progress(*columns, console=notes(), transient=True, disable=not notes().is_terminal) as progress:
+    with Progress(*columns, console=notes(), transient=True) as progress:
         task = progress.add_task("simulating", total=ticks)
+        yield lambda tick: progress.update(task, completed=tick)
+
+
+def _blocks(world: World, ticks: int) -> Iterator[Samples]:
+    """The run from the present instant on, in blocks, under a progress bar where somebody watches."""
+    with _progress(ticks) as advance_to:
         samples = world.run(min(BLOCK, ticks))
         while True:
             if len(samples):
                 yield samples
-            progress.update(task, completed=world.tick)
+            advance_to(world.tick)
             if world.status.failed or world.tick >= ticks:
                 return
             samples = world.advance(min(BLOCK, ticks - world.tick))

@@ -6,6 +6,7 @@ from typing import Annotated
 import tyro
 
 from flexlab.cli.console import output
+from flexlab.cli.loading import loading
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Presets, Seed, Settings
 from flexlab.errors import StudyError
 
@@ -37,10 +38,11 @@ def command(
     _check("duration", duration, sample_period, LONGEST_DURATION)
     from flexlab.cli.options import chosen_scenarios
 
-    scenarios = chosen_scenarios(preset, set_, law, seed, path)
-    from flexlab.cli.headless_run import run_and_record
-    from flexlab.cli.warmup import warm_up
-    from flexlab.recording.store.run_files import check_folder
+    with loading():
+        scenarios = chosen_scenarios(preset, set_, law, seed, path)
+        from flexlab.cli.headless_run import run_and_record
+        from flexlab.cli.warmup import warm_up
+        from flexlab.recording.store.run_files import check_folder
 
     check_folder(logs)
     warm_up(scenarios[0][1])

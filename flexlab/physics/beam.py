@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.sparse.csgraph import connected_components
 
 from flexlab.boundaries import held_coordinates
 
@@ -146,6 +145,16 @@ def undamped_modes(beam: BeamMatrices) -> tuple[np.ndarray, np.ndarray]:
     return sigma[::-1].copy(), V
 
 
+def _first_connected(coupled: np.ndarray) -> np.ndarray:
+    """For each index the lowest one that it is connected with, directly or through others, (n,); coupled: (n, n)."""
+    neighbours, first = coupled | coupled.T | np.eye(len(coupled), dtype=bool), np.arange(len(coupled))
+    while True:
+        lower = np.where(neighbours, first, len(first)).min(axis=1, initial=len(first))
+        if np.array_equal(lower, first):
+            return first
+        first = lower
+
+
 def beam_modes(omega: np.ndarray, V: np.ndarray, damping: np.ndarray) -> BeamModes:
     """Group modes into blocks that modal `damping` VᵀDV (n_m, n_m) couples and reorder them block by block.
 
@@ -154,9 +163,7 @@ def beam_modes(omega: np.ndarray, V: np.ndarray, damping: np.ndarray) -> BeamMod
     """
     weight = np.sqrt(np.maximum(np.diag(damping), np.finfo(float).tiny))
     coupled = np.abs(damping) > COUPLING_TOLERANCE * np.outer(weight, weight)
-    _, label = connected_components(coupled, directed=False)
-    first = {block: int(np.flatnonzero(label == block)[0]) for block in set(label.tolist())}
-    order = np.array(sorted(range(len(omega)), key=lambda k: (first[int(label[k])], k)), dtype=np.int64)
-    ordered = label[order]
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(ordered)) + 1, [len(order)]]).astype(np.int64)
+    first = _first_connected(coupled)
+    order = np.argsort(first, kind="stable")
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(first[order])) + 1, [len(order)]]).astype(np.int64)
     return BeamModes(omega[order], np.ascontiguousarray(V[:, order]), damping[np.ix_(order, order)], starts)

@@ -60,15 +60,7 @@ def _own_part(model: type[Controller]) -> Any:
         for name, about in model.model_fields.items()
         if name not in Controller.model_fields
     }
-    # The fields have their descriptions; looking for docstrings in a text that is not there takes 50 ms each.
-    part = create_model(
-        f"Slow{model.__name__}",
-        __base__=Part,
-        __module__=__name__,
-        __doc__=model.__doc__,
-        __cls_kwargs__={"use_attribute_docstrings": False},
-        **fields,
-    )
+    part = create_model(f"Slow{model.__name__}", __base__=Part, __module__=__name__, __doc__=model.__doc__, **fields)
     _slow_parts[model] = part
     return part
 

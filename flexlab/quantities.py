@@ -118,11 +118,11 @@ OneOrThree = Annotated[float | tuple[float, float, float], BeforeValidator(_one_
 
 
 def _flatten(value: Any) -> Iterator[float]:
-    if isinstance(value, (int, float)):
-        yield value
-    elif isinstance(value, tuple):
+    if isinstance(value, tuple):
         for item in value:
             yield from _flatten(item)
+    elif isinstance(value, (int, float)):
+        yield value
 
 
 def _bound(schema: dict[str, Any], about: Quantity) -> None:
@@ -144,7 +144,7 @@ def _bound(schema: dict[str, Any], about: Quantity) -> None:
 class Part(BaseModel):
     """Base of the scenario models: immutable, strict about names and about ranges."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -160,6 +160,9 @@ class Part(BaseModel):
     @field_validator("*", mode="after")
     @classmethod
     def _in_range(cls, value: Any, info: ValidationInfo) -> Any:
+        # A slider sends many changes: what holds no number needs no look at its range.
+        if value is None or isinstance(value, (str, Part)):
+            return value
         about = describe(cls, info.field_name or "")
         for number in _flatten(value):
             if not about.low <= number <= about.high:

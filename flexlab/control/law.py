@@ -266,7 +266,8 @@ def _enter(law: Law, instead: bool = False) -> None:
     if not instead and law.kind in _laws and _laws[law.kind] != law:
         raise ImportError(f"Two control laws are called {law.kind!r}: give one of them another kind.")
     # A new table each time: other threads may be reading the present one.
-    _laws = {**_laws, law.kind: law}
+    known = {**_laws, law.kind: law}
+    _laws = dict(sorted(known.items(), key=lambda item: (item[1].place, item[0])))
 
 
 def forget_law(kind: str) -> None:
@@ -297,16 +298,20 @@ def on_new_law(listener: Callable[[], None]) -> None:
 
 def laws() -> dict[str, Law]:
     """All control laws by kind, as menus show them."""
+    return dict(_known_laws())
+
+
+def _known_laws() -> dict[str, Law]:
     global _built_in
     if not _built_in:
         _built_in = True
         for module in modules_in("flexlab.control.laws"):
             _enter(module.LAW)
         _tell()
-    return dict(sorted(_laws.items(), key=lambda item: (item[1].place, item[0])))
+    return _laws
 
 
 def law_of(controller: Controller) -> Law:
     """The law of a scenario's controller, as its settings mean it."""
-    law = laws()[controller.kind]  # type: ignore[attr-defined]
+    law = _known_laws()[controller.kind]  # type: ignore[attr-defined]
     return law if law.for_settings is None else law.for_settings(controller)

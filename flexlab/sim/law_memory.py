@@ -47,8 +47,9 @@ def same_law(one: Scenario, other: Scenario) -> bool:
 
 def _kinds(part: Part) -> list[str]:
     """The kinds of a controller and of its parts."""
-    own = [value for name, value in part if name == "kind"]
-    return own + [kind for _, value in part if isinstance(value, Part) for kind in _kinds(value)]
+    fields = vars(part)
+    own = [fields["kind"]] if "kind" in fields else []
+    return own + [kind for value in fields.values() if isinstance(value, Part) for kind in _kinds(value)]
 
 
 def outlook(

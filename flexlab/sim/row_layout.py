@@ -26,24 +26,32 @@ def rows_to_samples(rows: np.ndarray, arm_count: int, own: Sequence[Signal] = ()
     last = width - sum(signal.fixed_size for signal in own)
     n_q = (last - beam) // len(OF_THE_BEAM)
     arms = rows[:, ARMS:beam].reshape(count, arm_count, PER_ARM)
-    signals = {s.name: _part(rows, s, COLUMN[s.name]) for s in PER_SAMPLE}
-    for signal in OF_EACH_ARM:
-        signals[signal.name] = _part(arms, signal, COLUMN[signal.name])
+    signals = {name: _part(rows, *place) for name, place in _OF_A_SAMPLE.items()}
+    for name, place in _OF_AN_ARM.items():
+        signals[name] = _part(arms, *place)
     for number, signal in enumerate(OF_THE_BEAM):
         signals[signal.name] = rows[:, beam + number * n_q : beam + (number + 1) * n_q]
     for signal in own:
-        signals[signal.name] = _part(rows, signal, last)
+        signals[signal.name] = _part(rows, *_place(signal, last))
         last += signal.fixed_size
     return Samples(**signals)
 
 
-def _part(rows: np.ndarray, signal: Signal, first: int) -> np.ndarray:
+def _place(signal: Signal, first: int) -> tuple[int, int, tuple[int, ...]]:
+    """Where a signal that begins at column `first` begins and ends, and its shape but for arms."""
+    return first, first + signal.fixed_size, tuple(len(axis.labels) for axis in signal.axes if axis != ARM)
+
+
+_OF_A_SAMPLE = {signal.name: _place(signal, COLUMN[signal.name]) for signal in PER_SAMPLE}
+_OF_AN_ARM = {signal.name: _place(signal, COLUMN[signal.name]) for signal in OF_EACH_ARM}
+
+
+def _part(rows: np.ndarray, first: int, end: int, shape: tuple[int, ...]) -> np.ndarray:
     """A signal's columns of the last axis, in its own shape."""
-    inner = tuple(len(axis.labels) for axis in signal.axes if axis != ARM)
-    if not inner:
+    if not shape:
         return rows[..., first]
-    part = rows[..., first : first + signal.fixed_size]
-    return part if len(inner) == 1 else part.reshape(*part.shape[:-1], *inner)
+    part = rows[..., first:end]
+    return part if len(shape) == 1 else part.reshape(*part.shape[:-1], *shape)
 
 
 def empty_samples(arm_count: int, coordinate_count: int, own: Sequence[Signal] = ()) -> Samples:

@@ -15,7 +15,7 @@ from flexlab.physics.dynamics import configure_arms, inertias_at, rigid_inertia
 from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import SMALLEST_STEP
 from flexlab.sim.build import Beam
-from flexlab.sim.closed_loop import System, new_workspace
+from flexlab.sim.closed_loop import System, scratch_workspace
 from flexlab.sim.integrators.etdrk4 import beam_operators
 from flexlab.sim.integrators.generalized_alpha import effective_inverse
 from flexlab.sim.integrators.rk4 import STABILITY_LIMIT
@@ -95,7 +95,7 @@ def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
 
 def inertias(system: System, desired: np.ndarray) -> np.ndarray:
     """S at poses (k, 3), as far as the arms can take them, (up to k, 3, 3)."""
-    found, ws = np.zeros((len(desired), 3, 3)), new_workspace(system)
+    found, ws = np.zeros((len(desired), 3, 3)), scratch_workspace(system)
     return found[: inertias_at(system.plant, desired, ws.arm, ws.fault, found)]
 
 
@@ -111,7 +111,7 @@ def control_rate(system: System, desired: np.ndarray) -> float:
     As the law says it, at rest at desired poses (k, 3) and with an empty memory.
     """
     memory = np.zeros(system.control.memory_size)
-    return fastest_rate_at(system.plant, system.control, desired, memory, new_workspace(system))
+    return fastest_rate_at(system.plant, system.control, desired, memory, scratch_workspace(system))
 
 
 @compiled

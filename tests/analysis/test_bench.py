@@ -1,10 +1,12 @@
 """The benchmark measures what it says; how fast this machine is, no test may ask."""
 
+import io
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from flexlab import benchmarks
 from flexlab.benchmarks import precision, scaling, workers
@@ -12,9 +14,10 @@ from flexlab.benchmarks.machine import this_machine, version_of
 from flexlab.benchmarks.measure import deflection_error, pose_error, try_out
 from flexlab.benchmarks.memory import Memory
 from flexlab.benchmarks.precision import ASKED_ERROR, GOALS, WorkPoint, mesh_precision, paper_costs, variant
-from flexlab.benchmarks.report import Goal, plain
+from flexlab.benchmarks.report import Goal, Report, plain
 from flexlab.benchmarks.scaling import MESHES, fitted_exponent
-from flexlab.benchmarks.startup import Start, StartTimes, run_probe
+from flexlab.benchmarks.startup import run_probe
+from flexlab.benchmarks.tables import memory_table
 from flexlab.benchmarks.threads import ThreadWatch, time_in_queue
 from flexlab.benchmarks.workers import Round, WorkerScaling, locked_share
 from flexlab.errors import StudyError
@@ -158,20 +161,26 @@ def test_the_machine_is_described_in_one_line():
     assert version_of("a-library-that-nobody-wrote") is None
 
 
-@pytest.fixture
-def tiny(monkeypatch):
-    """The least that still passes through everything."""
-    monkeypatch.setattr(
-        benchmarks, "QUICK", benchmarks.Plan(meshes=(2,), duration=0.05, repeats=1, rounds=1, cold=False)
-    )
-    monkeypatch.setattr(workers, "ROUND", 4)
-    monkeypatch.setattr(workers, "DURATION", 0.2)
-    monkeypatch.setattr(scaling, "LEAST_TIME", 0.0)
+@pytest.fixture(scope="module")
+def measured() -> tuple[Report, str]:
+    """The least that still passes through everything, and its tables for a person."""
+    tables = io.StringIO()
+    plan = benchmarks.Plan(meshes=(2,), duration=0.05, repeats=1, rounds=1, cold=False)
+    with pytest.MonkeyPatch.context() as smaller:
+        smaller.setattr(workers, "ROUND", 4)
+        smaller.setattr(workers, "DURATION", 0.2)
+        smaller.setattr(scaling, "LEAST_TIME", 0.0)
+        report = benchmarks.measure(plan, False, Console(file=tables, width=160, highlight=False))
+    return report, tables.getvalue()
 
 
-@pytest.mark.usefixtures("tiny")
-def test_everything_is_measured_and_printed_as_json(capsys):
+def test_everything_is_measured_and_printed_as_json(
+    measured: tuple[Report, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    asked = []
+    monkeypatch.setattr(benchmarks, "measure", lambda *words: asked.append(words) or measured[0])
     benchmarks.run_bench(as_json=True, quick=True)
+    assert asked == [(benchmarks.QUICK, False, None)]
     report = json.loads(capsys.readouterr().out)
     assert set(report) == {
         "machine", "paper", "precision", "scaling", "changes", "workers", "start", "memory", "peers", "goals"
@@ -187,12 +196,14 @@ def test_everything_is_measured_and_printed_as_json(capsys):
         assert report["memory"]["live_growth"] < 2e6
 
 
-@pytest.mark.usefixtures("tiny")
-def test_tables_are_printed_for_a_person(monkeypatch, capsys):
-    monkeypatch.setattr(benchmarks, "measure_memory", lambda: Memory(10_000_000, 11_000_000, 0))
-    warm = StartTimes(None, Start(1.0, 0.5, 1.2))
-    monkeypatch.setattr(benchmarks, "start_times", lambda cold: warm)
-    benchmarks.run_bench(as_json=False, quick=True)
-    text = capsys.readouterr().out
-    for words in ("ms per s", "etdrk4", "unstable", "speed-up", "warm", "1.10", "Goals"):
-        assert words in text
+def test_tables_are_printed_for_a_person(
+    measured: tuple[Report, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    for words in ("ms per s", "etdrk4", "unstable", "speed-up", "warm", "Goals"):
+        assert words in measured[1]
+    monkeypatch.setattr(benchmarks, "measure", lambda plan, peers, show: show.print("a table"))
+    benchmarks.run_bench(as_json=False)
+    assert capsys.readouterr().out == "a table\n"
+    text = io.StringIO()
+    Console(file=text).print(memory_table(Memory(10_000_000, 11_000_000, 0)))
+    assert "1.10" in text.getvalue()

@@ -87,14 +87,14 @@ def random_scenario(seed: int) -> Scenario:
             continue
 
 
-def judge(seed: int) -> Judgement:
+def judge(seed: int, longest_reference: float = LONGEST_REFERENCE) -> Judgement:
     """Run a scenario as it is and with finer steps."""
     scenario = random_scenario(seed)
     world = World(scenario)
     finer = 16 if world.assembly.watch.disturbed else 4
     step = max(world.step / finer, 1e-7)
     pace = seconds_per_second(world.integrator, world.beam, step)
-    ticks = max(20, int(min(DURATION, LONGEST_REFERENCE / pace) / world.tick_period))
+    ticks = max(20, int(min(DURATION, longest_reference / pace) / world.tick_period))
     World(scenario).run(1)  # now whatever it needs has been compiled
     begun = time.thread_time()
     run = world.run(ticks)

@@ -52,9 +52,10 @@ def use_everything() -> dict[str, list[int]]:
 
 
 def test_a_warm_start_compiles_nothing():
-    """The second process loads every kernel from the cache: no miss in any dispatcher, and some hits."""
-    use_everything()
+    """The second process at the latest loads every kernel from the cache: no miss in any dispatcher, and some hits."""
     stats = use_everything()
+    if any(misses for _, misses in stats.values()):
+        stats = use_everything()
     assert {name: misses for name, (_, misses) in stats.items() if misses} == {}
     assert stats["advance"][0] > 0
 

@@ -1,21 +1,32 @@
 """Seeded noise on what a sampled controller measures."""
 
+import numba
 import numpy as np
 import pytest
 
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import build_assembly
-from flexlab.sim.sampled_control import gaussian, measure_beam
+from flexlab.sim.sampled_control import Sampling, gaussian, measure_beam
 from flexlab.sim.simulate import simulate
 
 COUNT = 20_000
 
 
+@numba.njit
+def draw(seed: int, channels: int) -> np.ndarray:
+    """Numbers of one seed, (channels, COUNT)."""
+    numbers = np.empty((channels, COUNT))
+    for channel in range(channels):
+        for instant in range(COUNT):
+            numbers[channel, instant] = gaussian(seed, instant, channel)
+    return numbers
+
+
 @pytest.fixture(scope="module")
 def numbers() -> np.ndarray:
     """(channels, instants) of one seed."""
-    return np.array([[gaussian(7, instant, channel) for instant in range(COUNT)] for channel in range(8)])
+    return draw(7, 8)
 
 
 def test_numbers_are_standard_normal(numbers: np.ndarray):
@@ -36,7 +47,7 @@ def test_channels_instants_and_seeds_are_independent(numbers: np.ndarray):
     assert np.abs(correlation).max() < limit
     for lag in (1, 2, 5):
         assert abs((numbers[:, lag:] * numbers[:, :-lag]).mean(axis=1)).max() < limit
-    other = np.array([gaussian(8, instant, 0) for instant in range(COUNT)])
+    other = draw(8, 1)[0]
     assert abs((other * numbers[0]).mean()) < limit
     assert abs((other[1:] * numbers[0, :-1]).mean()) < limit
 
@@ -122,12 +133,18 @@ def test_the_truth_is_sampled_without_noise():
     np.testing.assert_allclose(moved, 0.001 * mean_rate, rtol=0, atol=1e-6)
 
 
+@numba.njit
+def measure(sampling: Sampling, seen: np.ndarray) -> None:
+    """Fill `seen`, (count, 2), with readings of a beam at rest."""
+    still = np.zeros(2)
+    for instant in range(len(seen)):
+        measure_beam(sampling, instant, still, seen[instant])
+
+
 def beam_readings(scenario: Scenario, count: int = 5000) -> np.ndarray:
     """Measured hᵀq̇ and gᵀq̇ of a beam at rest, (count, 2)."""
-    sampling, still = build_assembly(scenario, 0.001).sampling, np.zeros(2)
     seen = np.zeros((count, 2))
-    for instant in range(count):
-        measure_beam(sampling, instant, still, seen[instant])
+    measure(build_assembly(scenario, 0.001).sampling, seen)
     return seen
 
 

@@ -86,6 +86,8 @@ CASES = (
          {**KALMAN, "payload.mode_count": 16}, 1.0, mode=5),
     Case("folded mode", r"The 122 Hz of the spectrum are mode 5 at 1122 Hz: samples come every 1 ms", SLOW,
          {**UNDAMPED, "controller.kind": "pd"}, 1.0, mode=5),
+    Case("growing mode", r"401 Hz grows at 2\.65 1/s: mode 3, ", ("jerky start",),
+         {**MEASURED, "trajectory.amplitude": (0.2, 0.2, 0.2)}, 1.4),
     Case("growing pose", r"at 23\.7 1/s: feedback at 123 1/s .* λT_c = 2\.45 above 2\. A control period below 16\.3 ms", (),
          {**HELD, "controller.control_period": 0.02}, 0.3),
     Case("growing pose", r"at 25\.3 1/s: .* every 4 ms with 1 samples of delay, λT_c = 1\.5 above 1\.", (),
@@ -169,6 +171,20 @@ def test_what_is_too_short_or_stands_still_gets_no_wrong_word(preset: str):
             assert not re.search(r"\b(nan|inf)\b", text)
     still = scenario.replace({"trajectory.kind": "hold"})
     assert set(sentences(still, simulate(still, 1.6))) <= set(SLOW)
+
+
+@pytest.mark.parametrize("preset", ["paper", "single-arm"])
+def test_with_its_motors_off_a_payload_that_follows_nothing_is_not_explained_by_its_path(preset: str):
+    scenario = load_preset(preset).replace({"controller.kind": "none"})
+    assert not sentences(scenario, simulate(scenario, 2.5))
+
+
+def test_a_law_whose_memory_hardly_moves_is_not_called_nearly_lost():
+    scenario = load_preset("gravity").replace({"controller.kind": "regressor-adaptive"})
+    margin = background(scenario).modes.disk_margin
+    assert margin is not None
+    assert margin.alike.phase < 30
+    assert "small margin" not in sentences(scenario, simulate(scenario, 0.2))
 
 
 # What they advise.

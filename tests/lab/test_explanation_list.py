@@ -24,7 +24,7 @@ def shown(calm: CalmList, names: Iterable[str], text: str = "One.") -> list[str]
     return [each.name for each in calm.look(said(names, text))]
 
 
-def test_a_sentence_comes_after_two_looks_and_goes_after_three():
+def test_a_sentence_comes_after_two_looks_and_goes_after_two():
     calm, one = CalmList(), NAMES[:1]
     assert [shown(calm, one) for _ in range(SEEN)] == [[]] * (SEEN - 1) + [one]
     assert [shown(calm, []) for _ in range(MISSED)] == [one] * (MISSED - 1) + [[]]

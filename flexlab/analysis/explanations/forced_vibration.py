@@ -11,6 +11,8 @@ REPEATS = 0.05
 """Relative difference of two periods that count as the same."""
 WORTH = 0.02
 """Share of the bending from which on it is worth a sentence."""
+FOLLOWS = 0.2
+"""Error, as a share of the way, up to which the payload follows its path."""
 CLOSE = (0.6, 1.5)
 """Frequencies of a path over a mode's at which it is called resonance."""
 AGREES = 0.35
@@ -21,7 +23,10 @@ def _two_periods(seen: Evidence) -> tuple[np.ndarray, np.ndarray] | None:
     """Vibration of the last period of the path and of the one before; None where there are not two of steady motion."""
     period = seen.scenario.trajectory.slowest_period
     count = round(period / seen.period)
-    steps = seen.samples.vibration
+    steps, motion = seen.samples.vibration, seen.last_second
+    # A payload that does not follow its path does not bend as the path's acceleration would have it.
+    if largest(motion.tracking_error[:, :2]) > FOLLOWS * float(np.ptp(motion.desired_pose[:, :2], axis=0).max()):
+        return None
     if not seen.moving or count < 16 or 2 * period > seen.length + 1e-9 or len(steps) < 2 * count:
         return None
     return steps[-count:], steps[-2 * count : -count]

@@ -6,6 +6,9 @@ from flexlab.analysis.explanations.explanation import n, register
 SMALL = 30.0
 """Phase of all motors that counts as a small margin, °: textbooks ask for it."""
 
+SLOWEST = 0.1
+"""Hz; a memory that hardly moves has no phase to lose."""
+
 
 @register("small margin", "α = 1/max ρ((S - T)/2), the disk margin of all motors alike", "Tracking error", 18)
 def small_margin(seen: Evidence) -> str | None:
@@ -16,7 +19,9 @@ def small_margin(seen: Evidence) -> str | None:
         return None
     low, high = margin.alike.gain
     frequency = margin.alike.frequency
-    late = 1e3 * margin.alike.phase / 360 / frequency if frequency > 0 else float("inf")
+    if frequency < SLOWEST:
+        return None
+    late = 1e3 * margin.alike.phase / 360 / frequency
     return (
         f"The loop is nearly lost at {n(frequency)} Hz: it survives no more than a factor of {n(low)} to {n(high)} on all "
         f"motors, or ±{margin.alike.phase:.0f}°, which is {n(late)} ms there. Lower gains or less delay widen it."

@@ -52,6 +52,8 @@ def ring(seen: Evidence) -> str | None:
         return None
     away, number, mode = min(found)
     rate = fading_rate(part, hertz)
+    if not (rate < 0 and mode.rate < 0):
+        return None
     if away > max(FREQUENCY_AGREES * hertz, 1 / seen.length) or not abs(rate - mode.rate) < RATE_AGREES * abs(
         mode.rate
     ):
@@ -68,4 +70,9 @@ def _by_what(seen: Evidence, number: int, mode: Ring) -> str:
     own = 2 * np.pi * float(found.frequency[number - 1] * found.damping_ratio[number - 1])
     if -mode.rate > DAMPED * own:
         return f"; with its grips held it would fade at {n(own)} 1/s, so the law damps it"
-    return f"; with its grips held it would fade at {n(own)} 1/s. Active damping ends it sooner"
+    held = f"; with its grips held it would fade at {n(own)} 1/s"
+    return (
+        held
+        if hasattr(seen.scenario.controller, "lateral_vibration_gain")
+        else f"{held}. Active damping ends it sooner"
+    )

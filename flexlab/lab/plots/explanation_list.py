@@ -17,7 +17,7 @@ MOST = 3
 """Sentences at once."""
 EVERY = 10
 """Panel updates per look (1 Hz)."""
-SEEN, MISSED = 2, 3
+SEEN, MISSED = 2, 2
 """Looks in a row after which a sentence comes, and after which it goes."""
 REWORDED = 5
 """Looks for which a sentence keeps its numbers."""
@@ -28,7 +28,7 @@ LAST = 1e12
 
 
 class CalmList:
-    """Which sentences are shown: one comes when it was found twice in a row, and goes when it was missed three times."""
+    """Which sentences are shown: one comes when it was found twice in a row, and goes when it was missed twice."""
 
     def __init__(self) -> None:
         self._shown: dict[str, tuple[Explained, int, int]] = {}

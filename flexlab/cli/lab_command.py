@@ -39,7 +39,14 @@ def command(
         bool,
         tyro.conf.arg(help="Give each visitor a lab of their own; otherwise all share one.", help_behavior_hint=""),
     ] = False,
-    max_sessions: Annotated[int, tyro.conf.arg(metavar="N", help="Most private labs at once.")] = 4,
+    max_sessions: Annotated[
+        int | None,
+        tyro.conf.arg(
+            metavar="N",
+            help="Most private labs at once; as many as memory and cores take if left out.",
+            help_behavior_hint="",
+        ),
+    ] = None,
     max_per_address: Annotated[
         int | None,
         tyro.conf.arg(
@@ -55,6 +62,20 @@ def command(
         str | None,
         tyro.conf.arg(
             metavar="WORD", help="The word that opens the server to others; made up if left out.", help_behavior_hint=""
+        ),
+    ] = None,
+    teacher_token: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="WORD",
+            help="The word that opens all labs and all runs; made up if left out.",
+            help_behavior_hint="",
+        ),
+    ] = None,
+    quota: Annotated[
+        float | None,
+        tyro.conf.arg(
+            metavar="MB", help="Record no more for a visitor whose runs take so much.", help_behavior_hint=""
         ),
     ] = None,
     max_size: Annotated[
@@ -100,6 +121,7 @@ def command(
     [(name, scenario)] = chosen_scenarios([preset], (), law, None, path)
     from flexlab.cli.warmup import compiling_the_rest, warm_up
     from flexlab.recording.store.run_files import check_folder
+    from flexlab.server.capacity import capacity
     from flexlab.server.front_server import open_front_server
     from flexlab.server.settings import SECRET_BYTES, Settings
     from flexlab.sockets import listen
@@ -111,11 +133,13 @@ def command(
         port,
         token,
         private,
-        max_sessions,
+        capacity().labs if max_sessions is None else max_sessions,
         idle_time,
         most_bytes=most_bytes,
         most_days=max_age,
         max_per_address=max_per_address,
+        teacher_token=teacher_token,
+        most_bytes_per_visitor=None if quota is None else quota * MEGABYTE,
         live=rerun,
     )
     if not settings.is_local and token is None:
@@ -158,13 +182,22 @@ def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Gene
         yield
 
 
-GIGABYTE = 1e9
+MEGABYTE, GIGABYTE = 1e6, 1e9
 
 
 def _welcome(front_server: "FrontServer") -> None:
+    from flexlab.server.capacity import capacity
+
     settings = front_server.settings
     lines = [f"The lab is open at {front_server.lab_url}", f"Start page, with all runs: {front_server.url}"]
-    addresses = front_server.outside_addresses("/lab/")
+    if settings.private:
+        lines.append(
+            f"Private labs: at most {settings.max_sessions} at once ({capacity().text}); who comes later waits in line."
+        )
+    if settings.private or not settings.is_local:
+        lines.append(f"All labs at a glance, for the teacher: {front_server.teacher_url}")
+    # Where each has a lab of their own, they first say who they are.
+    addresses = front_server.outside_addresses("/" if settings.private else "/lab/")
     lines += [f"From other machines: {address}" for address in addresses]
     if not settings.is_local and not addresses:
         lines.append("From other machines: the same with this machine's name instead of 127.0.0.1.")

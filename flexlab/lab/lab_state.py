@@ -65,6 +65,8 @@ class LabState:
         self._pull: Pull | None = None
         self.kept: ReferenceRun | None = None
         """The run that is drawn behind the present one."""
+        self.lesson = ""
+        """The lesson that is open, and how far it is, in words; empty: none."""
         self._view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
         self._followed = FollowedExaggeration(PATIENCE)
         self._fitted_speed = snapshot.target_speed

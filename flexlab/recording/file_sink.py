@@ -37,9 +37,12 @@ class Sent(NamedTuple):
 class FileSink:
     """The file of one run. What waits while a disk is full is written when there is room (see `rrd_file`)."""
 
-    def __init__(self, logs: Path, info: RunInfo, tell: Callable[[str], None]):
-        """Open the file; if that fails, `tell` gets a sentence, and `keep_up` tries again."""
-        self._logs, self._info, self._tell = logs, info, tell
+    def __init__(self, logs: Path, info: RunInfo, tell: Callable[[str], None], refusal: Callable[[], str] = lambda: ""):
+        """Open the file; if that fails, `tell` gets a sentence, and `keep_up` tries again.
+
+        `refusal` says why nothing may be written just now, and nothing else while something may.
+        """
+        self._logs, self._info, self._tell, self._refusal = logs, info, tell, refusal
         self._file: RunFile | None = None
         self._stream: RunStream | None = None
         self._past: list[Sent] = []
@@ -98,6 +101,8 @@ class FileSink:
         """Begin the run's next part. Raises `RecordingError`."""
         if self.problem is not None and _free_bytes(self._logs) < ROOM_TO_RESUME:
             return
+        if refused := self._refusal():
+            raise RecordingError(refused)
         info = replace(self._info, part=self._parts + 1)
         file = claim_run_file(self._logs, info.name, info.started, info.part)
         try:
@@ -109,6 +114,9 @@ class FileSink:
         self._tell_the_past(stream)
         self._parts, self._file, self._stream, self._given_up = info.part, file, stream, 0
         self._recover(file)
+        if info.begin_notes:
+            with contextlib.suppress(OSError):
+                write_notes(file.path, **info.begin_notes)
 
     def _tell_the_past(self, stream: RunStream) -> None:
         """A part that begins later can then be replayed too."""
@@ -122,6 +130,9 @@ class FileSink:
         self._check(stream, file)
         if self.problem is not None and _free_bytes(self._logs) < ROOM_TO_RESUME:
             stream.hold()
+        elif refused := self._refusal():
+            stream.hold()
+            raise RecordingError(refused)
         else:
             stream.push()
             self._recover(file)

@@ -8,8 +8,9 @@ import contextlib
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from flexlab.errors import RecordingError
 from flexlab.recording.file_sink import FileSink
@@ -55,11 +56,14 @@ class Recorder:
         sample_period: float = TICK,
         queue_rows: int = QUEUE_ROWS,
         start_notes: StartNotes | None = None,
+        begin_notes: Callable[[], Mapping[str, Any]] = dict,
+        refusal: Callable[[], str] = lambda: "",
     ):
         """Start the recorder's thread; nothing is written before a run begins.
 
         `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes; `start_notes` as
-        for `RunEncoder`.
+        for `RunEncoder`; `begin_notes` gives what stands beside a run's file from its beginning; `refusal` as for
+        `FileSink`.
         """
         self._logs, self._live_to, self._on_problem = logs, live, on_problem
         self._sample_period, self._queue_rows = sample_period, queue_rows
@@ -75,7 +79,7 @@ class Recorder:
         self._unshown: list[Samples] = []
         self._speeds: list[tuple[float, float]] = []
         self._next_write = self._next_show = 0.0
-        self._start_notes = start_notes
+        self._start_notes, self._begin_notes, self._refusal = start_notes, begin_notes, refusal
         self._finisher = Finisher(logs)
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
@@ -102,7 +106,7 @@ class Recorder:
     def begin_run(self, run_number: int, name: str, scenario: Scenario, start: WorldState) -> None:
         """A new run starts."""
         self._dropped = 0
-        info = RunInfo(name, scenario, self._sample_period, start)
+        info = RunInfo(name, scenario, self._sample_period, start, begin_notes=self._begin_notes())
         self._queue.put(lambda: self._begin(info))
 
     def take_samples(self, run_number: int, samples: Samples, actual_speed: float) -> int:
@@ -168,7 +172,7 @@ class Recorder:
     def _begin(self, info: RunInfo) -> None:
         self._end(Status("finished", "A new run began."), self._dropped)
         self._stumble, self._live = None, self._open_live(info)
-        self._file = FileSink(self._logs, info, self._tell)
+        self._file = FileSink(self._logs, info, self._tell, self._refusal)
         sinks = [self._file] if self._live is None else [self._file, self._live]
         self._run = RunEncoder(info, sinks, self._start_notes)
 

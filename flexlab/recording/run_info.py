@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from typing import Any
 from uuid import uuid4
 
 from flexlab.recording.scene_log import exaggeration
@@ -27,6 +28,9 @@ class RunInfo:
     """The same for all parts of a run and for file and live view."""
     part: int = 1
     """Which file of the run: a full disk ends one part and the next begins when there is room."""
+
+    begin_notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """What stands beside the file from its beginning, so that it stands there too if its writer dies."""
 
     recorded_by: Mapping[str, str] | None = None
     """Versions and machine that computed the samples, by the names of the recording's properties; None: these here."""

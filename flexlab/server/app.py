@@ -8,6 +8,7 @@ from aiohttp import web
 from flexlab.assets import web_assets_folder
 from flexlab.server.auth import LARGEST_BODY, add_headers, answer_in_sentences, check
 from flexlab.server.connections import watch_patience
+from flexlab.server.pages.bulk_actions import add_bulk_actions
 from flexlab.server.pages.compare_page import add_compare_pages
 from flexlab.server.pages.lab_pages import add_lab_pages
 from flexlab.server.pages.leaderboard_page import add_leaderboard_pages
@@ -17,6 +18,7 @@ from flexlab.server.pages.run_actions import add_run_actions
 from flexlab.server.pages.runs_pages import add_runs_pages
 from flexlab.server.pages.start_page import start_page
 from flexlab.server.pages.study_pages import add_study_pages
+from flexlab.server.pages.teacher_page import add_teacher_pages
 from flexlab.server.pages.upload import add_upload
 
 STATIC = Path(__file__).resolve().parent / "static"
@@ -35,6 +37,8 @@ def build_app(context: Context) -> web.Application:
     add_compare_pages(app.router)
     add_leaderboard_pages(app.router)
     add_run_actions(app.router)
+    add_bulk_actions(app.router)
+    add_teacher_pages(app.router)
     add_upload(app.router)
     add_runs_pages(app.router)
     add_study_pages(app.router)

@@ -15,14 +15,13 @@ from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import button, render
+from flexlab.server.visitors import COOKIE_AGE, is_teacher
 from flexlab.sockets import LOOPBACK
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 LARGEST_BODY = 64 * 1024
 """Bytes of a form: the server takes notes on a run, nothing larger."""
-COOKIE_AGE = 30 * 24 * 3600
-"""s that a browser stays signed in, if it is the same server with the same token."""
 OPEN_TO_ALL = "/static/"
 """Style sheet and scripts, which are no secret and which the sign-in page needs."""
 WITH_A_PASS = "/pass/"
@@ -97,23 +96,28 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
     problem = _malformed(request) or _foreign(request, context)
     if problem:
         return refuse(request, *problem)
-    if context.token is None or request.path.startswith(OPEN_TO_ALL) or _has_pass(request, context.token):
+    if context.pass_key is None or request.path.startswith(OPEN_TO_ALL) or has_pass(request):
         return await handler(request)
     address = request.remote or ""
     if "token" in request.query and request.method in SAFE_METHODS and not is_websocket(request):
         if context.guesses.is_flooding(address):
             return refuse(request, 429, TOO_MANY)
-        if not _same(request.query["token"], context.token):
-            await context.guesses.slow_down(address)
-            return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
-        return _sign_in(request, context, context.token)
+        for cookie, token in ((context.teacher_cookie, context.teacher_token), (context.token_cookie, context.token)):
+            if token is not None and _same(request.query["token"], token):
+                return _sign_in(request, cookie, token)
+        await context.guesses.slow_down(address)
+        return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
+    if is_teacher(request):
+        return await handler(request)
+    if request.cookies.get(context.teacher_cookie):
+        await context.guesses.slow_down(address)
     given = request.cookies.get(context.token_cookie, "")
-    if _same(given, context.token):
+    if context.token is None or _same(given, context.token):
         return await handler(request)
     if given:
         await context.guesses.slow_down(address)
     log.warning("Refused %s %.200r from %s: no token.", request.method, request.path, request.remote)
-    return _ask_for_token(request)
+    return ask_for_token(request)
 
 
 def is_websocket(request: web.Request) -> bool:
@@ -196,7 +200,7 @@ def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
     return None
 
 
-def _sign_in(request: web.Request, context: Context, token: str) -> web.Response:
+def _sign_in(request: web.Request, cookie: str, token: str) -> web.Response:
     """The token in the address becomes a cookie, and leaves the address bar."""
     # One slash only: an address that begins with two leads to another site.
     to = "/" + str(request.rel_url.without_query_params("token")).lstrip("/")
@@ -207,14 +211,20 @@ def _sign_in(request: web.Request, context: Context, token: str) -> web.Response
     else:
         answer = web.Response(status=303, headers={hdrs.LOCATION: to})
     secure = request.headers.get("X-Forwarded-Proto", request.scheme) == "https"
-    answer.set_cookie(
-        context.token_cookie, token, max_age=COOKIE_AGE, httponly=True, samesite="Strict", path="/", secure=secure
-    )
+    answer.set_cookie(cookie, token, max_age=COOKIE_AGE, httponly=True, samesite="Strict", path="/", secure=secure)
+    context = context_of(request)
+    if cookie != context.teacher_cookie and context.teacher_cookie in request.cookies and not is_teacher(request):
+        answer.del_cookie(context.teacher_cookie)  # Of an earlier server: each of its pages would be held back.
     return answer
 
 
-def _ask_for_token(request: web.Request) -> web.Response:
-    sentence = "This lab opens with a token: use the address that flexlab printed in the terminal, or enter the token."
+OPENS_WITH_TOKEN = (
+    "This lab opens with a token: use the address that flexlab printed in the terminal, or enter the token."
+)
+
+
+def ask_for_token(request: web.Request, sentence: str = OPENS_WITH_TOKEN) -> web.Response:
+    """A page on which a token can be entered."""
     # Who came by a link should get where it leads.
     here = request.method == "GET" and not is_websocket(request)
     query = request.query.items() if here else ()
@@ -225,26 +235,30 @@ def _ask_for_token(request: web.Request) -> web.Response:
 
 def recording_address(context: Context, run: str) -> str:
     """Where the viewer of a signed-in visitor finds one recording, comparison or live stream, and with it nothing else."""
-    return recording_path(context.token, run)
+    return recording_path(context.pass_key, run)
 
 
-def recording_path(token: str | None, run: str) -> str:
-    """The same for a server with this token, or with none."""
+def recording_path(key: str | None, run: str) -> str:
+    """The same for a server whose passes are made with this key, or that needs none."""
     place = quote(run)
-    if token is None:
+    if key is None:
         return f"/{place}{SUFFIX}" if run.startswith((COMPARISON, LIVE)) else f"/runs/{place}{SUFFIX}"
-    return f"{WITH_A_PASS}{_pass(token, run)}/{place}{SUFFIX}"
+    return f"{WITH_A_PASS}{_pass(key, run)}/{place}{SUFFIX}"
 
 
-def _has_pass(request: web.Request, token: str) -> bool:
+def has_pass(request: web.Request) -> bool:
+    """Whether the address of a recording carries the pass to it; where none is needed, every one does."""
+    key = context_of(request).pass_key
+    if key is None:
+        return True
     if not request.path.startswith(WITH_A_PASS) or request.method not in SAFE_METHODS:
         return False
     given, _, run = request.path.removeprefix(WITH_A_PASS).partition("/")
-    return _same(given, _pass(token, run.removesuffix(SUFFIX)))
+    return _same(given, _pass(key, run.removesuffix(SUFFIX)))
 
 
-def _pass(token: str, run: str) -> str:
-    return hmac.new(token.encode(), f"recording {run}".encode(), "sha256").hexdigest()
+def _pass(key: str, run: str) -> str:
+    return hmac.new(key.encode(), f"recording {run}".encode(), "sha256").hexdigest()
 
 
 def _same(given: str, token: str) -> bool:

@@ -48,9 +48,21 @@ log = logging.getLogger(__name__)
 class FrontServer:
     """A front server that is open until `close`. See `open_front_server`."""
 
-    def __init__(self, settings: Settings, port: int, token: str | None, places: LabProvider, plug: socket.socket):
+    def __init__(
+        self,
+        settings: Settings,
+        port: int,
+        token: str | None,
+        teacher_token: str | None,
+        places: LabProvider,
+        plug: socket.socket,
+    ):
         self.settings, self.places, self.token = settings, places, token
         """`token`: the word that opens the server; None if it does not ask for one."""
+        self.teacher_token = teacher_token
+        """The word of who may do everything; None: everybody may."""
+        has_words = token is not None or teacher_token is not None
+        self._pass_key = secrets.token_urlsafe(SECRET_BYTES) if has_words else None
         self._workshop = Workshop()
         self.workshop = self._workshop.path
         """For files that nobody keeps; gone when the server closes."""
@@ -82,12 +94,18 @@ class FrontServer:
     def live_source(self) -> str:
         """Where a rerun viewer on this machine finds the shared lab's live data."""
         host = "127.0.0.1" if self.settings.host in WILDCARDS else self.settings.host
-        return base_address(host, self.port) + recording_path(self.token, f"{LIVE}lab")
+        return base_address(host, self.port) + recording_path(self._pass_key, f"{LIVE}lab")
 
-    def address(self, path: str = "/", host: str | None = None) -> str:
+    @property
+    def teacher_url(self) -> str:
+        """Where a browser on this machine finds the teacher's page, signed in as the teacher."""
+        return self.address("/teacher", token=self.teacher_token)
+
+    def address(self, path: str = "/", host: str | None = None, token: str | None = None) -> str:
         """The address of a page, with the token if there is one. `host`: as others know this machine."""
+        token = token or self.token
         host = host or ("127.0.0.1" if self.settings.host in WILDCARDS else self.settings.host)
-        return f"{base_address(host, self.port)}{path}" + (f"?token={self.token}" if self.token else "")
+        return f"{base_address(host, self.port)}{path}" + (f"?token={token}" if token else "")
 
     def outside_addresses(self, path: str = "/") -> list[str]:
         """Addresses of a page as other machines have it; none while the server answers this machine only."""
@@ -129,6 +147,9 @@ class FrontServer:
                 self.settings,
                 self.port,
                 self.token,
+                self.teacher_token,
+                self.teacher_token or secrets.token_urlsafe(SECRET_BYTES),
+                self._pass_key,
                 self.places,
                 inside,
                 measuring,
@@ -177,12 +198,13 @@ def open_front_server(
     plug = listen(settings.host, settings.port)
     try:
         token = settings.token or (None if settings.is_local else secrets.token_urlsafe(SECRET_BYTES))
+        teacher_token = settings.teacher_token or (None if token is None else secrets.token_urlsafe(SECRET_BYTES))
         choice = Choice(scenario, name)
         port = plug.getsockname()[1]
         # Without the token, which is for its owner to hand out: whoever follows the link is asked for it.
         address = base_address(settings.public_host(), port)
         if settings.private:
-            return FrontServer(settings, port, token, PrivateLabs(settings, choice, address), plug)
+            return FrontServer(settings, port, token, teacher_token, PrivateLabs(settings, choice, address), plug)
         live = LiveHub() if settings.live else None
         laboratory = RecordedLab(
             choice,
@@ -194,7 +216,7 @@ def open_front_server(
             secret=secrets.token_urlsafe(SECRET_BYTES),
         )
         try:
-            return FrontServer(settings, port, token, SharedLabProvider(laboratory, live), plug)
+            return FrontServer(settings, port, token, teacher_token, SharedLabProvider(laboratory, live), plug)
         except BaseException:
             laboratory.close()
             raise

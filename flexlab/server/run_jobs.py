@@ -1,5 +1,6 @@
 """What the server has done to runs in processes of their own: each function is one job."""
 
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
 from flexlab.recording.reader import read_blocks, read_recording
-from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.notes import is_regular, notes_path, read_notes, write_notes
 from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.sim.samples import Samples
@@ -106,6 +107,23 @@ def export_into(path: Path, kind: str, start: float | None, end: float | None, f
     return export_recording(read_recording(path, with_samples=False), target, start, end, read_blocks(path))
 
 
+def archive_into(paths: tuple[Path, ...], kind: str, folder: Path) -> Path:
+    """Write runs into one archive in `folder`, as they were recorded ("rrd", with their notes) or as tables; returns it."""
+    target = folder / f"flexlab-{len(paths)}-runs.zip"
+    # Recordings and tables are packed already, or large: packing them again would only make a visitor wait.
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED if kind == "csv" else zipfile.ZIP_STORED) as archive:
+        for path in paths:
+            if kind != "rrd":
+                table = export_into(path, kind, None, None, folder)
+                archive.write(table, table.name)
+                table.unlink()
+                continue
+            archive.write(path, path.name)
+            if is_regular(notes_path(path)):
+                archive.write(notes_path(path), notes_path(path).name)
+    return target
+
+
 def range_name(path: Path, start: float | None, end: float | None) -> str:
     """What a file with this range of a run is called, without ending."""
     if start is None and end is None:
@@ -113,8 +131,10 @@ def range_name(path: Path, start: float | None, end: float | None) -> str:
     return f"{path.stem}-{'start' if start is None else f'{start:g}'}-to-{'end' if end is None else f'{end:g}'}-s"
 
 
-def take_in(path: Path, logs: Path) -> str:
-    """Take an uploaded file into the library and measure it; returns the new run's id."""
+def take_in(path: Path, logs: Path, notes: dict[str, str] | None = None) -> str:
+    """Take an uploaded file into the library, note whose it is and measure it; returns the new run's id."""
     taken = import_into(path, logs)
+    if notes:
+        write_notes(taken, **notes)
     note_metrics(taken)
     return taken.stem

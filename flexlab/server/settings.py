@@ -49,6 +49,10 @@ class Settings:
     """Over which the oldest runs that are not kept are deleted; None: never."""
     most_days: float | None = None
     """After which a run that is not kept is deleted; None: never."""
+    teacher_token: str | None = None
+    """The word that opens everything: all labs and all runs; None: made up where `token` is, else everybody may."""
+    most_bytes_per_visitor: float | None = None
+    """Which the runs of one visitor with a private lab may take; None: any number."""
     max_per_address: int | None = None
     """Private labs of one address at once; None: one less than in all."""
 
@@ -61,14 +65,21 @@ class Settings:
             raise LabError(
                 f"idle-time = {self.idle_time:g} s is outside {SHORTEST_IDLE:g} to {LONGEST_IDLE:.0f} s: choose within it."
             )
-        limits = (("max-size", self.most_bytes, 1e9, "GB"), ("max-age", self.most_days, 1, "days"))
+        limits = (
+            ("max-size", self.most_bytes, 1e9, "GB"),
+            ("max-age", self.most_days, 1, "days"),
+            ("quota", self.most_bytes_per_visitor, 1e6, "MB"),
+        )
         for name, limit, scale, unit in limits:
             if limit is not None and not 0 < limit < math.inf:
                 raise LabError(
                     f"{name} = {limit / scale:g} {unit} is no limit: give a number above 0, or leave it out."
                 )
-        if self.token is not None:
-            _check_token(self.token)
+        for name, token in (("token", self.token), ("teacher's token", self.teacher_token)):
+            if token is not None:
+                _check_token(token, name)
+        if self.token is not None and self.token == self.teacher_token:
+            raise LabError("The teacher's token is the token that opens the lab to all: choose another one.")
         if self.max_per_address is not None and not 1 <= self.max_per_address <= self.max_sessions:
             raise LabError(
                 f"max-per-address = {self.max_per_address} is outside 1 to {self.max_sessions}: choose within it."
@@ -89,14 +100,14 @@ class Settings:
         return self.host in LOOPBACK
 
 
-def _check_token(token: str) -> None:
+def _check_token(token: str, name: str) -> None:
     """Raises `LabError` for a word that keeps nobody out, or that addresses and cookies do not take unchanged."""
     if len(token) < SHORTEST_TOKEN:
-        raise LabError(f"The token is too short to keep anybody out: give at least {SHORTEST_TOKEN} characters.")
+        raise LabError(f"The {name} is too short to keep anybody out: give at least {SHORTEST_TOKEN} characters.")
     strange = sorted(set(token) - TOKEN_LETTERS)
     if strange:
         raise LabError(
-            f"The token has {' '.join(map(ascii, strange[:5]))}, which an address cannot hold as it stands: "
+            f"The {name} has {' '.join(map(ascii, strange[:5]))}, which an address cannot hold as it stands: "
             "use letters a to z, A to Z, digits, hyphens, dots and underscores."
         )
 

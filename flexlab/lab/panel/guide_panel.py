@@ -57,6 +57,7 @@ class Guide:
 
     def _turn_to(self, title: str) -> None:
         page = self._pages[title]
+        self._lab_state.lesson = ""
         lesson = page if isinstance(page, Lesson) else None
         for widget in (self._guess_question, self._guess, self._steps, self._start, self._verdict):
             put(widget, visible=lesson is not None)
@@ -110,6 +111,8 @@ class Guide:
             verdict = check_lesson(lesson.check, snapshot.scenario, samples, snapshot.events)
         look = "fl-done" if verdict.done else "fl-info"
         words = "Done" if verdict.done else "Your run"
+        progress = "done" if verdict.done else "guessed" if lesson.id in self._guesses else "begun"
+        self._lab_state.lesson = f"{lesson.title}: {progress}"
         self._verdict.content = (
             f'<div class="fl"><div class="fl-box {look}"><b>{words}.</b> {escaped(verdict.sentence)}</div></div>'
         )

@@ -5,6 +5,7 @@ import logging
 import math
 import os
 import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -65,6 +66,10 @@ class RunRow:
     tags: tuple[str, ...]
     kept: bool
     """Whether it may not be deleted."""
+    owner: str = ""
+    """By which the visitor is known who recorded it; empty: nobody in particular."""
+    visitor: str = ""
+    """What that visitor is called."""
     problem: str = ""
     """Why the file is no recording, as a sentence; it can only be deleted."""
 
@@ -76,11 +81,14 @@ class RunRow:
 
 def list_rows(logs: Path, most: int | None = None) -> list[RunRow]:
     """All runs, newest first, or the newest `most`; files that vanish meanwhile are left out."""
-    rows = []
-    for path in list_files(logs)[:most]:
+    return list(read_rows(list_files(logs)[:most]))
+
+
+def read_rows(paths: Iterable[Path]) -> Iterator[RunRow]:
+    """The rows of these files; files that vanish meanwhile are left out."""
+    for path in paths:
         with contextlib.suppress(OSError):
-            rows.append(read_row(path))
-    return rows
+            yield read_row(path)
 
 
 def find_row(logs: Path, run: str) -> RunRow:
@@ -92,9 +100,12 @@ def find_row(logs: Path, run: str) -> RunRow:
                 return read_row(path)
             except OSError:
                 break
-    raise RecordingError(
-        f"There is no run {visible(run, LONGEST_NAME)}: it may have been deleted. The library shows what there is."
-    )
+    raise RecordingError(no_such_run(run))
+
+
+def no_such_run(run: str) -> str:
+    """The sentence about a name that no run has."""
+    return f"There is no run {visible(run, LONGEST_NAME)}: it may have been deleted. The library shows what there is."
 
 
 def run_id(path: Path) -> str:
@@ -159,6 +170,8 @@ def read_row(path: Path) -> RunRow:
         note=visible(notes.get("note", ""), LONGEST_NOTE),
         tags=_texts(notes.get("tags"), LONGEST_TAGS, LONGEST_TAGS),
         kept=bool(notes.get("keep", False)),
+        owner=visible(notes.get("owner", ""), LONGEST_NAME),
+        visitor=visible(notes.get("visitor", ""), LONGEST_NAME),
         problem=problem,
     )
 

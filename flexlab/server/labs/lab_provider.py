@@ -24,6 +24,13 @@ class Choice:
 
 
 @dataclass(frozen=True)
+class Hold:
+    """What the teacher asks of a lab: to pause, or to go on."""
+
+    playing: bool
+
+
+@dataclass(frozen=True)
 class LabStatus:
     """What others may know of a running lab."""
 
@@ -40,10 +47,19 @@ class LabStatus:
     """The file being written."""
     problem: str
     """Why nothing is being recorded, as a sentence; empty while all is well."""
+    error: float = 0.0
+    """Distance of the payload from where it should be, m."""
+    lesson: str = ""
+    """The lesson that is open, and how far it is; empty: none."""
 
 
 class FullError(LabError):
     """All private labs that this machine may have are taken."""
+
+    def __init__(self, sentence: str, place: int = 0):
+        """`place`: of the visitor among those who wait, from 1; 0: they do not wait, and need not."""
+        super().__init__(sentence)
+        self.place = place
 
 
 class Lab(Protocol):
@@ -53,6 +69,8 @@ class Lab(Protocol):
     """Where visitors find it: `/lab` or `/s/<id>`."""
     visitors: int
     """Open pages; whoever relays a page counts."""
+    name: str
+    """What its visitor is called; empty: not said."""
 
     @property
     def port(self) -> int:
@@ -79,10 +97,10 @@ class LabProvider(Protocol):
 
     is_private: bool
 
-    async def enter(self, visitor: str, choice: Choice | None, address: str = "") -> Lab:
+    async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
         """The lab of a visitor, made if need be, with what they chose. Raises `FullError` or another `LabError`.
 
-        `address`: where the visitor comes from.
+        `address`: where the visitor comes from; `name`: what they are called.
         """
         ...
 
@@ -92,6 +110,14 @@ class LabProvider(Protocol):
 
     def ended(self, visitor: str, lab: str) -> str:
         """Why a visitor's lab is no more, as a sentence; empty if it never was."""
+        ...
+
+    async def ask(self, place: Lab, what: Choice | Hold) -> None:
+        """Have a lab show a scenario, pause or go on, as the teacher wishes."""
+        ...
+
+    def call(self, visitor: str, name: str) -> None:
+        """A visitor is called so from now on."""
         ...
 
     def left(self, place: Lab) -> None:

@@ -15,9 +15,11 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.recording.live import LiveHub
 from flexlab.recording.repair import finish, finish_abandoned
 from flexlab.server.child_processes import prepare_lab_processes
-from flexlab.server.labs.lab_provider import Choice, FullError, Lab
+from flexlab.server.labs.lab_provider import Choice, FullError, Hold, Lab
 from flexlab.server.labs.recorded_lab import LabStatus
-from flexlab.server.labs.worker import STOP_TIME, Order, Worker
+from flexlab.server.labs.run_owner import owner_word
+from flexlab.server.labs.waiting_line import LOOK_AGAIN, WaitingLine
+from flexlab.server.labs.worker import STOP_TIME, Name, Order, Teacher, Worker
 from flexlab.server.settings import SECRET_BYTES, Settings
 
 ID_BYTES = 12
@@ -49,8 +51,8 @@ log = logging.getLogger(__name__)
 class PrivateLab:
     """One visitor's lab."""
 
-    def __init__(self, lab: str, visitor: str, worker: Worker, choice: Choice):
-        self.lab, self.visitor, self.worker = lab, visitor, worker
+    def __init__(self, lab: str, visitor: str, name: str, worker: Worker, choice: Choice):
+        self.lab, self.visitor, self.name, self.worker = lab, visitor, name, worker
         self.path = f"/s/{lab}"
         self.secret = worker.secret
         self.port = 0
@@ -85,19 +87,20 @@ class PrivateLabs:
         self._opening: dict[str, asyncio.Future[PrivateLab]] = {}
         self._ended: OrderedDict[str, tuple[str, str]] = OrderedDict()
         self._addresses: dict[str, str] = {}
+        self._line = WaitingLine()
         self._watch: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._last: Path | None = None
 
-    async def enter(self, visitor: str, choice: Choice | None, address: str = "") -> Lab:
-        """The visitor's lab. Raises `FullError` when there is no room for one more."""
+    async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
+        """The visitor's lab. Raises `FullError` when there is no room for one more: then the visitor waits for their turn."""
         opening = self._opening.get(visitor)
         if opening is not None:
             return await asyncio.shield(opening)
         place = self.of_visitor(visitor)
         if place is None:
             # Two pages opened at once by one visitor share what the first one starts.
-            opening = asyncio.ensure_future(self._open(visitor, choice or self._first, address))
+            opening = asyncio.ensure_future(self._open(visitor, choice or self._first, address, name))
             self._opening[visitor] = opening
             opening.add_done_callback(lambda _: self._opening.pop(visitor, None))
             return await asyncio.shield(opening)
@@ -105,14 +108,10 @@ class PrivateLabs:
             await asyncio.to_thread(place.worker.load, choice)
         return place
 
-    async def _open(self, visitor: str, choice: Choice, address: str) -> PrivateLab:
+    async def _open(self, visitor: str, choice: Choice, address: str, name: str) -> PrivateLab:
         if self._watch is None:
             self._watch = asyncio.create_task(self._close_idle_ones())
-        if len(self._taken() | {visitor}) > self._settings.max_sessions:
-            raise FullError(
-                f"No lab is free: {self._settings.max_sessions} of {self._settings.max_sessions} are taken. "
-                "Come back in a few minutes: a lab that nobody looks at is closed."
-            )
+        self._wait_for_turn(visitor)
         most = self._settings.labs_per_address
         self._addresses[visitor] = address
         if sum(self._addresses.get(other) == address for other in self._taken() | {visitor}) > most:
@@ -134,9 +133,12 @@ class PrivateLabs:
             self._settings.shadows,
             self._settings.live,
             secrets.token_urlsafe(SECRET_BYTES),
+            owner_word(visitor),
+            name,
+            self._settings.most_bytes_per_visitor,
             own_law_hosts.allowed(),
         )
-        place = PrivateLab(lab, visitor, await asyncio.to_thread(Worker, order, tell), choice)
+        place = PrivateLab(lab, visitor, name, await asyncio.to_thread(Worker, order, tell), choice)
         self._places[lab] = place
         try:
             place.port = await asyncio.to_thread(place.worker.wait_until_ready)
@@ -146,6 +148,31 @@ class PrivateLabs:
             raise
         place.seen = time.monotonic()
         return place
+
+    def _wait_for_turn(self, visitor: str) -> None:
+        """Raises `FullError`, with the visitor's place, as long as no lab is free for them."""
+        most = self._settings.max_sessions
+        others = self._taken() - {visitor}
+        place = self._line.place(visitor, most - len(others))
+        if place:
+            taken = f"No lab is free: {len(others)} of {most} are taken." if len(others) >= most else "A lab is free."
+            raise FullError(
+                f"{taken} You are number {place} of {len(self._line)} who wait. This page looks again every "
+                f"{LOOK_AGAIN} s and goes on by itself: a lab that nobody looks at is closed.",
+                place,
+            )
+
+    async def ask(self, place: Lab, what: Choice | Hold) -> None:
+        """Have a lab follow the teacher."""
+        if isinstance(place, PrivateLab):
+            await asyncio.to_thread(place.worker.tell, Teacher(what))
+
+    def call(self, visitor: str, name: str) -> None:
+        """The visitor's next runs are kept under another name."""
+        place = self.of_visitor(visitor)
+        if place is not None and place.name != name:
+            place.name = name
+            self._keep(asyncio.to_thread(place.worker.tell, Name(name)))
 
     def of_visitor(self, visitor: str) -> PrivateLab | None:
         """The visitor's running lab."""

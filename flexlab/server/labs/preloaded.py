@@ -6,8 +6,8 @@ import logging
 import dateutil.parser
 import imageio.v3
 import PIL.Image
-import pyarrow
-import pyarrow.compute
+import pyarrow  # type: ignore[import-untyped]
+import pyarrow.compute  # type: ignore[import-untyped]
 import rich.table
 
 from flexlab.errors import FlexlabError

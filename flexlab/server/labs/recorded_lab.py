@@ -1,6 +1,7 @@
 """One lab with its recorder, put together: the page on a loopback port, every run into the logs folder."""
 
 import contextlib
+import math
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
@@ -10,7 +11,8 @@ from flexlab.lab.session import Session
 from flexlab.recording.live import Take
 from flexlab.recording.recorder import Recorder
 from flexlab.scenario import Scenario
-from flexlab.server.labs.lab_provider import Choice, LabStatus
+from flexlab.server.labs.lab_provider import Choice, Hold, LabStatus
+from flexlab.server.labs.quota import Quota
 from flexlab.server.labs.recording_text import RecordingText
 from flexlab.server.scenario_links import encode_scenario, scenario_path
 from flexlab.sim.commands import Pause, Play
@@ -29,14 +31,26 @@ class RecordedLab:
         on_problem: Callable[[str], None] | None = None,
         shadows: bool = True,
         secret: str = "",
+        owner: str = "",
+        visitor: str = "",
+        quota: float | None = None,
     ):
         """Start it. Raises `FlexlabError`, and leaves nothing running, if it cannot.
 
         `address`: of the server, for links that open a scenario. `live` takes what viewers watch.
-        `secret`: the word without which the lab's own port answers nobody.
+        `secret`: the word without which the lab's own port answers nobody. `owner`, `visitor`: whose the runs are.
+        `quota`: bytes that the owner's runs may take; None: any number.
         """
         self.secret = secret
-        self._recorder = recorder = Recorder(logs, live, on_problem=on_problem, start_notes=run_notes)
+        self._owner, self.visitor = owner, visitor
+        self._recorder = recorder = Recorder(
+            logs,
+            live,
+            on_problem=on_problem,
+            start_notes=run_notes,
+            begin_notes=self._begin_notes,
+            refusal=Quota(logs, owner, quota),
+        )
         self._shown: tuple[Scenario | None, str] = (None, "")
         try:
             self._session = Session(
@@ -77,6 +91,23 @@ class RecordedLab:
             # One that plays already begins by itself, as soon as its page is drawn; this would not wait for it.
             self._session.lab_state.submit(Play())
 
+    def _begin_notes(self) -> dict[str, str]:
+        """What is noted of whose run it is, from its beginning."""
+        return {"owner": self._owner, "visitor": self.visitor} if self._owner else {}
+
+    def ask(self, what: Choice | Hold) -> None:
+        """Follow the teacher."""
+        lab_state = self._session.lab_state
+        if isinstance(what, Choice):
+            self.load(what)
+            lab_state.say(f"The teacher opened {what.scenario.title or what.name}.")
+        elif what.playing and not self._session.runner.snapshot.status.failed:
+            lab_state.submit(Play())
+            lab_state.say("The teacher lets this lab go on.")
+        elif not what.playing:
+            lab_state.submit(Pause())
+            lab_state.say("The teacher paused this lab.")
+
     def status(self) -> LabStatus:
         """How it stands now."""
         snapshot, recorder = self._session.runner.snapshot, self._recorder
@@ -91,6 +122,8 @@ class RecordedLab:
             link=self._shown[1],
             recording=recorder.path,
             problem=recorder.problem or "",
+            error=math.hypot(*snapshot.latest.tracking_error[0, :2]),
+            lesson=self._session.lab_state.lesson,
         )
 
     def close(self) -> Path | None:

@@ -17,6 +17,17 @@ LITTLE_SPACE = 2 * GIGABYTE
 """Bytes free below which there is a warning: an hour of a lab that nobody stops."""
 
 
+def little_space(logs: Path) -> str:
+    """A warning, without a full stop, when the disk of the logs folder is nearly full; else empty."""
+    try:
+        free = shutil.disk_usage(logs).free
+    except OSError:
+        return ""
+    if free >= LITTLE_SPACE:
+        return ""
+    return f"Only {free / GIGABYTE:.1f} GB free on this disk: delete runs that nobody needs"
+
+
 class RecordingText:
     """Called ten times a second by the panel, it looks at the disk once a second."""
 
@@ -45,12 +56,10 @@ class RecordingText:
             self._looks.clear()
         try:
             self._looks.append((self._looked_at, path.stat().st_size))
-            free = shutil.disk_usage(self._logs).free
         except OSError:
             return  # The recorder says what is wrong with the disk.
-        self._warning = ""
-        if free < LITTLE_SPACE:
-            self._warning = f". Only {free / GIGABYTE:.1f} GB free on this disk: delete runs that nobody needs"
+        little = little_space(self._logs)
+        self._warning = f". {little}" if little else ""
 
     def _rate(self) -> str:
         if len(self._looks) < 2:

@@ -4,7 +4,7 @@ import asyncio
 from pathlib import Path
 
 from flexlab.recording.live import LiveHub
-from flexlab.server.labs.lab_provider import Choice, Lab
+from flexlab.server.labs.lab_provider import Choice, Hold, Lab
 from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
 
 
@@ -16,6 +16,7 @@ class SharedLab:
         self.live = live
         self.path = "/lab"
         self.visitors = 0
+        self.name = ""
 
     @property
     def port(self) -> int:
@@ -41,7 +42,7 @@ class SharedLabProvider:
         self._laboratory = laboratory
         self._place = SharedLab(laboratory, live)
 
-    async def enter(self, visitor: str, choice: Choice | None, address: str = "") -> Lab:
+    async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
         """The one lab, with what this visitor chose."""
         if choice is not None:
             self._laboratory.load(choice)
@@ -54,6 +55,13 @@ class SharedLabProvider:
     def ended(self, visitor: str, lab: str) -> str:
         """It runs as long as the server does."""
         return ""
+
+    async def ask(self, place: Lab, what: Choice | Hold) -> None:
+        """The one lab follows."""
+        self._laboratory.ask(what)
+
+    def call(self, visitor: str, name: str) -> None:
+        """Nothing: the lab is everybody's."""
 
     def left(self, place: Lab) -> None:
         """Nothing: it waits for the next visitor."""

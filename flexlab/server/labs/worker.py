@@ -13,11 +13,13 @@ from flexlab.control.own_files import know_own_files
 from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.recording.live import LiveHub, Take
 from flexlab.server.child_processes import lab_processes, leave_interrupts_to_the_server, without_interrupt
-from flexlab.server.labs.lab_provider import Choice
+from flexlab.server.labs.lab_provider import Choice, Hold
 from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
 
-STATUS_PERIOD = 1.0
-"""s between two reports of a worker."""
+STATUS_PERIOD = 0.4
+"""s between two reports of a worker, as long as there is news."""
+LONGEST_SILENCE = 1.0
+"""s after which it reports although there is none: whoever says nothing at all hangs."""
 START_TIME = 120.0
 """s that a worker may take to open its lab: two on a warm machine, most of a minute if it must compile first."""
 STOP_TIME = 15.0
@@ -37,8 +39,32 @@ class Order:
     """Whether its data are to be had live."""
     secret: str
     """The word without which the lab's own port answers nobody."""
+    owner: str
+    """By which its visitor's runs are known."""
+    visitor: str
+    """What the visitor is called."""
+    quota: float | None
+    """Bytes that the visitor's runs may take; None: any number."""
     own_laws: dict[str, str]
     """Control laws in Python that may run: `own_law_hosts.allowed`."""
+
+
+@dataclass(frozen=True)
+class Name:
+    """What the visitor is called from now on."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Teacher:
+    """What the teacher asks."""
+
+    what: Choice | Hold
+
+
+Word = Choice | Name | Teacher | None
+"""What the server tells a worker: a scenario to show, a name, the teacher's wish, or to close."""
 
 
 @dataclass(frozen=True)
@@ -79,23 +105,40 @@ def work(order: Order, pipe: Connection, live: Connection | None) -> None:
             live=None if live is None else _sender(live),
             shadows=order.shadows,
             secret=order.secret,
+            owner=order.owner,
+            visitor=order.visitor,
+            quota=order.quota,
         )
     except FlexlabError as error:
         pipe.send(Refusal(str(error)))
         return
     try:
         pipe.send(Ready(lab.port))
+        told: LabStatus | None = None
+        told_at = 0.0
         while not stopping.is_set():
-            pipe.send(lab.status())
+            status, now = lab.status(), time.monotonic()
+            if status != told or now - told_at > LONGEST_SILENCE:
+                pipe.send(status)
+                told, told_at = status, now
             if pipe.poll(STATUS_PERIOD):
-                choice = pipe.recv()
-                if choice is None:
+                word: Word = pipe.recv()
+                if word is None:
                     return
-                lab.load(choice)
+                _follow(lab, word)
     except (EOFError, OSError):
         pass  # The server is gone: the run is still to be closed properly.
     finally:
         lab.close()
+
+
+def _follow(lab: RecordedLab, word: Choice | Name | Teacher) -> None:
+    if isinstance(word, Choice):
+        lab.load(word)
+    elif isinstance(word, Name):
+        lab.visitor = word.name
+    else:
+        lab.ask(word.what)
 
 
 class Worker:
@@ -152,6 +195,10 @@ class Worker:
         """Begin a run of another scenario."""
         self._send(choice)
 
+    def tell(self, word: Name | Teacher) -> None:
+        """A new name, or what the teacher asks."""
+        self._send(word)
+
     def stop(self, patience: float) -> None:
         """Close lab and recording, by force if that takes longer than `patience` s. Blocks."""
         self._send(None)
@@ -160,7 +207,7 @@ class Worker:
             self._process.kill()
         self._listener.join()
 
-    def _send(self, word: Choice | None) -> None:
+    def _send(self, word: Word) -> None:
         with self._sending:
             try:
                 self._pipe.send(word)

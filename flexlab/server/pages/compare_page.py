@@ -1,19 +1,17 @@
 """`/compare?run=…&run=…`: runs side by side, in tables and as curves laid over each other."""
 
-import asyncio
-
 from aiohttp import hdrs, web
 
 from flexlab.analysis.comparison import difference_text
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.overlay import MOST_RUNS, run_label
 from flexlab.recording.store.run_files import SUFFIX
-from flexlab.recording.store.run_index import find_row
-from flexlab.server.auth import COMPARISON, WITH_A_PASS, is_opened_by_person, recording_address, refuse
+from flexlab.server.auth import COMPARISON, WITH_A_PASS, has_pass, is_opened_by_person, recording_address, refuse
 from flexlab.server.pages.layout import message, page
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import button
 from flexlab.server.run_jobs import ComparisonTables
+from flexlab.server.visitors import is_teacher, run_for
 
 ALL_RUNS = button("/runs", "All runs")
 
@@ -38,7 +36,7 @@ async def comparison(request: web.Request) -> web.Response:
         said = f"Choose 2 to {MOST_RUNS} runs to compare: this address names {len(names)}."
         return message("Nothing to compare", said, 400, ALL_RUNS)
     try:
-        rows = [await asyncio.to_thread(find_row, context.settings.logs, name) for name in names]
+        rows = [await run_for(request, name) for name in names]
     except RecordingError as error:
         return message("No such run", str(error), 404, ALL_RUNS)
     try:
@@ -77,6 +75,8 @@ def _metrics(tables: ComparisonTables) -> list[tuple[str, list[str]]]:
 
 async def overlay(request: web.Request) -> web.StreamResponse:
     """The file that the viewer loads."""
+    if not has_pass(request) and not is_teacher(request):
+        raise web.HTTPNotFound
     path = context_of(request).comparisons.file(request.match_info["key"])
     if path is None or not path.exists():
         raise web.HTTPNotFound

@@ -1,7 +1,6 @@
 """`/lab/`, `/s/<id>/` and the links that lead there."""
 
 import asyncio
-import secrets
 
 from aiohttp import hdrs, web
 from markupsafe import Markup
@@ -10,14 +9,14 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset, preset_names
 from flexlab.server.auth import is_foreign_link, is_from_own_page, is_opened_by_person, is_websocket, refuse
 from flexlab.server.labs.lab_provider import Choice, FullError, Lab
+from flexlab.server.labs.waiting_line import LOOK_AGAIN
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import button
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
+from flexlab.server.visitors import Visitor, checked_name, has_teacher_cookie, keep_visitor, known_visitor_of
 
-VISITOR_BYTES = 18
-"""Randomness of the cookie by which a visitor finds their own lab again."""
 LINKED = "shared-scenario"
 """Name of the runs of a scenario that came by a link."""
 START_PAGE = Markup(' <a class="button quiet" href="/">Start page</a>')
@@ -34,6 +33,7 @@ def add_lab_pages(router: web.UrlDispatcher) -> None:
     for path in ("/s/{lab}", "/s/{lab}/"):
         router.add_get(path, private_lab)
     router.add_get("/state/lab", shared_state)
+    router.add_post("/name", take_name)
     router.add_get("/state/s/{lab}", private_state)
 
 
@@ -109,20 +109,41 @@ def _ask_first(request: web.Request, choice: Choice, what: str) -> web.Response:
 
 async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamResponse:
     """Send the visitor on to the lab itself, so that a reload does not start the run anew."""
-    context = context_of(request)
-    visitor = request.cookies.get(context.visitor_cookie) or secrets.token_urlsafe(VISITOR_BYTES)
+    context, visitor = context_of(request), known_visitor_of(request)
     try:
-        place = await context.places.enter(visitor, choice, request.remote or "")
+        place = await context.places.enter(visitor.id, choice, visitor.address, visitor.name)
     except FullError as error:
-        return message("No free lab", str(error), 503, button("/lab/", "Try again"))
+        return _let_wait(request, visitor, error)
     except LabError as error:
         return message("The lab did not open", str(error), 503, NEW_LAB)
     # What the page itself understands (its drawing settings) goes along.
     query = request.rel_url.without_query_params("scenario").raw_query_string
     answer = web.Response(status=303, headers={hdrs.LOCATION: f"{place.path}/" + (f"?{query}" if query else "")})
     if context.places.is_private:
-        # Lax, not strict: whoever follows a link from elsewhere should find their lab too.
-        answer.set_cookie(context.visitor_cookie, visitor, httponly=True, samesite="Lax", path="/")
+        keep_visitor(request, answer, visitor)
+    return answer
+
+
+def _let_wait(request: web.Request, visitor: Visitor, error: FullError) -> web.Response:
+    """A page that says why there is no lab just now; one that waits looks again by itself."""
+    here = str(request.rel_url) if request.method == "GET" else "/lab/"
+    answer = message("No free lab", str(error), 503, button("/" + here.lstrip("/"), "Try again"))
+    if error.place:
+        answer.headers["Refresh"] = str(LOOK_AGAIN)
+        keep_visitor(request, answer, visitor)
+    return answer
+
+
+async def take_name(request: web.Request) -> web.StreamResponse:
+    """What a visitor is called from now on; then on into the lab."""
+    form, visitor = await request.post(), known_visitor_of(request)
+    try:
+        named = Visitor(visitor.id, checked_name(str(form.get("name", ""))), visitor.address)
+    except LabError as error:
+        return message("This is no name", str(error), 400)
+    context_of(request).places.call(named.id, named.name)
+    answer = web.Response(status=303, headers={hdrs.LOCATION: "/lab/" if "enter" in form else "/"})
+    keep_visitor(request, answer, named)
     return answer
 
 
@@ -149,10 +170,16 @@ def _visitor(request: web.Request) -> str:
 
 def _own_place(request: web.Request) -> Lab | None:
     """The private lab that this request names, if it is the visitor's own."""
-    context = context_of(request)
+    context, path = context_of(request), f"/s/{request.match_info['lab']}"
+    if not context.places.is_private:
+        return None
     visitor = _visitor(request)
-    place = context.places.of_visitor(visitor) if context.places.is_private and visitor else None
-    return place if place is not None and place.path == f"/s/{request.match_info['lab']}" else None
+    mine = context.places.of_visitor(visitor) if visitor else None
+    if mine is not None and mine.path == path:
+        return mine
+    if not has_teacher_cookie(request):
+        return None
+    return next((place for place in context.places.running() if place.path == path), None)
 
 
 async def shared_state(request: web.Request) -> web.Response:

@@ -26,6 +26,13 @@ class Context:
     port: int
     """The public one, really taken."""
     token: str | None
+    """The word that opens the server; None: it asks for none."""
+    teacher_token: str | None
+    """The word of who may do everything; None: everybody may."""
+    teacher_word: str
+    """That word; where there is none, one for the cookie of who has opened the teacher's page."""
+    pass_key: str | None
+    """Which makes passes to single recordings; None: they need none."""
     places: LabProvider
     inside: aiohttp.ClientSession
     """Calls to the labs on loopback."""
@@ -47,6 +54,16 @@ class Context:
     def token_cookie(self) -> str:
         """Browsers keep cookies by host, not by port: two server of one machine must not sign each other out."""
         return f"flexlab-token-{self.port}"
+
+    @property
+    def teacher_cookie(self) -> str:
+        """Beside the other one: a teacher who opens the students' address stays the teacher."""
+        return f"flexlab-teacher-{self.port}"
+
+    @property
+    def name_cookie(self) -> str:
+        """What a visitor is called."""
+        return f"flexlab-name-{self.port}"
 
     @property
     def visitor_cookie(self) -> str:

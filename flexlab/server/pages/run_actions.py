@@ -10,13 +10,14 @@ from aiohttp import hdrs, web
 from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.recording.store.run_index import RunRow, find_row
+from flexlab.recording.store.run_index import RunRow
 from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.figure_jobs import figures_into
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.run_jobs import choice_at, export_into
+from flexlab.server.visitors import run_for
 
 TABLES = {"csv": "CSV: a table as text", "parquet": "Parquet: a packed table", "npz": "NPZ: NumPy arrays"}
 FIGURES = {"png": "Figures 2–5 as PNG", "svg": "Figures 2–5 as SVG"}
@@ -37,15 +38,20 @@ def add_run_actions(router: web.UrlDispatcher) -> None:
 
 async def row_of(request: web.Request) -> RunRow:
     """The run that the address names, or what stands in its place. Raises `RecordingError` if there is none."""
-    return await asyncio.to_thread(find_row, context_of(request).settings.logs, request.match_info["run"])
+    return await run_for(request, request.match_info["run"])
 
 
 async def recorded_row_of(request: web.Request) -> RunRow:
     """The run that the address names. Raises `RecordingError` if there is none, or the file is no recording."""
     row = await row_of(request)
+    check_recorded(row)
+    return row
+
+
+def check_recorded(row: RunRow) -> None:
+    """Raises `RecordingError` for a file that is no recording."""
     if row.problem:
         raise RecordingError(row.problem)
-    return row
 
 
 def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:
@@ -92,14 +98,14 @@ async def export(request: web.Request) -> web.StreamResponse:
         start, end = (read_time(name, request.query.get(name)) for name in ("start", "end"))
         work = figures_into if kind in FIGURES else export_into
         file = await context.jobs.run(work, row.path, kind, start, end, folder)
-        return await _send(request, file)
+        return await send_download(request, file)
     except FlexlabError as error:
         return _problem("Nothing was exported", row, error)
     finally:
         await asyncio.shield(asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True))
 
 
-async def _send(request: web.Request, path: Path) -> web.StreamResponse:
+async def send_download(request: web.Request, path: Path) -> web.StreamResponse:
     """A file as a download, all of it: when this returns, the file may go (aiohttp's own answer opens it later)."""
     answer = web.StreamResponse()
     answer.content_type = "application/octet-stream"

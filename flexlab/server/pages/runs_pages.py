@@ -14,16 +14,18 @@ from flexlab.recording.store.run_files import SUFFIX
 from flexlab.recording.store.run_index import (
     annotate_run,
     delete_run,
-    list_rows,
+    find_row,
 )
 from flexlab.recording.web_viewer import VIEWER_FILES, viewer_folder
-from flexlab.server.auth import WITH_A_PASS, recording_address
+from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
+from flexlab.server.labs.recording_text import little_space
 from flexlab.server.pages.layout import message, page
 from flexlab.server.pages.page_context import context_of
-from flexlab.server.pages.run_actions import EXPORTS, recorded_row_of, row_of
+from flexlab.server.pages.run_actions import EXPORTS, TABLES, check_recorded, recorded_row_of, row_of
 from flexlab.server.pages.runs_table import table_values
 from flexlab.server.pages.templating import button, render
 from flexlab.server.pages.upload import LARGEST_UPLOAD
+from flexlab.server.visitors import runs_for
 
 VIEWER_POLICY = (
     "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; connect-src 'self' data: blob:; "
@@ -50,8 +52,7 @@ def add_runs_pages(router: web.UrlDispatcher) -> None:
 async def library(request: web.Request) -> web.Response:
     """All runs."""
     context = context_of(request)
-    logs = context.settings.logs
-    rows = await asyncio.to_thread(list_rows, logs)
+    rows = await runs_for(request)
     return page(
         "library.html",
         "Runs",
@@ -59,7 +60,9 @@ async def library(request: web.Request) -> web.Response:
         kind="wide" if rows else "text",
         scripts=("runs", "import", "pop") if rows else ("import", "pop"),
         missing=await asyncio.to_thread(context.measuring.look, rows) if rows else 0,
-        folder=logs,
+        folder=context.settings.logs,
+        little=await asyncio.to_thread(little_space, context.settings.logs),
+        tables=TABLES,
         most=MOST_RUNS,
         endings=", ".join(IMPORTED),
         largest=LARGEST_UPLOAD,
@@ -106,7 +109,12 @@ async def review(request: web.Request) -> web.Response:
 async def recording(request: web.Request) -> web.StreamResponse:
     """The recording's file, in parts if asked for; the viewer loads it from here."""
     try:
-        row = await recorded_row_of(request)
+        if request.path.startswith(WITH_A_PASS) and has_pass(request):
+            # The pass was given to who may see the run: rerun's viewer does not say who asks.
+            row = await asyncio.to_thread(find_row, context_of(request).settings.logs, request.match_info["run"])
+            check_recorded(row)
+        else:
+            row = await recorded_row_of(request)
     except RecordingError as error:
         return _no_such_run(error)
     headers = {

@@ -7,12 +7,12 @@ from typing import Any
 from aiohttp import web
 
 from flexlab.assets import web_assets_folder
-from flexlab.recording.store.run_index import list_rows
 from flexlab.server.labs.lab_provider import Lab
 from flexlab.server.network_addresses import outside_addresses, picture_code
 from flexlab.server.pages.layout import page
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.runs_table import table_values
+from flexlab.server.visitors import LONGEST_NAME, is_teacher, runs_for, visitor_of
 
 NEWEST = 5
 """Runs on the start page."""
@@ -24,14 +24,20 @@ async def start_page(request: web.Request) -> web.Response:
     context, pictures = context_of(request), _pictures()
     presets, rows = await asyncio.gather(
         context.preset_cards.look(pictures),
-        asyncio.to_thread(list_rows, context.settings.logs, NEWEST),
+        runs_for(request, NEWEST),
     )
+    # Where each has a lab of their own, they first say who they are.
+    first = "/" if context.places.is_private else "/lab/"
     values: dict[str, Any] = table_values(rows, short=True) | {
         "presets": presets,
         "pictures": pictures,
         "drawing": context.preset_cards.drawing,
         "now": _now(request, context),
-        "outside": await asyncio.to_thread(outside_addresses, context.settings, context.port, context.token, "/lab/"),
+        "outside": await asyncio.to_thread(outside_addresses, context.settings, context.port, context.token, first),
+        "visitor": visitor_of(request),
+        "longest_name": LONGEST_NAME,
+        "is_private": context.places.is_private,
+        "has_class": is_teacher(request) and (context.places.is_private or not context.settings.is_local),
         "code": picture_code,
     }
     return page("start.html", "flexlab", kind="start", **values)

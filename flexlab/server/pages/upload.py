@@ -15,6 +15,7 @@ from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import button
 from flexlab.server.run_jobs import take_in
+from flexlab.server.visitors import is_teacher, visitor_of
 
 LARGEST_UPLOAD = 1_000_000_000
 """Bytes: half an hour of a run."""
@@ -40,12 +41,20 @@ async def upload(request: web.Request) -> web.StreamResponse:
     folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="upload-", dir=context.workshop))
     try:
         path = await _receive(request, folder)
-        run = await context.jobs.run(take_in, path, context.settings.logs)
+        run = await context.jobs.run(take_in, path, context.settings.logs, _begin_notes(request))
     except FlexlabError as error:
         return message("Nothing was imported", str(error), 422, ALL_RUNS)
     finally:
         await asyncio.shield(asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True))
     raise web.HTTPSeeOther(f"/runs/{run}")
+
+
+def _begin_notes(request: web.Request) -> dict[str, str]:
+    """Whose the run is: the visitor's, where each has their own."""
+    visitor = visitor_of(request)
+    if is_teacher(request) or not context_of(request).places.is_private:
+        return {}
+    return {"owner": visitor.owner, "visitor": visitor.name}
 
 
 async def _receive(request: web.Request, folder: Path) -> Path:

@@ -34,8 +34,9 @@ function sort(heading) {
   body.append(...rows);
 }
 
-const compare = document.querySelector("#compare button");
-const boxes = [...document.querySelectorAll("input[form=compare]")];
+const compare = document.getElementById("compare");
+const form = document.getElementById("chosen");
+const boxes = [...document.querySelectorAll("input[form=chosen]")];
 const most = Number(compare.dataset.most);
 
 function count() {
@@ -44,9 +45,19 @@ function count() {
   compare.textContent = chosen ? `Compare ${chosen}` : "Compare";
   compare.title = chosen > most ? `At most ${most} runs can be compared at once` :
     chosen < 2 ? "Choose two runs or more in the table" : "";
+  for (const button of form.querySelectorAll("button[data-least]")) {
+    button.disabled = chosen < 1;
+    button.title = chosen ? "" : "Choose runs in the table";
+  }
 }
 
 for (const box of boxes) box.addEventListener("change", count);
+form.addEventListener("keydown", (event) => {
+  // Enter in a field of the bar means the button beside it, not the bar's first one.
+  if (event.key !== "Enter" || event.target.tagName !== "INPUT") return;
+  event.preventDefault();
+  event.target.closest(".ask")?.querySelector("button").click();
+});
 // Going back in the browser brings the choice back, too.
 window.addEventListener("pageshow", count);
 count();

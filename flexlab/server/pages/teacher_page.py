@@ -1,0 +1,131 @@
+"""`/teacher`: all labs at a glance, for who has the teacher's token: join one, send a preset, pause and go on."""
+
+import asyncio
+from typing import Any
+from urllib.parse import urlencode
+
+from aiohttp import hdrs, web
+
+from flexlab.errors import LabError
+from flexlab.presets import load_preset, preset_names
+from flexlab.server.auth import COOKIE_AGE, ask_for_token
+from flexlab.server.labs.lab_provider import Choice, Hold, Lab
+from flexlab.server.labs.recording_text import little_space
+from flexlab.server.pages.layout import page
+from flexlab.server.pages.page_context import context_of
+from flexlab.server.visitors import is_teacher
+
+NOT_YOURS = (
+    "This page is the teacher's: use the address that flexlab printed for the teacher, or enter the teacher's token."
+)
+
+
+def add_teacher_pages(router: web.UrlDispatcher) -> None:
+    """Routes of the teacher's page."""
+    router.add_get("/teacher", teacher)
+    router.add_get("/teacher/labs", labs)
+    router.add_post("/teacher/send", send)
+    router.add_post("/teacher/pause", pause)
+    router.add_post("/teacher/resume", resume)
+
+
+async def teacher(request: web.Request) -> web.Response:
+    """The page; its script asks for the labs twice a second."""
+    if not is_teacher(request):
+        return ask_for_token(request, NOT_YOURS)
+    context = context_of(request)
+    answer = page(
+        "teacher.html",
+        "Class",
+        here="/teacher",
+        kind="wide",
+        scripts=("teacher",),
+        presets=await asyncio.to_thread(preset_names),
+        said=request.query.get("said", "")[:200],
+        little=await asyncio.to_thread(little_space, context.settings.logs),
+    )
+    if context.teacher_token is None:
+        # Where everybody is the teacher, other people's labs open to who has been here, and to nobody by accident.
+        answer.set_cookie(
+            context.teacher_cookie, context.teacher_word, max_age=COOKIE_AGE, httponly=True, samesite="Strict", path="/"
+        )
+    return answer
+
+
+async def labs(request: web.Request) -> web.Response:
+    """All labs as JSON, for the page's script."""
+    if not is_teacher(request):
+        raise web.HTTPForbidden
+    told = [_told(number, place) for number, place in enumerate(context_of(request).places.running(), 1)]
+    return web.json_response(told, headers={hdrs.CACHE_CONTROL: "no-store"})
+
+
+def _told(number: int, place: Lab) -> dict[str, Any]:
+    status = place.status()
+    return {
+        "lab": place.path,
+        "who": who(place, number),
+        "preset": status.name,
+        "title": status.title,
+        "lesson": status.lesson,
+        "time": round(status.time, 1),
+        "error": round(1000 * status.error, 3),
+        "state": status.state,
+        "watching": place.visitors,
+        "problem": status.problem,
+    }
+
+
+def who(place: Lab, number: int) -> str:
+    """What a lab is called: its visitor's name, or a number."""
+    return place.name or ("Everybody" if place.path == "/lab" else f"Visitor {number}")
+
+
+async def send(request: web.Request) -> web.StreamResponse:
+    """Open a preset in one lab or in all."""
+    preset = str((await _form(request)).get("preset", ""))
+    if preset not in await asyncio.to_thread(preset_names):
+        raise LabError(f"There is no preset {preset[:60]!r}: choose one of the list.")
+    scenario = await asyncio.to_thread(load_preset, preset)
+    places = await _tell(request, Choice(scenario, preset))
+    return _answer(request, f"{scenario.title or preset} was sent to {_count(places)}.")
+
+
+async def pause(request: web.Request) -> web.StreamResponse:
+    """Pause one lab or all."""
+    return _answer(request, f"{_count(await _tell(request, Hold(False)))} paused.")
+
+
+async def resume(request: web.Request) -> web.StreamResponse:
+    """Let one lab, or all that somebody looks at, go on: the others wait for who comes back."""
+    places = await _tell(request, Hold(True), watched=True)
+    nobody = "Nobody looks: a lab goes on when somebody comes back to it."
+    return _answer(request, f"{_count(places)} running again." if places else nobody)
+
+
+async def _form(request: web.Request) -> Any:
+    if not is_teacher(request):
+        raise web.HTTPForbidden
+    return await request.post()
+
+
+async def _tell(request: web.Request, what: Choice | Hold, watched: bool = False) -> list[Lab]:
+    """The labs that were asked: the one that the form names, or all; `watched`: of them those that somebody looks at."""
+    lab, places = str((await _form(request)).get("lab", "")), context_of(request).places
+    chosen = [place for place in places.running() if place.path == lab or not lab]
+    if lab and not chosen:
+        raise LabError("This lab is closed: look at the page again.")
+    chosen = [place for place in chosen if place.visitors or not watched]
+    await asyncio.gather(*(places.ask(place, what) for place in chosen))
+    return chosen
+
+
+def _count(places: list[Lab]) -> str:
+    return "1 lab" if len(places) == 1 else f"{len(places)} labs"
+
+
+def _answer(request: web.Request, sentence: str) -> web.StreamResponse:
+    """The sentence for the page's script, or for who has none the page again."""
+    if request.headers.get(hdrs.ACCEPT, "") == "application/json":
+        return web.json_response({"sentence": sentence})
+    raise web.HTTPSeeOther("/teacher?" + urlencode({"said": sentence}))

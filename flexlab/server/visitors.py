@@ -1,0 +1,134 @@
+"""Who a request comes from: the teacher or a visitor, what a visitor is called, and whose runs they may touch."""
+
+import asyncio
+import hmac
+import secrets
+import unicodedata
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from urllib.parse import quote, unquote
+
+from aiohttp import web
+
+from flexlab.errors import LabError, RecordingError
+from flexlab.recording.store.run_files import list_files
+from flexlab.recording.store.run_index import RunRow, find_row, no_such_run, read_rows
+from flexlab.server.labs.run_owner import owner_word
+from flexlab.server.pages.page_context import Context, context_of
+
+VISITOR_BYTES = 18
+"""Randomness of the cookie by which a visitor finds their own lab and runs again."""
+COOKIE_AGE = 30 * 24 * 3600
+"""s that a browser stays signed in, keeps a name, and finds its runs again."""
+LONGEST_NAME = 40
+"""Characters of a visitor's name: a first and a last one."""
+LONGEST_COOKIE = 500
+"""Characters of such a name as a cookie holds it."""
+UNNAMED = ""
+"""The name of who has not given one."""
+
+
+@dataclass(frozen=True)
+class Visitor:
+    """Who has a lab."""
+
+    id: str
+    """The word of their cookie, a secret."""
+    name: str = UNNAMED
+    address: str = ""
+    """Where they come from."""
+
+    @property
+    def owner(self) -> str:
+        """By which their runs are known as theirs; empty for nobody."""
+        return owner_word(self.id)
+
+
+def checked_name(text: str) -> str:
+    """A name as it was typed, without spaces around it. Raises `LabError` for one that no page should show."""
+    name = unicodedata.normalize("NFC", text).strip()
+    if len(name) > LONGEST_NAME:
+        raise LabError(f"This name has {len(name)} characters: at most {LONGEST_NAME} fit. Shorten it.")
+    # Category C: control characters, changes of the writing direction, surrogates, what no font has.
+    if any(unicodedata.category(letter)[0] == "C" or letter in "\u2028\u2029" for letter in name):
+        raise LabError("This name holds control characters: type it with letters, digits and spaces.")
+    return name
+
+
+def visitor_of(request: web.Request) -> Visitor:
+    """Who asks; without an id if their browser has none yet."""
+    context = context_of(request)
+    try:
+        given = request.cookies.get(context.name_cookie, "")[:LONGEST_COOKIE]
+        name = checked_name(unquote(given, errors="strict"))
+    except (LabError, UnicodeDecodeError):
+        name = UNNAMED
+    return Visitor(request.cookies.get(context.visitor_cookie, ""), name, request.remote or "")
+
+
+def known_visitor_of(request: web.Request) -> Visitor:
+    """Who asks, with an id made up for who has none; `keep_visitor` lets their browser keep it."""
+    visitor = visitor_of(request)
+    return visitor if visitor.id else Visitor(secrets.token_urlsafe(VISITOR_BYTES), visitor.name, visitor.address)
+
+
+def keep_visitor(request: web.Request, answer: web.Response, visitor: Visitor) -> None:
+    """Let a visitor's browser keep who they are."""
+    context = context_of(request)
+    # Lax, not strict: whoever follows a link from elsewhere should find their lab too.
+    answer.set_cookie(context.visitor_cookie, visitor.id, max_age=COOKIE_AGE, httponly=True, samesite="Lax", path="/")
+    if visitor.name != visitor_of(request).name:
+        answer.set_cookie(
+            context.name_cookie,
+            quote(visitor.name, safe=""),
+            max_age=COOKIE_AGE,
+            httponly=True,
+            samesite="Lax",
+            path="/",
+        )
+
+
+def is_teacher(request: web.Request) -> bool:
+    """Whether who asks may do everything: with the teacher's token, or where there is none."""
+    context = context_of(request)
+    if context.teacher_token is None:
+        return True
+    return has_teacher_cookie(request)
+
+
+def has_teacher_cookie(request: web.Request) -> bool:
+    """Whether who asks has shown the teacher's token or, where there is none, opened the teacher's page."""
+    context = context_of(request)
+    given = request.cookies.get(context.teacher_cookie, "")
+    return hmac.compare_digest(given.encode("utf-8", "replace"), context.teacher_word.encode())
+
+
+def may_touch(request: web.Request, row: RunRow) -> bool:
+    """Whether a run is for who asks: their own; all runs for the teacher. What a shared lab recorded is everybody's."""
+    if is_teacher(request):
+        return True
+    if row.owner:
+        return hmac.compare_digest(row.owner.encode(), visitor_of(request).owner.encode())
+    return not context_of(request).places.is_private
+
+
+async def runs_for(request: web.Request, most: int | None = None) -> list[RunRow]:
+    """The runs that who asks may see, newest first, or the newest `most`."""
+    logs = context_of(request).settings.logs
+
+    def found() -> Iterator[RunRow]:
+        return (row for row in read_rows(list_files(logs)) if may_touch(request, row))
+
+    return await asyncio.to_thread(lambda: list(islice(found(), most)))
+
+
+async def run_for(request: web.Request, run: str) -> RunRow:
+    """One of the runs that who asks may see. Raises `RecordingError`: whose run it is, or that there is one, is not told."""
+    context: Context = context_of(request)
+    logs: Path = context.settings.logs
+    row = await asyncio.to_thread(find_row, logs, run)
+    if not may_touch(request, row):
+        raise RecordingError(no_such_run(run))
+    return row

@@ -1,0 +1,216 @@
+"""A class: who is the teacher, whose runs are whose, who waits for a lab, what the teacher's page tells and does."""
+
+import json
+import re
+import shutil
+import zipfile
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from urllib.parse import urlencode
+
+import pytest
+from http_client import Answer, ask, looking, wait_until
+
+from flexlab.presets import load_preset
+from flexlab.recording.store.notes import read_notes, write_notes
+from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.labs.run_owner import owner_word
+from flexlab.server.settings import Settings
+
+TOKEN, TEACHER = "the-token-of-the-class", "the-teacher-s-own-token"
+FORM = "application/x-www-form-urlencoded"
+
+
+class Person:
+    """Somebody with a browser that keeps every cookie."""
+
+    def __init__(self, server: FrontServer, token: str = TOKEN):
+        self.server, self.cookies = server, {}
+        self.ask(f"/?token={token}")
+
+    def ask(self, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> Answer:
+        """One request."""
+        answer = ask(self.server.url, path, method, body, cookies=self.cookies, **headers)
+        for header in answer.headers.get_all("Set-Cookie") or ():
+            name, _, value = header.partition(";")[0].partition("=")
+            self.cookies[name] = value
+        return answer
+
+    def post(self, path: str, *fields: tuple[str, str], **headers: str) -> Answer:
+        """One form."""
+        return self.ask(path, "POST", urlencode(fields).encode(), Content_Type=FORM, **headers)
+
+    @property
+    def owner(self) -> str:
+        """By which their runs are known."""
+        return owner_word(self.cookies[f"flexlab-visitor-{self.server.port}"])
+
+    def labs(self) -> list[dict]:
+        """What the teacher's page is told."""
+        return json.loads(self.ask("/teacher/labs").text)
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
+    """A class with one private lab."""
+    settings = Settings(
+        tmp_path_factory.mktemp("class"),
+        port=0,
+        token=TOKEN,
+        teacher_token=TEACHER,
+        private=True,
+        max_sessions=1,
+        idle_time=600.0,
+        shadows=False,
+    )
+    with open_front_server(settings, load_preset("paper"), "paper") as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def teacher(server: FrontServer) -> Person:
+    return Person(server, TEACHER)
+
+
+@pytest.fixture(scope="module")
+def anna(server: FrontServer) -> Person:
+    """A student with a name and a lab."""
+    person = Person(server)
+    assert person.post("/name", ("name", " Anna <b>"), ("enter", "yes")).headers["Location"] == "/lab/"
+    return person
+
+
+@pytest.fixture(scope="module")
+def ben(server: FrontServer) -> Person:
+    """A student without a lab."""
+    person = Person(server)
+    person.post("/name", ("name", "Ben"))
+    return person
+
+
+@pytest.fixture
+def runs(server: FrontServer, recorded: Path, anna: Person, ben: Person) -> Iterator[dict[str, str]]:
+    """A run of Anna's, two of Ben's, and one of nobody's: whose → id."""
+    owners = {"anna": anna.owner, "ben": ben.owner, "ben-too": ben.owner, "nobody": ""}
+    paths = {whose: server.settings.logs / f"2025-01-01T12-00-0{k}-{whose}.rrd" for k, whose in enumerate(owners)}
+    for whose, path in paths.items():
+        shutil.copy(recorded, path)
+        shutil.copy(recorded.with_suffix(".json"), path.with_suffix(".json"))
+        write_notes(path, owner=owners[whose], visitor=whose.title())
+    yield {whose: path.stem for whose, path in paths.items()}
+    for path in paths.values():
+        path.unlink(missing_ok=True)
+        path.with_suffix(".json").unlink(missing_ok=True)
+
+
+@pytest.mark.parametrize("path", ["/teacher", "/teacher/labs"])
+def test_the_teacher_s_page_opens_with_the_teacher_s_token_only(
+    server: FrontServer, teacher: Person, ben: Person, path: str
+):
+    assert teacher.ask(path).status == 200
+    assert ben.ask(path).status in (401, 403)
+    assert ask(server.url, path).status == 401
+    assert ask(server.url, path, cookies={f"flexlab-teacher-{server.port}": TOKEN}).status == 401
+    assert ask(server.url, path, cookies={f"flexlab-teacher-{server.port}": "ä"}).status == 401
+
+
+@pytest.mark.parametrize("path", ["/teacher/send", "/teacher/pause", "/teacher/resume"])
+def test_the_teacher_s_powers_need_the_token_and_the_teacher_s_own_page(teacher: Person, ben: Person, path: str):
+    assert ben.post(path, ("preset", "gravity")).status == 403
+    assert teacher.post(path, ("preset", "gravity"), Origin="http://evil.example").status == 403
+    assert teacher.post(path, ("preset", "../paper"), ("lab", "/s/none")).status == 400
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("x" * 41, "at most 40 fit"), ("a\x07b", "control characters"), ("a\u202eb", "control characters")],
+)
+def test_a_name_that_no_page_should_show_is_refused(ben: Person, name: str, said: str):
+    answer = ben.post("/name", ("name", name))
+    assert answer.status == 400
+    assert said in answer.text
+
+
+def test_a_name_stays_in_the_browser_and_is_escaped(anna: Person):
+    assert 'value="Anna &lt;b&gt;"' in anna.ask("/").text
+
+
+def test_a_class_from_the_first_entry_to_the_teacher_s_pause(server: FrontServer, teacher: Person, anna: Person):
+    path = anna.ask("/lab/").headers["Location"]
+    cleo, dora = Person(server), Person(server)
+    places = [cleo.ask("/lab/"), dora.ask("/lab/"), cleo.ask("/lab/")]
+    for place, answer in zip(("1 of 1", "2 of 2", "1 of 2"), places, strict=True):
+        assert (answer.status, answer.headers["Refresh"]) == (503, "5")
+        assert f"You are number {place} who wait" in answer.text
+    assert cleo.ask(path).status == 403
+    assert teacher.ask(path).status == 200, "the teacher joins"
+    with looking(server.url, path.rstrip("/"), anna.cookies):
+        (lab,) = wait_until(lambda: (labs := teacher.labs())[0]["time"] > 0.2 and labs, "it runs")
+        assert (lab["who"], lab["preset"], lab["state"], lab["watching"]) == ("Anna <b>", "paper", "running", 1)
+        assert 0 < lab["error"] < 100, "mm"
+        told = teacher.post("/teacher/pause", Accept="application/json")
+        assert json.loads(told.text)["sentence"] == "1 lab paused."
+        wait_until(lambda: teacher.labs()[0]["state"] == "paused", "it pauses")
+        teacher.post("/teacher/resume", ("lab", path.rstrip("/")))
+        wait_until(lambda: teacher.labs()[0]["state"] == "running", "it goes on")
+        assert teacher.post("/teacher/send", ("preset", "soft-beam")).status == 303
+        wait_until(lambda: teacher.labs()[0]["preset"] == "soft-beam", "the preset comes")
+        run = wait_until(lambda: server.places.running()[0].status().recording, "it is recorded")
+        notes = wait_until(lambda: read_notes(run), "whose it is stands there from the beginning")
+        assert (notes["owner"], notes["visitor"]) == (anna.owner, "Anna <b>")
+
+
+def test_students_see_their_own_runs_and_the_teacher_all(
+    teacher: Person, anna: Person, ben: Person, runs: dict[str, str]
+):
+    for person, own in ((anna, ["anna"]), (ben, ["ben", "ben-too"]), (teacher, list(runs))):
+        library = person.ask("/runs").text
+        assert [whose for whose in runs if f'value="{runs[whose]}"' in library] == own
+    start = anna.ask("/").text
+    assert (runs["anna"] in start, runs["ben"] in start) == (True, False)
+
+
+@pytest.mark.parametrize("path", ["", ".rrd", "/delete", "/export?format=csv", "/replay"])
+def test_a_run_of_somebody_else_is_not_there(anna: Person, runs: dict[str, str], path: str):
+    for whose in ("ben", "nobody"):
+        answer = anna.ask(f"/runs/{runs[whose]}{path}")
+        assert answer.status in (400, 404)
+        assert "There is no run" in answer.text
+    assert anna.ask(f"/compare?run={runs['anna']}&run={runs['ben']}").status == 404
+
+
+@pytest.mark.parametrize("action", ["notes", "delete", "continue", "replay"])
+def test_nothing_is_done_to_a_run_of_somebody_else(anna: Person, runs: dict[str, str], action: str):
+    assert anna.post(f"/runs/{runs['ben']}/{action}", ("note", "mine now")).status in (400, 404)
+    for bulk in ("tag", "export", "delete"):
+        fields = ("run", runs["ben"]), ("tags", "mine"), ("format", "rrd"), ("sure", "yes")
+        assert anna.post(f"/runs/{bulk}", *fields).status == 400
+
+
+def test_a_pass_made_with_the_class_s_token_opens_no_run(server: FrontServer, anna: Person, runs: dict[str, str]):
+    found = re.search(r'data-recording="(/pass/[0-9a-f]{64}/[^"]+)"', anna.ask(f"/runs/{runs['anna']}").text)
+    assert found
+    own = found[1]
+    assert ask(server.url, own).status == 200
+    other = own.replace(runs["anna"], runs["ben"])
+    assert ask(server.url, other).status == 401
+    assert anna.ask(other).status == 404
+
+
+def test_runs_are_tagged_exported_and_deleted_in_bulk(server: FrontServer, ben: Person, runs: dict[str, str]):
+    mine = [("run", runs[whose]) for whose in ("ben", "ben-too")]
+    assert ben.post("/runs/tag", *mine, ("tags", "first, <i>")).status == 303
+    assert ben.ask("/runs").text.count('<span class="tag">first</span> <span class="tag">&lt;i&gt;</span>') == 2
+    archive = zipfile.ZipFile(BytesIO(ben.post("/runs/export", *mine, ("format", "rrd")).body))
+    assert sorted(archive.namelist()) == sorted(f"{run}{end}" for _, run in mine for end in (".json", ".rrd"))
+    write_notes(server.settings.logs / f"{runs['ben-too']}.rrd", keep=True)
+    asked = ben.post("/runs/delete", *mine).text
+    assert "Delete this run?" in asked
+    assert "is marked to be kept" in asked
+    assert all((server.settings.logs / f"{run}.rrd").exists() for _, run in mine), "it asks first"
+    answer = ben.post("/runs/delete", *mine, ("sure", "yes"))
+    assert (answer.status, "1 of 2 runs were deleted" in answer.text) == (409, True)
+    assert [(server.settings.logs / f"{run}.rrd").exists() for _, run in mine] == [False, True]
+    for fields in ((), (("run", "none"),)):
+        assert ben.post("/runs/delete", *fields).status == 400

@@ -1,6 +1,7 @@
 """A run that was kept to compare others with: its samples, and what sets it apart from the present run."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,16 +10,21 @@ from flexlab.errors import LabError
 from flexlab.scenario import Scenario
 from flexlab.scenario.differences import differences as differences
 from flexlab.sim.runner import Runner
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import Samples, join_blocks
 from flexlab.sim.snapshot import TICK
 
 LONGEST = 30.0
-"""How much of a run is kept, s: what the engine remembers."""
+"""How much of a run is compared at once, s: what the engine remembers."""
+MOST_KEPT = 300.0
+"""How much of a run is kept, s, from its beginning on: 180 MB."""
+
+Recorded = Callable[[float], Samples]
+"""The present run from its start to an instant, s, as it was recorded. Raises `FlexlabError` if it was not."""
 
 
 @dataclass(frozen=True)
 class ReferenceRun:
-    """The newest `LONGEST` seconds of a run, exactly as they were computed, with the scenario it ended in."""
+    """A run, or a part of it, exactly as it was computed, with the scenario it ended in."""
 
     name: str
     scenario: Scenario
@@ -36,11 +42,30 @@ class ReferenceRun:
 
 
 def keep_run(runner: Runner) -> ReferenceRun:
-    """Keep the present run; raises `LabError` while there is nothing to keep."""
+    """Keep what the engine remembers of the present run; raises `LabError` while there is nothing to keep."""
     samples, snapshot = runner.recent(LONGEST), runner.snapshot
     if len(samples) < 2:
         raise LabError("There is nothing to keep yet: press play and let the run go on for a moment.")
     return ReferenceRun(snapshot.name, snapshot.scenario, samples)
+
+
+def whole_run(newest: ReferenceRun, start: float, recorded: Recorded) -> ReferenceRun:
+    """The run whose newest part was kept, from its `start`, s, on; its first `MOST_KEPT` seconds if it is longer.
+
+    What was recorded ends a moment before now; the rest is in `newest`. Takes a second or two for a minute. Raises
+    `FlexlabError` if the run was not recorded, or if something is missing in between.
+    """
+    first = newest.span[0]
+    if first - start < TICK / 2:
+        return newest
+    earlier = recorded(min(first - TICK / 2, start + MOST_KEPT))
+    if abs(float(earlier.time[0]) - start) > TICK / 2:
+        raise LabError("The beginning of this run was not recorded.")
+    if first > start + MOST_KEPT:
+        return replace(newest, samples=earlier)
+    if abs(float(earlier.time[-1]) + TICK - first) > TICK / 2:
+        raise LabError("A part of this run was not recorded.")
+    return replace(newest, samples=join_blocks([earlier, newest.samples]))
 
 
 def common_metrics(

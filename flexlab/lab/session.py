@@ -19,6 +19,7 @@ from flexlab.lab.picking import Picking
 from flexlab.lab.plots.explanation_list import ExplanationList
 from flexlab.lab.plots.plots import Plots
 from flexlab.lab.presentation import Presentation
+from flexlab.lab.reference_run import Recorded
 from flexlab.lab.render_loop import RenderLoop
 from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.scene import Scene
@@ -45,6 +46,7 @@ class Session:
     costs a slow graphics card most of its time. With an `origin` the first run goes on from there.
     With a `secret` the page answers only a server in front of it that sends it along. `attended`: runs begin when a browser
     has drawn them, and hold while nobody looks; else they run whoever looks.
+    `recorded` gives back what the engine remembers no longer of the present run.
     """
 
     def __init__(
@@ -62,11 +64,12 @@ class Session:
         origin: Origin | None = None,
         secret: str = "",
         attended: bool = False,
+        recorded: Recorded | None = None,
     ):
         own_law_hosts.run_apart()
         self._scenario, self._host, self._port = scenario, host, port
         self._shadows, self._recording, self._link = shadows, recording, link
-        self._origin, self._secret, self._attended = origin, secret, attended
+        self._origin, self._secret, self._attended, self._recorded = origin, secret, attended, recorded
         self.guard = InputGuard()
         """Looks at every message of a browser; counts those that it refuses."""
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin, hold_starts=attended)
@@ -157,6 +160,7 @@ class Session:
             self._recording,
             self._link,
             presentation.toggle,
+            self._recorded,
         )
         plots = Plots(server.gui, board, self._scenario, lab_state.view.plot_window)
         explanations = ExplanationList(server.gui, self.runner, self._study, plots.homes)

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from flexlab.errors import LabError
 from flexlab.lab.plots.lyapunov import tracking_energy
 from flexlab.lab.plots.plots import unbroken
 from flexlab.lab.plots.spectrum import POINTS, amplitude_spectrum, thinned
-from flexlab.lab.reference_run import ReferenceRun, common_metrics, differences
+from flexlab.lab.reference_run import ReferenceRun, common_metrics, differences, whole_run
 from flexlab.lab.scene.pull_arrow import held_point
 from flexlab.lab.scene.reach import elbow_sines, shade
 from flexlab.lab.scene.strain import PIECES, curvature_functions, strain_colors
@@ -118,6 +119,23 @@ def test_a_kept_run_is_found_by_its_time_and_compared_where_both_runs_are(paper:
     assert {old.column.field: old.text for old, _ in rows}["settled"] == "not settled"
     assert common_metrics(kept, paper.slice(0, 50))[0] == []
     assert common_metrics(kept, paper.slice(0, 0))[0] == []
+
+
+def test_the_whole_run_is_kept_with_what_the_engine_remembers_no_longer(paper: Samples) -> None:
+    """Kept at 0.4 s of a run of which the engine remembers the last 0.1 s; its recording lags a little."""
+    newest = ReferenceRun("paper", load_preset("paper"), paper.slice(300, 401))
+
+    def recorded(end: float, first: int = 0, last: int = 390) -> Samples:
+        return paper.slice(first, min(last, int(np.searchsorted(paper.time, end))))
+
+    whole = whole_run(newest, 0.0, recorded)
+    assert whole.span == pytest.approx((0.0, 0.4))
+    for name, values in paper.slice(0, 401).signals().items():
+        np.testing.assert_array_equal(whole.samples.signals()[name], values)
+    assert whole_run(newest, 0.3, recorded) is newest, "a run that went on from there has no earlier part"
+    for missing in ({"first": 5}, {"last": 200}):
+        with pytest.raises(LabError, match="was not recorded"):
+            whole_run(newest, 0.0, lambda end, missing=missing: recorded(end, **missing))
 
 
 def test_differences_name_every_changed_field() -> None:

@@ -23,6 +23,7 @@ from flexlab.lab.panel.style import style_element
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.panel.view_controls import Look, ViewControls
 from flexlab.lab.picking import Picking
+from flexlab.lab.reference_run import Recorded
 from flexlab.lab.view_settings import Legend
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
@@ -43,8 +44,9 @@ class Panel:
         recording: Callable[[], str],
         link: Callable[[Scenario], str] | None,
         present: Callable[[viser.ClientHandle], None],
+        recorded: Recorded | None,
     ):
-        """`present` begins or ends the presentation in one browser."""
+        """`present` begins or ends the presentation in one browser; `recorded` as for `Comparing`."""
         self._lab_state, self._recording = lab_state, recording
         self._run_number = lab_state.snapshot.run_number
         self._last_event: Event | None = None
@@ -69,7 +71,7 @@ class Panel:
         with tabs.add_tab("Modes"):
             self._modes = ModePanel(gui, lab_state, runner, study)
         with tabs.add_tab("Compare"):
-            self._comparing = Comparing(gui, lab_state, runner)
+            self._comparing = Comparing(gui, lab_state, runner, recorded)
         with tabs.add_tab("File"):
             self._filing = ScenarioFiles(gui, lab_state, link, self._presets.refresh)
         with tabs.add_tab("Events"):

@@ -1,14 +1,15 @@
 """Keep a run, change something, and see the difference: table of metrics, list of changed settings."""
 
 import math
+import threading
 
 import viser
 
 from flexlab.analysis.metrics import MetricRow
-from flexlab.errors import ScenarioError
+from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.text import escaped, number
-from flexlab.lab.reference_run import LONGEST, ReferenceRun, common_metrics, differences, keep_run
+from flexlab.lab.reference_run import LONGEST, Recorded, ReferenceRun, common_metrics, differences, keep_run, whole_run
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
@@ -21,15 +22,16 @@ MOST_DIFFERENCES = 12
 class Comparing:
     """Buttons and table, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner):
-        self._lab_state, self._runner = lab_state, runner
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner, recorded: Recorded | None = None):
+        """`recorded`: what the engine remembers no longer of the present run; None: nobody knows."""
+        self._lab_state, self._runner, self._recorded = lab_state, runner, recorded
         self._count = 0
         words = (
             "Keep this run, change a setting or the control law, and press Reset: the kept run stays behind the new one, "
             "its beam in grey and its curves dotted."
         )
         gui.add_html(f'<div class="fl fl-dim">{words}</div>')
-        keep = gui.add_button("Keep this run", icon=viser.Icon.GHOST_2, color="gray", hint=f"Its last {LONGEST:g} s")
+        keep = gui.add_button("Keep this run", icon=viser.Icon.GHOST_2, color="gray", hint="As it was computed")
         forget = gui.add_button("Forget it", color="gray", hint="Remove the kept run from the screen")
         self._table = gui.add_html("")
         keep.on_click(handler(lab_state, lambda _: self._keep()))
@@ -42,9 +44,32 @@ class Comparing:
             self._show(snapshot)
 
     def _keep(self) -> None:
-        self._lab_state.kept = keep_run(self._runner)
-        self._lab_state.say(f"Kept {self._lab_state.kept.name}: change something, then press Reset.")
+        kept, start = keep_run(self._runner), self._lab_state.snapshot.start_time
+        self._lab_state.kept = kept
+        self._say_kept(kept)
         self._show(self._lab_state.snapshot)
+        if self._recorded is not None and kept.span[0] > start:
+            # Beside: reading a minute takes a second or two, in which the page must answer.
+            threading.Thread(
+                target=self._complete, args=(kept, start, self._recorded), name="flexlab-keep", daemon=True
+            ).start()
+
+    def _complete(self, kept: ReferenceRun, start: float, recorded: Recorded) -> None:
+        """Keep the beginning of a run as well, from its recording."""
+        try:
+            whole = whole_run(kept, start, recorded)
+        except FlexlabError as error:
+            self._lab_state.say(f"Only the last {LONGEST:g} s are kept. {error}", "error")
+            return
+        if self._lab_state.kept is kept:
+            self._lab_state.kept = whole
+            self._say_kept(whole)
+
+    def _say_kept(self, kept: ReferenceRun) -> None:
+        first, last = kept.span
+        self._lab_state.say(
+            f"Kept {kept.name} from t = {first:.1f} to {last:.1f} s: change something, then press Reset."
+        )
 
     def _forget(self) -> None:
         self._lab_state.kept = None

@@ -7,8 +7,10 @@ from io import StringIO
 from pathlib import Path
 
 from flexlab.analysis.run_summary import run_notes
+from flexlab.errors import RecordingError
 from flexlab.lab.session import Session
 from flexlab.recording.live import Take
+from flexlab.recording.reader import read_range
 from flexlab.recording.recorder import Recorder
 from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Choice, Hold, LabStatus
@@ -16,6 +18,7 @@ from flexlab.server.labs.quota import Quota
 from flexlab.server.labs.recording_text import RecordingText
 from flexlab.server.scenario_links import encode_scenario, scenario_path
 from flexlab.sim.commands import Pause, Play
+from flexlab.sim.samples import Samples
 
 
 class RecordedLab:
@@ -66,6 +69,7 @@ class RecordedLab:
                 playing=not choice.stands,
                 # Live data may be watched where no page of the lab is open.
                 attended=live is None,
+                recorded=self._recorded,
             )
             with _quiet():
                 self._session.start()
@@ -94,6 +98,13 @@ class RecordedLab:
     def _begin_notes(self) -> dict[str, str]:
         """What is noted of whose run it is, from its beginning."""
         return {"owner": self._owner, "visitor": self.visitor} if self._owner else {}
+
+    def _recorded(self, end: float) -> Samples:
+        """The present run up to an instant, s. Raises `RecordingError` if it is not being recorded."""
+        path = self._recorder.path
+        if path is None:
+            raise RecordingError(self._recorder.problem or "This run is not being recorded.")
+        return read_range(path, None, end)
 
     def ask(self, what: Choice | Hold) -> None:
         """Follow the teacher."""

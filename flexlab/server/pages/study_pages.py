@@ -1,7 +1,6 @@
 """`/studies`: sweeps and tunings of the lab's scenario or of a preset; `/studies/<id>`: one of them, live and when it is done."""
 
 import asyncio
-import secrets
 from collections.abc import Iterable
 from itertools import groupby
 from typing import Any
@@ -14,13 +13,13 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.server.auth import is_opened_by_person, refuse
-from flexlab.server.pages.lab_pages import VISITOR_BYTES
 from flexlab.server.pages.layout import message, page
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.study_form import LONGEST_RUN, MOST_CANDIDATES, MOST_CELLS, metric_columns, read_wish
 from flexlab.server.pages.templating import button
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
 from flexlab.server.studies import Study, SweepWish, TuningWish
+from flexlab.server.visitors import keep_visitor, known_visitor_of
 
 FROM_LAB = "lab"
 """What `?from=` says for the lab's present scenario."""
@@ -127,15 +126,16 @@ async def start(request: web.Request) -> web.Response:
     try:
         scenario = decode_scenario(str(form.get("scenario", "")))
         wish = await asyncio.to_thread(read_wish, form, scenario)
-        visitor = _visitor(request) or (secrets.token_urlsafe(VISITOR_BYTES) if context.places.is_private else "")
-        study = context.studies.start(visitor, str(form.get("name", ""))[:80], wish, request.remote or "")
+        visitor = known_visitor_of(request)
+        mine = visitor.id if context.places.is_private else ""
+        study = context.studies.start(mine, str(form.get("name", ""))[:80], wish, visitor.address)
     except LabError as error:
         return message("Not now", str(error), 503, ALL_STUDIES)
     except FlexlabError as error:
         return message("This cannot be studied", str(error), 422, ALL_STUDIES)
     answer = web.Response(status=303, headers={hdrs.LOCATION: f"/studies/{study.id}"})
-    if visitor and visitor != _visitor(request):
-        answer.set_cookie(context.visitor_cookie, visitor, httponly=True, samesite="Lax", path="/")
+    if context.places.is_private:
+        keep_visitor(request, answer, visitor)
     return answer
 
 

@@ -62,6 +62,7 @@ async def labs(request: web.Request) -> web.Response:
 
 def _told(number: int, place: Lab) -> dict[str, Any]:
     status = place.status()
+    waits = status.state == "running" and not status.time and not place.visitors
     return {
         "lab": place.path,
         "who": who(place, number),
@@ -70,7 +71,7 @@ def _told(number: int, place: Lab) -> dict[str, Any]:
         "lesson": status.lesson,
         "time": round(status.time, 1),
         "error": round(1000 * status.error, 3),
-        "state": status.state,
+        "state": "waiting" if waits else status.state,
         "watching": place.visitors,
         "problem": status.problem,
     }

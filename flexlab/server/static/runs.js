@@ -34,9 +34,9 @@ function sort(heading) {
   body.append(...rows);
 }
 
-const compare = document.getElementById("compare");
-const form = document.getElementById("chosen");
-const boxes = [...document.querySelectorAll("input[form=chosen]")];
+const form = document.getElementById("compare");
+const compare = form.querySelector("button");
+const boxes = [...document.querySelectorAll("input[form=compare]")];
 const most = Number(compare.dataset.most);
 
 function count() {

@@ -115,6 +115,13 @@ def test_a_tap_is_calibrated_and_its_place_can_be_chosen(page: LabPage) -> None:
     tap = next(event.command for event in page.snapshot.events if isinstance(event.command, Tap))
     assert tap.beam_position == pytest.approx(0.25 * 0.5)
     assert math.hypot(*tap.impulse) == pytest.approx(0.02)
+    tapped = float(page.snapshot.latest.time[0])
+    wait_until(lambda: page.snapshot.latest.time[0] > tapped + 0.2, "it rings")
+    page.press("Fit the ring")
+    page.wait_for_text("Shortest that suffices")
+    page.press("Use zvd")
+    wait_until(lambda: page.snapshot.scenario.trajectory.shaper == "zvd", "the path goes through the shaper")
+    assert page.snapshot.scenario.trajectory.shaper_frequency == pytest.approx(45.5, rel=0.05)
     page.enter("Tap impulse (N·s)", "1000")
     page.wait_for_text("outside 0.0001 to 100 N·s")
     assert page.session.runner.snapshot.playing

@@ -25,17 +25,21 @@ class RingPanel:
             hint="Frequency and damping of the vibration since the last tap, release or stop",
         )
         self._found = gui.add_html("")
-        self._shapers = gui.add_button_group(
-            "Use shaper",
-            SHAPERS,
-            visible=False,
-            hint="The path goes through this input shaper, made for the fitted ring",
-        )
+        self._shapers = [
+            gui.add_button(
+                f"Use {name}",
+                color="gray",
+                visible=False,
+                hint="The path goes through this input shaper, made for the fitted ring",
+            )
+            for name in SHAPERS
+        ]
         self._damp = gui.add_button(
             "Use this gain", color="gray", visible=False, hint="Sets the vibration gain of the control law"
         )
         fit.on_click(handler(lab_state, lambda _: self._study.ask()))
-        self._shapers.on_click(handler(lab_state, lambda event: self._use(str(event.target.value))))
+        for name, button in zip(SHAPERS, self._shapers, strict=True):
+            button.on_click(handler(lab_state, lambda _, name=name: self._use(name)))
         self._damp.on_click(handler(lab_state, lambda _: self._use_gain()))
 
     def update(self) -> None:
@@ -49,7 +53,8 @@ class RingPanel:
             problem = self._study.problem
             text = f'<div class="fl"><div class="fl-box">{escaped(problem)}</div></div>' if problem else ""
         put(self._found, content=text)
-        put(self._shapers, visible=offered is not None)
+        for button in self._shapers:
+            put(button, visible=offered is not None)
         put(self._damp, visible=offered is not None and self._has(offered.gain_field))
 
     def _offered(self) -> Remedies | None:
@@ -61,7 +66,7 @@ class RingPanel:
 
     def _use(self, shaper: str) -> None:
         offered = self._offered()
-        if offered is None or shaper not in SHAPERS:
+        if offered is None:
             raise LabError("Fit a ring first: its frequency is what the shaper is made for.")
         self._lab_state.change(offered.changes(shaper))
 

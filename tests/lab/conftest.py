@@ -24,6 +24,13 @@ def session() -> Iterator[Session]:
         yield lab
 
 
+@pytest.fixture(scope="module")
+def shared_session() -> Iterator[Session]:
+    """The same, one for all tests of a file that leave it as it was."""
+    with Session(load_preset("paper"), "paper", port=0, shadows=False) as lab:
+        yield lab
+
+
 @pytest.fixture
 def page(chromium: Browser, session: Session) -> Iterator[LabPage]:
     """The lab opened in a browser window of 1440 x 900."""

@@ -10,6 +10,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
+from browser_window import SOFTWARE_RENDERING
 from get_browser import find_browser
 from lab_process import Lab
 from playwright.sync_api import Browser, sync_playwright
@@ -21,14 +22,6 @@ from flexlab.cli.console import notes, output
 __all__ = ["pytest_cmdline_main", "pytest_xdist_make_scheduler"]
 
 ROOT = Path(__file__).resolve().parent.parent
-
-SOFTWARE_RENDERING = [
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--no-sandbox",
-    "--ignore-gpu-blocklist",
-]
-"""What Chromium needs to draw the lab and rerun's viewer without a graphics card."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -3,9 +3,12 @@
 from collections.abc import Iterator
 
 import pytest
-from lab_page import LabPage
+from browser_window import BY_THE_PROCESSOR, PAUSE, SOFTWARE_RENDERING
+from get_browser import find_browser
+from lab_page import LabPage, LastingWindow
 from playwright.sync_api import Browser
 
+from flexlab.lab import render_loop
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
@@ -31,8 +34,31 @@ def shared_session() -> Iterator[Session]:
         yield lab
 
 
+@pytest.fixture(scope="session")
+def chromium(chromium: Browser) -> Iterator[Browser]:
+    """A browser that draws pages of the lab, and only those, cheaply."""
+    arguments = [*SOFTWARE_RENDERING, BY_THE_PROCESSOR]
+    browser = chromium.browser_type.launch(executable_path=find_browser(), args=arguments)
+    yield browser
+    browser.close()
+
+
+@pytest.fixture(scope="module")
+def window(chromium: Browser) -> Iterator[LastingWindow]:
+    """One window of 1440 x 900 for all tests of a file; labs send it as many pictures as it draws."""
+    lasting = LastingWindow(chromium)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(render_loop, "FRAME_TIME", PAUSE / 1000)
+        patch.setattr(render_loop, "READOUT_EVERY", 1)
+        yield lasting
+    lasting.close()
+
+
 @pytest.fixture
-def page(chromium: Browser, session: Session) -> Iterator[LabPage]:
-    """The lab opened in a browser window of 1440 x 900."""
-    with LabPage(chromium, session) as opened:
-        yield opened
+def page(window: LastingWindow, request: pytest.FixtureRequest) -> Iterator[LabPage]:
+    """A new lab of the paper in a browser window."""
+    failed = request.session.testsfailed
+    with Session(load_preset("paper"), "paper", port=window.port, shadows=False) as lab:
+        yield window.show(lab)
+    if request.session.testsfailed > failed:
+        window.close()  # Nobody knows how the page was left.

@@ -1,23 +1,43 @@
 """A lab as a person sees it: helpers that look at and touch the page of a running session."""
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, Locator
+from browser_window import open_window
+from playwright.sync_api import Browser, Error, Locator, TimeoutError
 
 from flexlab.lab.session import Session
+from flexlab.sockets import free_ports
 
 PATIENCE = 60.0
 """Wall seconds that a browser drawing in software on a busy machine may take for anything."""
 THROUGH_THE_GATE = "() => new Promise((done) => setTimeout(done, 150))"
 """The page sends all inputs through one 50 ms gate: two widgets changed within it can lose the first change. So the next one
 waits, by the page's own clock: on a busy machine the page may be far behind ours."""
+RETURN = 10.0
+"""s in which a page finds a new lab where the last one was; then another page is cheaper than waiting."""
+LOOK = 100
+"""ms between two looks at the text of a page, each of which lays it out."""
+SAME_PLACE = 1e-3
+"""m"""
 ARTIFACTS = Path(__file__).parents[2] / ".artifacts"
 
 READY = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > 2"""
+OTHER_LAB = (
+    """(last) => { const way = document.querySelector('.fl-reports')?.dataset.way; return way && way !== last; }"""
+)
+"""Whether the page shows the controls of another lab than of the last one."""
+SHOWS = "(text) => document.body.innerText.includes(text)"
+CLOSE_NOTIFICATIONS = """() => {
+  for (const button of document.querySelectorAll('.mantine-Notification-closeButton')) button.click(); }"""
+LAB = "document.querySelector('.fl-reports').dataset.way"
+FRAMES = "window.__viserTestpoints?.rendererInfo?.render.frame ?? 0"
+DRAWN_SINCE = """(frame) => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
+  && window.__viserTestpoints.rendererInfo.render.frame > frame + 2"""
 MID_VERTEX = """() => {
   let found = null;
   window.__viserMutable.nodeRefFromName['/beam'].traverse((node) => {
@@ -61,26 +81,53 @@ def wait_until(ask: Callable[[], Any], what: str, patience: float = PATIENCE) ->
         time.sleep(0.05)
 
 
+def address(session: Session) -> str:
+    """Of a lab's page that is drawn coarsely: what is on the screen is the same, in a ninth of the pixels."""
+    return f"{session.url}/?fixedDpr=0.3"
+
+
 class LabPage:
     """One browser window on one session; a context manager."""
 
-    def __init__(self, browser: Browser, session: Session, size: tuple[int, int] = (1440, 900), dark: bool = False):
+    def __init__(self, browser: Browser, session: Session, size: tuple[int, int] = (1440, 900)):
         self.session = session
-        self._context = browser.new_context(viewport={"width": size[0], "height": size[1]}, accept_downloads=True)
+        self._context = open_window(browser, *size, accept_downloads=True)
         self.page = self._context.new_page()
         self.errors: list[str] = []
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.goto(f"{session.url}/?fixedDpr=0.6{'&darkMode' if dark else ''}")
+        self.page.goto(address(session))
 
     def __enter__(self) -> "LabPage":
         self.page.wait_for_function(READY, timeout=1000 * PATIENCE)
-        close = self.page.locator(".mantine-Notification-closeButton")
-        if close.count():
-            close.first.click()
+        self._close_notifications()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._context.close()
+
+    def come_back(self, session: Session, last: str, stands: list[float]) -> None:
+        """Wait until the page has found a new session where an earlier one was, and shows nothing of that one any more.
+
+        `last`: what `lab` was before; `stands`: where the camera has to be, as in a new window.
+        """
+        self.session = session
+        self.errors.clear()
+        self.page.bring_to_front()
+        self.page.wait_for_function(OTHER_LAB, arg=last, timeout=1000 * RETURN)
+        if math.dist(self.camera(), stands) > SAME_PLACE:
+            self.page.reload()
+            self.page.wait_for_function(READY, timeout=1000 * PATIENCE)
+        frame = self.page.evaluate(FRAMES)
+        self.page.wait_for_function(DRAWN_SINCE, arg=frame, timeout=1000 * PATIENCE)
+        self._close_notifications()
+
+    @property
+    def lab(self) -> str:
+        """A word that no other lab has."""
+        return self.page.evaluate(LAB)
+
+    def _close_notifications(self) -> None:
+        self.page.evaluate(CLOSE_NOTIFICATIONS)
 
     @property
     def snapshot(self) -> Any:
@@ -127,7 +174,10 @@ class LabPage:
 
     def wait_for_text(self, text: str) -> None:
         """Wait until the page shows a text."""
-        wait_until(lambda: text in self.text(), f"the page shows {text!r}")
+        try:
+            self.page.wait_for_function(SHOWS, arg=text, timeout=1000 * PATIENCE, polling=LOOK)
+        except TimeoutError:
+            raise AssertionError(f"waited {PATIENCE:g} s in vain for: the page shows {text!r}") from None
 
     def switch(self, label: str) -> None:
         """Turn a switch on or off."""
@@ -162,3 +212,38 @@ class LabPage:
         """Keep a screenshot for people to look at."""
         ARTIFACTS.mkdir(exist_ok=True)
         self.page.screenshot(path=ARTIFACTS / f"{name}.png")
+
+
+class LastingWindow:
+    """A window that sessions use one after the other: loading the page takes longer than most tests.
+
+    Each session is a new one, on the same port; the page finds it by itself, as after a lost connection.
+    """
+
+    def __init__(self, browser: Browser):
+        self._browser = browser
+        self._page: LabPage | None = None
+        (self.port,) = free_ports(1)
+        self._stands: list[float] = []
+        self._lab = ""
+
+    def show(self, session: Session) -> LabPage:
+        """The page, showing this session."""
+        if self._page is not None:
+            try:
+                self._page.come_back(session, self._lab, self._stands)
+            except Error:  # Nobody knows how the last test left the page: another one.
+                self._page.__exit__()
+                self._page = None
+        if self._page is None:
+            self._page = LabPage(self._browser, session).__enter__()
+            self._stands = self._page.camera()
+        self._lab = self._page.lab
+        return self._page
+
+    def close(self) -> None:
+        """Close it; the next session gets another one, on another port."""
+        if self._page is not None:
+            self._page.__exit__()
+        self._page = None
+        (self.port,) = free_ports(1)

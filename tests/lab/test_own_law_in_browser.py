@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lab_page import LabPage, wait_until
-from playwright.sync_api import Browser
+from lab_page import LastingWindow, wait_until
 
 from flexlab.analysis.replay import replay
 from flexlab.control.law import add_law_file, forget_law
@@ -28,13 +27,11 @@ def law() -> Iterator[str]:
 
 
 def test_it_is_chosen_from_the_menu_moved_by_its_slider_plotted_recorded_and_replayed(
-    law: str, chromium: Browser, tmp_path: Path
+    law: str, window: LastingWindow, tmp_path: Path
 ):
     recorder = Recorder(tmp_path)
-    with (
-        Session(load_preset("paper"), "paper", port=0, shadows=False, consumers=[recorder]) as session,
-        LabPage(chromium, session) as page,
-    ):
+    with Session(load_preset("paper"), "paper", port=window.port, shadows=False, consumers=[recorder]) as session:
+        page = window.show(session)
         page.choose("Control law", law)
         wait_until(lambda: page.snapshot.scenario.controller.kind == law, "the law is taken up")
         page.wait_for_text("Largest integral I_max")

@@ -3,7 +3,8 @@
 import time
 
 import pytest
-from lab_page import READY, LabPage, wait_until
+from browser_window import open_window
+from lab_page import READY, LabPage, address, wait_until
 from playwright.sync_api import Browser
 
 from flexlab.lab.session import Session
@@ -19,7 +20,7 @@ POINTS = """() => { const { chart } = Object.values(window.__viserTestpoints.upl
 
 def test_a_run_waits_for_its_picture_and_then_begins_by_itself(chromium: Browser) -> None:
     with Session(load_preset("paper"), "paper", port=0, shadows=False, attended=True) as session:
-        time.sleep(1.0)
+        time.sleep(0.3)
         assert session.runner.snapshot.waiting
         with LabPage(chromium, session) as page:
             wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "the run begins by itself")
@@ -38,9 +39,9 @@ def test_a_run_waits_for_its_picture_and_then_begins_by_itself(chromium: Browser
 
 
 def test_the_lab_follows_the_systems_dark_mode(chromium: Browser, session: Session) -> None:
-    with chromium.new_context(color_scheme="dark") as context:
+    with open_window(chromium, 1000, 700, color_scheme="dark") as context:
         page = context.new_page()
-        page.goto(f"{session.url}/?fixedDpr=0.6")
+        page.goto(address(session))
         page.wait_for_function(READY, timeout=60_000)
         wait_until(lambda: page.evaluate(SCHEME) == "dark", "the lab is dark")
         page.emulate_media(color_scheme="light")

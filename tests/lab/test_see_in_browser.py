@@ -82,7 +82,7 @@ def test_modes_are_told_and_shown(page: LabPage) -> None:
     samples = page.session.runner.recent(0.05)
     assert np.abs(samples.midspan_deflection).max() < 2e-4, "mode 2 has a node at mid-span"
     assert np.abs(samples.beam_coordinates[0]).max() > 1e-3
-    assert page.session.lab_state.view.plot_window in PLOT_WINDOWS[:3]
+    wait_until(lambda: page.session.lab_state.view.plot_window in PLOT_WINDOWS[:3], "the plots show a few waves")
     page.switch("Animate its shape")
     wait_until(lambda: page.session.lab_state.view.shown_mode == 1, "the mode is animated")
     page.picture("mode-2")

@@ -27,6 +27,7 @@ NEAR, SHARE = 24, 0.0005
 def window(browser: Browser, url: str, **options) -> Iterator[Page]:
     """A browser window of its own (no cookies yet); fails on errors of a page and on a call to any other address."""
     context = browser.new_context(viewport={"width": 1280, "height": 800}, **options)
+    context.set_default_timeout(MILLI * PATIENCE)
     page = context.new_page()
     strangers: list[str] = []
     errors: list[str] = []

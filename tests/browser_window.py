@@ -1,0 +1,46 @@
+"""Windows of the tests' browser: as a person's, but drawn seldom, as a machine without a graphics card pays for each picture."""
+
+from typing import Any
+
+from playwright.sync_api import Browser, BrowserContext
+
+PAUSE = 100
+"""ms without drawing after each picture: else the page draws all the time, and takes a whole processor."""
+SOFTWARE_RENDERING = [
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--no-sandbox",
+    "--ignore-gpu-blocklist",
+]
+"""What Chromium needs to draw the lab and rerun's viewer without a graphics card."""
+BY_THE_PROCESSOR = "--disable-gpu-compositing"
+"""Leaves all but the lab's scene to the processor: 2.5 times cheaper than to have a graphics card imitated for it. Rerun's viewer
+cannot be looked at then."""
+PATIENCE = 90_000
+"""ms that a page on a busy machine may take for anything."""
+SELDOM = f"""(() => {{
+  const draw = window.requestAnimationFrame.bind(window);
+  const waiting = new Map();
+  let count = 0, timer = null;
+  const run = (now) => {{
+    timer = null;
+    const calls = [...waiting.values()];
+    waiting.clear();
+    for (const call of calls) {{ try {{ call(now); }} catch (error) {{ reportError(error); }} }}
+  }};
+  window.requestAnimationFrame = (call) => {{
+    count += 1;
+    waiting.set(count, call);
+    timer ??= setTimeout(() => draw(run), {PAUSE});
+    return count;
+  }};
+  window.cancelAnimationFrame = (number) => {{ waiting.delete(number); }};
+}})()"""
+
+
+def open_window(browser: Browser, width: int, height: int, **options: Any) -> BrowserContext:
+    """A browser's window of its own, px: no cookies yet, no page yet."""
+    context = browser.new_context(viewport={"width": width, "height": height}, **options)
+    context.set_default_timeout(PATIENCE)
+    context.add_init_script(SELDOM)
+    return context

@@ -104,6 +104,7 @@ def command(
       flexlab import FILE      take an exported run or a recording into logs
       flexlab presets          list the presets and what to watch in each
       flexlab sweep PRESET     vary fields over ranges: a table of metrics, heat maps
+      flexlab leaderboard      all control laws, and yours, in the same cases: scores, figures
       flexlab tune PRESET      search ranges for the parameters that cost least
       flexlab fit RUN          frequency, damping, stiffness from how a beam rings
       flexlab validate         check it all against the paper and mechanics; a report

@@ -27,6 +27,8 @@ ROOT = Path(__file__).resolve().parent.parent
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what drives a browser: `pytest -m "not browser"` is the quick answer."""
     for item in items:
+        if " at 0x" in item.nodeid:
+            raise pytest.UsageError(f"{item.nodeid}: the name holds an address, so that no two processes agree on it")
         if "chromium" in getattr(item, "fixturenames", ()):
             if not is_of_browser(item.nodeid):
                 raise pytest.UsageError(f"{item.nodeid} drives a browser: its file's name has to end in _in_browser.py")

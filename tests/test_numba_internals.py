@@ -72,7 +72,7 @@ def test_a_branch_for_what_is_none_is_not_compiled():
 
 
 def test_machine_code_on_disk_is_taken_up_without_what_compiling_needs(monkeypatch, tmp_path):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
 
     def length(a, b):
         return np.sqrt(np.sin(a[0]) ** 2 + b**2)

@@ -3,7 +3,7 @@
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,7 +109,7 @@ def _tell(run: EndedRun, summary: Summary) -> None:
 
 
 @contextmanager
-def _progress(ticks: int) -> Iterator[Callable[[int], None]]:
+def _progress(ticks: int) -> Generator[Callable[[int], None], None, None]:
     """A progress bar on a terminal, and what moves it on to a tick."""
     if not notes().is_terminal:
         yield lambda _: None

@@ -1,12 +1,12 @@
 """Loading modules: what they make is there to stay, and a search for garbage among it is a tenth of a start."""
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 
 @contextmanager
-def loading() -> Iterator[None]:
+def loading() -> Generator[None, None, None]:
     """While modules load, no garbage is looked for, and never again among what they have made."""
     gc.disable()
     try:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from pydantic import Field
 
 from flexlab.compiled import MATRIX, kernel_address
 from flexlab.control.motion import NO_ROWS, DesiredMotion, poses
@@ -60,8 +61,10 @@ class Trajectory(Part):
         0.0, title="Feed-forward of the bending", unit="1", low=0, high=2, slider=(0, 1)
     )
     """Share of the force of the beam's quasi-static bending that every law adds to its inputs."""
-    transition: Transition | None = None
-    """Set by the engine when the path is changed in motion; of no account in a run that begins anew."""
+    transition: Transition | None = Field(
+        None,
+        description="Set by the engine when the path is changed in motion; of no account in a run that begins anew.",
+    )
 
     @property
     def span(self) -> float:

@@ -6,6 +6,7 @@ fade fastest. The estimate is a function of states at ticks that their numbers a
 live, headless and replayed; it changes no bit of the run.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -53,33 +54,28 @@ class Redone(NamedTuple):
     """The state after it."""
 
 
-class Errors(NamedTuple):
-    """What steps did to a run: in one tick, or what is left of all of them."""
+def _parts(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Views of errors (3 + 2 n_m,), what steps did to a run in one tick or what is left of all of them.
 
-    pose: np.ndarray
-    """(3,), m and rad."""
-    force: np.ndarray
-    """Of the force as a sample shows it, by mode that makes it, (n_m,), N or N·m."""
-    ringing: np.ndarray
-    """The same by the amplitudes of the modes, whatever their phases: where nothing fades, they come together some time."""
+    Of the pose (3,), m and rad; of the force as a sample shows it, by mode that makes it, (n_m,), N or N·m; the same by the
+    amplitudes of the modes, whatever their phases: where nothing fades, they come together some time.
+    """
+    n = len(errors) // 2 - 1
+    return errors[:3], errors[3 : 3 + n], errors[3 + n :]
 
-    @property
-    def worst_pose(self) -> float:
-        """Of any coordinate, m or rad."""
-        return float(np.abs(self.pose).max())
 
-    @property
-    def whole_force(self) -> float:
-        """Of the force, N or N·m; amplitudes of modes with no phase in common add up as squares do."""
-        return max(float(self.force.sum()), float(np.sqrt(self.ringing @ self.ringing)))
+def _sizes(errors: np.ndarray) -> tuple[float, float]:
+    """Errors of the pose, m or rad, and of the force, N or N·m: amplitudes with no phase in common add up as squares do."""
+    pose, force, ringing = _parts(errors)
+    return float(np.abs(pose).max()), max(float(force.sum()), math.sqrt(ringing @ ringing))
 
 
 class Estimate(NamedTuple):
     """What is known of a run's accuracy so far."""
 
-    left: Errors
-    """At the tick looked at last."""
-    rate: Errors
+    left: np.ndarray
+    """Errors at the tick looked at last, as `_parts` has them."""
+    rate: np.ndarray
     """Of that tick alone."""
     looked: int
     """Its number."""
@@ -97,51 +93,23 @@ class Estimate(NamedTuple):
     """Since when and why results are no longer accurate, a sentence; empty: they are."""
 
 
-class Fading(NamedTuple):
-    """How errors fade."""
-
-    pose: float
-    """1/s."""
-    modes: np.ndarray
-    """(n_m,), 1/s."""
-
-    def left(self, errors: Errors, span: float) -> Errors:
-        """What is left of errors after `span` s."""
-        on_modes = np.exp(-self.modes * span)
-        return Errors(errors.pose * np.exp(-self.pose * span), errors.force * on_modes, errors.ringing * on_modes)
-
-    def kept(self, rate: Errors, ticks: int, tick_period: float) -> Errors:
-        """What is left at the end of so many ticks that each made the errors `rate`, with none faded of the last one's."""
-        on_pose, on_modes = (_ticks_kept(decay, ticks, tick_period) for decay in (np.array(self.pose), self.modes))
-        return Errors(rate.pose * on_pose, rate.force * on_modes, rate.ringing * on_modes)
-
-
 def _ticks_kept(decay: np.ndarray, ticks: int, tick_period: float) -> np.ndarray:
     """How many ticks' errors are left of those of `ticks` where they decay at these rates, 1/s: at least the last one's."""
-    span = ticks * tick_period
-    slow = decay * span < 1e-6
-    kept = np.where(slow, span, -np.expm1(-decay * span) / np.where(slow, 1.0, decay)) / tick_period
-    return np.maximum(kept, min(ticks, 1))
-
-
-def _sum(one: Errors, other: Errors) -> Errors:
-    return Errors(*(a + b for a, b in zip(one, other, strict=True)))
-
-
-def _larger(one: Errors, other: Errors) -> Errors:
-    return Errors(*(np.where(np.abs(a) > np.abs(b), a, b) for a, b in zip(one, other, strict=True)))
+    span = max(ticks, 0) * tick_period
+    # Slower rates leave the same to nine digits.
+    rate = np.maximum(decay, 1e-9 / max(span, tick_period))
+    return np.maximum(-np.expm1(-rate * span) / (rate * tick_period), min(ticks, 1))
 
 
 def nothing_yet(assembly: Assembly, tick: int) -> Estimate:
     """The estimate before tick number `tick` of a run that is accurate so far."""
-    n = len(assembly.beam.modes.omega)
-    none = Errors(np.zeros(3), np.zeros(n), np.zeros(n))
+    none = np.zeros(3 + 2 * len(assembly.beam.modes.omega))
     return Estimate(none, none, tick - 1, tick)
 
 
 def disturbed(estimate: Estimate, assembly: Assembly, tick: int) -> Estimate:
     """The estimate after a tap or a change at `tick`: looks begin anew, but not before those of the last one have ended."""
-    if len(assembly.beam.modes.omega) != len(estimate.left.force):
+    if 3 + 2 * len(assembly.beam.modes.omega) != len(estimate.left):
         # Modes have another meaning. The peak is the run's.
         fresh = nothing_yet(assembly, tick)
         estimate = estimate._replace(left=fresh.left, rate=fresh.rate, looked=fresh.looked)
@@ -196,38 +164,43 @@ def note(
     old: Estimate, assembly: Assembly, tick: int, row: np.ndarray, y: np.ndarray, again: Redone, tick_period: float
 ) -> Estimate:
     """The estimate after the tick from number `tick` on, redone as `again`; `row`: its sample, `y`: the state after it."""
-    loop = 0.0 if assembly.scenario.controller.kind == "none" else LOOP_DECAY
-    fading, now = Fading(loop, np.diag(assembly.beam.modes.D) / 2), _tick_errors(assembly, row, y, again)
+    n, now = len(assembly.beam.modes.omega), _tick_errors(assembly, row, y, again)
+    decay = np.empty(3 + 2 * n)
+    decay[:3] = 0.0 if assembly.scenario.controller.kind == "none" else LOOP_DECAY
+    decay[3 : 3 + n] = decay[3 + n :] = assembly.beam.modes.D.diagonal() / 2
     since, ticks = tick - old.disturbed, tick - old.looked
     # Ticks between two looks did no worse than the worse of the two; but what a disturbance does, none before it did.
-    between = old.rate if since == 0 else _larger(old.rate, now)
-    left = _sum(fading.left(old.left, ticks * tick_period), fading.kept(between, ticks - 1, tick_period))
-    left = _sum(left, now)
-    pose, force = max(old.pose, left.worst_pose), max(old.force, left.whole_force)
+    between = old.rate if since == 0 else np.where(np.abs(old.rate) > np.abs(now), old.rate, now)
+    left = old.left * np.exp(-decay * (ticks * tick_period)) + now
+    if ticks > 1:
+        left += between * _ticks_kept(decay, ticks - 1, tick_period)
+    pose, force = map(max, (old.pose, old.force), _sizes(left))
     seen = old._replace(left=left, rate=now, looked=tick, pose=pose, force=force, peak_before=old.peak)
     if old.warning or since < FIRST_VERDICT:
         return seen
     if since >= LOOKS[-1]:
-        ahead = _sum(fading.left(left, CHECK_TICKS * tick_period), fading.kept(now, CHECK_TICKS, tick_period))
-        pose, force = max(pose, ahead.worst_pose), max(force, ahead.whole_force)
+        ahead = left * np.exp(-decay * (CHECK_TICKS * tick_period)) + now * _ticks_kept(decay, CHECK_TICKS, tick_period)
+        pose, force = map(max, (pose, force), _sizes(ahead))
     elif old.peak > STEADY * old.peak_before:
         return seen
     return seen._replace(warning=_warning(pose, force, seen, assembly.scenario, (tick + 1) * tick_period))
 
 
-def _tick_errors(assembly: Assembly, row: np.ndarray, y: np.ndarray, again: Redone) -> Errors:
-    """How a tick and the same tick redone differ."""
+def _tick_errors(assembly: Assembly, row: np.ndarray, y: np.ndarray, again: Redone) -> np.ndarray:
+    """How a tick and the same tick redone differ, as `_parts` has it."""
     omega, modal = assembly.beam.modes.omega, assembly.system.plant.modal
-    n = len(omega)
-    differs = y[ETA : ETA + 2 * n] - again.y[ETA : ETA + 2 * n]
-    # In a free ring, ω times η goes over into η̇ and back.
-    ringing = RINGING_SHARE * omega * np.hypot(modal[H], modal[G]) * np.hypot(omega * differs[:n], differs[n:])
-    forces = _forces(np.stack([row, again.row]), assembly)
-    difference = float(np.abs(forces[0] - forces[1]).max(initial=0.0))
-    place = slice(row_layout.POSE, row_layout.POSE + 3)
-    # The force's difference is shared out by what each mode's difference in amplitude weighs in it.
-    force = difference * ringing / (float(ringing.sum()) or 1.0)
-    return Errors(row[place] - again.row[place], force, ringing if difference > 0 else np.zeros(n))
+    n, errors = len(omega), np.zeros(3 + 2 * len(omega))
+    pose, force, ringing = _parts(errors)
+    pose[:] = row[row_layout.POSE : row_layout.POSE + 3] - again.row[row_layout.POSE : row_layout.POSE + 3]
+    difference = float(np.abs(_forces(row[None], assembly) - _forces(again.row[None], assembly)).max())
+    if difference > 0:
+        differs = y[ETA : ETA + 2 * n] - again.y[ETA : ETA + 2 * n]
+        # In a free ring, ω times η goes over into η̇ and back.
+        amplitude = np.hypot(omega * differs[:n], differs[n:])
+        ringing[:] = RINGING_SHARE * omega * np.hypot(modal[H], modal[G]) * amplitude
+        # The force's difference is shared out by what each mode's difference in amplitude weighs in it.
+        force[:] = difference / (float(ringing.sum()) or 1.0) * ringing
+    return errors
 
 
 def _forces(rows: np.ndarray, assembly: Assembly) -> np.ndarray:

@@ -36,6 +36,7 @@ LAYERS = {
     "leaderboard_api": 7,
     "linear_api": 7,
     "notebook": 7,
+    "gym_environment": 8,
     "": 7,  # flexlab/__init__.py, the names of the Python interface
     "server": 8,
     "cli": 9,
@@ -44,7 +45,13 @@ LAYERS = {
 CLOSED_ROOMS = {"recording", "lab"}
 """Neighbours that may not lean on each other: a screen works without a recorder and the other way round."""
 
-HOMES = {"viser": {"lab"}, "rerun": {"recording"}, "aiohttp": {"server"}, "tyro": {"cli"}}
+HOMES = {
+    "viser": {"lab"},
+    "rerun": {"recording"},
+    "aiohttp": {"server"},
+    "tyro": {"cli"},
+    "gymnasium": {"gym_environment"},
+}
 """The only rooms that import an outside library which shapes everything it touches."""
 
 FREE_OF_CONFIGURATION = {"physics"}

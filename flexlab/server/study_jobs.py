@@ -65,8 +65,8 @@ def page_data(sweep: Sweep) -> dict[str, Any]:
             }
             for column in columns
         ],
-        "status": sweep.table.column("status").to_pylist(),
-        "sentence": sweep.table.column("sentence").to_pylist(),
+        "status": sweep.texts("status"),
+        "sentence": sweep.texts("sentence"),
     }
 
 

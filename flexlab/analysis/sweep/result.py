@@ -55,6 +55,10 @@ class Sweep:
             raise StudyError(f"{name!r:.60} is no column: there are {', '.join(self.table.column_names)}.")
         return self.table.column(name).to_numpy(zero_copy_only=False).astype(float)
 
+    def texts(self, name: str) -> list[str]:
+        """A column of texts, as status and sentence are."""
+        return self.table.column(name).to_pylist()
+
     @property
     def failed(self) -> dict[int, str]:
         """The cells that failed, and why."""

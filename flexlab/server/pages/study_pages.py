@@ -153,7 +153,7 @@ async def study_page(request: web.Request) -> web.Response:
         study = _study(request)
     except LabError as error:
         return message("No such study", str(error), 404, ALL_STUDIES)
-    values = {
+    values: dict[str, Any] = {
         "study": study,
         "row": _row(study),
         "lab": scenario_path(encode_scenario(study.wish.scenario)),
@@ -183,7 +183,7 @@ def _lines(study: Study) -> list[tuple[str, str, str]]:
     found, wish = study.tuned, study.wish
     if found is None or not isinstance(wish, TuningWish):
         return []
-    lines = []
+    lines: list[tuple[str, str, str]] = []
     for path, value in found.changes.items():
         about = wish.scenario.about(path)
         unit = f" ({about.unit})" if about.unit not in ("", "1") else ""

@@ -1,0 +1,197 @@
+"""Many worlds in one call: each takes its action, moves by one control period and says what is measured and rewarded.
+
+A world is a row of arrays; its beam is one of the variants that were derived beforehand. One thread's worlds share a workspace,
+which holds nothing from one call of `advance` to the next.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlab.compiled import compiled
+from flexlab.physics.arm import joint_torques
+from flexlab.physics.dynamics import configure_arms, set_momenta
+from flexlab.physics.plant import ETA, Plant
+from flexlab.sim.advance import advance
+from flexlab.sim.closed_loop import System, limit_torques
+from flexlab.sim.integrators.scheme import Etdrk4
+from flexlab.sim.sampled_control import gaussian
+from flexlab.sim.signals import MIDSPAN, QUASI_STATIC
+
+OBSERVED = 14
+"""Numbers of an observation."""
+POSITION_SCALE, ANGLE_SCALE, VIBRATION_SCALE = 0.01, 0.02, 0.001
+"""m, rad, m: errors that cost 1 per second."""
+EFFORT = 0.01
+"""Cost per second of a joint torque at its limit."""
+WORST = 100.0
+"""Largest cost per second, and what each second costs that a failed episode does not see."""
+
+
+class Variants(NamedTuple):
+    """The beams that worlds may have, stacked: what of a system differs with EI."""
+
+    modal: np.ndarray
+    """(variants, 8, n_m)."""
+    damping: np.ndarray
+    """(variants, n_m, n_m)."""
+    kappa: np.ndarray
+    """(variants, 3)."""
+    V: np.ndarray
+    """(variants, n_q, n_m)."""
+    compliance: np.ndarray
+    """(variants, 2)."""
+    operators: np.ndarray
+    """Of `Etdrk4`, (variants, 5, …)."""
+    flow: np.ndarray
+    """Of `Etdrk4`, (variants, 15, …)."""
+    step_count: np.ndarray
+    """Integration steps per control period, (variants,)."""
+
+
+class Worlds(NamedTuple):
+    """What of each world changes, by row."""
+
+    variant: np.ndarray
+    y: np.ndarray
+    good: np.ndarray
+    """Scratch, like y."""
+    held: np.ndarray
+    """Joint torques at work, N·m, (worlds, arms, 3)."""
+    line: np.ndarray
+    """Torques on their way, (worlds, longest delay + 1, arms, 3)."""
+    delay: np.ndarray
+    tick: np.ndarray
+    seed: np.ndarray
+    """Of the measuring noise."""
+    noise: np.ndarray
+    """Its scale."""
+    offset: np.ndarray
+    """Start pose less that of the path, (worlds, 3)."""
+    pause: np.ndarray
+    """Whether the world begins anew in this call instead of moving."""
+    row: np.ndarray
+    """A sample, (worlds, 1, row length)."""
+    observation: np.ndarray
+    """(worlds, OBSERVED), float32."""
+    reward: np.ndarray
+    failed: np.ndarray
+    over: np.ndarray
+
+
+@compiled
+def begin_worlds(plant, variants, worlds, start, desired, ws):
+    """Set the worlds that pause to their start: pose and pose rate `start` (2, 3), the pose plus their offset.
+
+    `desired` (3, 3): x_d, ẋ_d, ẍ_d at t = 0.
+    """
+    n = plant.modal.shape[1]
+    for w in range(len(worlds.tick)):
+        if not worlds.pause[w]:
+            continue
+        v, y = worlds.variant[w], worlds.y[w]
+        own = Plant(
+            plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
+            variants.kappa[v], variants.V[v], variants.compliance[v], plant.pull,
+        )  # fmt: skip
+        for k in range(len(y)):
+            y[k] = 0.0
+        for k in range(ETA + 2 * n, ETA + 3 * n + 3):
+            y[k] = np.nan
+        for a in range(3):
+            y[a] = start[0, a] + worlds.offset[w, a]
+        for k in range(n):
+            ws.eta_dot[k] = 0.0
+        set_momenta(own, y, start[1], ws.eta_dot, ws)
+        worlds.tick[w] = 0
+        for i in range(worlds.held.shape[1]):
+            for joint in range(3):
+                worlds.held[w, i, joint] = 0.0
+                for place in range(worlds.line.shape[1]):
+                    worlds.line[w, place, i, joint] = 0.0
+        worlds.reward[w], worlds.failed[w], worlds.over[w] = 0.0, False, False
+        seen = worlds.observation[w]
+        for a in range(3):
+            seen[a], seen[3 + a] = y[a] - desired[0, a], start[1, a] - desired[1, a]
+            seen[6 + a], seen[11 + a] = desired[2, a], y[a]
+        seen[9] = seen[10] = 0.0
+
+
+@compiled
+def step_worlds(
+    system,
+    sampling,
+    watch,
+    variants,
+    worlds,
+    actions,
+    by_wrench,
+    limits,
+    noise,
+    period,
+    ticks,
+    bend_limit,
+    level,
+    first,
+    ws,
+):
+    """Move the worlds that do not pause by one control period under actions (worlds, 3 or 3 per arm), N and N·m.
+
+    `limits` (3,): largest joint torques; `noise` (8,): standard deviations of e, ė, hᵀq̇ and gᵀq̇; `level`, `first`: 0, False.
+    """
+    plant, arm_count = system.plant, len(system.plant.arms)
+    for w in range(len(worlds.tick)):
+        if worlds.pause[w]:
+            continue
+        v, y, held, line = worlds.variant[w], worlds.y[w], worlds.held[w], worlds.line[w]
+        own = Plant(
+            plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
+            variants.kappa[v], variants.V[v], variants.compliance[v], plant.pull,
+        )  # fmt: skip
+        moving = System(own, system.control, system.trajectory, held)
+        code = configure_arms(own, y[0:3], ws.seen, ws.fault)
+        c, s, effort = ws.seen.trig[0], ws.seen.trig[1], 0.0
+        for i in range(arm_count):
+            if by_wrench:
+                for a in range(3):
+                    ws.u[i, a] = system.control.share[i] * actions[w, a]
+                joint_torques(plant.arms[i], c, s, ws.seen.direction[i], ws.u[i], ws.tau)
+            else:
+                for joint in range(3):
+                    ws.tau[joint] = actions[w, 3 * i + joint]
+            limit_torques(limits, ws.tau)
+            for joint in range(3):
+                for place in range(worlds.delay[w]):
+                    line[place, i, joint] = line[place + 1, i, joint]
+                line[worlds.delay[w], i, joint] = ws.tau[joint]
+                held[i, joint] = line[0, i, joint]
+                effort += (held[i, joint] / limits[joint]) ** 2
+        tick = worlds.tick[w]
+        if code == 0:
+            _, code = advance(
+                moving, sampling, Etdrk4(variants.operators[v], variants.flow[v]), None, None, watch, level, bend_limit,
+                tick, period, variants.step_count[v], y, worlds.good[w], ws, worlds.row[w], first,
+            )  # fmt: skip
+        worlds.tick[w] = tick + 1
+        worlds.over[w] = tick + 1 >= ticks
+        if code != 0:
+            worlds.failed[w], worlds.over[w] = True, False
+            worlds.reward[w] = -WORST * period * (ticks - tick)
+            continue
+        seen, row, cost = worlds.observation[w], worlds.row[w, 0], 0.0
+        scale, seed, instant = worlds.noise[w], worlds.seed[w], tick + 1
+        for a in range(3):
+            error, rate = y[a] - ws.desired[0, a], ws.velocity[a] - ws.desired[1, a]
+            cost += (error / (ANGLE_SCALE if a == 2 else POSITION_SCALE)) ** 2
+            if scale > 0:
+                error += scale * noise[a] * gaussian(seed, instant, a)
+                rate += scale * noise[3 + a] * gaussian(seed, instant, 3 + a)
+            seen[a], seen[3 + a], seen[6 + a] = error, rate, ws.desired[2, a]
+            seen[11 + a] = error + ws.desired[0, a]
+        for a in range(2):
+            moment = ws.beam_rate[a]
+            if scale > 0:
+                moment += scale * noise[6 + a] * gaussian(seed, instant, 6 + a)
+            seen[9 + a] = moment
+        cost += ((row[MIDSPAN] - row[QUASI_STATIC]) / VIBRATION_SCALE) ** 2 + EFFORT * effort
+        worlds.reward[w] = -period * min(cost, WORST)

@@ -1,0 +1,163 @@
+"""A fixed number of worlds that move together: what they share, what differs, and the threads that move them."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numba
+import numpy as np
+
+from flexlab.api import named_scenario
+from flexlab.compiled import PLAIN_PYTHON
+from flexlab.errors import StudyError
+from flexlab.gym_environment.kernels import OBSERVED, Variants, Worlds, begin_worlds, step_worlds
+from flexlab.gym_environment.settings import WRENCH, Settings
+from flexlab.physics.plant import Workspace
+from flexlab.scenario import Scenario
+from flexlab.sim.assembly import Assembly, build_assembly
+from flexlab.sim.closed_loop import new_workspace, state_length
+from flexlab.sim.row_layout import row_length
+from flexlab.sim.signals import MIDSPAN
+from flexlab.sim.target import desired_at
+from flexlab.sim.termination import DEFLECTION_LIMIT
+from flexlab.sim.workspace_check import check_trajectory
+
+NOISE = (1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-2, 1e-3, 1e-4)
+"""Standard deviations of the measured e (m, m, rad), ė (m/s, m/s, rad/s), hᵀq̇ (kg·m/s) and gᵀq̇ (kg·m²/s) at scale 1."""
+ACCURACY = 1e-7
+"""m that the step aims at: the paper's beam then takes one step per millisecond."""
+NEVER = 2**62
+"""Steps until the law of the scenario acts."""
+LEAST_PER_THREAD = 16
+"""Worlds for which handing work to another thread pays."""
+
+
+def entry_point(kernel: Any, *arguments: Any) -> Callable[..., Any]:
+    """The machine code of a kernel for arguments of these types, called without a look at what they are.
+
+    That look takes numba longer, at each call, than a world's step: there are a hundred arrays.
+    """
+    return kernel if PLAIN_PYTHON else kernel.compile(tuple(numba.typeof(value) for value in arguments))
+
+
+class WorldBatch:
+    """`count` worlds; see `Settings`. Raises `StudyError` or `ScenarioError`."""
+
+    def __init__(self, settings: Settings, count: int):
+        self.settings, self.count = settings, count
+        base = _base(settings)
+        self.arm_count = len(base.arms)
+        stiffness = _stiffnesses(settings, base)
+        assemblies: list[Assembly] = []
+        for value in stiffness:
+            scenario = base.replace({"payload.bending_stiffness": float(value)})
+            assemblies.append(build_assembly(scenario, settings.control_period, assemblies[-1:]))
+        first = assemblies[0]
+        self.stiffness = stiffness
+        self._system, self._watch = first.system, first.watch._replace(most=0)
+        self._sampling = first.sampling._replace(steps=NEVER)
+        self._variants = _stack(assemblies)
+        self._bend_limit = DEFLECTION_LIMIT * base.payload.length
+        self._desired = desired_at(first.system.trajectory, 0.0)
+        given = base.initial.pose, base.initial.pose_rate
+        self._start = np.array(
+            [own if own is not None else path for own, path in zip(given, self._desired, strict=False)]
+        )
+        self._limits, self._noise = np.full(3, float(settings.torque_limit)), np.array(NOISE)
+        self.state = _new_worlds(count, first, settings)
+        threads = max(1, min(os.cpu_count() or 1, count // LEAST_PER_THREAD))
+        edges = np.linspace(0, count, threads + 1).astype(int)
+        self._parts = [
+            (slice(low, high), Worlds(*(array[low:high] for array in self.state)), new_workspace(first.system))
+            for low, high in zip(edges[:-1], edges[1:], strict=True)
+        ]
+        self._pool = ThreadPoolExecutor(threads - 1, thread_name_prefix="flexlab-gym") if threads > 1 else None
+        self._move = entry_point(step_worlds, *self._arguments(*self._parts[0], np.zeros((count, self.action_size))))
+
+    @property
+    def action_size(self) -> int:
+        """Numbers of an action."""
+        return 3 if self.settings.action == WRENCH else 3 * self.arm_count
+
+    def begin(self, chosen: np.ndarray, random: np.random.Generator) -> None:
+        """Begin new episodes in the worlds of `chosen` (count,), with what differs drawn anew."""
+        state, settings, number = self.state, self.settings, int(chosen.sum())
+        state.pause[:] = chosen
+        state.variant[chosen] = random.integers(len(self.stiffness), size=number)
+        state.delay[chosen] = random.integers(settings.delay[0], settings.delay[1] + 1, size=number)
+        state.seed[chosen] = random.integers(2**31, size=number)
+        state.noise[chosen] = settings.noise * random.random(number)
+        state.offset[chosen] = random.uniform(-1, 1, (number, 3)) * np.array(settings.start_spread)
+        begin_worlds(self._system.plant, self._variants, state, self._start, self._desired, self._parts[0][2])
+
+    def step(self, actions: np.ndarray) -> None:
+        """Move the worlds that do not pause under actions (count, numbers), on all threads; then none pauses."""
+        others = [self._pool.submit(self._step, *part, actions) for part in self._parts[1:]] if self._pool else []
+        self._step(*self._parts[0], actions)
+        for other in others:
+            other.result()
+        self.state.pause[:] = False
+
+    def _step(self, place: slice, worlds: Worlds, ws: Workspace, actions: np.ndarray) -> None:
+        self._move(*self._arguments(place, worlds, ws, actions))
+
+    def _arguments(self, place: slice, worlds: Worlds, ws: Workspace, actions: np.ndarray) -> tuple[Any, ...]:
+        settings = self.settings
+        return (
+            self._system, self._sampling, self._watch, self._variants, worlds, actions[place], settings.action == WRENCH,
+            self._limits, self._noise, settings.control_period, settings.ticks, self._bend_limit, 0, False, ws,
+        )  # fmt: skip
+
+    def deflections(self) -> np.ndarray:
+        """At mid-span, m, (count,)."""
+        return self.state.row[:, 0, MIDSPAN].copy()
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+
+def _base(settings: Settings) -> Scenario:
+    """The scenario with nobody at the motors. Raises `StudyError` for a path that cannot be followed."""
+    scenario = named_scenario(settings.scenario)[1]
+    changes = {"controller.kind": "none", "controller.control_period": settings.control_period}
+    scenario = scenario.anew().replace({"controller.kind": "none"}).replace(changes)
+    scenario = scenario.replace(
+        {"simulation.integrator": "etdrk4", "simulation.accuracy": max(ACCURACY, scenario.simulation.accuracy)}
+    )
+    fault = check_trajectory(scenario)
+    if fault is not None:
+        raise StudyError(fault.text)
+    return scenario
+
+
+def _stiffnesses(settings: Settings, base: Scenario) -> np.ndarray:
+    if settings.stiffness is None:
+        return np.array([base.payload.bending_stiffness])
+    return np.geomspace(*settings.stiffness, settings.variants)
+
+
+def _stack(assemblies: list[Assembly]) -> Variants:
+    schemes = [assembly.levels.scheme(0).etdrk4 for assembly in assemblies]
+    plants = [assembly.system.plant for assembly in assemblies]
+    return Variants(
+        *(np.stack([getattr(plant, name) for plant in plants]) for name in Variants._fields[:5]),
+        operators=np.stack([scheme.operators for scheme in schemes if scheme is not None]),
+        flow=np.stack([scheme.flow for scheme in schemes if scheme is not None]),
+        step_count=np.array([assembly.step_count for assembly in assemblies]),
+    )
+
+
+def _new_worlds(count: int, assembly: Assembly, settings: Settings) -> Worlds:
+    arms, length = len(assembly.scenario.arms), state_length(assembly.system)
+    row = row_length(arms, assembly.beam.modes.V.shape[0])
+    return Worlds(
+        variant=np.zeros(count, int), y=np.zeros((count, length)), good=np.zeros((count, length)),
+        held=np.zeros((count, arms, 3)), line=np.zeros((count, settings.delay[1] + 1, arms, 3)),
+        delay=np.zeros(count, int), tick=np.zeros(count, int), seed=np.zeros(count, int), noise=np.zeros(count),
+        offset=np.zeros((count, 3)), pause=np.ones(count, bool), row=np.zeros((count, 1, row)),
+        observation=np.zeros((count, OBSERVED), np.float32), reward=np.zeros(count), failed=np.zeros(count, bool),
+        over=np.zeros(count, bool),
+    )  # fmt: skip

@@ -63,9 +63,12 @@ def test_charts_of_a_tab_keep_one_time_axis_and_grow_finer_where_they_are_zoomed
 
     wait_until(lambda: all(0.3 < span < 0.8 for span in spans()), "all charts are zoomed")
     wait_until(lambda: page.page.evaluate(POINTS) > 100, "the zoomed part is finer")
-    first, *others = page.page.evaluate(RANGES)
-    for other in others:
-        assert other == pytest.approx(first, abs=0.02)
+
+    def together() -> bool:
+        first, *others = page.page.evaluate(RANGES)
+        return all(other == pytest.approx(first, abs=0.02) for other in others)
+
+    wait_until(together, "they show the same part")
     page.key("r")
     wait_until(lambda: page.snapshot.run_number == 2, "a new run")
     wait_until(lambda: all(abs(span - spans()[0]) < 0.02 for span in spans()), "still one axis")

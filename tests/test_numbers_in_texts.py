@@ -19,6 +19,7 @@ from flexlab.analysis.modes import modes
 from flexlab.analysis.pole_table import PoleRow
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY
 from flexlab.assets import presets_folder, web_assets_folder
+from flexlab.control.own_path_sampling import AGREED, TOLERATED
 from flexlab.physics.beam import beam_matrices
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import AdaptiveSlidingMode
@@ -197,6 +198,8 @@ def settling(preset: str) -> float:
 CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
     "README": (
         (r"pose accuracy of (\S+) µm", lambda: 1e6 * DEFAULT_ACCURACY),
+        (r"which is within (\S+) nm", lambda: 1e9 * AGREED),
+        (r"\((\S+) µm where its acceleration jumps", lambda: 1e6 * TOLERATED),
         (r"beam bends by (\S+) mm at its start", lambda: 1e3 * peak(run("paper"), "midspan_deflection", 0, 0.1)),
         (r"and by (\S+) mm in steady motion", lambda: bends("paper")),
         (r"the beam's (\S+) Hz with the naked eye", lambda: ring("paper")),

@@ -2,13 +2,11 @@
 
 import gc
 import logging
+import sys
+from contextlib import suppress
+from importlib import import_module
 
-import dateutil.parser
-import imageio.v3
-import PIL.Image
 import pyarrow  # type: ignore[import-untyped]
-import pyarrow.compute  # type: ignore[import-untyped]
-import rich.table
 
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset
@@ -16,8 +14,9 @@ from flexlab.server.child_processes import leave_interrupts_to_the_server
 from flexlab.server.labs import worker
 from flexlab.sim.world import World
 
-READ_LATE = (dateutil.parser, imageio.v3, pyarrow.compute, rich.table)
-"""What a lab's libraries read only when they draw or record: a third of its memory, half a second of its start."""
+READ_LATE = ("dateutil.parser", "imageio.v3", "PIL.Image", "pyarrow.compute", "rich.table")
+"""What a lab's libraries read only when they draw or record, if they are there: a third of its memory, half a second of its
+start."""
 LAB = worker
 """What it is all for."""
 
@@ -32,7 +31,11 @@ def _try_out() -> None:
 
 
 leave_interrupts_to_the_server()
-PIL.Image.init()
+for name in READ_LATE:
+    with suppress(ImportError):
+        import_module(name)
+if "PIL.Image" in sys.modules:
+    sys.modules["PIL.Image"].init()
 # With its first list pyarrow reads pandas, where that is installed.
 pyarrow.array([True])  # pyright: ignore[reportUnknownMemberType]
 _try_out()

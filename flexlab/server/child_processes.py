@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Generator
 from multiprocessing import forkserver, resource_tracker
@@ -16,6 +17,15 @@ if TYPE_CHECKING:
 
 LAB_PROGRAM = "flexlab.server.labs.preloaded"
 """What the process has read, and tried out once, from which labs are forked."""
+LONGEST_SOCKET = 107
+"""Bytes of a socket's path on Linux."""
+SOCKET_NAME = 40
+"""Bytes that Python's server of forks adds to the folder of temporary files: a folder of its own, and the socket's name."""
+
+
+def _forks() -> bool:
+    """Whether labs are forked: on Linux, where the folder of temporary files leaves room for the name of a socket."""
+    return sys.platform == "linux" and len(os.fsencode(tempfile.gettempdir())) + SOCKET_NAME <= LONGEST_SOCKET
 
 
 def lab_processes() -> "ForkServerContext | SpawnContext":
@@ -23,7 +33,7 @@ def lab_processes() -> "ForkServerContext | SpawnContext":
 
     Elsewhere forking is not safe (macOS) or not to be had (Windows): there each reads the program for itself.
     """
-    if sys.platform != "linux":
+    if not _forks():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([LAB_PROGRAM])
@@ -33,7 +43,7 @@ def lab_processes() -> "ForkServerContext | SpawnContext":
 def prepare_lab_processes() -> None:
     """Let the program of labs be read into memory, beside: the first visitor then waits no longer than the others."""
     lab_processes()
-    if sys.platform == "linux":
+    if _forks():
         with without_interrupt():
             forkserver.ensure_running()
 

@@ -293,8 +293,9 @@ class Runner:
         event = Event(world.time, command_text(command), command)
         begins_anew = world.apply(command, known, at_once)
         if isinstance(command, ChangeScenario):  # What is recorded must need no code of a person's own.
-            complete = replace(command, changes=with_table(command.changes, world.scenario.trajectory))
-            event = replace(event, command=complete)
+            complete = with_table(command.changes, world.scenario.trajectory)
+            if complete != command.changes:
+                event = replace(event, command=replace(command, changes=complete))
         self._report(event)
         self._block.forget()
         if begins_anew:

@@ -1,5 +1,6 @@
 """What a person sees who opens the server in a real browser."""
 
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -95,7 +96,9 @@ def test_a_deep_link_shows_its_preset_and_the_page_tells_when_the_lab_is_gone(
         assert urlsplit(page.url).path == "/lab/"
         wait_until(lambda: "A soft beam" in page.locator("body").inner_text(), "the panel names the preset")
         front_server.close()
-        page.get_by_text("The lab does not answer").wait_for(timeout=1000 * PATIENCE)
+        # Who looks while it closes is told that it is closed; who looks later gets no answer.
+        word = page.get_by_role("alert").filter(has_text=re.compile("The lab does not answer|closed"))
+        word.wait_for(timeout=1000 * PATIENCE)
         picture(page, "server-gone")
 
 

@@ -33,7 +33,8 @@ def test_two_ticks_of_every_law_and_integrator_are_those_of_the_machine_code():
             "simulation.step": step,
             "controller.control_period": period,
         }
-        for kind in laws()
+        for kind, law in laws().items()
+        if law.model.__module__.startswith("flexlab.control.laws.")  # Other tests may have added theirs.
         for integrator, step in STEPS.items()
         for period in ((None, 0.001) if kind != "lqr" else (0.001,))
     ]

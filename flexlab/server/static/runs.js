@@ -34,8 +34,8 @@ function sort(heading) {
   body.append(...rows);
 }
 
-const form = document.getElementById("compare");
-const compare = form.querySelector("button");
+const bar = document.getElementById("compare");
+const compare = bar.querySelector("button");
 const boxes = [...document.querySelectorAll("input[form=compare]")];
 const most = Number(compare.dataset.most);
 
@@ -45,14 +45,14 @@ function count() {
   compare.textContent = chosen ? `Compare ${chosen}` : "Compare";
   compare.title = chosen > most ? `At most ${most} runs can be compared at once` :
     chosen < 2 ? "Choose two runs or more in the table" : "";
-  for (const button of form.querySelectorAll("button[data-least]")) {
+  for (const button of bar.querySelectorAll("button[data-least]")) {
     button.disabled = chosen < 1;
     button.title = chosen ? "" : "Choose runs in the table";
   }
 }
 
 for (const box of boxes) box.addEventListener("change", count);
-form.addEventListener("keydown", (event) => {
+bar.addEventListener("keydown", (event) => {
   // Enter in a field of the bar means the button beside it, not the bar's first one.
   if (event.key !== "Enter" || event.target.tagName !== "INPUT") return;
   event.preventDefault();

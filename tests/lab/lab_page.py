@@ -40,7 +40,7 @@ DRAWN_SINCE = """(frame) => window.__viserMutable?.nodeRefFromName?.['/beam'] !=
   && window.__viserTestpoints.rendererInfo.render.frame > frame + 2"""
 MID_VERTEX = """() => {
   let found = null;
-  window.__viserMutable.nodeRefFromName['/beam'].traverse((node) => {
+  window.__viserMutable.nodeRefFromName['/beam']?.traverse((node) => {
     const position = node.geometry?.attributes?.position;
     if (position && found === null) { const i = Math.floor(position.count / 2);
       found = [position.getX(i), position.getY(i), position.getZ(i)]; } });
@@ -139,8 +139,8 @@ class LabPage:
         return self.page.locator("body").inner_text()
 
     def beam_vertex(self) -> list[float]:
-        """Where a vertex in the middle of the drawn beam is, m."""
-        return self.page.evaluate(MID_VERTEX)
+        """Where a vertex in the middle of the drawn beam is, m; a new run's beam is waited for."""
+        return self.page.wait_for_function(MID_VERTEX).json_value()
 
     def box(self, label: str) -> Locator:
         """The first number box with a label: both arms have the same ones."""

@@ -65,6 +65,8 @@ class Plots:
         missing = (now - newest) * TICK if newest >= 0 else window
         if missing > 0:
             samples = unbroken(runner, newest, missing, window)
+            if samples.joint_torque.shape[1] != len(scenario.arms):
+                return  # A run with other arms has begun since the snapshot: the next picture shows it.
             for chart in self._every():
                 chart.append(scenario, samples)
         if missing > 0 or opened != self._opened:

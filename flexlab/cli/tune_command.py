@@ -108,9 +108,4 @@ def _print(found: "Tuning") -> None:
 
 
 def _there(scenario: "Scenario", path: str) -> object:
-    from flexlab.errors import ScenarioError
-
-    try:
-        return scenario.get(path)
-    except ScenarioError:
-        return "–"
+    return scenario.get(path) if scenario.has(path) else "–"

@@ -14,6 +14,7 @@ from flexlab.lab.page_reports import PageReports
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.plots.plots import Plots
 from flexlab.lab.scene.scene import Scene
+from flexlab.lab.viser_internals import GuardedServer
 from flexlab.log_limits import limited
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
@@ -41,7 +42,7 @@ class RenderLoop:
 
     def __init__(
         self,
-        server: viser.ViserServer,
+        server: GuardedServer,
         runner: Runner,
         lab_state: LabState,
         scene: Scene,
@@ -102,7 +103,8 @@ class RenderLoop:
         self._reports.show_run(snapshot.run_number)
         self._cameras.follow(snapshot)
         if readouts:
-            self._panel.update(snapshot, self._scene.legend(view))
-            for readout in self._readouts:
-                readout.update(snapshot)
+            with self._server.inputs:
+                self._panel.update(snapshot, self._scene.legend(view))
+                for readout in self._readouts:
+                    readout.update(snapshot)
             self._plots.update(self._runner, snapshot, view, self._lab_state.kept, self._reports.open_charts())

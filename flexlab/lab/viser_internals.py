@@ -6,7 +6,7 @@ import socket
 import threading
 from collections.abc import Awaitable, Callable, Collection, Iterator
 from contextlib import contextmanager
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import viser
 import websockets.asyncio.server
@@ -48,12 +48,27 @@ class GuardedServer(viser.ViserServer):
         """`largest_message`: bytes that a browser may send at once; more ends its connection. `script` runs in the page."""
         self._check = check
         connection = functools.partial(_GuardedConnection, self)
+        self.inputs = threading.RLock()
+        """Held while what a person set is taken up; who writes to widgets by itself holds it too, see `_take_up_whole`."""
         with _serving_on(plug, admission, connection, largest_message, f"<script>{script}</script>".encode()):
             super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label=label, verbose=False)
+        self._take_up_whole()
 
     async def verdict(self, connection: ServerConnection, raw: Any) -> Verdict:
         """What becomes of a message that came over a connection."""
         return await self._check(client_of(self, connection), raw)
+
+    def _take_up_whole(self) -> None:
+        """Let nobody write to a widget between a person's value there and the callback that reads it: it would be lost."""
+        (take_up,) = self._websock_server._incoming_handlers[_messages.GuiUpdateMessage]
+
+        async def alone(client: int, message: Any) -> None:
+            # viser's handler and our callbacks never give way to another task, so the loop cannot stop on its own lock.
+            with self.inputs:
+                await cast(Awaitable[None], take_up(client, message))
+
+        self._websock_server.unregister_handler(_messages.GuiUpdateMessage)
+        self._websock_server.register_handler(_messages.GuiUpdateMessage, alone)
 
     def stop(self) -> None:
         """Close the page. Browsers get a goodbye; one that does not read it is not waited for."""

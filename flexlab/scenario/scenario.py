@@ -162,6 +162,15 @@ class Scenario(Part):
             value = getattr(value, name)
         return value
 
+    def has(self, path: str) -> bool:
+        """Whether there is a field at a dotted path: parts of one kind have what others lack."""
+        value: Any = self
+        for name in path.split("."):
+            if not isinstance(value, BaseModel) or name not in type(value).model_fields:
+                return False
+            value = getattr(value, name)
+        return True
+
     def about(self, path: str) -> Quantity:
         """Title, symbol, unit and range of the field at a dotted path."""
         *parents, name = path.split(".")

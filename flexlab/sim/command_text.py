@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-from flexlab.errors import ScenarioError
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import (
     ChangeScenario,
@@ -67,10 +66,10 @@ def _change_text(path: str, value: Any) -> str:
         return f"{TEXTS[path]}, {len(value.splitlines())} lines"
     if path == "trajectory" and isinstance(value, Mapping):
         return f"Path {value.get('kind', '')}"
-    try:
-        about = Scenario().about(path)
-    except ScenarioError:
+    usual = Scenario()
+    if not usual.has(path):
         return f"{path} = {_value_text(value)}"
+    about = usual.about(path)
     return f"{about.title} {about.symbol} = {_value_text(value)}{about.unit_text()}".replace("  ", " ")
 
 

@@ -1,8 +1,10 @@
 """What the lab relies on in viser without viser promising it. A failure here says what to look at after an update."""
 
 import re
+import threading
 import types
 import typing
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -94,3 +96,31 @@ def test_clients_widgets_commands_and_nodes_are_found(session: Session) -> None:
             "viser names the places of batched meshes otherwise (scene_instances)"
         )
         browser.send(CAMERA)
+
+
+def test_a_click_is_not_lost_to_a_picture_that_is_drawn_meanwhile(session: Session) -> None:
+    """Between viser's taking a value and our reading of it, the drawing thread must not write the old one back."""
+    for label, value, there in (
+        ("Trail of the payload", True, lambda: session.lab_state.view.trail),
+        ("Bending stiffness EI (N·m²)", 321.0, lambda: session.lab_state.intended.payload.bending_stiffness == 321.0),
+        ("Speed", "1/16 ×", lambda: session.runner.snapshot.target_speed == 1 / 16),
+    ):
+        handle = widget(session, label)
+        drawn, panel = threading.Event(), session._drawing._panel
+        update = panel.update
+
+        def seen(*arguments: typing.Any, update: Callable[..., None] = update, drawn: threading.Event = drawn) -> None:
+            update(*arguments)
+            drawn.set()
+
+        async def dawdle(_: typing.Any, drawn: threading.Event = drawn) -> None:
+            for _ in range(2):
+                drawn.clear()
+                drawn.wait(0.3)
+
+        panel.update = seen
+        handle._impl.update_cb.insert(0, dawdle)
+        with RawBrowser(session) as browser:
+            browser.update(handle, {"value": value})
+            wait_until(there, f"{label} is taken")
+        handle._impl.update_cb.remove(dawdle)

@@ -14,7 +14,7 @@ from flexlab.analysis.figures import BLUE, FORMATS, GRAY, RESOLUTION, STYLE, VER
 from flexlab.analysis.metrics import METRICS, Column
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.result import Sweep
-from flexlab.errors import ScenarioError, StudyError
+from flexlab.errors import StudyError
 from flexlab.recording.store.notes import replacing
 
 SIZE = (6.0, 4.2)
@@ -199,9 +199,8 @@ def _color_scale(values: np.ndarray) -> Normalize:
 
 
 def _label(sweep: Sweep, axis: Axis) -> str:
-    try:
-        about = sweep.plan.scenario.about(axis.path)
-    except ScenarioError:
+    if not sweep.plan.scenario.has(axis.path):
         return axis.path
+    about = sweep.plan.scenario.about(axis.path)
     symbol = f", {about.symbol}" if about.symbol else ""
     return f"{about.title}{symbol}{f' ({about.unit})' if about.unit not in ('', '1') else ''}"

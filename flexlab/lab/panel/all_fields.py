@@ -9,7 +9,6 @@ from flexlab.control.path import Trajectory
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.choice import Choice
 from flexlab.lab.panel.numeric_field import NumericField
-from flexlab.lab.panel.sections import has
 from flexlab.quantities import Part, describe, own_numbers
 from flexlab.scenario import Scenario
 from flexlab.sim.target import build_trajectory, desired_at
@@ -94,7 +93,7 @@ CHOSEN = ("simulation.integrator", "left_arm.elbow", "right_arm.elbow")
 
 def present(scenario: Scenario, group: Group) -> tuple[str, ...]:
     """The paths of a group that this scenario has: a law has gains of its own, and not every machine a right arm."""
-    return tuple(path for path in _expanded(scenario, group) if has(scenario, path))
+    return tuple(path for path in _expanded(scenario, group) if scenario.has(path))
 
 
 def _expanded(scenario: Scenario, group: Group) -> Iterator[str]:
@@ -125,6 +124,7 @@ class Details:
         self._folder = gui.add_folder(group.title, expand_by_default=False)
         self._fields: list[NumericField | Choice] = []
         self._built_for: tuple[str, ...] | None = None
+        self._followed: Scenario | None = None
         self._follow(lab_state.intended)
 
     def settle(self, scenario: Scenario) -> None:
@@ -140,6 +140,9 @@ class Details:
             field.show(scenario)
 
     def _follow(self, scenario: Scenario) -> None:
+        if scenario is self._followed:
+            return
+        self._followed = scenario
         paths = present(scenario, self._group)
         if paths == self._built_for:
             return

@@ -4,7 +4,6 @@ from typing import Any
 
 import viser
 
-from flexlab.errors import ScenarioError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import NumberControl, Scale
 from flexlab.lab.panel.text import number
@@ -51,10 +50,8 @@ class Field:
 
     def _usual(self) -> float:
         """The preset's value; where the preset has no such field (another control law), the present one."""
-        try:
-            return self._read(self._lab_state.baseline)
-        except ScenarioError:
-            return self._read(self._lab_state.intended)
+        baseline = self._lab_state.baseline
+        return self._read(baseline if baseline.has(self._path) else self._lab_state.intended)
 
     def _read(self, scenario: Scenario) -> float:
         value = scenario.get(self._path)

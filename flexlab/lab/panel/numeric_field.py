@@ -8,7 +8,7 @@ from typing import Any
 
 import viser
 
-from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.field import LIVE_HINTS
 from flexlab.lab.panel.number_control import BOX_DIGITS, READING_TIME, SETTLE_TIME, put
@@ -81,10 +81,8 @@ class NumericField:
 
     def _usual(self) -> Numbers:
         """The preset's value; where the preset has no such field (another control law), the present one."""
-        try:
-            return self._read(self._lab_state.baseline)
-        except ScenarioError:
-            return self._read(self._lab_state.intended)
+        baseline = self._lab_state.baseline
+        return self._read(baseline if baseline.has(self._path) else self._lab_state.intended)
 
     def _show(self, scenario: Scenario) -> None:
         value = self._read(scenario)

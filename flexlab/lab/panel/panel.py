@@ -50,6 +50,7 @@ class Panel:
         self._lab_state, self._recording = lab_state, recording
         self._run_number = lab_state.snapshot.run_number
         self._last_event: Event | None = None
+        self._told: Scenario | None = None
         gui.add_html(style_element())
         self._notices = gui.add_html("")
         self._status = gui.add_html("")
@@ -93,8 +94,7 @@ class Panel:
         self._ring.update()
         self._comparing.update(snapshot)
         self._filing.update(snapshot)
-        note = three_valued(lab_state.intended)
-        put(self._note, content=f'<div class="fl fl-dim">{escaped(note)}</div>', visible=bool(note))
+        self._tell_three_valued(lab_state.intended)
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
             self._viewing.show()
@@ -105,6 +105,11 @@ class Panel:
             self._touching.settle()
             for section in self._sections:
                 section.settle(lab_state.intended)
+
+    def _tell_three_valued(self, scenario: Scenario) -> None:
+        if scenario is not self._told:
+            self._told, note = scenario, three_valued(scenario)
+            put(self._note, content=f'<div class="fl fl-dim">{escaped(note)}</div>', visible=bool(note))
 
     def _keys(self, present: Callable[[viser.ClientHandle], None]) -> list[Key]:
         lab_state, drive = self._lab_state, self._drive

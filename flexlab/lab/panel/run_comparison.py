@@ -6,7 +6,7 @@ import threading
 import viser
 
 from flexlab.analysis.metrics import MetricRow
-from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.text import escaped, number
 from flexlab.lab.reference_run import LONGEST, Recorded, ReferenceRun, common_metrics, differences, keep_run, whole_run
@@ -132,10 +132,9 @@ def field_name(scenario: Scenario, path: str) -> str:
     """A field in the words of the screen, with its unit, as HTML."""
     if path.endswith(".kind"):
         return escaped(path.removesuffix(".kind").replace(".", " "))
-    try:
-        about = scenario.about(path)
-    except ScenarioError:
+    if not scenario.has(path):
         return escaped(path)
+    about = scenario.about(path)
     unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
     return escaped(f"{about.title} {about.symbol}{unit}")
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import viser
 
 from flexlab.control.conditions import Condition
-from flexlab.errors import ScenarioError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.choice import Choice
 from flexlab.lab.panel.field import Field
@@ -69,15 +68,6 @@ def _walk(part: Part, path: str) -> Iterator[Entry]:
             yield from _components(inner, about, value)
 
 
-def has(scenario: Scenario, path: str) -> bool:
-    """Whether a scenario has a field at a dotted path: parts of one kind have what others lack."""
-    try:
-        scenario.get(path)
-    except ScenarioError:
-        return False
-    return True
-
-
 def _components(path: str, about: Quantity, value: object) -> Iterator[Entry]:
     """One entry, or one per component when the title lists them, as in "Amplitude (x, y, θ)"."""
     listed = re.fullmatch(r"(.*) \((.+,.+)\)", about.title)
@@ -102,14 +92,14 @@ class Section:
         self._noted: viser.GuiHtmlHandle | None = None
         self._folder = gui.add_folder(title)
         self._built_for: list[Entry] | None = None
+        self._followed: Scenario | None = None
         self._fields: list[Field] = []
         self._choices: list[Choice] = []
         self._build(lab_state.intended)
 
     def settle(self, scenario: Scenario) -> None:
         """Follow the scenario, leaving alone what a person is at."""
-        if entries(scenario, self._path) != self._built_for:
-            self._build(scenario)
+        self._follow(scenario)
         for choice in self._choices:
             choice.show(scenario)
         for field in self._fields:
@@ -118,18 +108,22 @@ class Section:
 
     def show(self, scenario: Scenario) -> None:
         """Show the scenario in every field, at once."""
-        if entries(scenario, self._path) != self._built_for:
-            self._build(scenario)
+        self._follow(scenario)
         for choice in self._choices:
             choice.show(scenario)
         for field in self._fields:
             field.show(scenario)
 
+    def _follow(self, scenario: Scenario) -> None:
+        if scenario is not self._followed and entries(scenario, self._path) != self._built_for:
+            self._build(scenario)
+        self._followed = scenario
+
     def _build(self, scenario: Scenario) -> None:
         for widget in (*self._fields, *self._choices):
             widget.remove()
         self._built_for = entries(scenario, self._path)
-        chosen = [path for path in CHOSEN if self._path and path.startswith(f"{self._path}.") and has(scenario, path)]
+        chosen = [path for path in CHOSEN if self._path and path.startswith(f"{self._path}.") and scenario.has(path)]
         with self._folder:
             self._choices = [Choice(self._gui, self._lab_state, path) for path in chosen]
             self._fields = [Field(self._gui, self._lab_state, *entry) for entry in self._built_for]

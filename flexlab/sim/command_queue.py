@@ -43,15 +43,24 @@ class CommandQueue:
         self._lock = threading.Lock()
         self._waiting: list[Command] = []
         self._refused = 0
+        self._count = 0
 
-    def put(self, command: Command) -> None:
-        """Add a command; what it supersedes goes."""
+    def put(self, command: Command) -> int:
+        """Add a command; what it supersedes goes. How many commands have come, with this one."""
         with self._lock:
+            self._count += 1
             waiting = with_command(self._waiting, command)
             if len(waiting) > MOST_WAITING:
                 self._refused += 1
             else:
                 self._waiting = waiting
+            return self._count
+
+    @property
+    def count(self) -> int:
+        """How many commands have come."""
+        with self._lock:
+            return self._count
 
     def take(self, new_runs: bool = True) -> list[tuple[Command, ...]]:
         """All that waits, in the groups of `grouped`; with `new_runs` False only what stands before the first new run."""

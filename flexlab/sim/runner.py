@@ -89,7 +89,7 @@ class Runner:
         self._thread: threading.Thread | None = None
         self._run_number = 0
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
-        self._dropped = 0
+        self._dropped = self._answered = 0
         self._pacing = Pacing()
         self._pacing.playing = playing
         world = World(scenario if origin is not None else scenario.anew())
@@ -120,15 +120,17 @@ class Runner:
             self._thread.join(STOP_PERIOD)
         self._end()
 
-    def submit(self, command: Command) -> None:
+    def submit(self, command: Command) -> int:
         """Queue a command; it takes effect at the head of the runner's next frame. Invalid ones become error events.
 
-        Commands of one frame that supersede one another are merged (see `command_queue`).
+        Commands of one frame that supersede one another are merged (see `command_queue`). Its number: a snapshot whose
+        `answered` is at least that shows what became of it.
         """
-        self._commands.put(command)
+        number = self._commands.put(command)
         self._news.set()
         if isinstance(command, (LoadScenario, Reset)):
             self._world.interrupt()  # What it still computes, nobody will see.
+        return number
 
     def release(self, run_number: int) -> None:
         """Let a run go on that waits at its first instant; for another one this means nothing. Any thread."""
@@ -412,6 +414,9 @@ class Runner:
 
     def _publish(self, wall: float) -> None:
         world, latest = self._world, self._latest
+        come = self._commands.count
+        if self._commands.is_empty and self._preparation.current is None:
+            self._answered = come
         # Drawn one tick late, so that in slow motion there is always a sample on either side to draw between.
         fraction = (self._pacing.target(wall) - float(latest.time[0])) / TICK if self._pacing.runs else 1.0
         self._snapshot = Snapshot(
@@ -432,4 +437,5 @@ class Runner:
             waiting=self._pacing.waiting,
             accuracy_warning=world.accuracy_warning,
             pace_warning=self._pace_warning,
+            answered=self._answered,
         )

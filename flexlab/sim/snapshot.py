@@ -56,3 +56,5 @@ class Snapshot:
     """Since when and why the run's results are no longer accurate, a sentence; empty: they are."""
     pace_warning: str = ""
     """As `World.pace_warning`: what makes the run slower than real time, and what to change."""
+    answered: int = 0
+    """The last command, by the number that `Runner.submit` gave it, that was carried out or refused; all before it were."""

@@ -1,17 +1,19 @@
 """The way back is complete: from any scenario to any other and back again."""
 
+import time
 from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lab_page import wait_until
 
 from flexlab.lab import undo
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import Pull
+from flexlab.sim.commands import ChangeScenario, Pull
 from flexlab.sim.runner import Runner
 from flexlab.sim.world import World
 from flexlab.sim.world_state import Origin
@@ -111,3 +113,30 @@ def test_a_lab_that_goes_on_lets_go_of_what_was_pulled() -> None:
     runner.frame()
     assert [event.text for event in runner.snapshot.events][-1] == "Let go of link 2 of the left arm"
     assert runner.snapshot.latest.time[0] == pytest.approx(0.1)
+
+
+def test_what_was_asked_for_stands_until_the_engine_has_answered() -> None:
+    """However long it takes: the controls neither jump back meanwhile, nor is there nothing to undo."""
+    runner = Runner(PAPER, "paper", playing=False)
+    lab_state = LabState(runner)
+    lab_state.change({"payload.bending_stiffness": 50.0})
+    time.sleep(1.1)
+    lab_state.settle(runner.snapshot)
+    assert lab_state.intended.payload.bending_stiffness == 50.0
+    wait_until(lambda: runner.frame() or runner.snapshot.scenario != PAPER, "the change is carried out")
+    lab_state.settle(runner.snapshot)
+    lab_state.undo()
+    assert lab_state.intended == PAPER
+    before = runner.snapshot
+    runner.frame()
+    lab_state.settle(before)
+    assert lab_state.intended == PAPER, "an older snapshot knows nothing of the undo"
+
+
+def test_what_somebody_else_changes_is_followed() -> None:
+    runner = Runner(PAPER, "paper", playing=False)
+    lab_state = LabState(runner)
+    runner.submit(ChangeScenario({"gravity": 3.0}))
+    runner.frame()
+    lab_state.settle(runner.snapshot)
+    assert lab_state.intended.gravity == 3.0

@@ -4,7 +4,6 @@ import re
 import threading
 import types
 import typing
-from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -98,29 +97,30 @@ def test_clients_widgets_commands_and_nodes_are_found(session: Session) -> None:
         browser.send(CAMERA)
 
 
-def test_a_click_is_not_lost_to_a_picture_that_is_drawn_meanwhile(session: Session) -> None:
+def test_a_click_is_not_lost_to_a_picture_that_is_drawn_meanwhile(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Between viser's taking a value and our reading of it, the drawing thread must not write the old one back."""
-    for label, value, there in (
+    drawn, panel = threading.Event(), session._drawing._panel  # type: ignore[union-attr]
+    update = panel.update
+
+    def seen(*arguments: typing.Any) -> None:
+        update(*arguments)
+        drawn.set()
+
+    async def dawdle(_: typing.Any) -> None:
+        for _ in range(2):
+            drawn.clear()
+            drawn.wait(0.3)
+
+    monkeypatch.setattr(panel, "update", seen)
+    for label, value, taken in (
         ("Trail of the payload", True, lambda: session.lab_state.view.trail),
         ("Bending stiffness EI (N·m²)", 321.0, lambda: session.lab_state.intended.payload.bending_stiffness == 321.0),
         ("Speed", "1/16 ×", lambda: session.runner.snapshot.target_speed == 1 / 16),
     ):
         handle = widget(session, label)
-        drawn, panel = threading.Event(), session._drawing._panel
-        update = panel.update
-
-        def seen(*arguments: typing.Any, update: Callable[..., None] = update, drawn: threading.Event = drawn) -> None:
-            update(*arguments)
-            drawn.set()
-
-        async def dawdle(_: typing.Any, drawn: threading.Event = drawn) -> None:
-            for _ in range(2):
-                drawn.clear()
-                drawn.wait(0.3)
-
-        panel.update = seen
         handle._impl.update_cb.insert(0, dawdle)
         with RawBrowser(session) as browser:
             browser.update(handle, {"value": value})
-            wait_until(there, f"{label} is taken")
-        handle._impl.update_cb.remove(dawdle)
+            wait_until(taken, f"{label} is taken", 20)

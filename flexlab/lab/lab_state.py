@@ -19,7 +19,7 @@ from flexlab.log_limits import limited
 from flexlab.physics.plant import ON_BEAM, Hand
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pull, Reset
+from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pause, Play, Pull, Reset, SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 from flexlab.sim.target import change_path
@@ -58,6 +58,7 @@ class LabState:
         self._run_number = snapshot.run_number
         self._undo = Undo()
         self._asked = 0
+        self._asked_play, self._asked_speed = (0, False), (0, 1.0)
         self._notice = Notice("")
         self._pull: Pull | None = None
         self.kept: ReferenceRun | None = None
@@ -89,6 +90,18 @@ class LabState:
     def name(self) -> str:
         """Name of the preset or file that the scenario came from."""
         return self._settings.name
+
+    @property
+    def playing(self) -> bool:
+        """Whether time runs, or will as soon as the engine has answered the last request."""
+        (number, wanted), snapshot = self._asked_play, self.snapshot
+        return wanted if snapshot.answered < number else snapshot.playing
+
+    @property
+    def target_speed(self) -> float:
+        """Simulated seconds per wall second as last asked for."""
+        (number, wanted), snapshot = self._asked_speed, self.snapshot
+        return wanted if snapshot.answered < number else snapshot.target_speed
 
     @property
     def changed(self) -> bool:
@@ -156,9 +169,14 @@ class LabState:
 
     def submit(self, command: Command) -> None:
         """Pass on any other command."""
-        if isinstance(command, Reset):
-            self._pull = None
-        self._ask(command)
+        with self._lock:
+            if isinstance(command, Reset):
+                self._pull = None
+            self._ask(command)
+            if isinstance(command, Play | Pause):
+                self._asked_play = (self._asked, isinstance(command, Play))
+            elif isinstance(command, SetSpeed):
+                self._asked_speed = (self._asked, command.speed)
 
     def pull(self, pull: Pull | None) -> None:
         """Pull beam or link, or let go (None)."""

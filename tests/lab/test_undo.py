@@ -13,7 +13,7 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import ChangeScenario, Pull
+from flexlab.sim.commands import ChangeScenario, Pause, Play, Pull, SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.world import World
 from flexlab.sim.world_state import Origin
@@ -140,3 +140,19 @@ def test_what_somebody_else_changes_is_followed() -> None:
     runner.frame()
     lab_state.settle(runner.snapshot)
     assert lab_state.intended.gravity == 3.0
+
+
+def test_requests_in_quick_succession_build_on_one_another() -> None:
+    """Two keys may come within one frame of the engine, which then has answered neither."""
+    runner = Runner(PAPER, "paper", playing=False)
+    lab_state = LabState(runner)
+    for expected in (True, False, True):
+        lab_state.submit(Pause() if lab_state.playing else Play())
+        assert lab_state.playing is expected
+    for expected in (0.5, 0.25):
+        lab_state.submit(SetSpeed(lab_state.target_speed / 2))
+        assert lab_state.target_speed == expected
+    runner.frame()
+    assert runner.snapshot.playing
+    assert lab_state.playing
+    assert runner.snapshot.target_speed == lab_state.target_speed == 0.25

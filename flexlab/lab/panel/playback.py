@@ -70,7 +70,7 @@ class Playback:
         if now - self._toggled_at < SAME_PRESS:
             return
         self._toggled_at = now
-        self._lab_state.submit(Pause() if self._lab_state.snapshot.playing else Play())
+        self._lab_state.submit(Pause() if self._lab_state.playing else Play())
 
     def reset(self) -> None:
         """A new run with the same settings."""
@@ -83,7 +83,7 @@ class Playback:
 
     def faster(self, by: float) -> None:
         """Multiply the speed, as far as the menu goes."""
-        speed = self._lab_state.snapshot.target_speed * by
+        speed = self._lab_state.target_speed * by
         self._lab_state.submit(SetSpeed(min(max(speed, SPEEDS[-1]), SPEEDS[0])))
 
     def _set_speed(self, choice: str) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import math
 import threading
 import time
 from collections.abc import Callable, Coroutine, Mapping
@@ -63,6 +64,8 @@ class LabState:
         self._pull: Pull | None = None
         self.kept: ReferenceRun | None = None
         """The run that is drawn behind the present one."""
+        self.touched_at = -math.inf
+        """When a person last did anything with a control, monotonic s."""
         self.lesson = ""
         """The lesson that is open, and how far it is, in words; empty: none."""
         self._view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
@@ -285,6 +288,7 @@ def handler(lab_state: LabState, action: Callable[[Any], None]) -> Callable[[Any
     async def callback(event: Any) -> None:
         if event.client is None:
             return
+        lab_state.touched_at = time.monotonic()
         try:
             action(event)
         except FlexlabError as error:

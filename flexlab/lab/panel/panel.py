@@ -1,5 +1,6 @@
 """The control panel: what a person can change, and what the lab says about the run."""
 
+import time
 from collections.abc import Callable
 
 import viser
@@ -11,7 +12,7 @@ from flexlab.lab.panel.disturbance_settings import DisturbanceSettings
 from flexlab.lab.panel.events import Events
 from flexlab.lab.panel.keys import Key, add_keys
 from flexlab.lab.panel.mode_table import ModePanel
-from flexlab.lab.panel.number_control import put
+from flexlab.lab.panel.number_control import READING_TIME, SETTLE_TIME, put
 from flexlab.lab.panel.playback import Playback
 from flexlab.lab.panel.preset_menu import Presets
 from flexlab.lab.panel.readouts import notices_html, status_html
@@ -51,6 +52,7 @@ class Panel:
         self._run_number = lab_state.snapshot.run_number
         self._last_event: Event | None = None
         self._told: Scenario | None = None
+        self._settled: tuple[Scenario | None, Scenario | None] = (None, None)
         gui.add_html(style_element())
         self._notices = gui.add_html("")
         self._status = gui.add_html("")
@@ -60,9 +62,9 @@ class Panel:
         with tabs.add_tab("Parameters"):
             self._note = gui.add_html("", visible=False)
             notes = {"controller": lambda: conditions_html(study.conditions)}
-            self._sections: list[Section | Details] = [
-                Section(gui, lab_state, title, path, notes.get(path)) for title, path in SECTIONS
-            ]
+            sections = {path: Section(gui, lab_state, title, path, notes.get(path)) for title, path in SECTIONS}
+            self._noted = sections["controller"]
+            self._sections: list[Section | Details] = list(sections.values())
             self._sections += [Details(gui, lab_state, group) for group in GROUPS]
         with tabs.add_tab("View"):
             self._viewing = ViewControls(gui, lab_state, look)
@@ -103,8 +105,18 @@ class Panel:
         else:
             self._viewing.settle()
             self._touching.settle()
+            self._settle_sections()
+
+    def _settle_sections(self) -> None:
+        """Let the fields follow the scenario; most of the time nothing has moved it, nor is a typed value to be taken back."""
+        lab_state = self._lab_state
+        scenarios = lab_state.intended, lab_state.baseline
+        still = all(new is old for new, old in zip(scenarios, self._settled, strict=True))
+        if not still or time.monotonic() - lab_state.touched_at < READING_TIME + SETTLE_TIME:
+            self._settled = scenarios
             for section in self._sections:
                 section.settle(lab_state.intended)
+        self._noted.write_note()
 
     def _tell_three_valued(self, scenario: Scenario) -> None:
         if scenario is not self._told:

@@ -104,7 +104,6 @@ class Section:
             choice.show(scenario)
         for field in self._fields:
             field.settle(scenario)
-        self._write_note()
 
     def show(self, scenario: Scenario) -> None:
         """Show the scenario in every field, at once."""
@@ -132,7 +131,8 @@ class Section:
                     self._noted.remove()
                 self._noted = self._gui.add_html(self._note())
 
-    def _write_note(self) -> None:
+    def write_note(self) -> None:
+        """Bring the note below the fields up to date."""
         if self._note is not None and self._noted is not None:
             put(self._noted, content=self._note())
 

@@ -30,6 +30,8 @@ LEARNING_ORDER = (
     "fast-adaptation",
     "weak-feedback",
     "vibration-damping",
+    "composite",
+    "lqr",
     "gravity",
     "single-arm",
 )

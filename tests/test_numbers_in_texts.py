@@ -191,6 +191,11 @@ def left_after(shaper: str, frequency: float | None = None) -> float:
     return 1e3 * run_metrics(shaped(shaper, frequency)).residual_vibration[0]
 
 
+def jumps(of: Run) -> float:
+    """How much joint torques change from one millisecond to the next, N·m (RMS)."""
+    return torque_jump(between(of, 0.5, 1.0), 0.001)
+
+
 def settling(preset: str) -> float:
     return metrics(preset).settling_time
 
@@ -235,6 +240,19 @@ CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
         (r"within (\S+) s", lambda: settling("vibration-damping")),
         (r"instead of (\S+) s", lambda: settling("paper")),
         (r"bending of (\S+) mm", lambda: bends("vibration-damping")),
+    ),
+    "composite": (
+        (r"within (\S+) s", lambda: settling("composite")),
+        (r"no more than without damping, (\S+) N·m \(RMS\)", lambda: jumps(run("composite"))),
+        (r"make them jump by (\S+) N·m", lambda: jumps(real(MEASURED))),
+    ),
+    "lqr": (
+        (r"path by (\S+) mm", lambda: 1e3 * peak(run("lqr"), "tracking_error", 0, 3, slice(2))),
+        (r"instead of (\S+) mm", lambda: 1e3 * peak(run("paper"), "tracking_error", 0, 3, slice(2))),
+        (r"within (\S+) s", lambda: settling("lqr")),
+        (r"s instead of (\S+) s", lambda: settling("paper")),
+        (r"up to (\S+) N·m", lambda: float(np.abs(run("lqr").joint_torque).max())),
+        (r"N·m instead of (\S+) N·m", lambda: float(np.abs(run("paper").joint_torque).max())),
     ),
     "gravity": (
         (r"sag of (\S+) mm", lambda: 1e3 * sag()),
@@ -319,9 +337,9 @@ CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
         (r"takes (\S+) s", lambda: settling("paper")),
         (r"with it: (\S+) s", lambda: settling("vibration-damping")),
         (r"the ring, within (\S+) s", lambda: run_metrics(real(MEASURED)).settling_time),
-        (r"jump by (\S+) N·m \(RMS\) per", lambda: torque_jump(between(real(MEASURED), 0.5, 1.0), 0.001)),
+        (r"jump by (\S+) N·m \(RMS\) per", lambda: jumps(real(MEASURED))),
         (r"torque acts: (\S+) s again", lambda: run_metrics(real(OBSERVED)).settling_time),
-        (r"change by (\S+) N·m \(RMS\) per", lambda: torque_jump(between(real(OBSERVED), 0.5, 1.0), 0.001)),
+        (r"change by (\S+) N·m \(RMS\) per", lambda: jumps(real(OBSERVED))),
         (r"grows by (\S+) %", lambda: worse("vibration-damping", 0, 3)),
         (r"peaks at (\S+) N·m", lambda: moment("vibration-damping")),
         (r"instead of (\S+) N·m", lambda: moment("paper")),
@@ -459,7 +477,7 @@ def test_words_for_numbers():
     assert "within half a second" in TEXTS["9-keys-and-tips"]
     assert 0.4 < settling("paper") < 0.5
     assert "as much as in `paper`" in TEXTS["6-vibration"]
-    assert torque_jump(between(run("paper"), 0.5, 1.0), 0.001) == pytest.approx(0.75, abs=0.01)
+    assert jumps(run("paper")) == pytest.approx(0.75, abs=0.01)
     assert "At a ratio of 0.01 % already nothing grows" in TEXTS["8-spillover"]
     assert grows((*UNDAMPED_OBSERVED, ("payload.damping.ratio", 1e-4))).verdict == "decays"
     assert grows(UNDAMPED_OBSERVED).origin == "beam mode 5"

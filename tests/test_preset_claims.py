@@ -102,6 +102,24 @@ def test_slow_adaptation_changes_little():
     assert 0.01 < np.abs(change).max() < 0.015
 
 
+def test_composite_damps_as_with_exact_rates_and_no_delay():
+    scenario = load_preset("composite")
+    assert scenario.controller.input_delay * scenario.controller.control_period == 0.001
+    assert scenario.controller.sensor_noise.strain > 0
+    kept = {"payload", "trajectory", "initial", "left_arm", "right_arm"}
+    assert scenario.model_dump(include=kept) == load_preset("vibration-damping").model_dump(include=kept)
+    composite, exact, paper = run("composite"), run("vibration-damping"), run("paper")
+    later = [peak(each, each.vibration, 0.13, 0.4) for each in (composite, exact, paper)]
+    assert later[0] < 1.2 * later[1] < 0.1 * later[2]
+
+
+def test_lqr_trades_torque_for_error_and_ring():
+    lqr, paper = run("lqr"), run("paper")
+    assert peak(lqr, lqr.vibration, 0.1, 0.4) < 0.1 * peak(paper, paper.vibration, 0.1, 0.4)
+    assert peak(lqr, lqr.tracking_error, 0, 3)[:2].max() < 0.7 * peak(paper, paper.tracking_error, 0, 3)[:2].max()
+    assert np.abs(lqr.joint_torque).max() > 2 * np.abs(paper.joint_torque).max()
+
+
 def test_gravity_sags_and_rings():
     gravity = run("gravity")
     payload = load_preset("gravity").payload

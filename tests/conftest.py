@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from browser_window import SOFTWARE_RENDERING
 from get_browser import find_browser
+from hypothesis import settings
 from lab_process import Lab
 from playwright.sync_api import Browser, sync_playwright
 from workers import is_of_browser, pytest_cmdline_main, pytest_xdist_make_scheduler
@@ -20,6 +21,9 @@ from flexlab.cli import main
 from flexlab.cli.console import notes, output
 
 __all__ = ["pytest_cmdline_main", "pytest_xdist_make_scheduler"]
+
+settings.register_profile("flexlab", deadline=None)  # A busy machine takes its time.
+settings.load_profile("flexlab")
 
 ROOT = Path(__file__).resolve().parent.parent
 

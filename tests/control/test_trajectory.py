@@ -23,7 +23,7 @@ from flexlab.sim.world import World
 three = st.tuples(*[st.floats(-3, 3)] * 3)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(center=three, amplitude=three, phase=three, frequency=st.tuples(*[st.floats(0, 5)] * 3), t=st.floats(0, 20))
 def test_rates_are_the_derivatives_of_the_motion(center, amplitude, phase, frequency, t):
     """x_d = center + amplitude sin(2πft + phase); ẋ_d and ẍ_d by differences; equal and unequal frequencies."""

@@ -61,7 +61,7 @@ def test_the_line_is_finer_where_it_is_zoomed_into(seen: tuple[float, float], wo
     assert len(shown) < 6 * STRETCHES
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.lists(st.integers(1, 400), min_size=1, max_size=30),
     st.sampled_from([0.1, 0.5, 2.0, 5.0, 30.0]),

@@ -26,7 +26,7 @@ def with_stiffness(value: float) -> Settings:
     return Settings(PAPER.replace({"payload.bending_stiffness": value}), "paper", PAPER)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.sampled_from(NAMES), st.sampled_from(NAMES))
 def test_changes_lead_from_any_preset_to_any_other(start: str, goal: str) -> None:
     present, wanted = load_preset(start), load_preset(goal)

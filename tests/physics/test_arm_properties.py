@@ -43,7 +43,7 @@ def test_arm_inertia_is_symmetric_and_positive_definite(seed: int):
 THREE = st.tuples(*[st.floats(-100, 100)] * 3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 5), u=THREE, rate=THREE)
 def test_joint_torques_do_the_work_of_the_task_input(seed: int, u, rate):
     """u = 𝒥ᵀτ both ways, and τ·θ̇ = u·ẋ: the same power through the joints and through the grip."""

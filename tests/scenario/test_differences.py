@@ -12,7 +12,7 @@ PAPER = Scenario()
 
 
 @given(names, names)
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_what_leads_from_one_to_the_other_arrives(one: str, other: str):
     present, wanted = load_preset(one), load_preset(other)
     changes = changes_towards(present, wanted)

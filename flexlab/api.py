@@ -19,7 +19,7 @@ from flexlab.analysis.sweep.execution import cell_progress, chosen_executor, run
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
 from flexlab.analysis.sweep.result import Sweep
 from flexlab.analysis.sweep.table import sweep_folder
-from flexlab.control.own_law_files import law_kind
+from flexlab.control.own_files import law_kind
 from flexlab.errors import StudyError
 from flexlab.own_laws.declaration import OwnLaw
 from flexlab.own_paths.declaration import OwnPath

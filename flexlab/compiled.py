@@ -13,11 +13,14 @@ from typing import Any
 import numba
 import numpy as np
 from llvmlite import ir
+from numba.core import config
 from numba.extending import intrinsic
 
 from flexlab.numba_internals import Inlined, InlinedCompiler, QuickCache, QuickCompiler
 
-PLAIN_PYTHON = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
+_settings: Any = config
+"""Numba gives this module its names while the program runs."""
+PLAIN_PYTHON = bool(_settings.DISABLE_JIT)
 """Whether numba was told not to compile (NUMBA_DISABLE_JIT=1): then every kernel is the Python function that it is written as."""
 
 _PACKAGE = Path(__file__).parent
@@ -84,8 +87,8 @@ def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _compile(function: Callable[..., Any], no_cfunc_wrapper: bool = True, **options: Any) -> Callable[..., Any]:
-    previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
+    previous = _settings.CACHE_DIR
+    _settings.CACHE_DIR = str(cache_folder())
     try:
         kernel = numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=no_cfunc_wrapper, **options)(
             function
@@ -95,7 +98,7 @@ def _compile(function: Callable[..., Any], no_cfunc_wrapper: bool = True, **opti
             kernel._cache = QuickCache(function)
         return kernel
     finally:
-        numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
+        _settings.CACHE_DIR = previous
 
 
 VECTOR, MATRIX = numba.float64[::1], numba.float64[:, ::1]

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 from numba import _dynfunc
 from numba.core import ir
 from numba.core.caching import FunctionCache
@@ -89,11 +90,11 @@ class _Typing:
         return self._known[key]
 
 
-def _equal_flags(flags: TargetConfig, other: object) -> bool:
+def _equal_flags(flags: TargetConfig, other: Any) -> bool:
     """`TargetConfig.__eq__` that looks at what is set before it looks at everything."""
     if flags is other:
         return True
-    if type(flags) is type(other) and flags._values == other._values:  # type: ignore[attr-defined]
+    if type(flags) is type(other) and flags._values == other._values:
         return True
     return _numbas_equal_flags(flags, other)
 
@@ -179,5 +180,6 @@ class Inlined:
         self.__module__, self.__qualname__ = self.py_func.__module__, self.py_func.__qualname__
 
     def __call__(self, *arguments: Any) -> Any:
-        """Run the Python function."""
-        return self.py_func(*arguments)
+        """Run the Python function, with numbers as machine code has them: what is out of reach is NaN, not a warning."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.py_func(*arguments)

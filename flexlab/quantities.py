@@ -67,7 +67,8 @@ def describe(model: type[BaseModel], name: str) -> Quantity:
     field = model.model_fields[name]
     extra = field.json_schema_extra
     if isinstance(extra, dict) and "quantity" in extra:
-        return Quantity(**extra["quantity"])  # type: ignore[arg-type]
+        about: Any = extra["quantity"]
+        return Quantity(**about)
     return Quantity(field.title or name.replace("_", " "))
 
 

@@ -5,8 +5,10 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Generic, Protocol, TypeVar
 
 
 def modules_in(package: str) -> list[ModuleType]:
@@ -31,3 +33,86 @@ def module_from_file(path: Path) -> ModuleType:
         del sys.modules[name]
         raise
     return module
+
+
+class Kind(Protocol):
+    """What a registry holds."""
+
+    @property
+    def kind(self) -> str:
+        """The name in scenarios."""
+        ...
+
+    @property
+    def place(self) -> int:
+        """Rank in menus."""
+        ...
+
+
+K = TypeVar("K", bound=Kind)
+
+
+class Registry(Generic[K]):
+    """The laws, or the paths, by their kind: those of a package's folder, which are read when first asked for, and others."""
+
+    def __init__(self, sort: type[K], what: str, constant: str, package: str, lacks: Callable[[K], str] = lambda _: ""):
+        """`what`: a word for one; `constant`: under which name a file defines it; `lacks`: a sentence on what it misses."""
+        self.sort, self.what, self.constant = sort, what, constant
+        self._package, self._lacks = package, lacks
+        self._known: dict[str, K] = {}
+        self._built_in = False
+        """Whether those of the package are in it: a person's own may come first."""
+        self._listeners: list[Callable[[], None]] = []
+
+    def all(self) -> dict[str, K]:
+        """All by kind, as menus show them."""
+        return dict(self._all())
+
+    def __getitem__(self, kind: str) -> K:
+        """The one of a kind. Raises KeyError."""
+        return self._all()[kind]
+
+    def add(self, one: K, instead: bool = False) -> None:
+        """Make one known, `instead` of another one of its kind. Raises ImportError if its name is taken or it lacks something."""
+        self._enter(one, instead)
+        self._tell()
+
+    def add_file(self, file: Path) -> K:
+        """Make the one that a Python file defines known. Raises ImportError, and what the file raises."""
+        one = getattr(module_from_file(file), self.constant, None)
+        if not isinstance(one, self.sort):
+            raise ImportError(f"{file} defines no {self.what}: it needs {self.constant} = {self.sort.__name__}(...).")
+        self._all()
+        self.add(one)
+        return one
+
+    def forget(self, kind: str) -> None:
+        """Make an added one unknown again."""
+        self._known = {name: one for name, one in self._known.items() if name != kind}
+        self._tell()
+
+    def on_new(self, listener: Callable[[], None]) -> None:
+        """Have `listener` called whenever one was added or forgotten."""
+        self._listeners.append(listener)
+
+    def _all(self) -> dict[str, K]:
+        if not self._built_in:
+            self._built_in = True
+            for module in modules_in(self._package):
+                self._enter(getattr(module, self.constant))
+            self._tell()
+        return self._known
+
+    def _enter(self, one: K, instead: bool = False) -> None:
+        lacking = self._lacks(one)
+        if lacking:
+            raise ImportError(lacking)
+        if not instead and one.kind in self._known and self._known[one.kind] != one:
+            raise ImportError(f"Two {self.what}s are called {one.kind!r}: give one of them another kind.")
+        # A new table each time: other threads may be reading the present one.
+        known = {**self._known, one.kind: one}
+        self._known = dict(sorted(known.items(), key=lambda item: (item[1].place, item[0])))
+
+    def _tell(self) -> None:
+        for listener in self._listeners:
+            listener()

@@ -1,6 +1,7 @@
 """A path in plain Python that tests of several rooms use."""
 
-from flexlab.control import own_law_hosts, own_path, own_path_files, own_path_hosts
+from flexlab.control import own_law_hosts, own_path, own_path_hosts
+from flexlab.control.own_files import PATH_FILES
 from flexlab.control.path import forget_path, paths
 
 ROUND = '''"""A path of one's own."""
@@ -32,6 +33,6 @@ def forget_own_paths() -> None:
     own_law_hosts.run_apart(False)
     own_law_hosts._allowed.clear()
     own_path._made_tables.clear()
-    own_path_files._added.clear()
+    PATH_FILES._added.clear()
     for kind in [kind for kind, path in paths().items() if isinstance(path, own_path.PythonPath)]:
         forget_path(kind)

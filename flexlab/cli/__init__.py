@@ -3,11 +3,11 @@
 Each command is a module of this folder with a function `command`, loaded only when asked for, so that help is instant.
 """
 
-import contextlib
 import difflib
 import importlib
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from flexlab.cli.console import complain
 from flexlab.errors import FlexlabError
@@ -38,8 +38,9 @@ EXIT_OK, EXIT_FAILED_RUN, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script. Exits: 0 fine, 1 the run failed, 2 bad input, 130 interrupted."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    with contextlib.suppress(AttributeError):  # A name that is no text must not end a listing; a test's stream cannot.
-        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    reconfigure: Any = getattr(sys.stdout, "reconfigure", None)  # A test's stream has none.
+    if reconfigure is not None:  # A name that is no text must not end a listing.
+        reconfigure(errors="backslashreplace")
     try:
         sys.exit(_dispatch(words))
     except FlexlabError as error:

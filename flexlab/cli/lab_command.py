@@ -112,12 +112,11 @@ def command(
       flexlab completion       let your shell complete all this
     """
     from flexlab.cli.options import chosen_scenarios
-    from flexlab.control.own_law_files import add_law_files
+    from flexlab.control.own_files import LAW_FILES, PATH_FILES
     from flexlab.control.own_law_hosts import run_apart
-    from flexlab.control.own_path_files import add_path_files
 
     run_apart()
-    for problem in [*add_law_files(), *add_path_files()]:
+    for problem in [*LAW_FILES.add_all(), *PATH_FILES.add_all()]:
         complain(problem)
     [(name, scenario)] = chosen_scenarios([preset], (), law, None, path)
     from flexlab.cli.warmup import compiling_the_rest, warm_up

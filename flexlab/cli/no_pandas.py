@@ -3,14 +3,13 @@
 import sys
 from typing import Any
 
-import pyarrow as pa  # type: ignore[import-untyped]
+import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
 
 
 class _NoPandas:
     """Finds no pandas, and leaves every other module to the finders after it."""
 
-    @staticmethod
-    def find_spec(name: str, *_: Any) -> None:
+    def find_spec(self, name: str, path: Any, target: Any = None, /) -> None:
         """As of `importlib.abc.MetaPathFinder`."""
         if name == "pandas":
             raise ModuleNotFoundError("No module named 'pandas'", name=name)
@@ -23,8 +22,9 @@ def leave_pandas_out() -> None:
     """
     if "pandas" in sys.modules:
         return
-    sys.meta_path.insert(0, _NoPandas)  # type: ignore[arg-type]
+    finder = _NoPandas()
+    sys.meta_path.insert(0, finder)
     try:
-        pa.array([True])  # type: ignore[reportUnknownMemberType]
+        pa.array([True])  # type: ignore[reportUnknownMemberType]  # As above.
     finally:
-        sys.meta_path.remove(_NoPandas)  # type: ignore[arg-type]
+        sys.meta_path.remove(finder)

@@ -70,7 +70,7 @@ def chosen_scenarios(
     presets: Sequence[str], settings: Sequence[str], law: str | None, seed: int | None, path: str | None = None
 ) -> "list[tuple[str, Scenario]]":
     """(short name, scenario with what was set) of each preset. Raises `FlexlabError` before anything is run."""
-    from flexlab.control.own_law_files import law_kind
+    from flexlab.control.own_files import law_kind
     from flexlab.presets import find_scenario
     from flexlab.scenario.path_file import with_path
     from flexlab.scenario.settings import change_settings, settings_from

@@ -95,8 +95,9 @@ def _print(found: "Tuning") -> None:
     from flexlab.analysis.tuning.cost import numbers_of
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for head, side in (("", "left"), ("before", "right"), ("tuned", "right")):
-        table.add_column(head, justify=side)  # type: ignore[arg-type]
+    table.add_column("")
+    for head in ("before", "tuned"):
+        table.add_column(head, justify="right")
     for path, value in found.best.changes.items():
         table.add_row(Text(path), Text(str(_there(found.scenario, path))), f"{value:.6g}")
     before, after = (numbers_of(item.metrics) if item.metrics else {} for item in (found.before, found.best))

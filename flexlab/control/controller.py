@@ -1,5 +1,7 @@
 """What all control laws share: how they meet the arms: sampling, limits, noise, and what they believe of the payload."""
 
+from typing import TYPE_CHECKING, Any
+
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
@@ -39,6 +41,9 @@ class SensorNoise(Part):
 
 class Controller(Part):
     """What all control laws share: sampling, limits and what the controller knows."""
+
+    if TYPE_CHECKING:
+        kind: Any  # Each law's own name, a Literal.
 
     control_period: Number | None = quantity(
         None, title="Control period (null: continuous)", symbol="T_c", unit="s", low=1e-5, high=0.1

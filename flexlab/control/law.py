@@ -1,4 +1,4 @@
-"""Control laws: what one is, which ones there are, and the one seam between them and the engine.
+"""Control laws: what one is, and which ones there are. How the engine calls them: `control.law_kernels`.
 
 A law is a file in `control/laws` (or any file, see `add_law_file`) that defines `LAW = Law(...)`: its gains as a scenario
 model, its kernel, its memory and its fastest rate. Menus, sliders, recordings and step control follow from that.
@@ -14,20 +14,18 @@ feels at this instant, beam momenta held. `kappa` (3,): hᵀM_q⁻¹h, hᵀM_q�
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 
-from flexlab.compiled import MATRIX, VECTOR, call_kernel, call_number_kernel, inlined, kernel_address
+from flexlab.compiled import MATRIX, VECTOR, kernel_address
 from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.controller import Controller
-from flexlab.control.load_sharing import BelievedPayload
 from flexlab.physics.law_input import LAW_INPUT
 from flexlab.physics.strain_gauges import gauge_places
 from flexlab.quantities import own_numbers
-from flexlab.registry import module_from_file, modules_in
+from flexlab.registry import Registry
 from flexlab.signal import Signal
 
 
@@ -186,132 +184,20 @@ class Law:
         return sum(signal.fixed_size for signal in self.signals)
 
 
-class Control(NamedTuple):
-    """A control law with its gains, and how its inputs and outputs reach the plant."""
-
-    law: int
-    """Address of the law's kernel."""
-    fastest_rate: int
-    """Address of its fastest rate."""
-    gains: np.ndarray
-    """The law's record of gains, flat."""
-    memory_size: int
-    signal_count: int
-    """Numbers in the law's own signals."""
-    estimates: int
-    """Where b̂ stands in the memory, negative if nowhere."""
-    sliding_slope: np.ndarray
-    """Λ of the sliding variable that is shown, 1/s, (3,)."""
-    payload: BelievedPayload
-    share: np.ndarray
-    """What each arm carries of the common part, 1, (2,)."""
-    internal_force: float
-    """F_d, N: wanted squeeze of the payload between two arms."""
-    torque_limit: np.ndarray
-    """N·m per joint, infinite where there is none, (3,)."""
-    limited: bool
-    sampled: bool
-    """Zero-order hold: the inputs are computed by `sim.sampled_control` at the control instants only."""
+def _lacks(law: Law) -> str:
+    if law.fastest_rate is not None:
+        return ""
+    return (
+        f"The control law {law.kind!r} does not say its fastest rate, which the step control needs: "
+        "give Law(..., fastest_rate=a kernel of gains, now, memory, S and kappa)."
+    )
 
 
-@inlined
-def control_law(control, gravity, x, v, beam_rate, desired, now, memory, memory_rate, signals):
-    """Fill now.u (arms, 3), memory_rate and signals for the pose x, its rate v and hᵀq̇, gᵀq̇ in beam_rate (2,).
-
-    The wanted internal force joins in what the law gives. `now`: the `LAW_INPUT` record whose arm terms are those of x and v.
-    """
-    payload = control.payload
-    now.gravity, now.m, now.I = gravity, payload.m, payload.I
-    for a in range(3):
-        now.x[a], now.v[a], now.kappa[a] = x[a], v[a], payload.kappa[a]
-        for order in range(3):
-            now.desired[order, a] = desired[order, a]
-    for a in range(2):
-        now.beam_rate[a], now.share[a] = beam_rate[a], control.share[a]
-    for a in range(len(memory_rate)):
-        memory_rate[a] = 0.0
-    call_kernel(control.law, control.gains, (now, memory, memory_rate, signals))
-    if control.internal_force != 0:
-        for a in range(2):
-            squeeze = control.internal_force * now.trig[a]
-            now.u[0, a] += squeeze
-            now.u[1, a] -= squeeze
-
-
-@inlined
-def fastest_control_rate(control, now, memory, S, kappa):
-    """1/s, of the closed loop's part that the law shapes, at the instant of `now` (its x and v), memory (m,), S (3, 3)."""
-    return call_number_kernel(control.fastest_rate, control.gains, (now, memory, S, kappa))
-
-
-_laws: dict[str, Law] = {}
-_built_in = False
-"""Whether those of flexlab are in it: a person's own may come first."""
-_listeners: list[Callable[[], None]] = []
-
-
-def add_law(law: Law, instead: bool = False) -> None:
-    """Make a law known, `instead` of another one of its kind. Raises ImportError for one that lacks what the engine needs."""
-    _enter(law, instead)
-    _tell()
-
-
-def _enter(law: Law, instead: bool = False) -> None:
-    global _laws
-    if law.fastest_rate is None:
-        raise ImportError(
-            f"The control law {law.kind!r} does not say its fastest rate, which the step control needs: "
-            "give Law(..., fastest_rate=a kernel of gains, now, memory, S and kappa)."
-        )
-    if not instead and law.kind in _laws and _laws[law.kind] != law:
-        raise ImportError(f"Two control laws are called {law.kind!r}: give one of them another kind.")
-    # A new table each time: other threads may be reading the present one.
-    known = {**_laws, law.kind: law}
-    _laws = dict(sorted(known.items(), key=lambda item: (item[1].place, item[0])))
-
-
-def forget_law(kind: str) -> None:
-    """Make an added law unknown again."""
-    global _laws
-    _laws = {name: law for name, law in _laws.items() if name != kind}
-    _tell()
-
-
-def _tell() -> None:
-    for listener in _listeners:
-        listener()
-
-
-def add_law_file(path: Path) -> Law:
-    """Make the law of a Python file known, which defines LAW. Raises ImportError, and what the file raises."""
-    law = getattr(module_from_file(path), "LAW", None)
-    if not isinstance(law, Law):
-        raise ImportError(f"{path} defines no control law: it needs LAW = Law(...).")
-    add_law(law)
-    return law
-
-
-def on_new_law(listener: Callable[[], None]) -> None:
-    """Have `listener` called whenever a law was added or forgotten."""
-    _listeners.append(listener)
-
-
-def laws() -> dict[str, Law]:
-    """All control laws by kind, as menus show them."""
-    return dict(_known_laws())
-
-
-def _known_laws() -> dict[str, Law]:
-    global _built_in
-    if not _built_in:
-        _built_in = True
-        for module in modules_in("flexlab.control.laws"):
-            _enter(module.LAW)
-        _tell()
-    return _laws
+LAWS = Registry(Law, "control law", "LAW", "flexlab.control.laws", _lacks)
+laws, add_law, add_law_file, forget_law, on_new_law = LAWS.all, LAWS.add, LAWS.add_file, LAWS.forget, LAWS.on_new
 
 
 def law_of(controller: Controller) -> Law:
     """The law of a scenario's controller, as its settings mean it."""
-    law = _known_laws()[controller.kind]  # type: ignore[attr-defined]
+    law = LAWS[controller.kind]
     return law if law.for_settings is None else law.for_settings(controller)

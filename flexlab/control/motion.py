@@ -8,6 +8,7 @@ path stands at x(0), periodic ones too: an impulse's copy begins when its time h
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexlab.compiled import call_kernel, compiled, inlined
 
@@ -121,8 +122,9 @@ def desired_motions(path, times, desired):
         desired_motion(path, times[k], desired[k])
 
 
-def poses(path: DesiredMotion, times: np.ndarray) -> np.ndarray:
+def poses(path: DesiredMotion, times: ArrayLike) -> np.ndarray:
     """x_d, ẋ_d, ẍ_d at times (N,), (N, 3, 3)."""
-    desired = np.zeros((len(times), 3, 3))
-    desired_motions(path, np.asarray(times, float), desired)
+    instants = np.asarray(times, float)
+    desired = np.zeros((len(instants), 3, 3))
+    desired_motions(path, instants, desired)
     return desired

@@ -4,28 +4,25 @@ The text of a law is part of the scenario (`controller.source`), so that recordi
 only if this process was told to allow it (`allow`), here (`own_law_hosts.InProcess`) or in a process of its own.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numba
 import numpy as np
 from numba.extending import intrinsic
-from pydantic import Field, create_model, field_validator
+from pydantic import field_validator
 
 from flexlab.compiled import PLAIN_PYTHON, call_kernel, pluggable
 from flexlab.control import own_law_hosts as hosts
 from flexlab.control.controller import Controller
-from flexlab.control.law import Law, Memory, Start, add_law, laws
+from flexlab.control.law import LAWS, Law, Memory, Start
+from flexlab.control.own_kinds import OWN_PLACE, OwnKinds, default_source, size_of, source_field
 from flexlab.control.own_law_channel import Channel
-from flexlab.errors import ScenarioError
 from flexlab.own_laws.declaration import (
     LONGEST_PERIOD,
     SHORTEST_PERIOD,
     Declaration,
-    Gain,
-    digest,
     read_declaration,
 )
 from flexlab.own_laws.message import (
@@ -41,13 +38,9 @@ from flexlab.own_laws.message import (
     SIGNALS,
     WAIT,
 )
-from flexlab.own_laws.reading import LONGEST_SOURCE
 from flexlab.physics.law_input import LAW_INPUT
-from flexlab.quantities import Number, OneOrThree, quantity
+from flexlab.quantities import Number, quantity
 from flexlab.signal import Signal
-
-PLACE = 80
-"""Rank in menus: after the built-in laws, before the motors that are off."""
 
 CHANNEL = np.dtype([*((name, "i8") for name in Channel._fields), ("message", "f8", (MESSAGE_SIZE,))])
 """How the kernel reaches a law. `answer`: address of a C function of message and `LAW_INPUT` record, 0: none. `late`: the
@@ -58,7 +51,7 @@ whoever asks takes and gives back."""
 class OwnController(Controller):
     """What all control laws in Python share."""
 
-    source: str = Field("", max_length=LONGEST_SOURCE, title="Text of the law")
+    source: str = source_field("", "law")
 
     def __reduce__(self) -> Any:
         """For other processes, which make the class themselves from the text."""
@@ -73,8 +66,7 @@ class OwnController(Controller):
 
 def _restored(data: dict[str, Any]) -> OwnController:
     """What `__reduce__` took apart."""
-    kind = _known_kind(data["source"])
-    return laws()[kind].model.model_validate({**data, "kind": kind})  # type: ignore[return-value]
+    return OWN_LAWS.restored(data)
 
 
 @dataclass(frozen=True)
@@ -97,14 +89,14 @@ class PythonLaw(Law):
             record[name] = value
         message = record["message"][0]
         message[PERIOD] = settings.control_period
-        values = [np.broadcast_to(getattr(settings, name), _size(gain)) for name, gain in self._declared.gains]
+        values = [np.broadcast_to(getattr(settings, name), size_of(gain)) for name, gain in self._declared.gains]
         flat = np.concatenate([np.zeros(0), *values])
         message[GAINS : GAINS + len(flat)] = flat
         return record.view(np.float64)
 
     def chosen(self) -> dict[str, Any]:
         """With its text, so that a recording of the choice is complete."""
-        return {**super().chosen(), "controller.source": self.model.model_fields["source"].default}
+        return {**super().chosen(), "controller.source": default_source(self)}
 
     def problem(self, settings: Any) -> str:
         """What its text did wrong last, as a sentence; empty: nothing."""
@@ -127,10 +119,6 @@ class PythonLaw(Law):
     def begin(self, _: Start) -> dict[str, np.ndarray]:
         """The memory's first numbers."""
         return {name: np.full(part.size, float(part.start)) for name, part in self._declared.memory}
-
-
-def _size(gain: Gain) -> int:
-    return 3 if isinstance(gain.default, tuple) else 1
 
 
 @intrinsic
@@ -207,94 +195,28 @@ def fastest_rate(gains, now, memory, S, kappa):
 def own_law_of(source: str, file: str, kind: str = "") -> PythonLaw:
     """The law that a text declares, under another name if one is given. Raises `ScenarioError` with file and line."""
     declared = read_declaration(source, file)
-    name = kind or declared.kind
-    gains: dict[str, Any] = {}
-    for gain_name, gain in declared.gains:
-        if gain_name in OwnController.model_fields or gain_name == "kind":
-            text = f"{file}: {gain_name} is a field of every controller: give the gain another name."
-            raise ScenarioError([("controller.source", text)])
-        gains[gain_name] = (OneOrThree if _size(gain) == 3 else Number, gain_field(gain_name, gain))
     period = quantity(
         declared.period, title="Control period", symbol="T_c", unit="s", low=SHORTEST_PERIOD, high=LONGEST_PERIOD
     )
-    model = create_model(
-        declared.name,
-        __base__=OwnController,
-        __doc__=declared.meaning,
-        kind=(Literal[name], name),  # type: ignore[valid-type]
-        control_period=(Number | None, period),
-        source=(str, Field(source, max_length=LONGEST_SOURCE, title="Text of the law")),
-        **gains,
+    model = OWN_LAWS.model(
+        declared, declared.gains, source, file, kind or declared.kind, control_period=(Number | None, period)
     )
     signals = [
         Signal(signal, one.symbol or signal, (one.unit,), one.title or signal.replace("_", " "))
         for signal, one in declared.signals
     ]
     parts = tuple(Memory(part, about.size) for part, about in declared.memory)
-    law = PythonLaw(model, own_law, fastest_rate, parts, tuple(signals), place=PLACE, declaration=declared)
+    law = PythonLaw(model, own_law, fastest_rate, parts, tuple(signals), place=OWN_PLACE, declaration=declared)
     return replace(law, start=law.begin)
-
-
-def gain_field(name: str, gain: Gain) -> Any:
-    """A gain's field; its slider covers the range, or three times the default where that is much less."""
-    top = 3 * float(np.max(np.abs(gain.default)))
-    slider = gain.slider or (gain.low, min(gain.high, top) if top > gain.low else gain.high)
-    return quantity(
-        gain.default,
-        title=gain.title or name.replace("_", " ").capitalize(),
-        symbol=gain.symbol,
-        unit=gain.unit,
-        low=gain.low,
-        high=gain.high,
-        slider=slider,
-        logarithmic=gain.logarithmic,
-    )
-
-
-def add_own_law(source: str, file: str) -> PythonLaw:
-    """Make the law of a person's own file known, in place of an earlier text of it, and let it run. Raises `ScenarioError`."""
-    law = own_law_of(source, file)
-    known = laws().get(law.kind)
-    if known is not None and not isinstance(known, PythonLaw):
-        text = f"{file}: a control law of flexlab is called {law.kind} already: give the class another name."
-        raise ScenarioError([("controller.source", text)])
-    hosts.allow(source, file)
-    if known is None or known.model.model_fields["source"].default != source:
-        add_law(law, instead=True)
-    return law
-
-
-def with_known_law(data: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Plain data of a scenario whose law, if it came as Python text, is known by a name; it does not run by that."""
-    law = data.get("controller")
-    if isinstance(law, OwnController):
-        known = laws().get(getattr(law, "kind", ""))
-        if known is not None and known.model is type(law):
-            return data
-        law = law.model_dump()
-    if not isinstance(law, Mapping) or not isinstance(law.get("source"), str) or not law["source"]:
-        return data
-    return {**data, "controller": {**law, "kind": _known_kind(law["source"])}}
-
-
-def _known_kind(source: str) -> str:
-    """The name under which a text's declaration is known, made known if it is not.
-
-    A law of the same name that declares something else keeps its name: this one then has a part of its digest after it.
-    """
-    named = hosts.file_of(source)
-    law = own_law_of(source, named or "the law of this scenario")
-    for kind in (law.kind, f"{law.kind}-{digest(source)[:6]}"):
-        known = laws().get(kind)
-        if known is None:
-            add_law(law if kind == law.kind else own_law_of(source, named or kind, kind))
-            return kind
-        if isinstance(known, PythonLaw) and same_declaration(known, law):
-            return kind
-    return law.kind
 
 
 def same_declaration(one: PythonLaw, other: PythonLaw) -> bool:
     """Whether two laws have the same gains, memory and signals, so that a run can go on from one text to the other."""
     parts = [(law._declared.gains, law._declared.memory, law._declared.signals) for law in (one, other)]
     return parts[0] == parts[1]
+
+
+OWN_LAWS = OwnKinds(
+    LAWS, PythonLaw, OwnController, "controller", "law", "controller", "gain", own_law_of, same_declaration
+)
+add_own_law, with_known_law = OWN_LAWS.add, OWN_LAWS.named

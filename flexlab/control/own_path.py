@@ -11,28 +11,25 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from flexlab.compiled import pluggable
 from flexlab.control import own_law_hosts as permission
-from flexlab.control.own_law import gain_field
+from flexlab.control.own_kinds import OWN_PLACE, OwnKinds, source_field
 from flexlab.control.own_path_hosts import poses_of
 from flexlab.control.own_path_sampling import from_text, sampled, to_text
-from flexlab.control.path import Path, Trajectory, add_path, paths
+from flexlab.control.path import PATHS, Path, Trajectory
 from flexlab.control.paths.table import along_pieces, polynomials
-from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.errors import FlexlabError
 from flexlab.own_laws.declaration import digest
-from flexlab.own_laws.reading import LONGEST_SOURCE
 from flexlab.own_laws.running_text import TextProblem
 from flexlab.own_paths.declaration import PathDeclaration, read_path_declaration
-from flexlab.quantities import Number, OneOrThree, quantity
+from flexlab.quantities import Number, quantity
 
-PLACE = 80
-"""Rank in menus: after the built-in paths."""
 LONGEST_TABLE = 200_000
 """Characters of a table in letters."""
 MILLI = 1e-3
@@ -42,6 +39,8 @@ TABLES_KEPT = 128
 """Tables that need not be made again when an option comes back to where it was."""
 COMPUTED = ("trajectory.source", "trajectory.table", "trajectory.table_of")
 """Fields that go with every change of such a path, so that a recording of the change is complete."""
+RESERVED = ("rows", "span", "end", "window")
+"""What every path says of itself, besides its fields."""
 
 
 class OwnTrajectory(Trajectory):
@@ -52,7 +51,7 @@ class OwnTrajectory(Trajectory):
     """Names of the options, in the order of their declaration."""
 
     start: Number = quantity(0.0, title="Its t = 0 is at", symbol="t_0", unit="s", low=-1e6, high=1e6)
-    source: str = Field("", max_length=LONGEST_SOURCE, title="Text of the path")
+    source: str = source_field("", "path")
     table: str = Field("", max_length=LONGEST_TABLE, title="Poses of the path")
     """`own_path_sampling.to_text` of rows (t, x, y, θ)."""
     table_of: str = Field("", max_length=64, title="What the poses belong to")
@@ -121,8 +120,7 @@ def _now(time: float) -> float:
 
 def _restored(data: dict[str, Any]) -> OwnTrajectory:
     """What `__reduce__` took apart."""
-    kind = _known_kind(data["source"])
-    return paths()[kind].model.model_validate({**data, "kind": kind})  # type: ignore[return-value]
+    return OWN_PATHS.restored(data)
 
 
 def _digest_of(path: OwnTrajectory) -> str:
@@ -140,7 +138,9 @@ def _rows(table: str) -> np.ndarray | None:
 
 @lru_cache(maxsize=TABLES_KEPT)
 def _pieces(table: str, repeats: bool) -> np.ndarray:
-    return polynomials(from_text(table), "round" if repeats else "free")  # type: ignore[arg-type]
+    rows = _rows(table)
+    assert rows is not None
+    return polynomials(rows, "round" if repeats else "free")
 
 
 _made_tables: dict[str, str] = {}
@@ -149,11 +149,10 @@ _made_tables: dict[str, str] = {}
 
 def _make_table(path: OwnTrajectory, name: str) -> str:
     """Have the text give its poses. Raises `TextProblem` or `ScenarioError`."""
-    kind = path.kind  # type: ignore[attr-defined]
     if not permission.is_allowed(path.source):
         raise TextProblem(
-            f"The path {kind} came with this scenario as Python code, which does not run by itself, and without the poses for "
-            "these options. If you know who wrote it and have read it, allow it: give its file with --path."
+            f"The path {path.kind} came with this scenario as Python code, which does not run by itself, and without the poses "
+            "for these options. If you know who wrote it and have read it, allow it: give its file with --path."
         )
     flat = [np.atleast_1d(np.asarray(getattr(path, option), float)) for option in path.options]
     sizes = [_option_size(type(path), option) for option in path.options]
@@ -188,7 +187,7 @@ class PythonPath(Path):
     declaration: PathDeclaration | None = None
 
     @property
-    def record(self) -> np.dtype:  # type: ignore[override]
+    def record(self) -> np.dtype:  # type: ignore[override]  # Computed there, and kept: one for all here.
         """The same for all: so the kernel is compiled once."""
         return RECORD
 
@@ -201,71 +200,13 @@ class PythonPath(Path):
 def own_path_of(source: str, file: str, kind: str = "") -> PythonPath:
     """The path that a text declares, under another name if one is given. Raises `ScenarioError` with file and line."""
     declared = read_path_declaration(source, file)
-    name = kind or declared.kind
-    fields: dict[str, Any] = {}
-    for option_name, option in declared.options:
-        if option_name in OwnTrajectory.model_fields or option_name in ("kind", "rows", "span", "end", "window"):
-            text = f"{file}: {option_name} is a field of every path: give the option another name."
-            raise ScenarioError([("trajectory.source", text)])
-        size = OneOrThree if isinstance(option.default, tuple) else Number
-        fields[option_name] = (size, gain_field(option_name, option))
-    model = create_model(
-        declared.name,
-        __base__=OwnTrajectory,
-        __doc__=declared.meaning,
-        kind=(Literal[name], name),  # type: ignore[valid-type]
-        source=(str, Field(source, max_length=LONGEST_SOURCE, title="Text of the path")),
-        **fields,
-    )
+    model = OWN_PATHS.model(declared, declared.options, source, file, kind or declared.kind, RESERVED)
     model.repeats, model.options = declared.repeats, tuple(option for option, _ in declared.options)
 
     def rows(trajectory: Any) -> np.ndarray:
         return _pieces(trajectory.table, trajectory.repeats)
 
-    return PythonPath(model, own_path, rows, PLACE, declared)
-
-
-def add_own_path(source: str, file: str) -> PythonPath:
-    """Make the path of a person's own file known, in place of an earlier text of it, and let it run. Raises `ScenarioError`."""
-    path = own_path_of(source, file)
-    known = paths().get(path.kind)
-    if known is not None and not isinstance(known, PythonPath):
-        text = f"{file}: a path of flexlab is called {path.kind} already: give the class another name."
-        raise ScenarioError([("trajectory.source", text)])
-    permission.allow(source, file)
-    if known is None or known.model.model_fields["source"].default != source:
-        add_path(path, instead=True)
-    return path
-
-
-def with_known_path(data: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Plain data of a scenario whose path, if it came as Python text, is known by a name; it does not run by that."""
-    path = data.get("trajectory")
-    if isinstance(path, OwnTrajectory):
-        known = paths().get(getattr(path, "kind", ""))
-        if known is not None and known.model is type(path):
-            return data
-        path = path.model_dump()
-    if not isinstance(path, Mapping) or not isinstance(path.get("source"), str) or not path["source"]:
-        return data
-    return {**data, "trajectory": {**path, "kind": _known_kind(path["source"])}}
-
-
-def _known_kind(source: str) -> str:
-    """The name under which a text's declaration is known, made known if it is not.
-
-    A path of the same name that declares something else keeps its name: this one then has a part of its digest after it.
-    """
-    named = permission.file_of(source)
-    path = own_path_of(source, named or "the path of this scenario")
-    for kind in (path.kind, f"{path.kind}-{digest(source)[:6]}"):
-        known = paths().get(kind)
-        if known is None:
-            add_path(path if kind == path.kind else own_path_of(source, named or kind, kind))
-            return kind
-        if isinstance(known, PythonPath) and same_options(known, path):
-            return kind
-    return path.kind
+    return PythonPath(model, own_path, rows, OWN_PLACE, declared)
 
 
 def same_options(one: PythonPath, other: PythonPath) -> bool:
@@ -274,11 +215,17 @@ def same_options(one: PythonPath, other: PythonPath) -> bool:
     return parts[0] == parts[1]
 
 
+OWN_PATHS = OwnKinds(
+    PATHS, PythonPath, OwnTrajectory, "trajectory", "path", "path", "option", own_path_of, same_options
+)
+add_own_path, with_known_path = OWN_PATHS.add, OWN_PATHS.named
+
+
 def needs_running(trajectory: Trajectory, changes: Mapping[str, Any]) -> bool:
     """Whether changes of a scenario with this path may have a text in Python run, which takes its time."""
     whole = changes.get("trajectory", {})
-    kind = changes.get("trajectory.kind", whole.get("kind", trajectory.kind))  # type: ignore[attr-defined]
-    path = paths().get(kind)
+    kind = changes.get("trajectory.kind", whole.get("kind", trajectory.kind))
+    path = PATHS.all().get(kind)
     if not isinstance(path, PythonPath):
         return False
     wanted = {

@@ -12,8 +12,7 @@ length, (rows, columns), empty for most. What every path may have besides (ramp,
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
@@ -23,7 +22,7 @@ from flexlab.compiled import MATRIX, kernel_address
 from flexlab.control.motion import NO_ROWS, DesiredMotion, poses
 from flexlab.control.shapers import Shaper
 from flexlab.quantities import Number, Part, Triple, own_numbers, quantity
-from flexlab.registry import module_from_file, modules_in
+from flexlab.registry import Registry
 
 OUTLINE_POINTS = 1001
 """Instants at which a path that does not say its extent is looked at."""
@@ -45,6 +44,9 @@ class Transition(Part):
 
 class Trajectory(Part):
     """What every path has and says of itself, besides its own numbers."""
+
+    if TYPE_CHECKING:
+        kind: Any  # Each path's own name, a Literal.
 
     smooth_start: Number = quantity(
         0.0, title="Smooth start within", symbol="T_r", unit="s", low=0, high=60, slider=(0, 2)
@@ -178,58 +180,19 @@ class Path:
         return "address" in vars(self)
 
 
-_paths: dict[str, Path] = {}
-_listeners: list[Callable[[], None]] = []
-
-
-def add_path(path: Path, instead: bool = False) -> None:
-    """Make a path known, `instead` of another one of its kind. Raises ImportError for one whose name is taken."""
-    global _paths
-    if not instead and path.kind in _paths and _paths[path.kind] != path:
-        raise ImportError(f"Two paths are called {path.kind!r}: give one of them another kind.")
-    # A new table each time: other threads may be reading the present one.
-    _paths = {**_paths, path.kind: path}
-    _tell()
-
-
-def forget_path(kind: str) -> None:
-    """Make an added path unknown again."""
-    global _paths
-    _paths = {name: path for name, path in _paths.items() if name != kind}
-    _tell()
-
-
-def _tell() -> None:
-    for listener in _listeners:
-        listener()
-
-
-def add_path_file(file: FilePath) -> Path:
-    """Make the path of a Python file known, which defines PATH. Raises ImportError, and what the file raises."""
-    path = getattr(module_from_file(file), "PATH", None)
-    if not isinstance(path, Path):
-        raise ImportError(f"{file} defines no path: it needs PATH = Path(...).")
-    paths()
-    add_path(path)
-    return path
-
-
-def on_new_path(listener: Callable[[], None]) -> None:
-    """Have `listener` called whenever a path was added or forgotten."""
-    _listeners.append(listener)
-
-
-def paths() -> dict[str, Path]:
-    """All kinds of paths, as menus show them."""
-    if not _paths:
-        for module in modules_in("flexlab.control.paths"):
-            add_path(module.PATH)
-    return dict(sorted(_paths.items(), key=lambda item: (item[1].place, item[0])))
+PATHS = Registry(Path, "path", "PATH", "flexlab.control.paths")
+paths, add_path, add_path_file, forget_path, on_new_path = (
+    PATHS.all,
+    PATHS.add,
+    PATHS.add_file,
+    PATHS.forget,
+    PATHS.on_new,
+)
 
 
 def build_motion(trajectory: Trajectory) -> DesiredMotion:
     """The kernel and numbers of a path, without what every path may have besides."""
-    path = paths()[trajectory.kind]  # type: ignore[attr-defined]
+    path = PATHS[trajectory.kind]
     # A copy: kernels are compiled for arrays that can be written to, and only for those.
     rows = NO_ROWS if path.rows is None else np.array(path.rows(trajectory), dtype=float, order="C")
     return DesiredMotion(path.address, path.numbers(trajectory).view(np.float64), rows)

@@ -66,7 +66,7 @@ class StraightLine(Trajectory):
     def taken_up(self, old: Trajectory, given: Collection[str], time: float) -> Trajectory:
         """From where the target is to where the old path would be a quarter of its period later, now."""
         motion, begin = build_motion(old), round(time / MILLI) * MILLI
-        here, there = poses(motion, [time, time + 0.25 * old.slowest_period])[:, 0].tolist()  # type: ignore[arg-type]
+        here, there = poses(motion, [time, time + 0.25 * old.slowest_period])[:, 0].tolist()
         usual: dict[str, Any] = {"from": tuple(here), "to": tuple(there), "start": begin}
         return self.model_copy(update={name: value for name, value in usual.items() if name not in given})
 

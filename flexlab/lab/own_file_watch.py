@@ -8,9 +8,8 @@ from watchfiles import watch
 
 from flexlab.control import own_law_hosts as hosts
 from flexlab.control.law import laws
+from flexlab.control.own_files import PATH_FILES, add_own_law_file, add_own_path_file
 from flexlab.control.own_law import PythonLaw, same_declaration
-from flexlab.control.own_law_files import add_own_law_file
-from flexlab.control.own_path_files import add_own_path_file, holds_path
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState
 
@@ -61,7 +60,7 @@ class OwnFileWatch:
                 begun = True
                 for path in sorted(paths):
                     if Path(path).is_file():
-                        (self._reload_path if holds_path(path) else self._reload_law)(Path(path))
+                        (self._reload_path if PATH_FILES.holds(path) else self._reload_law)(Path(path))
         except (OSError, RuntimeError):
             log.exception("files of laws and paths are not followed any more")
 

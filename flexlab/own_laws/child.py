@@ -85,7 +85,7 @@ def _watch_exits(reports: Reports, file: str) -> None:
 
         return end
 
-    os._exit, os.abort = telling("_exit", os._exit), telling("abort", os.abort)  # type: ignore[assignment]
+    os._exit, os.abort = telling("_exit", os._exit), telling("abort", os.abort)  # type: ignore[assignment]  # Types say that these never return.
 
 
 def serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Reports], None]) -> None:

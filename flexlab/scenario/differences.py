@@ -43,8 +43,9 @@ def changes_towards(present: BaseModel, wanted: BaseModel) -> dict[str, Any]:
     changes: dict[str, Any] = {}
     for path, old, new in part_differences(present, wanted):
         if isinstance(old, BaseModel) and isinstance(new, BaseModel):
-            changes[f"{path}.kind"] = new.kind  # type: ignore[attr-defined]
-            changes |= {f"{path}.{name}": value for name, value in new.model_dump().items() if name != "kind"}
+            fields = new.model_dump()
+            changes[f"{path}.kind"] = fields.pop("kind")
+            changes |= {f"{path}.{name}": value for name, value in fields.items()}
             changes.pop(ENGINE, None)
         else:
             changes[path] = _plain(new)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from flexlab.control.own_path_files import path_kind
+from flexlab.control.own_files import path_kind
 from flexlab.control.paths.table import MOST_ROWS
 from flexlab.errors import PresetError
 from flexlab.plain_text import visible

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.control.controller import Controller
-from flexlab.control.law import BOUND_ESTIMATES, Control, law_of
+from flexlab.control.law import BOUND_ESTIMATES, law_of
+from flexlab.control.law_kernels import Control
 from flexlab.control.load_sharing import BelievedPayload
 from flexlab.control.observers.believed_plant import arm_records
 from flexlab.physics.beam import (

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlab.compiled import compiled, inlined
 from flexlab.control.bending_feedforward import feed_forward_bending
-from flexlab.control.law import Control, control_law
+from flexlab.control.law_kernels import Control, control_law
 from flexlab.control.motion import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
 from flexlab.physics.dynamics import find_velocities, momentum_rates

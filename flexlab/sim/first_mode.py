@@ -2,7 +2,7 @@
 
 import contextlib
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import eig
@@ -69,7 +69,8 @@ def _found(scenario: Scenario) -> Mode:
     parts = np.concatenate([np.arange(X, X + 3), ETA + np.arange(n), np.arange(P, P + 3), ETA + n + np.arange(n)])
     scale = np.concatenate([np.ones(3), beam.modes.omega, np.ones(3 + n)])
     matrix = _slopes(system, np.array(scenario.trajectory.middle), parts, scale)
-    value, left, right = eig(matrix, left=True, right=True)  # type: ignore[misc]
+    found: Any = eig(matrix, left=True, right=True)
+    value, left, right = found
     product = np.abs(left.conj() * right)
     product /= np.maximum(product.sum(axis=0), np.finfo(float).tiny)
     share = product[3 : 3 + n].sum(axis=0) + product[6 + n :].sum(axis=0)

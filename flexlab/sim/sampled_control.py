@@ -11,7 +11,7 @@ import numpy as np
 
 from flexlab.compiled import call_whole_kernel, has_address, inlined, pluggable, whole_address
 from flexlab.control.bending_feedforward import feed_forward_bending
-from flexlab.control.law import control_law
+from flexlab.control.law_kernels import control_law
 from flexlab.control.motion import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms

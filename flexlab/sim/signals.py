@@ -51,7 +51,7 @@ class derived:
         return self
 
     def __get__(self, samples: Any, owner: type | None = None) -> np.ndarray:
-        return self if samples is None else self._formula(samples)  # type: ignore[return-value]
+        return self if samples is None else self._formula(samples)  # type: ignore[return-value]  # Of the class, itself.
 
 
 @dataclass_transform(field_specifiers=(row,), kw_only_default=True, frozen_default=True)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import inlined
-from flexlab.control.law import fastest_control_rate
+from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.physics.plant import ETA
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import compiled
-from flexlab.control.law import fastest_control_rate
+from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.control.motion import poses
 from flexlab.control.path import Trajectory
 from flexlab.errors import ScenarioError

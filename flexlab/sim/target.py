@@ -70,8 +70,8 @@ def go_on_from(target: np.ndarray, old: Scenario, scenario: Scenario, time: floa
     left = target - desired_at(build_trajectory(plain), time)
     if np.abs(left[0]).max() < CLOSE and plain.trajectory.kind == old.trajectory.kind:
         return plain
-    pose, rate, acceleration = (tuple(map(float, part)) for part in left)
-    transition = Transition(time=time, duration=TRANSITION_TIME, pose=pose, rate=rate, acceleration=acceleration)  # type: ignore[arg-type]
+    over: dict[str, Any] = dict(zip(("pose", "rate", "acceleration"), map(tuple, left.tolist()), strict=True))
+    transition = Transition(time=time, duration=TRANSITION_TIME, **over)
     return plain.model_copy(update={"trajectory": plain.trajectory.model_copy(update={"transition": transition})})
 
 

@@ -16,8 +16,8 @@ from flexlab import OwnLaw, gain
 from flexlab.analysis.replay import replay
 from flexlab.control import own_law_hosts as hosts
 from flexlab.control.law import forget_law
+from flexlab.control.own_files import add_own_law_file, law_files, law_kind
 from flexlab.control.own_law import add_own_law
-from flexlab.control.own_law_files import add_own_law_file, law_files, law_kind
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
 from flexlab.presets import load_preset, save_scenario

@@ -14,8 +14,8 @@ from flexlab.analysis.replay import replay
 from flexlab.control import own_law_hosts as hosts
 from flexlab.control import own_path_hosts
 from flexlab.control.motion import poses
+from flexlab.control.own_files import path_files, path_kind
 from flexlab.control.own_path import add_own_path
-from flexlab.control.own_path_files import path_files, path_kind
 from flexlab.control.own_path_sampling import sampled
 from flexlab.control.path import build_motion, forget_path, paths
 from flexlab.errors import ScenarioError

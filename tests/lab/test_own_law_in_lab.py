@@ -8,7 +8,7 @@ import pytest
 from lab_page import wait_until
 from own_law_text import PD, forget_own_laws
 
-from flexlab.control.own_law_files import add_own_law_file
+from flexlab.control.own_files import add_own_law_file
 from flexlab.lab.panel.choice import changes_for
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset

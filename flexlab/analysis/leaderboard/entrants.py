@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.control.law import Law, laws
-from flexlab.control.own_law_files import law_kind
+from flexlab.control.own_files import law_kind
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import PERIOD, change_settings, with_period_if_needed

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlab.scenario import Scenario
+from flexlab.scenario.damping import NodalDamping
 from flexlab.sim.build import build_beam
 
 COUPLED = 1e-9
@@ -75,7 +76,8 @@ class Bodies:
 
 def make_bodies(scenario: Scenario) -> Bodies:
     """The bodies of a scenario like the paper's: pinned-pinned, nodal damping, two arms with the same links."""
-    arm, beam = scenario.left_arm, build_beam(scenario.payload)
+    arm, beam, damping = scenario.left_arm, build_beam(scenario.payload), scenario.payload.damping
+    assert isinstance(damping, NodalDamping)
     V, omega = beam.modes.V, beam.modes.omega
     h, g = V.T @ beam.matrices.h, V.T @ beam.matrices.g
     slides = np.abs(h) > COUPLED * np.max(np.abs(h))
@@ -95,7 +97,7 @@ def make_bodies(scenario: Scenario) -> Bodies:
         shape=shape,
         # With an even number of elements the deflection of the middle node is a coordinate: the row after the left half.
         midspan=shape[2 * (scenario.payload.element_count // 2) - 1],
-        nodal_damping=scenario.payload.damping.coefficient,  # type: ignore[union-attr]
+        nodal_damping=damping.coefficient,
         bases=tuple(each.base for each in scenario.arms),
     )
 

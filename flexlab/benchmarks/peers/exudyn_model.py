@@ -69,7 +69,7 @@ def simulate_exudyn(world: World, steps_per_tick: int, ticks: int, tolerance: fl
     tolerance: relative tolerance of Newton's method; the absolute one is a hundredth of it.
     """
     sys.exudynFast = True  # type: ignore[attr-defined]  # Exudyn's own switch for the build without range checks
-    import exudyn  # type: ignore[import-not-found]
+    import exudyn  # type: ignore[import-not-found]  # An extra.
 
     bodies, start = make_bodies(world.scenario), world.observe()
     builder = _Builder(exudyn, bodies, start)
@@ -94,7 +94,7 @@ class _Builder:
     """Builds the multibody system; carrier first, then the links of each arm, then the modes."""
 
     def __init__(self, exudyn: Any, bodies: Bodies, start: Samples):
-        from exudyn import itemInterface  # type: ignore[import-not-found]
+        from exudyn import itemInterface  # type: ignore[import-not-found]  # An extra.
 
         self.exudyn, self.items, self.bodies = exudyn, itemInterface, bodies
         # The container must outlive the system.

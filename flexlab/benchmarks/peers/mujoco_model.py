@@ -36,7 +36,7 @@ def simulate_mujoco(world: World, integrator: str, steps_per_tick: int, ticks: i
 
     integrator: "rk4", or one of MuJoCo's ("Euler", "implicitfast", "discrete"), which then holds the torques for a step.
     """
-    import mujoco  # type: ignore[import-not-found]
+    import mujoco  # type: ignore[import-not-found]  # An extra.
 
     bodies, start = make_bodies(world.scenario), world.observe()
     step = world.tick_period / steps_per_tick
@@ -117,7 +117,7 @@ def _loop(rk4: bool) -> Any:
 
 
 def _c_function(name: str) -> Any:
-    import mujoco  # type: ignore[import-not-found]
+    import mujoco  # type: ignore[import-not-found]  # An extra.
 
     folder = Path(mujoco.__file__).parent
     files = [file for pattern in LIBRARY_NAMES for file in folder.glob(pattern)]

@@ -1,7 +1,7 @@
 """The engine's own control law for other engines: they get the same torques for the same state, at compiled speed."""
 
 from flexlab.compiled import compiled
-from flexlab.control.law import control_law
+from flexlab.control.law_kernels import control_law
 from flexlab.control.motion import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms

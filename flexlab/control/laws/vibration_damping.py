@@ -17,7 +17,7 @@ from flexlab.quantities import Number, quantity
 class VibrationDamping(AdaptiveSlidingMode):
     """The paper's law with active damping of the beam (its future work): a_lat = k_v hᵀq̇, α = k_θ gᵀq̇."""
 
-    kind: Literal["vibration-damping"] = "vibration-damping"  # type: ignore[assignment]
+    kind: Literal["vibration-damping"] = "vibration-damping"
     lateral_vibration_gain: Number = quantity(
         100.0, title="Lateral vibration gain", symbol="k_v", unit="1/(kg·s)", low=0, high=1e5, slider=(0, 300)
     )

@@ -44,7 +44,7 @@ class Hold(Trajectory):
 
     def taken_up(self, old: Trajectory, given: Collection[str], time: float) -> Trajectory:
         """Where the target is."""
-        here = tuple(poses(build_motion(old), [time])[0, 0].tolist())  # type: ignore[arg-type]
+        here = tuple(poses(build_motion(old), [time])[0, 0].tolist())
         return self if "pose" in given else self.model_copy(update={"pose": here})
 
 

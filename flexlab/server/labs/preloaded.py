@@ -6,7 +6,7 @@ import sys
 from contextlib import suppress
 from importlib import import_module
 
-import pyarrow  # type: ignore[import-untyped]
+import pyarrow  # type: ignore[import-untyped]  # It ships no types.
 
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from browser_window import BY_THE_PROCESSOR, PAUSE, SOFTWARE_RENDERING
 from get_browser import find_browser
-from lab_page import LabPage, LastingWindow
+from lab_page import LabPage, LastingWindow, wait_until
 from playwright.sync_api import Browser
 
 from flexlab.lab import render_loop
@@ -32,6 +32,15 @@ def shared_session() -> Iterator[Session]:
     """The same, one for all tests of a file that leave it as it was."""
     with Session(load_preset("paper"), "paper", port=0, shadows=False) as lab:
         yield lab
+
+
+@pytest.fixture
+def lasting_session(shared_session: Session) -> Session:
+    """That one, when nobody looks at it and without what it said and counted."""
+    wait_until(lambda: not shared_session.server.get_clients(), "the last browser has left", 20)
+    shared_session.guard.refused = 0
+    shared_session.lab_state.say("")
+    return shared_session
 
 
 @pytest.fixture(scope="session")

@@ -1,19 +1,16 @@
 """A lab as a person sees it: helpers that look at and touch the page of a running session."""
 
 import math
-import time
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from browser_window import open_window
 from playwright.sync_api import Browser, Error, Locator, TimeoutError
+from waiting import ARTIFACTS, PATIENCE
+from waiting import wait_until as wait_until
 
 from flexlab.lab.session import Session
 from flexlab.sockets import free_ports
 
-PATIENCE = 60.0
-"""Wall seconds that a browser drawing in software on a busy machine may take for anything."""
 THROUGH_THE_GATE = "() => new Promise((done) => setTimeout(done, 150))"
 """The page sends all inputs through one 50 ms gate: two widgets changed within it can lose the first change. So the next one
 waits, by the page's own clock: on a busy machine the page may be far behind ours."""
@@ -23,7 +20,6 @@ LOOK = 100
 """ms between two looks at the text of a page, each of which lays it out."""
 SAME_PLACE = 1e-3
 """m"""
-ARTIFACTS = Path(__file__).parents[2] / ".artifacts"
 
 READY = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > 2"""
@@ -68,17 +64,6 @@ POINT_PIXEL = """([x, y, z]) => {
   point.applyMatrix4(mutable.nodeRefFromName['/arms'].matrixWorld).project(mutable.camera);
   const box = mutable.canvas.getBoundingClientRect();
   return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height]; }"""
-
-
-def wait_until(ask: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
-    """Ask until the answer is true and return it; fails naming `what` and the last answer."""
-    deadline = time.monotonic() + patience
-    while True:
-        answer = ask()
-        if answer:
-            return answer
-        assert time.monotonic() < deadline, f"waited {patience:g} s in vain for: {what} (last answer: {answer!r})"
-        time.sleep(0.05)
 
 
 def address(session: Session) -> str:

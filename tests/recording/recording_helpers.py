@@ -2,14 +2,14 @@
 
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 from rerun.chunk import RrdReader
+from waiting import wait_until as wait_until
 
+from flexlab.recording.rerun_internals.chunk_reader import quiet_reader
 from flexlab.sim.samples import Samples
 
 
@@ -21,24 +21,22 @@ def assert_same_bits(found: Samples, expected: Samples) -> None:
         assert one.tobytes() == other.tobytes(), field.name
 
 
-def wait_until(true: Callable[[], object], what: str, patience: float = 30.0) -> None:
-    """Poll until `true()`; fail after `patience` s, saying what was waited for."""
-    deadline = time.monotonic() + patience
-    while not true():
-        assert time.monotonic() < deadline, f"waited {patience:g} s in vain until {what}"
-        time.sleep(0.02)
-
-
 def start_script(script: str, *words: str | Path) -> "subprocess.Popen[str]":
     """Run Python code in a process of its own; what it prints can be read line by line."""
     command = [sys.executable, "-c", script, *map(str, words)]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
 
+def opened(path: Path) -> RrdReader:
+    """Rerun's reader of a file, without its warning of a live stream, which ends without an index."""
+    with quiet_reader(path) as reader:
+        return reader
+
+
 def plotted(path: Path, entity: str) -> tuple[np.ndarray, np.ndarray]:
     """(times in ns, values) of a plotted entity, as any rerun client finds them."""
     times, values = [], []
-    for chunk in RrdReader(path).stream().filter(content=[entity]):
+    for chunk in opened(path).stream().filter(content=[entity]):
         batch = chunk.to_record_batch()
         if "sim_time" in batch.schema.names:
             times += batch.column("sim_time").cast("int64").to_pylist()
@@ -50,7 +48,7 @@ def plotted(path: Path, entity: str) -> tuple[np.ndarray, np.ndarray]:
 def drawn_beam(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """(times in ns, points of the beam) of all drawn states."""
     times, strips = [], []
-    for chunk in RrdReader(path).stream().filter(content=["/scene/beam"]):
+    for chunk in opened(path).stream().filter(content=["/scene/beam"]):
         if not chunk.is_static:
             batch = chunk.to_record_batch()
             times += batch.column("sim_time").cast("int64").to_pylist()

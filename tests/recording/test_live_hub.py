@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recording_helpers import plotted, wait_until
-from rerun.chunk import RrdReader
+from recording_helpers import opened, plotted, wait_until
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
@@ -28,7 +27,7 @@ def joined(hub: LiveHub, path: Path) -> Path:
 
 def runs(path: Path) -> list[str]:
     """Ids of the recordings in a file."""
-    return [entry.recording_id for entry in RrdReader(path).recordings() if entry.application_id == "flexlab"]
+    return [entry.recording_id for entry in opened(path).recordings() if entry.application_id == "flexlab"]
 
 
 def test_who_joins_after_ten_seconds_has_it_all(tmp_path: Path) -> None:
@@ -65,10 +64,10 @@ def test_who_joins_after_ten_seconds_has_it_all(tmp_path: Path) -> None:
         assert times[-1] / 1e9 > then + 1
         np.testing.assert_array_equal(np.diff(times), 1_000_000)
         np.testing.assert_array_equal(found, values[: len(found)].astype(np.float32))
-    entities = {chunk.entity_path for chunk in RrdReader(late).stream()}
+    entities = {chunk.entity_path for chunk in opened(late).stream()}
     assert {"/parameters", "/events", "/scene/beam", "/scene/links", "/real_time_factor"} <= entities
     assert "/exact/samples" not in entities, "viewers have no use for them"
-    assert RrdReader(late).blueprints()
+    assert opened(late).blueprints()
 
 
 def test_all_runs_go_through_one_hub(tmp_path: Path) -> None:
@@ -101,7 +100,7 @@ def test_the_oldest_data_make_room_and_what_a_run_begins_with_stays(tmp_path: Pa
     found = joined(hub, tmp_path / "late.rrd")
     assert found.stat().st_size < 1_600_000
     assert len(set(runs(found))) == 1, "a run of which nothing is left is gone as a whole"
-    assert {"/parameters", "/scene/beam"} <= {chunk.entity_path for chunk in RrdReader(found).stream()}
+    assert {"/parameters", "/scene/beam"} <= {chunk.entity_path for chunk in opened(found).stream()}
     times, _ = plotted(found, "/error")
     assert times[-1] / 1e9 == pytest.approx(world.time, abs=0.01)
 

@@ -3,24 +3,22 @@
 import contextlib
 import http.client
 import threading
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from email.message import Message
 from http.cookies import SimpleCookie
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 import msgspec.msgpack
 import viser
+from raw_browser import CAMERA
+from waiting import ARTIFACTS as ARTIFACTS
+from waiting import PATIENCE
+from waiting import wait_until as wait_until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-PATIENCE = 60.0
-"""Wall seconds that anything may take on a busy machine; no test passes or fails by speed."""
-ARTIFACTS = Path(__file__).parents[2] / ".artifacts"
-"""Screenshots for people to look at."""
 PROTOCOL = f"viser-v{viser.__version__}"
 
 
@@ -79,20 +77,6 @@ def upgrade(**more: str) -> dict[str, str]:
     }
 
 
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": [0.0, 0.0, 5.0],
-    "fov": 0.5,
-    "near": 0.01,
-    "far": 100.0,
-    "image_height": 900,
-    "image_width": 1440,
-    "look_at": [0.0, 0.5, 0.0],
-    "up_direction": [0.0, 0.0, 1.0],
-}
-
-
 @contextlib.contextmanager
 def looking(url: str, path: str, cookies: Mapping[str, str] | None = None) -> Iterator[None]:
     """While this is open somebody looks at a lab: runs wait for that, and hold when nobody does."""
@@ -117,14 +101,3 @@ def looking(url: str, path: str, cookies: Mapping[str, str] | None = None) -> It
         finally:
             over.set()
     reader.join()
-
-
-def wait_until(look: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
-    """Look until there is something true and return it."""
-    deadline = time.monotonic() + patience
-    while True:
-        found = look()
-        if found:
-            return found
-        assert time.monotonic() < deadline, f"waited {patience:g} s in vain for: {what} (last: {found!r})"
-        time.sleep(0.05)

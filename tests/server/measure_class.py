@@ -11,6 +11,8 @@ import time
 from pathlib import Path
 
 import psutil
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does, for who runs this file by itself.
 from http_client import ask, looking
 
 from flexlab.presets import load_preset

@@ -9,8 +9,8 @@ from urllib.parse import parse_qs, urlsplit
 import psutil
 import pytest
 from http_client import ask, wait_until
-from rerun.chunk import RrdReader
 
+from flexlab.recording.rerun_internals.chunk_reader import quiet_reader
 from flexlab.recording.rerun_internals.tool import rerun_tool
 from flexlab.server.front_server import FrontServer
 
@@ -42,7 +42,8 @@ def watch(source: str, path: Path) -> None:
 
 
 def entities(path: Path) -> set[str]:
-    return {chunk.entity_path for chunk in RrdReader(path).stream()}
+    with quiet_reader(path) as reader:
+        return {chunk.entity_path for chunk in reader.stream()}
 
 
 def test_rerun_watches_a_shared_lab_through_the_front_server(open_another: Callable[..., FrontServer], tmp_path: Path):

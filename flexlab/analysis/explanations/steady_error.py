@@ -1,10 +1,14 @@
 """The error that stays in steady motion, and what holds it there."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from flexlab.analysis.explanations.evidence import Evidence
 from flexlab.analysis.explanations.explanation import n, register
 from flexlab.analysis.lesson_measures import largest, length
+from flexlab.control.conditions import Circumstances
+from flexlab.sim.samples import Samples
 
 WORTH = 1e-5
 """Error from which on it is worth a sentence, m."""
@@ -12,6 +16,26 @@ OFTEN = 0.05
 """Share of the time for which s must be outside of its layer."""
 AGREES = (0.4, 1.25)
 """Measured over predicted error: the prediction bounds it, and should not be far from it."""
+
+
+class _Layer(NamedTuple):
+    """Steady motion under a law with a boundary layer."""
+
+    span: Samples
+    width: float
+    """m/s."""
+    around: Circumstances
+
+
+def _layer(seen: Evidence) -> _Layer | None:
+    """What steady motion shows of the boundary layer, if the law has one."""
+    span, width, around = seen.steady, seen.field("boundary_layer"), seen.background.around
+    return None if span is None or width is None or around is None else _Layer(span, width, around)
+
+
+def _error(span: Samples) -> float:
+    """Largest distance from the path, m."""
+    return float(np.linalg.norm(span.tracking_error[:, :2], axis=1).max())
 
 
 def _stiffness(seen: Evidence, layer: float) -> float:
@@ -27,14 +51,10 @@ def _stiffness(seen: Evidence, layer: float) -> float:
 @register("outside the boundary layer", "K ‖s‖ = ‖Ψ‖, inside only if ‖Ψ‖ ≤ K ε", "Sliding variable s", 13)
 def outside_the_layer(seen: Evidence) -> str | None:
     """Feedback too weak for what the beam asks: s leaves its layer in steady motion."""
-    span, layer, gain, around = (
-        seen.steady,
-        seen.field("boundary_layer"),
-        seen.field("feedback_gain"),
-        seen.background.around,
-    )
-    if span is None or layer is None or gain is None or around is None:
+    found, gain = _layer(seen), seen.field("feedback_gain")
+    if found is None or gain is None:
         return None
+    span, layer, around = found
     size = np.linalg.norm(span.sliding_variable, axis=1)
     share, force = float(np.mean(size > layer)), around.largest_reaction
     if share < OFTEN or force <= gain * layer:
@@ -49,18 +69,14 @@ def outside_the_layer(seen: Evidence) -> str | None:
 @register("error within the layer", "‖e‖ ≤ ‖s‖/Λ, ‖s‖ ≤ ‖Ψ‖/(K + ρ/ε)", "Tracking error", 24)
 def error_within_the_layer(seen: Evidence) -> str | None:
     """The error is the beam's reaction over the feedback inside of the layer."""
-    span, layer, slope, around = (
-        seen.steady,
-        seen.field("boundary_layer"),
-        seen.field("sliding_slope"),
-        seen.background.around,
-    )
-    if span is None or layer is None or slope is None or around is None or not seen.moving:
+    found, slope = _layer(seen), seen.field("sliding_slope")
+    if found is None or slope is None or not seen.moving:
         return None
+    span, layer, around = found
     if seen.scenario.trajectory.bending_feedforward or seen.field("feedback_gain") is None:
         return None
     stiffness = _stiffness(seen, layer)
-    error = float(np.linalg.norm(span.tracking_error[:, :2], axis=1).max())
+    error = _error(span)
     predicted = around.largest_reaction / (stiffness * slope)
     inside = float(np.linalg.norm(span.sliding_variable, axis=1).max()) <= layer
     if not inside or error < WORTH or not AGREES[0] < error / predicted < AGREES[1]:
@@ -82,7 +98,7 @@ def error_of_feedback_alone(seen: Evidence) -> str | None:
                       for now, B in zip(around.path, around.inertias(), strict=True)])  # fmt: skip
     gain = seen.field("position_gain") or np.inf
     predicted = float(np.linalg.norm(force[:, :2], axis=1).max()) / gain
-    error = float(np.linalg.norm(span.tracking_error[:, :2], axis=1).max())
+    error = _error(span)
     if error < WORTH or not AGREES[0] < error / predicted < AGREES[1]:
         return None
     return (

@@ -83,6 +83,7 @@ def _instants(batch: pa.RecordBatch) -> list[int]:
 def has_recording(path: Path) -> bool:
     """Whether rerun finds a recording in the file, not only a frame around nothing."""
     try:
-        return bool(RrdReader(path).recordings())
+        with quiet_reader(path) as reader:
+            return bool(reader.recordings())
     except (ValueError, RuntimeError, OSError):
         return False

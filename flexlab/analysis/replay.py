@@ -15,7 +15,7 @@ from flexlab.recording.reader import Recording
 from flexlab.recording.store.formats import FORMAT
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import MEASURED, Samples
 from flexlab.sim.signals import TABLE
 from flexlab.sim.world import World
 from flexlab.sim.world_state import WorldState
@@ -189,7 +189,9 @@ def _advance_to(world: World, tick: int) -> None:
 
 
 def start_world(recording: Recording) -> World:
-    """The world as it stood at the recording's first sample of part 1."""
+    """The world as it stood at the recording's first sample of part 1. Raises `StudyError` for what was not simulated."""
+    if recording.status == MEASURED:
+        raise StudyError(f"{recording.path.stem} was measured, not simulated: it can be looked at and compared.")
     world = World(recording.scenario, recording.sample_period)
     if recording.start is not None:
         world.restore(recording.start)

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from flexlab.scenario import Scenario
 
+UNTOLD = "paper"
+"""The preset whose beam a measurement is held against that names none."""
+
 
 def command(
     source: tyro.conf.Positional[
@@ -54,7 +57,8 @@ def command(
 ) -> int:
     """Fit a free vibration: each mode's frequency and damping ratio with 95 % intervals, and the beam that rings so.
 
-    Says "not identifiable" where the samples do not tell. Exits with 1 if the first frequency is not.
+    A CSV file of deflections, taken to be at mid-span, becomes a run in logs, which flexlab compare lays over
+    simulations. Says "not identifiable" where the samples do not tell. Exits with 1 if the first frequency is not.
     """
     from flexlab.analysis.identification.beam_parameters import beam_parameters
     from flexlab.analysis.identification.ring import fit_ring
@@ -68,6 +72,7 @@ def command(
         t, y, unit, recorded = _from_run(source, signal, start, end, logs)
         scenario = scenario or recorded
     fit = fit_ring(t, y)
+    kept = _kept(Path(source), preset, scenario, (t, y, fit.background), unit, logs) if measured else None
     rows: dict[str, Any] = {}
     for number, mode in enumerate(fit.modes, start=1):
         rows[f"f{number}"], rows[f"ζ{number}"] = mode.frequency, mode.damping_ratio
@@ -84,7 +89,9 @@ def command(
         }
         output().out(
             json.dumps(
-                {"samples": fit.samples, "noise": fit.noise, **_without_nan(plain)}, indent=1, ensure_ascii=False
+                {"samples": fit.samples, "noise": fit.noise, "run": kept and kept.stem, **_without_nan(plain)},
+                indent=1,
+                ensure_ascii=False,
             )
         )
     else:
@@ -94,6 +101,9 @@ def command(
             output().print(f"  {name:<4} {value}", markup=False, soft_wrap=True)
         if save is not None:
             output().print(str(save), markup=False, soft_wrap=True)
+        if kept is not None:
+            said = f"Kept in {kept}. Beside a simulation: flexlab compare {kept.stem} RUN"
+            output().print(said, markup=False, soft_wrap=True)
     return 0 if fit.first.frequency.identifiable else 1
 
 
@@ -113,6 +123,35 @@ def _from_file(
     for sentence in found.notes:
         note(sentence)
     return *_window(found.time, found.signal, start, end), found.unit
+
+
+def _kept(
+    source: Path,
+    preset: str | None,
+    scenario: "Scenario | None",
+    data: "tuple[np.ndarray, np.ndarray, np.ndarray]",
+    unit: str,
+    logs: Path,
+) -> Path | None:
+    """The run that a measurement is kept as; None, with a word on why, if it is not."""
+    from flexlab.analysis.run_summary import note_metrics
+    from flexlab.errors import RecordingError
+    from flexlab.presets import load_preset
+    from flexlab.recording.measurement import take_measurement
+
+    if unit != "m":
+        note(f"{source.name} is not kept as a run: {unit or 'a number without a unit'} is no deflection.")
+        return None
+    t, y, rest = data
+    held = scenario or load_preset(UNTOLD)
+    what = f"{len(t)} deflections from {source.name}, held against {preset or UNTOLD}"
+    try:
+        path = take_measurement(source, held, t, y, rest, what, logs)
+        note_metrics(path)
+    except RecordingError as error:
+        note(f"{source.name} is not kept as a run: {error}")
+        return None
+    return path
 
 
 def _from_run(

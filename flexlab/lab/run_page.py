@@ -17,11 +17,13 @@ from flexlab.errors import StudyError
 from flexlab.lab.animation import animation_html
 from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.presets import scenario_text
-from flexlab.sim.samples import Run
+from flexlab.sim.samples import MEASURED, Run
 
 
 def run_page(run: Run, name: str, version: str) -> str:
-    """The page. Raises `StudyError` for a run without samples."""
+    """The page. Raises `StudyError` for a run without samples, or without motion."""
+    if run.status == MEASURED:
+        raise StudyError("This run was measured, which tells no motion to show: export it as a table, or compare it.")
     animation = animation_html(run)
     plots, left, right = _plots(run)
     pages = Environment(

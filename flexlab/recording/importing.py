@@ -4,7 +4,7 @@ import contextlib
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -87,17 +87,27 @@ def _take_table(path: Path, logs: Path) -> Path:
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         reason = visible(error, LONGEST_REASON)
         raise RecordingError(f"{path.name} was not exported by this version of flexlab ({reason}).") from None
-    check_period(path.name, info.sample_period)
+    return take_run(run, info, path.name, logs, [event for event in events if not event.text.startswith(END)])
+
+
+def take_run(run: Run, info: RunInfo, source: str, logs: Path, events: Sequence[Event] = (), **notes: str) -> Path:
+    """Write a run that came from the file `source` into `logs`, whole or not at all; returns the recording.
+
+    Raises `RecordingError`.
+    """
+    check_period(source, info.sample_period)
     recording = HeadlessRecording(logs, info)
     try:
         with recording:
-            _write(recording, run, [event for event in events if not event.text.startswith(END)])
+            _write(recording, run, events)
             recording.end(run.status)
-    except BaseException:
+        write_notes(recording.path, imported=source, **notes)
+    except BaseException as error:
         with contextlib.suppress(RecordingError):
             remove_run(recording.path)
+        if isinstance(error, OSError):
+            raise RecordingError(f"{source} cannot be taken into {logs} ({error.strerror}): make room.") from None
         raise
-    write_notes(recording.path, imported=path.name)
     return recording.path
 
 
@@ -117,7 +127,7 @@ def _state(values: Mapping[str, Any] | None) -> WorldState | None:
     return None if values is None else state_from_json(json.dumps(values))
 
 
-def _write(recording: HeadlessRecording, run: Run, events: list[Event]) -> None:
+def _write(recording: HeadlessRecording, run: Run, events: Sequence[Event]) -> None:
     """Samples and events in the order in which they happened, as a change also moves what is drawn after it."""
     written = 0
     for event in events:

@@ -113,6 +113,8 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
             if not np.isnan(values).all():  # A signal that was not recorded has no curve.
                 send_columns(stream, f"runs/{label}/{signal.entity}", block.time, [scalars(values)])
         drawn = block.take(slice(None, None, stride))
+        if np.isnan(drawn.pose).all():
+            continue
         for entity, columns in moving_shapes(scenario, drawn, factor):
             send_columns(stream, f"runs/{label}/{entity}", drawn.time, columns)
         yield

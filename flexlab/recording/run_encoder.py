@@ -70,7 +70,7 @@ class RunEncoder:
             values = scalars(np.asarray(speed)[:, None])
             self._send(REAL_TIME_FACTOR.entity, np.asarray(speed_time), [values])
         drawn = self._frames(samples, float(speed[-1]) if len(speed) else 1.0)
-        if len(drawn):
+        if len(drawn) and not np.isnan(drawn.pose).all():  # A measurement of a beam does not tell where it was.
             for entity, columns in moving_shapes(self._scenario, drawn, self.info.exaggeration):
                 self._send(entity, drawn.time, columns)
 

@@ -17,6 +17,7 @@ from flexlab.analysis.tuning.cost import Cost
 from flexlab.errors import FlexlabError, LabError
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import change_settings
+from flexlab.server.growing_sweep import GrowingSweep
 from flexlab.server.jobs import Jobs
 from flexlab.server.study_jobs import Tuned, sweep_study, tuning_study
 
@@ -107,6 +108,7 @@ class Studies:
     _turn: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(AT_ONCE))
     _studies: OrderedDict[str, Study] = field(default_factory=OrderedDict[str, Study])
     _tasks: dict[str, asyncio.Task[None]] = field(default_factory=dict[str, asyncio.Task[None]])
+    _growing: dict[str, GrowingSweep] = field(default_factory=dict[str, GrowingSweep])
 
     def start(self, visitor: str, name: str, wish: SweepWish | TuningWish, address: str = "") -> Study:
         """Begin a study, or queue it. Raises `LabError` if too much is going on."""
@@ -121,7 +123,7 @@ class Studies:
         self._forget_old()
         task = asyncio.create_task(self._compute(study))
         self._tasks[study.id] = task
-        task.add_done_callback(lambda _: self._tasks.pop(study.id, None))
+        task.add_done_callback(lambda _: (self._tasks.pop(study.id, None), self._growing.pop(study.id, None)))
         return study
 
     def get(self, name: str) -> Study | None:
@@ -138,6 +140,13 @@ class Studies:
         if task is not None:
             task.cancel()
             self._note(study.id, working=False, problem=True, sentence="Cancelled.")
+
+    async def data(self, study: Study) -> dict[str, Any] | None:
+        """What the page draws of a sweep, as far as it is computed; None of what has no map."""
+        if study.data is not None or not (study.working and isinstance(study.wish, SweepWish)):
+            return study.data
+        growing = self._growing.setdefault(study.id, GrowingSweep(study.wish.plan, self._place(study)))
+        return await asyncio.to_thread(growing.data)
 
     def table(self, study: Study) -> Path | None:
         """The table of a finished sweep."""

@@ -1,21 +1,19 @@
 """What the page of studies has computed in a process of its own: each function is one job."""
 
-import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.execution import on_threads, run_sweep
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.analysis.sweep.result import Sweep
 from flexlab.analysis.tuning.cost import Cost, numbers_of
 from flexlab.analysis.tuning.search import Candidate, tune
-from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario
+from flexlab.server.growing_sweep import page_data
 
 Report = Callable[[float], None]
 
@@ -47,43 +45,7 @@ def threads() -> int:
 def sweep_study(plan: Plan, folder: Path, report: Report) -> dict[str, Any]:
     """Compute a sweep in `folder`; what the page draws, as plain data."""
     run_sweep(plan, folder, on_threads(threads()), lambda done, total: report(done / total))
-    return page_data(Sweep(plan, folder))
-
-
-def page_data(sweep: Sweep) -> dict[str, Any]:
-    """A finished sweep as the page's script takes it: axes, metrics, and per cell its status, sentence and numbers."""
-    columns = [column for metric in METRICS.values() for column in metric.columns if column.field != "window"]
-    return {
-        "axes": [_axis_data(sweep.plan.scenario, axis) for axis in sweep.axes],
-        "metrics": [
-            {
-                "field": column.field,
-                "title": column.title,
-                "unit": column.unit,
-                "missing": column.missing,
-                "values": [None if math.isnan(value) else value for value in sweep.column(column.key).tolist()],
-            }
-            for column in columns
-        ],
-        "status": sweep.texts("status"),
-        "sentence": sweep.texts("sentence"),
-    }
-
-
-def _axis_data(scenario: Scenario, axis: Axis) -> dict[str, Any]:
-    try:
-        about = scenario.about(axis.path)
-        title, symbol, unit = about.title, about.symbol, about.unit
-    except FlexlabError:
-        title, symbol, unit = axis.path, "", ""
-    return {
-        "path": axis.path,
-        "title": title,
-        "symbol": symbol,
-        "unit": "" if unit == "1" else unit,
-        "values": list(axis.values),
-        "logarithmic": axis.logarithmic,
-    }
+    return page_data(plan, Sweep(plan, folder).table.to_pydict())
 
 
 def tuning_study(

@@ -101,10 +101,15 @@ def join_blocks(blocks: list[Samples]) -> Samples:
     return Samples(**joined)
 
 
-class Status(str):
-    """How a run stands or ended, as a value: "running", "finished", "diverged", "unreachable", "singular".
+MEASURED = "measured"
+"""Status of a run that is somebody's own measurement."""
 
-    Compares as its name; `text` is the sentence that the user reads, `time` the simulation time in s.
+
+class Status(str):
+    """How a run stands or ended, as a value: "running", "finished", "measured", "diverged", "unreachable", "singular".
+
+    "measured": it is no simulation but somebody's own data, see `recording.measurement`. Compares as its name; `text` is the
+    sentence that the user reads, `time` the simulation time in s.
     """
 
     text: str
@@ -120,7 +125,7 @@ class Status(str):
     @property
     def failed(self) -> bool:
         """Whether the run stopped before its end."""
-        return self not in ("running", "finished")
+        return self not in ("running", "finished", MEASURED)
 
 
 @table

@@ -13,7 +13,8 @@ from flexlab.analysis.identification.beam_parameters import beam_parameters
 from flexlab.analysis.identification.measured import read_measured
 from flexlab.analysis.identification.ring import fit_ring
 from flexlab.errors import StudyError
-from flexlab.recording.headless import HeadlessRecording
+from flexlab.recording.headless import HeadlessRecording, write_run
+from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.sim.commands import Tap
 from flexlab.sim.snapshot import Event
@@ -145,6 +146,54 @@ def test_anothers_csv_is_read_with_its_units_and_gaps(flexlab_command: Command, 
     assert "f1   50 Hz, 95 % within" in done.stdout
     assert "ρ    not identifiable: a ring tells EI/ρ alone" in done.stdout
     assert "2 gaps" in done.stderr
+
+
+def test_the_measured_data_are_a_run_that_is_compared_with_simulations(flexlab_command: Command, tmp_path: Path):
+    time, simulated = np.arange(0, 0.4, 5e-4), flexlab.simulate("paper", 0.3)
+    told = 3 * ring(time, 50.0, 0.02) + 0.25
+    rows = [f"{1e3 * t + 7000.0:.4f},{y:.17g}" for t, y in zip(time, told, strict=True)]
+    (tmp_path / "laser.csv").write_text("t [ms],laser [mm]\n" + "\n".join(rows) + "\n")
+    other = write_run(simulated, tmp_path / "logs", "simulated").stem
+    words = ("fit", "laser.csv", "--preset", "paper", "--json")
+    name = json.loads(flexlab_command(*words).stdout)["run"]
+    assert json.loads(flexlab_command(*words).stdout)["run"] == name, "the same data are one run"
+    recording = read_recording(tmp_path / "logs" / f"{name}.rrd")
+    assert (recording.status, recording.status.failed, recording.name) == ("measured", False, "laser")
+    samples = recording.samples
+    np.testing.assert_array_equal(samples.midspan_deflection, [1e-3 * float(f"{y:.17g}") for y in told])
+    np.testing.assert_allclose(samples.time, time, atol=1e-9)
+    np.testing.assert_allclose(samples.vibration, 3e-3 * ring(time, 50.0, 0.02), atol=1e-9)
+    assert np.isnan(samples.pose).all()
+    assert np.isnan(samples.internal_force).all()
+
+    compared = json.loads(flexlab_command("compare", name, other, "--json").stdout)
+    settled = compared["metrics"]["Vibration below 1 % after [s]"]
+    assert compared["window [s]"] == pytest.approx(0.3)
+    assert compared["metrics"]["RMS error y [mm]"][0] is None
+    assert settled is not None
+    done = flexlab_command("compare", name, other, "--save", "both.rrd")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "both.rrd").stat().st_size > 10_000
+    assert "was measured, not simulated" in flexlab_command("replay", name).stderr
+    assert "tells no motion to show" in flexlab_command("export", name, "--to", "page.html").stderr
+    for kind in ("csv", "parquet"):
+        done = flexlab_command("export", name, "--to", f"again.{kind}")
+        assert done.returncode == 0, done.stderr
+    done = flexlab_command("import", "again.csv")
+    assert done.returncode == 0, done.stderr
+    again = read_recording(tmp_path / done.stdout.split("Recorded in ")[1].split(". Look")[0])
+    assert again.status == "measured"
+    np.testing.assert_array_equal(again.samples.vibration, samples.vibration)
+
+
+def test_what_is_no_deflection_is_fitted_and_not_kept(flexlab_command: Command, tmp_path: Path):
+    time = np.arange(0, 0.4, 5e-4)
+    rows = [f"{t:.6f},{y:.9f}" for t, y in zip(time, ring(time, 50.0, 0.02), strict=True)]
+    (tmp_path / "gauge.csv").write_text("t [s],bridge [V]\n" + "\n".join(rows) + "\n")
+    done = flexlab_command("fit", "gauge.csv")
+    assert (done.returncode, "f1   50 Hz" in done.stdout) == (0, True)
+    assert "gauge.csv is not kept as a run: V is no deflection." in done.stderr
+    assert not (tmp_path / "logs").exists()
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,6 @@ from flexlab.control.own_path import add_own_path
 from flexlab.control.own_path_sampling import sampled
 from flexlab.control.path import build_motion, forget_path, paths
 from flexlab.errors import ScenarioError
-from flexlab.lab.panel.choice import options
 from flexlab.lab.panel.sections import entries
 from flexlab.own_laws.running_text import TextProblem
 from flexlab.presets import load_preset, scenario_text
@@ -28,6 +27,7 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.store.run_files import list_runs
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.scenario.choices import options
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 from flexlab.sim.commands import ChangeScenario, StepOnce
 from flexlab.sim.runner import Runner

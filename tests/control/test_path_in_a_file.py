@@ -11,7 +11,6 @@ from flexlab.analysis.replay import replay
 from flexlab.control.path import Path, add_path, add_path_file, forget_path
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.all_fields import GROUPS, present
-from flexlab.lab.panel.choice import options
 from flexlab.lab.panel.sections import entries
 from flexlab.lab.scene.overlays import path_points
 from flexlab.presets import load_preset, load_scenario_file, save_scenario
@@ -19,6 +18,7 @@ from flexlab.recording.export import export_run, import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.scenario.choices import options
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.simulate import simulate

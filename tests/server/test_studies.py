@@ -2,16 +2,23 @@
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 from urllib.parse import urlencode
 
 import pytest
 from http_client import PATIENCE, Answer, ask, wait_until
 
 import flexlab
+from flexlab.analysis.sweep.axes import parse_axes
+from flexlab.analysis.sweep.cell import run_part
 from flexlab.analysis.sweep.fields import varied_fields
+from flexlab.analysis.sweep.plan import make_plan
+from flexlab.analysis.sweep.result import Sweep
+from flexlab.analysis.sweep.table import SweepFolder
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset
 from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.growing_sweep import GrowingSweep, page_data
 from flexlab.server.pages.study_form import MOST_CELLS, read_wish
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 from flexlab.server.settings import Settings
@@ -91,6 +98,69 @@ def test_a_sweep_has_the_numbers_of_the_command_line_and_says_what_failed(server
     assert f'href="{swept}"' in ask(server.url, "/studies").text
 
 
+def test_a_map_is_there_from_the_first_cells_on(tmp_path: Path):
+    plan = make_plan(
+        load_preset("paper"), parse_axes([f"{EI}=50:200:8", f"{K}=100:300:16"], load_preset("paper")), 0.01, 1e-3
+    )
+    growing, kept = GrowingSweep(plan, tmp_path / "sweep"), SweepFolder(tmp_path / "sweep", plan)
+    assert growing.data()["status"] == [None] * 128
+    parts = list(plan.parts())
+    for cells in (parts[40], parts[3]):
+        kept.save(run_part(plan, cells))
+    half = growing.data()
+    there = [*parts[3], *parts[40]]
+    assert [cell for cell, status in enumerate(half["status"]) if status == "finished"] == there
+    for cells in parts:
+        if set(cells).isdisjoint(there):
+            kept.save(run_part(plan, cells))
+    assert growing.data()["status"] == ["finished"] * 128
+    kept.finish()
+    whole = page_data(plan, Sweep(plan, tmp_path / "sweep").table.to_pydict())
+    assert growing.data() == whole, "the parts are gone, and the page has what it had read"
+    metric = next(k for k, item in enumerate(whole["metrics"]) if item["field"] == "rms-y")
+    assert [half["metrics"][metric]["values"][cell] for cell in there] == [
+        whole["metrics"][metric]["values"][cell] for cell in there
+    ]
+
+
+def test_a_sweep_that_is_computed_has_data(server: FrontServer):
+    address = post(server, "/studies", SWEEP | {"count1": "30", "count2": "30", "high1": "0.55", "duration": "6"})
+    study = address.headers["Location"]
+    found = json.loads(ask(server.url, f"{study}/data").text)
+    assert len(found["status"]) == 900
+    assert None in found["status"]
+    assert 'id="chart"' in ask(server.url, study).text
+    assert "cells.parquet" not in ask(server.url, study).text
+    post(server, f"{study}/cancel", {})
+
+
+def test_laws_and_dampings_are_swept_on_the_page(server: FrontServer):
+    page = ask(server.url, "/studies").text
+    assert (
+        '<option value="controller.kind" data-choice="yes" data-now="adaptive-sliding-mode">Control law</option>'
+        in page
+    )
+    assert 'name="words1" value="controller.kind=computed-torque" checked> computed-torque' in page
+    assert "controller.kind=lqr" not in page, "not with continuous control"
+    form = [(name, value) for name, value in SWEEP.items() if name not in ("field1", "low1", "high1", "count1")]
+    laws = [("field1", "controller.kind"), ("words1", "payload.boundary=pinned-pinned")]
+    laws += [("words1", f"controller.kind={law}") for law in ("pd", "computed-torque")]
+    answer = ask(server.url, "/studies", "POST", urlencode(form + laws).encode(), **FORM)
+    address = answer.headers["Location"]
+    assert "Control law: pd, computed-torque" in ask(server.url, address).text
+    state = f"{address}/state"
+    wait_until(lambda: not json.loads(ask(server.url, state).text)["working"], "the study is done", STUDY_PATIENCE)
+    found = json.loads(ask(server.url, f"{address}/data").text)
+    assert [(axis["title"], axis["numeric"], len(axis["values"])) for axis in found["axes"]] == [
+        ("Control law", False, 2), ("Bending stiffness", True, 3),
+    ]  # fmt: skip
+    assert found["status"] == ["finished"] * 6
+    assert (
+        decode_scenario(ask(server.url, f"{address}/cells/5").headers["Location"].partition("=")[2]).controller.kind
+        == "computed-torque"
+    )
+
+
 def test_a_cell_leads_to_its_scenario_in_the_lab(server: FrontServer, swept: str):
     answer = ask(server.url, f"{swept}/cells/2")
     assert answer.status == 303
@@ -140,6 +210,10 @@ def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
         ({"field1": ""}, ""),
         ({"field1": "", "field2": ""}, "Nothing is varied"),
         ({"field2": LENGTH}, "is varied twice"),
+        ({"field1": "controller.kind"}, "Control law: nothing is ticked"),
+        ({"field1": "controller.kind", "words1": "controller.kind=magic"}, "'magic' is no Control law: choose of"),
+        ({"field1": "controller.kind", "words1": "controller.kind=pd"}, ""),
+        ({**TUNING, "field1": "controller.kind", "words1": "controller.kind=pd"}, "is a choice: a tuning searches"),
         ({"field1": "payload.lenght"}, "did you mean payload.length?"),
         ({"duration": "0"}, "outside 0 to 20 s"),
         ({"duration": "20", "count1": "20", "count2": "20"}, "over the 6000 s that this page gives a study"),

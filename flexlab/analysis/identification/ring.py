@@ -8,7 +8,7 @@ fitted by least squares over (ω_k, σ_k) with the linear parts solved exactly (
 Numer. Anal. 10 (1973) 413). Modes are added while Schwarz's criterion gains; intervals are those of the linearised fit.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -79,6 +79,8 @@ class RingFit:
     end: float
     """Of the samples, s."""
     samples: int
+    background: np.ndarray = field(compare=False, repr=False)
+    """What the signal rings about, in its unit, (N,)."""
 
     @property
     def first(self) -> RingMode:
@@ -185,7 +187,9 @@ def _described(modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, 
     # A slow change of the background passes for part of a period of something.
     found = [mode for mode in found if mode.frequency.identifiable] or found
     found.sort(key=lambda mode: mode.frequency.value)
-    return RingFit(tuple(found), float(np.sqrt(variance)) * scale, float(time[0]), float(time[-1]), len(time))
+    background = basis[:, 2 * len(modes) :] @ linear[2 * len(modes) :] * scale
+    noise = float(np.sqrt(variance)) * scale
+    return RingFit(tuple(found), noise, float(time[0]), float(time[-1]), len(time), background)
 
 
 def _mode(omega: float, sigma: float, own: np.ndarray, factor: float, amplitude: float, tau: np.ndarray) -> RingMode:

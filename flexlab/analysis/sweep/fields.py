@@ -1,13 +1,17 @@
-"""Which fields of a scenario a study may vary, with their units and the ranges that are worth looking at."""
+"""Which fields of a scenario a study may vary: numbers with the ranges that are worth looking at, and choices."""
 
 from dataclasses import dataclass
 
+from flexlab.errors import ScenarioError
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
+from flexlab.scenario.choices import TITLES, options
 from flexlab.scenario.field_names import value_paths
 
 NOT_VARIED = ("simulation", "transition", "elbow", "seed")
 """Names on a path: how the equations are integrated, what is left of a change in motion, and numbers without a size."""
+CHOSEN = ("controller.kind", "trajectory.kind", "trajectory.shaper", "payload.damping.kind", "payload.boundary")
+"""Fields that are a choice, and of which a sweep may take several."""
 AROUND = 4.0
 """Where a field has no slider, a range goes from its value over this to its value times this."""
 
@@ -49,6 +53,44 @@ class VariedField:
     def logarithmic(self) -> bool:
         """Whether equal ratios are equally far apart on that range."""
         return self.about.logarithmic and self.range[0] > 0
+
+
+@dataclass(frozen=True)
+class VariedChoice:
+    """A field that is one of a few words."""
+
+    path: str
+    value: str
+    """As the scenario has it."""
+    options: tuple[str, ...]
+    """What a sweep may take: those with which the scenario is valid."""
+
+    @property
+    def words(self) -> str:
+        """What it is called."""
+        return TITLES[self.path]
+
+
+def varied_choices(scenario: Scenario) -> tuple[VariedChoice, ...]:
+    """The fields of a scenario of which a sweep may compare several words."""
+    found = []
+    for path in CHOSEN:
+        try:
+            value = scenario.get(path)
+        except ScenarioError:
+            continue
+        usable = tuple(word for word in options(path) if word == value or _is_valid(scenario, path, word))
+        if len(usable) > 1:
+            found.append(VariedChoice(path, value, usable))
+    return tuple(found)
+
+
+def _is_valid(scenario: Scenario, path: str, word: str) -> bool:
+    try:
+        scenario.replace({path: word})
+    except ScenarioError:
+        return False
+    return True
 
 
 def varied_fields(scenario: Scenario) -> tuple[VariedField, ...]:

@@ -60,6 +60,19 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, str) else json.dumps(value)
 
 
+def part_file(folder: Path, cells: range) -> Path:
+    """Where some cells of a sweep lie while it is computed."""
+    return folder / PARTS / f"{cells.start:09d}.parquet"
+
+
+def read_part(folder: Path, plan: Plan, cells: range) -> pa.Table | None:
+    """Rows of some cells of a sweep that is being computed; None: they are not there (yet, or any more)."""
+    try:
+        return parquet.read_table(part_file(folder, cells), schema=schema(plan))
+    except OSError:
+        return None
+
+
 class SweepFolder:
     """A sweep's folder. All methods raise `StudyError` if it cannot be written or holds another sweep."""
 
@@ -132,4 +145,4 @@ class SweepFolder:
             yield parquet.read_table(self._part(cells), schema=schema(self._plan))
 
     def _part(self, cells: range) -> Path:
-        return self.path / PARTS / f"{cells.start:09d}.parquet"
+        return part_file(self.path, cells)

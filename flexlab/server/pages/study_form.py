@@ -7,10 +7,13 @@ from typing import Any
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.metric import Column
 from flexlab.analysis.sweep.axes import Axis, parse_axes
+from flexlab.analysis.sweep.fields import CHOSEN
 from flexlab.analysis.sweep.plan import make_plan
 from flexlab.analysis.tuning.cost import parse_cost
 from flexlab.errors import StudyError
+from flexlab.plain_text import visible
 from flexlab.scenario import Scenario
+from flexlab.scenario.choices import TITLES, options
 from flexlab.server.studies import SweepWish, TuningWish
 
 MOST_CELLS = 900
@@ -78,6 +81,9 @@ def _axes(form: Mapping[str, Any], scenario: Scenario, counted: bool) -> tuple[A
         path = _text(form, f"field{end}")
         if not path:
             continue
+        if path in CHOSEN:
+            texts.append(f"{path}={','.join(_chosen(form, end, path, counted))}")
+            continue
         low, high = _number(form, f"low{end}", f"From, of {path},"), _number(form, f"high{end}", f"To, of {path},")
         # Every digit, as a text that is read again.
         parts = [repr(low), repr(high), *(["log"] if form.get(f"log{end}") else [])]
@@ -92,6 +98,22 @@ def _axes(form: Mapping[str, Any], scenario: Scenario, counted: bool) -> tuple[A
     if not texts:
         raise StudyError("Nothing is varied: choose a field.")
     return parse_axes(texts, scenario)
+
+
+def _chosen(form: Mapping[str, Any], end: str, path: str, counted: bool) -> list[str]:
+    """The words that were ticked for a field that is a choice. Raises `StudyError`."""
+    if not counted:
+        raise StudyError(f"{path} is a choice: a tuning searches numbers; compare choices with a sweep.")
+    # A form says each box as "path=word", and only the chosen field's boxes count.
+    several = getattr(form, "getall", None)
+    boxes: list[Any] = [form.get(f"words{end}")] if several is None else several(f"words{end}", [])
+    ticked = [box.removeprefix(f"{path}=") for box in boxes if isinstance(box, str) and box.startswith(f"{path}=")]
+    known = options(path)
+    if odd := [word for word in ticked if word not in known]:
+        raise StudyError(f"{visible(odd[0], LONGEST_SHOWN)!r} is no {TITLES[path]}: choose of {', '.join(known)}.")
+    if not ticked:
+        raise StudyError(f"{TITLES[path]}: nothing is ticked; tick what is to be compared.")
+    return ticked
 
 
 def _text(form: Mapping[str, Any], name: str) -> str:

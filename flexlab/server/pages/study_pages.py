@@ -7,11 +7,12 @@ from typing import Any
 
 from aiohttp import hdrs, web
 
-from flexlab.analysis.sweep.fields import VariedField, varied_fields
+from flexlab.analysis.sweep.fields import VariedField, varied_choices, varied_fields
 from flexlab.analysis.sweep.figures import metric_column
 from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
+from flexlab.scenario.choices import TITLES
 from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.layout import message, page
 from flexlab.server.pages.page_context import context_of
@@ -74,6 +75,7 @@ async def studies(request: web.Request) -> web.Response:
         word=encode_scenario(scenario),
         groups=[(part, list(items)) for part, items in groupby(fields, key=lambda item: item.part)],
         proposed=[_proposed(fields, path) for path in (*[path for path in USUAL if path in paths], "", "")[:2]],
+        choices=varied_choices(scenario),
         metrics=metric_columns(),
         most_cells=MOST_CELLS,
         most_candidates=MOST_CANDIDATES,
@@ -113,6 +115,8 @@ def _row(study: Study) -> dict[str, Any]:
 
 
 def _axis_title(study: Study, path: str) -> str:
+    if path in TITLES:
+        return TITLES[path]
     try:
         return study.wish.scenario.about(path).title
     except FlexlabError:
@@ -159,6 +163,7 @@ async def study_page(request: web.Request) -> web.Response:
         "lab": scenario_path(encode_scenario(study.wish.scenario)),
         "lines": _lines(study),
         "axis_lines": [_range_text(study, number) for number in range(len(study.wish.axes))],
+        "drawn": study.data is not None or (study.working and isinstance(study.wish, SweepWish)),
         "listed": [column.field for column in metric_columns() if column.listed],
     }
     if study.tuned is not None:
@@ -170,6 +175,8 @@ def _range_text(study: Study, number: int) -> str:
     """What an axis covers, in words."""
     axis = study.wish.axes[number]
     title = _axis_title(study, axis.path)
+    if axis.low is None:
+        return f"{title}: {', '.join(map(str, axis.values))}"
     count = f", {len(axis.values)} values" if isinstance(study.wish, SweepWish) else ""
     try:
         unit = study.wish.scenario.about(axis.path).unit_text()
@@ -206,11 +213,11 @@ async def state(request: web.Request) -> web.Response:
 
 
 async def data(request: web.Request) -> web.Response:
-    """A finished study's numbers, for the script in its page."""
+    """A study's numbers, for the script in its page: of a sweep as far as it is, of a tuning that is finished."""
     study = context_of(request).studies.get(request.match_info["study"])
-    if study is None or (study.data is None and study.tuned is None):
+    told = None if study is None else await context_of(request).studies.data(study)
+    if study is None or (told is None and study.tuned is None):
         raise web.HTTPNotFound
-    told = study.data
     if study.tuned is not None and isinstance(study.wish, TuningWish):
         columns = [metric_column(name) for name in (study.wish.cost.names[0], "force")]
         found = study.tuned

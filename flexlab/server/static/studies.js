@@ -4,9 +4,17 @@ for (const fieldset of document.querySelectorAll("fieldset.axis")) {
   if (!field) continue;
   const part = (name) => fieldset.querySelector(`[name^=${name}]`);
   const say = () => {
-    const { now, allowed } = field.selectedOptions[0].dataset;
-    fieldset.querySelector(".allowed").textContent = now === undefined ? "" : `Now ${now}; allowed: ${allowed}.`;
-    for (const input of fieldset.querySelectorAll("input")) input.disabled = !field.value;
+    const { now, allowed, choice } = field.selectedOptions[0].dataset;
+    fieldset.querySelector(".allowed").textContent = now === undefined ? "" :
+      choice ? `Now ${now}; ticked words are compared.` : `Now ${now}; allowed: ${allowed}.`;
+    for (const input of fieldset.querySelectorAll("label > input:not([name^=words])")) {
+      input.disabled = !field.value || Boolean(choice);
+      input.parentElement.hidden = Boolean(choice);
+    }
+    for (const group of fieldset.querySelectorAll(".words")) {
+      group.hidden = group.dataset.field !== field.value;
+      for (const box of group.querySelectorAll("input")) box.disabled = group.hidden;
+    }
   };
   field.addEventListener("change", () => {
     const { low = "", high = "", log } = field.selectedOptions[0].dataset;

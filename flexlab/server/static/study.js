@@ -10,7 +10,9 @@ async function follow() {
     const told = await answer.json();
     if (!told.working) return location.reload();
     state.textContent = told.sentence;
-    document.getElementById("progress").value = told.share;
+    const progress = document.getElementById("progress");
+    if (told.share > progress.value) await refresh();
+    progress.value = told.share;
   } catch {
     state.textContent = "The server does not answer.";
   }
@@ -20,25 +22,45 @@ if (state) setTimeout(follow, LOOK);
 
 const titled = (axis) => [axis.title, axis.symbol].filter(Boolean).join(" ") + (axis.unit ? ` (${axis.unit})` : "");
 
+const shortened = (word, most) => (word.length * 6.6 + 14 > most ? `${word.slice(0, Math.max(Math.floor((most - 14) / 6.6) - 1, 3))}…` : word);
+
 // Of the middles of `count` equal cells, as many labels as fit.
-function cellTicks(values, room) {
-  const step = Math.ceil(values.length / Math.max(room, 2));
-  const said = numbers(values);
+function cellTicks(axis, space, most) {
+  const values = axis.values;
+  const step = axis.numeric ? Math.ceil(values.length / Math.max(space, 2)) : 1;
+  const said = axis.numeric ? numbers(values) : values.map((word) => shortened(String(word), most));
   return values.map((_, k) => [(k + 0.5) / values.length, said[k]]).filter((_, k) => k % step === 0);
 }
 
 function words(found, metric, cell) {
   const value = metric.values[cell];
-  const places = found.axes.map((axis, k) => `${axis.symbol || axis.title} = ${number(place(found, cell, k), 4)} ${axis.unit}`.trim());
-  const read = found.status[cell] !== "finished" ? "failed" :
+  const said = (value) => (typeof value === "number" ? number(value, 4) : value);
+  const at = found.axes.map((axis, k) => `${axis.symbol || axis.title} = ${said(place(found, cell, k))} ${axis.unit}`.trim());
+  const read = found.status[cell] === null ? "not computed yet" : failedAt(found, cell) ? "failed" :
     value === null ? metric.missing : `${number(value, 4)} ${metric.unit}`;
   const why = found.sentence[cell] ? `. ${found.sentence[cell]}` : "";
-  return `${places.join(", ")}: ${metric.title} ${read}${why}`;
+  return `${at.join(", ")}: ${metric.title} ${read}${why}`;
 }
 
-function place(found, cell, axis) {
+// Where a cell stands on each axis of the sweep.
+function places(found, cell) {
   const count = found.axes[1]?.values.length ?? 1;
-  return found.axes[axis].values[axis === 0 ? Math.floor(cell / count) : cell % count];
+  return [Math.floor(cell / count), cell % count];
+}
+
+const place = (found, cell, axis) => found.axes[axis].values[places(found, cell)[axis]];
+const failedAt = (found, cell) => found.status[cell] !== null && found.status[cell] !== "finished";
+
+// The axis that goes across and the one that goes up: words stand beside a map, where they have room.
+function sides(found) {
+  if (found.axes.length < 2) return found.axes[0].numeric ? [0] : [null, 0];
+  return !found.axes[0].numeric && found.axes[1].numeric ? [1, 0] : [0, 1];
+}
+
+// How much room labels take, px.
+function room(axis, most) {
+  if (!axis || axis.numeric) return 0;
+  return Math.min(Math.max(...axis.values.map((word) => String(word).length)) * 6.6 + 14, most);
 }
 
 // Round numbers of a scale at their places.
@@ -65,16 +87,18 @@ function link(found, metric, cell, ...children) {
 }
 
 function drawMap(drawing, found, metric, box, narrow) {
-  const [across, up] = found.axes;
+  const [right, upward] = sides(found);
+  const [across, up] = [found.axes[right], found.axes[upward]];
   const scale = scaleOf(metric.values);
   const [w, h] = [box.width / across.values.length, box.height / up.values.length];
-  frame(drawing, box, cellTicks(across.values, box.width / 52), cellTicks(up.values, box.height / 26), [across, up].map(titled));
+  frame(drawing, box, cellTicks(across, box.width / 52, w), cellTicks(up, box.height / 26, box.left - 20), [across, up].map(titled));
   metric.values.forEach((value, cell) => {
-    const x = box.left + Math.floor(cell / up.values.length) * w;
-    const y = box.top + box.height - (cell % up.values.length + 1) * h;
-    const failed = found.status[cell] !== "finished";
+    const at = places(found, cell);
+    const x = box.left + at[right] * w;
+    const y = box.top + box.height - (at[upward] + 1) * h;
+    const failed = failedAt(found, cell);
     const marks = [svg("rect", { x, y, width: w + 0.3, height: h + 0.3, ...(failed ? { class: "failed" } :
-      value === null ? { class: "missing" } : { fill: viridis(scale.share(value)) }) })];
+      found.status[cell] === null ? { class: "waiting" } : value === null ? { class: "missing" } : { fill: viridis(scale.share(value)) }) })];
     if (failed) {
       const [cx, cy, r] = [x + w / 2, y + h / 2, Math.min(w, h, 14) * 0.28];
       marks.push(svg("path", { d: `M${cx - r} ${cy - r}l${2 * r} ${2 * r}M${cx - r} ${cy + r}l${2 * r} ${-2 * r}`, class: "cross" }));
@@ -115,10 +139,26 @@ function drawCurve(drawing, found, metric, box) {
   axis.values.forEach((value, cell) => {
     const [x, y] = metric.values[cell] === null ? [box.left + share(value) * box.width, box.top + box.height - 9] : at(cell);
     const r = 4;
-    const failed = found.status[cell] !== "finished";
+    const failed = failedAt(found, cell);
     drawing.append(link(found, metric, cell, svg("circle", { cx: x, cy: y, r: 10, fill: "transparent" }), failed ?
       svg("path", { d: `M${x - r} ${y - r}l${2 * r} ${2 * r}M${x - r} ${y + r}l${2 * r} ${-2 * r}`, class: "cross" }) :
-      svg("circle", { cx: x, cy: y, r, class: metric.values[cell] === null ? "missing" : "point" })));
+      svg("circle", { cx: x, cy: y, r, class: found.status[cell] === null ? "waiting" :
+        metric.values[cell] === null ? "missing" : "point" })));
+  });
+}
+
+// One metric of a choice: its words one below the other, the first one on top.
+function drawWords(drawing, found, metric, box) {
+  const axis = found.axes[0];
+  const scale = scaleOf(metric.values);
+  const count = axis.values.length;
+  const ticks = cellTicks(axis, count, box.left - 20).map(([share, word]) => [1 - share, word]);
+  frame(drawing, box, labelled(scale, box.width / 70), ticks, [`${metric.title} (${metric.unit})`, axis.title]);
+  metric.values.forEach((value, cell) => {
+    const [x, y, r] = [box.left + (value === null ? 0.02 : scale.share(value)) * box.width, box.top + (cell + 0.5) / count * box.height, 4];
+    drawing.append(link(found, metric, cell, svg("circle", { cx: x, cy: y, r: 10, fill: "transparent" }), failedAt(found, cell) ?
+      svg("path", { d: `M${x - r} ${y - r}l${2 * r} ${2 * r}M${x - r} ${y + r}l${2 * r} ${-2 * r}`, class: "cross" }) :
+      svg("circle", { cx: x, cy: y, r, class: found.status[cell] === null ? "waiting" : value === null ? "missing" : "point" })));
   });
 }
 
@@ -148,7 +188,8 @@ function draw(found, metric) {
   const total = Math.max(holder.clientWidth, 240);
   const map = Boolean(found.axes?.[1]);
   const narrow = total < 560;
-  const left = map || narrow ? 66 : 84;
+  const beside = found.axes && found.axes[sides(found)[1]];
+  const left = Math.max(map || narrow ? 66 : 84, room(beside, total * 0.36) + 16);
   const box = { left, top: 12, width: total - left - (map && !narrow ? 92 : 18), height: 0 };
   box.height = Math.min(Math.max(box.width * 0.62, 220), 470);
   const height = box.top + box.height + (map && narrow ? 96 : 48);
@@ -158,13 +199,16 @@ function draw(found, metric) {
     chart.querySelector("figcaption").textContent = "What less of one costs in the other";
     legendOf(["tried", "tried"], found.before && ["before", "before"], found.after && ["after", "tuned"]);
   } else {
-    (map ? drawMap : drawCurve)(drawing, found, metric, box, narrow);
+    (map ? drawMap : found.axes[0].numeric ? drawCurve : drawWords)(drawing, found, metric, box, narrow);
     chart.querySelector("figcaption").textContent = `${metric.title} (${metric.unit})`;
-    const failed = found.status.filter((status) => status !== "finished").length;
-    const missing = metric.values.filter((value) => value === null).length - failed;
-    legendOf(failed && ["failed", `${failed} failed`], missing > 0 && ["missing", `${missing} ${metric.missing}`]);
+    const failed = found.status.filter((_, cell) => failedAt(found, cell)).length;
+    const waiting = found.status.filter((status) => status === null).length;
+    const missing = metric.values.filter((value) => value === null).length - failed - waiting;
+    legendOf(waiting && ["waiting", `${waiting} not computed yet`], failed && ["failed", `${failed} failed`], missing > 0 && ["missing", `${missing} ${metric.missing}`]);
   }
+  const chosen = holder.contains(document.activeElement) ? document.activeElement.dataset.cell : null;
   holder.replaceChildren(drawing);
+  if (chosen !== null) holder.querySelector(`a.cell[data-cell="${chosen}"]`)?.focus();
 }
 
 function arrows(event, found) {
@@ -172,21 +216,24 @@ function arrows(event, found) {
   const cell = event.target.closest?.("a.cell");
   if (!step || !cell) return;
   event.preventDefault();
-  const [columns, rows] = [found.axes[0].values.length, found.axes[1]?.values.length ?? 1];
-  const now = Number(cell.dataset.cell);
-  const [column, row] = [Math.floor(now / rows) + step[0], (now % rows) + step[1]];
-  if (column < 0 || column >= columns || row < 0 || row >= rows) return;
-  chart.querySelector(`a.cell[data-cell="${column * rows + row}"]`).focus();
+  const counts = [found.axes[0].values.length, found.axes[1]?.values.length ?? 1];
+  const at = places(found, Number(cell.dataset.cell));
+  const [right, upward] = sides(found);
+  if (right === null) at[0] -= step[1];
+  else [at[right], at[upward ?? 1]] = [at[right] + step[0], at[upward ?? 1] + step[1]];
+  if (at.some((index, k) => index < 0 || index >= counts[k])) return;
+  chart.querySelector(`a.cell[data-cell="${at[0] * counts[1] + at[1]}"]`).focus();
 }
 
 function tellFailures(found) {
   const reasons = new Map();
   found.sentence.forEach((said, cell) => {
-    if (found.status[cell] === "finished") return;
+    if (!failedAt(found, cell)) return;
     const cells = reasons.get(said) ?? [];
     reasons.set(said, [...cells, cell]);
   });
   const list = document.querySelector("#failures ul");
+  list.replaceChildren();
   document.getElementById("failures").hidden = reasons.size === 0;
   for (const [said, cells] of [...reasons].slice(0, 20)) {
     const line = document.createElement("li");
@@ -195,18 +242,36 @@ function tellFailures(found) {
   }
 }
 
+const choice = document.getElementById("metric");
+const KEPT = `metric of ${location.pathname}`; // what is shown stays so when the page loads anew at the end
+let found = null;
+
+const load = async () => { found = await (await fetch(chart.dataset.address, { cache: "no-store" })).json(); };
+
+function again() {
+  draw(found, choice && found.metrics[choice.value]);
+  if (choice) tellFailures(found);
+}
+
+// A sweep that goes on has cells that were not there.
+async function refresh() {
+  if (!found) return;
+  await load();
+  again();
+}
+
 async function show() {
-  const found = await (await fetch(chart.dataset.address, { cache: "no-store" })).json();
-  const choice = document.getElementById("metric");
-  let again = () => draw(found);
+  await load();
   if (choice) {
-    const listed = choice.dataset.listed.split(" ");
+    const kept = sessionStorage.getItem(KEPT);
+    const fields = found.metrics.map((metric) => metric.field);
     found.metrics.forEach((metric, k) => choice.add(new Option(`${metric.title} (${metric.unit})`, k)));
-    choice.value = found.metrics.findIndex((metric) => metric.field === "rms-y" || metric.field === listed[0]);
-    again = () => draw(found, found.metrics[choice.value]);
-    choice.addEventListener("change", again);
+    choice.value = fields.indexOf([kept, "rms-y", choice.dataset.listed.split(" ")[0]].find((name) => fields.includes(name)));
+    choice.addEventListener("change", () => {
+      sessionStorage.setItem(KEPT, fields[choice.value]);
+      again();
+    });
     chart.addEventListener("keydown", (event) => arrows(event, found));
-    tellFailures(found);
   }
   again();
   new ResizeObserver(() => {

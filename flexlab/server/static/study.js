@@ -91,7 +91,7 @@ function drawMap(drawing, found, metric, box, narrow) {
   const [across, up] = [found.axes[right], found.axes[upward]];
   const scale = scaleOf(metric.values);
   const [w, h] = [box.width / across.values.length, box.height / up.values.length];
-  frame(drawing, box, cellTicks(across, box.width / 52, w), cellTicks(up, box.height / 26, box.left - 20), [across, up].map(titled));
+  frame(drawing, box, cellTicks(across, box.width / 52, w), cellTicks(up, box.height / 26, box.left - 16), [across, up].map(titled));
   metric.values.forEach((value, cell) => {
     const at = places(found, cell);
     const x = box.left + at[right] * w;
@@ -152,8 +152,8 @@ function drawWords(drawing, found, metric, box) {
   const axis = found.axes[0];
   const scale = scaleOf(metric.values);
   const count = axis.values.length;
-  const ticks = cellTicks(axis, count, box.left - 20).map(([share, word]) => [1 - share, word]);
-  frame(drawing, box, labelled(scale, box.width / 70), ticks, [`${metric.title} (${metric.unit})`, axis.title]);
+  const ticks = cellTicks(axis, count, box.left - 16).map(([share, word]) => [1 - share, word]);
+  frame(drawing, box, labelled(scale, Math.max(box.width / 70, 3)), ticks, [`${metric.title} (${metric.unit})`, axis.title]);
   metric.values.forEach((value, cell) => {
     const [x, y, r] = [box.left + (value === null ? 0.02 : scale.share(value)) * box.width, box.top + (cell + 0.5) / count * box.height, 4];
     drawing.append(link(found, metric, cell, svg("circle", { cx: x, cy: y, r: 10, fill: "transparent" }), failedAt(found, cell) ?
@@ -189,7 +189,7 @@ function draw(found, metric) {
   const map = Boolean(found.axes?.[1]);
   const narrow = total < 560;
   const beside = found.axes && found.axes[sides(found)[1]];
-  const left = Math.max(map || narrow ? 66 : 84, room(beside, total * 0.36) + 16);
+  const left = Math.max(map || narrow ? 66 : 84, room(beside, total * 0.46) + 16);
   const box = { left, top: 12, width: total - left - (map && !narrow ? 92 : 18), height: 0 };
   box.height = Math.min(Math.max(box.width * 0.62, 220), 470);
   const height = box.top + box.height + (map && narrow ? 96 : 48);

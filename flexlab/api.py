@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexlab.analysis.explanations import Explained
-    from flexlab.notebook import Page
+    from flexlab.html_page import Page
 
 LOGS = "logs"
 """The folder of recordings where somebody works."""
@@ -98,8 +98,8 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         from contextlib import redirect_stdout
         from io import StringIO
 
+        from flexlab.html_page import Page
         from flexlab.lab.run_page import run_page
-        from flexlab.notebook import Page
         from flexlab.recording.documents import package_version
 
         with redirect_stdout(StringIO()):  # viser says where it serves, which it does for a moment only.

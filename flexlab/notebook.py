@@ -1,29 +1,14 @@
-"""Runs and labs in a notebook's cell."""
+"""A live lab in a notebook's cell."""
 
 from html import escape
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 from flexlab import api
+from flexlab.html_page import CELL_HEIGHT
 
 if TYPE_CHECKING:
     from flexlab.lab.session import Session
-
-HEIGHT = 640
-"""px of a cell."""
-
-
-class Page:
-    """An HTML page that notebooks show in their cell; `html` is its text, to be saved as a file."""
-
-    def __init__(self, html: str, height: int = HEIGHT):
-        self.html, self._height = html, height
-
-    def __repr__(self) -> str:
-        return f"<Page of {len(self.html.encode()) / 1e6:.1f} MB: a notebook shows it; .html is its text>"
-
-    def _repr_html_(self) -> str:
-        return f'<iframe srcdoc="{escape(self.html)}" width="100%" height="{self._height}" style="border:0"></iframe>'
 
 
 class Lab:
@@ -33,7 +18,7 @@ class Lab:
     takes commands. Raises `LabError` if it cannot be started.
     """
 
-    def __init__(self, scenario: api.AnyScenario = "paper", height: int = HEIGHT):
+    def __init__(self, scenario: api.AnyScenario = "paper", height: int = CELL_HEIGHT):
         self._name, self._scenario = api.named_scenario(scenario)
         self._height = height
         self._session: Session | None = None

@@ -1,6 +1,6 @@
 """One cell of a sweep: a scenario, simulated, as a row of numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from flexlab.analysis.metrics import MetricCollection
@@ -27,6 +27,10 @@ class Cell(NamedTuple):
     """Why it failed, or since when its results are no longer accurate; empty: all is well."""
     metrics: tuple[float | None, ...] | None
     """As tables show them; None: it failed."""
+
+
+Executor = Callable[[Plan, Sequence[range]], Iterator[list[Cell]]]
+"""Computes parts, and hands each out as it is done."""
 
 
 def run_part(plan: Plan, cells: Sequence[int]) -> list[Cell]:

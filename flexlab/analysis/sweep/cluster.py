@@ -8,8 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from flexlab.analysis.sweep.cell import Cell, run_part
-from flexlab.analysis.sweep.execution import Executor
+from flexlab.analysis.sweep.cell import Cell, Executor, run_part
 from flexlab.analysis.sweep.plan import Plan, engine
 from flexlab.errors import StudyError
 

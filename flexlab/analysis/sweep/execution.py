@@ -6,13 +6,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from flexlab.analysis.batch import thread_count
-from flexlab.analysis.sweep.cell import Cell, run_part
+from flexlab.analysis.sweep.cell import Cell, Executor, run_part
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.analysis.sweep.table import SweepFolder
 from flexlab.errors import StudyError
 
-Executor = Callable[[Plan, Sequence[range]], Iterator[list[Cell]]]
-"""Computes parts, and hands each out as it is done."""
 Told = Callable[[int, int], None]
 """Is told (cells done, cells in all)."""
 

@@ -12,10 +12,10 @@ from aiohttp.http_exceptions import HttpProcessingError
 from flexlab.errors import FlexlabError
 from flexlab.log_limits import limited
 from flexlab.recording.store.run_files import SUFFIX
-from flexlab.server.pages.layout import message
+from flexlab.server.pages.layout import HAS_CLASS, message
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import button, render
-from flexlab.server.visitors import COOKIE_AGE, is_teacher
+from flexlab.server.visitors import COOKIE_AGE, has_class, is_teacher
 from flexlab.sockets import LOOPBACK
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -93,6 +93,7 @@ SENTENCES = {
 async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
     """Refuse what is malformed, comes from a foreign page, or lacks the token."""
     context = context_of(request)
+    HAS_CLASS.set(has_class(request))
     problem = _malformed(request) or _foreign(request, context)
     if problem:
         return refuse(request, *problem)

@@ -105,6 +105,12 @@ def has_teacher_cookie(request: web.Request) -> bool:
     return hmac.compare_digest(given.encode("utf-8", "replace"), context.teacher_word.encode())
 
 
+def has_class(request: web.Request) -> bool:
+    """Whether who asks has labs of others to look after."""
+    context = context_of(request)
+    return is_teacher(request) and (context.places.is_private or not context.settings.is_local)
+
+
 def may_touch(request: web.Request, row: RunRow) -> bool:
     """Whether a run is for who asks: their own; all runs for the teacher. What a shared lab recorded is everybody's."""
     if is_teacher(request):

@@ -1,6 +1,7 @@
 """A class: who is the teacher, whose runs are whose, who waits for a lab, what the teacher's page tells and does."""
 
 import json
+import os
 import re
 import shutil
 import zipfile
@@ -19,6 +20,8 @@ from flexlab.server.labs.run_owner import owner_word
 from flexlab.server.settings import Settings
 
 TOKEN, TEACHER = "the-token-of-the-class", "the-teacher-s-own-token"
+QUOTA = 50_000_000
+"""Bytes; no lab of these tests records so much."""
 FORM = "application/x-www-form-urlencoded"
 
 
@@ -61,6 +64,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
         teacher_token=TEACHER,
         private=True,
         max_sessions=1,
+        most_bytes_per_visitor=QUOTA,
         idle_time=600.0,
         shadows=False,
     )
@@ -159,6 +163,38 @@ def test_a_class_from_the_first_entry_to_the_teacher_s_pause(server: FrontServer
         run = wait_until(lambda: server.places.running()[0].status().recording, "it is recorded")
         notes = wait_until(lambda: read_notes(run), "whose it is stands there from the beginning")
         assert (notes["owner"], notes["visitor"]) == (anna.owner, "Anna <b>")
+
+
+def test_who_records_too_much_is_told_and_recorded_again_once_runs_are_deleted(
+    server: FrontServer, teacher: Person, anna: Person, runs: dict[str, str]
+):
+    def enlarge(whose: str) -> None:
+        os.truncate(server.settings.logs / f"{runs[whose]}.rrd", 60_000_000)
+
+    def problem() -> str:
+        return teacher.labs()[0]["problem"]
+
+    path = anna.ask("/lab/").headers["Location"].rstrip("/")
+    enlarge("ben")  # What others take is no matter.
+    enlarge("anna")
+    with looking(server.url, path, anna.cookies):
+        teacher.post("/teacher/resume", ("lab", path))
+        wait_until(lambda: "Your runs take 6" in problem(), "she is told")
+        assert re.search(r"Your runs take 6\d MB of the 50 MB that each visitor has: delete some of them", problem())
+        recording = server.places.running()[0].status().recording
+        size = recording.stat().st_size
+        seen = teacher.labs()[0]["time"]
+        wait_until(lambda: teacher.labs()[0]["time"] > seen + 0.5, "the simulation goes on")
+        assert recording.stat().st_size == size, "nothing more is recorded"
+        assert anna.post(f"/runs/{runs['anna']}/delete", ("sure", "yes")).status == 303
+        wait_until(lambda: not problem(), "all is well again")
+        wait_until(lambda: recording.stat().st_size > size, "it is recorded again")
+
+
+def test_only_who_teaches_has_the_class_in_the_head_of_every_page(teacher: Person, anna: Person):
+    for path in ("/", "/runs", "/studies", "/no-such-page"):
+        assert '<a href="/teacher"' in teacher.ask(path).text.partition("</header>")[0]
+        assert "/teacher" not in anna.ask(path).text
 
 
 def test_students_see_their_own_runs_and_the_teacher_all(

@@ -12,7 +12,7 @@ from flexlab.server.network_addresses import outside_addresses, picture_code
 from flexlab.server.pages.layout import page
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.runs_table import table_values
-from flexlab.server.visitors import LONGEST_NAME, is_teacher, runs_for, visitor_of
+from flexlab.server.visitors import LONGEST_NAME, runs_for, visitor_of
 
 NEWEST = 5
 """Runs on the start page."""
@@ -37,7 +37,6 @@ async def start_page(request: web.Request) -> web.Response:
         "visitor": visitor_of(request),
         "longest_name": LONGEST_NAME,
         "is_private": context.places.is_private,
-        "has_class": is_teacher(request) and (context.places.is_private or not context.settings.is_local),
         "code": picture_code,
     }
     return page("start.html", "flexlab", kind="start", **values)

@@ -13,6 +13,13 @@ _PICTURES = {code: CONTROL_PICTURES + code for code in range(0x20) if chr(code) 
 # Controls of the second kind, changes of the writing direction and lone surrogates have no pictures.
 _WITHOUT_PICTURE = re.compile("[\x80-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
+_BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|mrad|rad|kg|micrometres|%)\b|%)")
+
+
+def with_units(text: str) -> str:
+    """`text` in which no line ends between a number and its unit."""
+    return _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", text)
+
 
 def visible(text: object, longest: int | None = None) -> str:
     """`text` with control characters as pictures, fit for UTF-8; cut with "…" to `longest` characters if given.

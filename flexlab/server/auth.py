@@ -12,9 +12,9 @@ from aiohttp.http_exceptions import HttpProcessingError
 from flexlab.errors import FlexlabError
 from flexlab.log_limits import limited
 from flexlab.recording.store.run_files import SUFFIX
-from flexlab.server.pages.layout import HAS_CLASS, message
+from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import Context, context_of
-from flexlab.server.pages.templating import button, render
+from flexlab.server.pages.templating import HAS_CLASS, button, render
 from flexlab.server.visitors import COOKIE_AGE, has_class, is_teacher
 from flexlab.sockets import LOOPBACK
 

@@ -4,6 +4,7 @@ import pytest
 from jinja2 import UndefinedError
 from markupsafe import Markup
 
+from flexlab.plain_text import with_units
 from flexlab.server.pages.templating import TEMPLATES, button, render
 
 HOSTILE = "<script>alert('x')</script>\"&\ud800"
@@ -20,6 +21,13 @@ def test_what_is_inserted_is_escaped_and_can_be_sent():
 def test_a_button_escapes_its_address_and_its_words():
     assert button('"><script>', "<i>").count("<") == 2
     assert isinstance(button("/", "x"), Markup)
+
+
+def test_no_line_ends_between_a_number_and_its_unit():
+    said = "2 arms ring at 45.5 Hz by 0.44 s, to 1 % of 3 micrometres, at 1.78 m/s and 5 N·m in 3 places"
+    assert with_units(said).split(" ") == (
+        "2 arms ring at 45.5\xa0Hz by 0.44\xa0s, to 1\xa0% of 3\xa0micrometres, at 1.78\xa0m/s and 5\xa0N·m in 3 places"
+    ).split(" ")
 
 
 def test_a_value_that_is_missing_is_an_error_and_no_empty_place():

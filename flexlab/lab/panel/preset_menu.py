@@ -7,6 +7,7 @@ from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.run_comparison import field_name, field_value
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.reference_run import differences
+from flexlab.plain_text import with_units
 from flexlab.presets import load_preset, preset_names
 
 MOST_CHANGES = 4
@@ -42,7 +43,7 @@ class Presets:
         baseline, now = self._lab_state.baseline, self._lab_state.intended
         if not self._lab_state.changed:
             head = f'<div class="fl-title">{escaped(baseline.title or self._lab_state.name)}</div>'
-            put(self._text, content=f'<div class="fl">{head}{escaped(baseline.watch)}</div>')
+            put(self._text, content=f'<div class="fl">{head}{escaped(with_units(baseline.watch))}</div>')
             return
         # What the preset's words promise is no longer what runs.
         changes = differences(baseline, now)

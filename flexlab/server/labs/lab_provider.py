@@ -92,6 +92,13 @@ class Lab(Protocol):
         ...
 
 
+def state_of(place: Lab) -> str:
+    """How a lab stands, in a word: one that begins when somebody looks is waiting for them."""
+    status = place.status()
+    waits = status.state == "running" and not status.time and not place.visitors
+    return "waiting" if waits else status.state
+
+
 class LabProvider(Protocol):
     """All labs of one server. Everything but `close` is called on the server's event loop."""
 

@@ -1,7 +1,6 @@
 """Answers that are pages of the server, and pages that say one sentence."""
 
 from collections.abc import Sequence
-from contextvars import ContextVar
 
 from aiohttp import web
 from markupsafe import Markup
@@ -13,9 +12,6 @@ PAGE_POLICY = (
     "frame-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'self'"
 )
 """The server's own pages load from this address only, and run no script that stands in the page."""
-
-HAS_CLASS = ContextVar("HAS_CLASS", default=False)
-"""Whether the page is for somebody who has a class to look after: set for each request, before any page is made."""
 
 
 def page(
@@ -29,7 +25,7 @@ def page(
     **values: object,
 ) -> web.Response:
     """A page of the server. `here`: the address of the link that is lit; `kind`: class of the body; `scripts`: of static/."""
-    text = render(template, title=title, here=here, kind=kind, scripts=scripts, has_class=HAS_CLASS.get(), **values)
+    text = render(template, title=title, here=here, kind=kind, scripts=scripts, **values)
     headers = {"Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-store"}
     return web.Response(text=text, content_type="text/html", status=status, headers=headers)
 

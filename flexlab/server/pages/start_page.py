@@ -7,7 +7,7 @@ from typing import Any
 from aiohttp import web
 
 from flexlab.assets import web_assets_folder
-from flexlab.server.labs.lab_provider import Lab
+from flexlab.server.labs.lab_provider import Lab, state_of
 from flexlab.server.network_addresses import outside_addresses, picture_code
 from flexlab.server.pages.layout import page
 from flexlab.server.pages.page_context import Context, context_of
@@ -63,4 +63,4 @@ def _now(request: web.Request, context: Context) -> str:
 def _place_text(place: Lab) -> str:
     status = place.status()
     watching = f", {place.visitors} watching" if place.visitors else ""
-    return f"{status.title} is {status.state} (t = {status.time:.0f} s{watching})."
+    return f"{status.title} is {state_of(place)} (t = {status.time:.0f} s{watching})."

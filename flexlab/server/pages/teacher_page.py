@@ -9,7 +9,7 @@ from aiohttp import hdrs, web
 from flexlab.errors import LabError
 from flexlab.presets import load_preset, preset_names
 from flexlab.server.auth import COOKIE_AGE, ask_for_token
-from flexlab.server.labs.lab_provider import Choice, Hold, Lab
+from flexlab.server.labs.lab_provider import Choice, Hold, Lab, state_of
 from flexlab.server.labs.recording_text import little_space
 from flexlab.server.pages.layout import page
 from flexlab.server.pages.page_context import context_of
@@ -62,7 +62,6 @@ async def labs(request: web.Request) -> web.Response:
 
 def _told(number: int, place: Lab) -> dict[str, Any]:
     status = place.status()
-    waits = status.state == "running" and not status.time and not place.visitors
     return {
         "lab": place.path,
         "who": who(place, number),
@@ -71,7 +70,7 @@ def _told(number: int, place: Lab) -> dict[str, Any]:
         "lesson": status.lesson,
         "time": round(status.time, 1),
         "error": round(1000 * status.error, 3),
-        "state": "waiting" if waits else status.state,
+        "state": state_of(place),
         "watching": place.visitors,
         "problem": status.problem,
     }

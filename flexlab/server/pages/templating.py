@@ -1,13 +1,17 @@
 """The pages' templates, in which every inserted text is escaped, unless it was made by a template itself."""
 
 import html
+from contextvars import ContextVar
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from flexlab.plain_text import with_units
 from flexlab.recording.store.run_index import duration_text, size_text, state_word
 
+HAS_CLASS = ContextVar("HAS_CLASS", default=False)
+"""Whether the page is for somebody who has a class to look after: set for each request, before any page is made."""
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -29,7 +33,13 @@ _environment = Environment(
     lstrip_blocks=True,
     auto_reload=False,
 )
-_environment.globals.update(duration_text=duration_text, size_text=size_text, state_word=state_word)  # pyright: ignore[reportUnknownMemberType]
+_environment.globals.update(  # pyright: ignore[reportUnknownMemberType]
+    duration_text=duration_text,
+    size_text=size_text,
+    state_word=state_word,
+    with_units=with_units,
+    has_class=HAS_CLASS.get,
+)
 
 
 def render(template: str, **values: object) -> Markup:

@@ -111,6 +111,8 @@ def command(
       flexlab bench            measure speed and accuracy on this machine
       flexlab completion       let your shell complete all this
     """
+    if private:
+        _read_ahead()
     from flexlab.cli.options import chosen_scenarios
     from flexlab.control.own_files import LAW_FILES, PATH_FILES
     from flexlab.control.own_law_hosts import run_apart
@@ -162,6 +164,16 @@ def command(
     if last is not None:
         review = "flexlab review" if logs == LOGS else f"flexlab review {last}"
         output().print(f"The last run is in {last}. Look at it with: {review}", markup=False, soft_wrap=True)
+
+
+def _read_ahead() -> None:
+    """Begin to read the program of labs, beside what this process reads itself: the first visitor waits for both."""
+    from flexlab.compiled import is_warm
+    from flexlab.server.child_processes import prepare_lab_processes
+
+    # Where the engine is yet to be compiled, the two would do that at once, each for itself.
+    if is_warm():
+        prepare_lab_processes()
 
 
 @contextmanager

@@ -1,34 +1,38 @@
 """Measures a class, as a script: python tests/server/measure_class.py [25].
 
-Visitors open private labs one after another, each as a browser does (page and live connection), and leave again but for the
-first, who goes on looking. Says how long each took, what memory and processor time a lab costs, and the first one's speed.
+Starts `flexlab --private`. Visitors open labs one after another, each as a browser does (page and live connection), and leave
+again but for the first, who goes on looking. Says how long each took, what memory and processor time a lab costs, the first
+one's speed, and what the teacher's page costs and how late it is.
 """
 
+import json
 import statistics
 import sys
 import tempfile
 import time
 from pathlib import Path
+from urllib.parse import urlencode
 
 import psutil
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does, for who runs this file by itself.
 from http_client import ask, looking
-
-from flexlab.presets import load_preset
-from flexlab.server.front_server import FrontServer, open_front_server
-from flexlab.server.settings import Settings
+from lab_process import Lab
+from waiting import wait_until
 
 WATCHED = 20.0
 """s over which processor time is measured."""
+POLL = 0.5
+"""s between two questions of the teacher's page."""
 
 
-def open_lab(server: FrontServer, number: int) -> tuple[dict[str, str], str, float]:
+def open_lab(url: str, number: int) -> tuple[dict[str, str], str, float]:
     """(cookies, path, s until page and live connection were there) of a visitor's lab."""
-    cookies, begun = {f"flexlab-visitor-{server.port}": f"visitor-{number:012d}"}, time.monotonic()
-    path = ask(server.url, "/lab/", cookies=cookies).headers["Location"]
-    assert ask(server.url, path, cookies=cookies).status == 200
-    with looking(server.url, path.rstrip("/"), cookies):
+    port = url.rstrip("/").rpartition(":")[2]
+    cookies, begun = {f"flexlab-visitor-{port}": f"visitor-{number:012d}"}, time.monotonic()
+    path = ask(url, "/lab/", cookies=cookies).headers["Location"]
+    assert ask(url, path, cookies=cookies).status == 200
+    with looking(url, path.rstrip("/"), cookies):
         return cookies, path.rstrip("/"), time.monotonic() - begun
 
 
@@ -38,33 +42,77 @@ def processor_time(process: psutil.Process) -> float:
     return times.user + times.system
 
 
+def told(url: str) -> dict[str, dict]:
+    """What the teacher's page is told: lab → how it stands."""
+    return {lab["lab"]: lab for lab in json.loads(ask(url, "/teacher/labs").text)}
+
+
+def labs_of(server: psutil.Process) -> list[psutil.Process]:
+    """The processes of labs: on Linux children of the one that they are forked from."""
+    return [lab for child in server.children() for lab in child.children()] or server.children()
+
+
+def measure_labs(server: psutil.Process, url: str, first: str) -> None:
+    """Memory and processor time of every lab, while the first one is looked at."""
+    labs = labs_of(server)
+    memory = [lab.memory_full_info().uss / 1e6 for lab in labs]
+    print(f"memory of its own: median {statistics.median(memory):.0f} MB, most {max(memory):.0f} MB")
+    before = {lab.pid: processor_time(lab) for lab in labs}
+    begun, simulated = time.monotonic(), told(url)[first]["time"]
+    time.sleep(WATCHED)
+    took = time.monotonic() - begun
+    print(f"the active lab: {(told(url)[first]['time'] - simulated) / took:.2f} times real time")
+    share = sorted(100 * (processor_time(lab) - before[lab.pid]) / took for lab in labs)
+    print(f"processor: active {share.pop():.0f} %, idle", end=" ")
+    print(f"median {statistics.median(share):.2f} %, most {max(share):.2f} % of a core")
+
+
+def measure_teacher(server: psutil.Process, url: str, first: str) -> None:
+    """What the server spends on a teacher who looks, and how long a pause takes to show on the page."""
+
+    def spent(looks: bool) -> float:
+        before, end = processor_time(server), time.monotonic() + WATCHED
+        while time.monotonic() < end:
+            begun = time.monotonic()
+            if looks:
+                told(url)
+            time.sleep(max(0.0, POLL - (time.monotonic() - begun)))
+        return 100 * (processor_time(server) - before) / WATCHED
+
+    without, with_page = spent(False), spent(True)
+    print(
+        f"teacher's page: {with_page - without:.2f} % of a core (the server: {without:.2f} % without, {with_page:.2f} % with)"
+    )
+    late = []
+    for action, state in 5 * (("pause", "paused"), ("resume", "running")):
+        body = urlencode({"lab": first}).encode()
+        ask(url, f"/teacher/{action}", "POST", body, Content_Type="application/x-www-form-urlencoded")
+        begun = time.monotonic()
+        wait_until(lambda state=state: told(url)[first]["state"] == state, f"the page says {state}")
+        late.append(time.monotonic() - begun)
+    print(
+        f"a change is told after {statistics.median(late):.2f} s, at most {max(late):.2f} s; the page asks every {POLL:g} s"
+    )
+
+
 def main() -> None:
     """Measure and print."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 25
-    settings = Settings(
-        Path(tempfile.mkdtemp()), port=0, private=True, max_sessions=count, max_per_address=count, shadows=False
-    )
-    with open_front_server(settings, load_preset("paper"), "paper") as server:
-        cookies, first, took = open_lab(server, 0)
-        with looking(server.url, first, cookies):
-            opening = [took, *(open_lab(server, number)[2] for number in range(1, count))]
-            print(
-                f"opening: first {opening[0]:.1f} s, median {statistics.median(opening):.1f}, worst {max(opening):.1f}"
-            )
+    began = time.monotonic()
+    lab = Lab(Path(tempfile.mkdtemp()), "--private", "--max-sessions", str(count), "--max-per-address", str(count))
+    try:
+        url = f"http://127.0.0.1:{lab.port()}"
+        print(f"the server is open after {time.monotonic() - began:.1f} s")
+        server = psutil.Process(lab.process.pid)
+        cookies, first, took = open_lab(url, 0)
+        with looking(url, first, cookies):
+            opening = [took, *(open_lab(url, number)[2] for number in range(1, count))]
+            print(f"opening: first {took:.1f} s, median {statistics.median(opening):.1f}, worst {max(opening):.1f}")
             time.sleep(2.0)
-            labs = {place.worker.pid: place for place in server.places.running()}  # type: ignore[attr-defined]
-            processes = {pid: psutil.Process(pid) for pid in labs}
-            memory = [process.memory_full_info().uss / 1e6 for process in processes.values()]
-            print(f"memory of its own: median {statistics.median(memory):.0f} MB, most {max(memory):.0f} MB")
-            before = {pid: processor_time(process) for pid, process in processes.items()}
-            active = next(place for place in labs.values() if place.path == first)
-            begun, simulated = time.monotonic(), active.status().time
-            time.sleep(WATCHED)
-            took = time.monotonic() - begun
-            print(f"the active lab: {(active.status().time - simulated) / took:.2f} times real time")
-            share = {pid: 100 * (processor_time(processes[pid]) - before[pid]) / took for pid in processes}
-            print(f"processor: active {share.pop(active.worker.pid):.0f} %, idle", end=" ")
-            print(f"median {statistics.median(share.values()):.2f} %, most {max(share.values()):.2f} % of a core")
+            measure_labs(server, url, first)
+            measure_teacher(server, url, first)
+    finally:
+        lab.end()
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Windows of the tests' browser: as a person's, but drawn seldom, as a machine without a graphics card pays for each picture."""
 
+import os
 from typing import Any
 
 from playwright.sync_api import Browser, BrowserContext
@@ -18,22 +19,28 @@ BY_THE_PROCESSOR = "--disable-gpu-compositing"
 cannot be looked at then."""
 PATIENCE = 90_000
 """ms that a page on a busy machine may take for anything."""
+PICTURES = bool(os.environ.get("FLEXLAB_PICTURES"))
+"""Whether somebody wants screenshots to look at: each costs a second of a processor."""
+REST = "(rests) => window.flexlabRest(rests)"
+"""Has a page draw nothing (true) until it is to go on (false)."""
 SELDOM = f"""(() => {{
   const draw = window.requestAnimationFrame.bind(window);
   const waiting = new Map();
-  let count = 0, timer = null;
+  let count = 0, timer = null, rests = false;
   const run = (now) => {{
     timer = null;
     const calls = [...waiting.values()];
     waiting.clear();
     for (const call of calls) {{ try {{ call(now); }} catch (error) {{ reportError(error); }} }}
   }};
+  const begin = () => {{ if (!rests && waiting.size) timer ??= setTimeout(() => draw(run), {PAUSE}); }};
   window.requestAnimationFrame = (call) => {{
     count += 1;
     waiting.set(count, call);
-    timer ??= setTimeout(() => draw(run), {PAUSE});
+    begin();
     return count;
   }};
+  window.flexlabRest = (wanted) => {{ rests = wanted; begin(); }};
   window.cancelAnimationFrame = (number) => {{ waiting.delete(number); }};
 }})()"""
 

@@ -10,7 +10,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
-from browser_window import SOFTWARE_RENDERING
+from browser_window import BY_THE_PROCESSOR, SOFTWARE_RENDERING
 from get_browser import find_browser
 from hypothesis import settings
 from lab_process import Lab
@@ -107,6 +107,15 @@ def chromium() -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=path, args=SOFTWARE_RENDERING)
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="session")
+def plain_chromium(chromium: Browser) -> Iterator[Browser]:
+    """A cheaper one, for pages without rerun's viewer."""
+    arguments = [*SOFTWARE_RENDERING, BY_THE_PROCESSOR]
+    browser = chromium.browser_type.launch(executable_path=find_browser(), args=arguments)
+    yield browser
+    browser.close()
 
 
 @pytest.fixture

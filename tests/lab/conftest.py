@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
-from browser_window import BY_THE_PROCESSOR, PAUSE, SOFTWARE_RENDERING
-from get_browser import find_browser
+from browser_window import PAUSE
 from lab_page import LabPage, LastingWindow, wait_until
 from playwright.sync_api import Browser
 
@@ -44,30 +43,39 @@ def lasting_session(shared_session: Session) -> Session:
 
 
 @pytest.fixture(scope="session")
-def chromium(chromium: Browser) -> Iterator[Browser]:
+def chromium(plain_chromium: Browser) -> Browser:
     """A browser that draws pages of the lab, and only those, cheaply."""
-    arguments = [*SOFTWARE_RENDERING, BY_THE_PROCESSOR]
-    browser = chromium.browser_type.launch(executable_path=find_browser(), args=arguments)
-    yield browser
-    browser.close()
+    return plain_chromium
+
+
+@pytest.fixture(scope="session")
+def _lasting_window(chromium: Browser) -> Iterator[LastingWindow]:
+    """One window of 1440 x 900 for all tests."""
+    lasting = LastingWindow(chromium)
+    yield lasting
+    lasting.close()
 
 
 @pytest.fixture(scope="module")
-def window(chromium: Browser) -> Iterator[LastingWindow]:
-    """One window of 1440 x 900 for all tests of a file; labs send it as many pictures as it draws."""
-    lasting = LastingWindow(chromium)
+def window(_lasting_window: LastingWindow) -> Iterator[LastingWindow]:
+    """The window, while labs send as many pictures as it draws."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(render_loop, "FRAME_TIME", PAUSE / 1000)
         patch.setattr(render_loop, "READOUT_EVERY", 1)
-        yield lasting
-    lasting.close()
+        yield _lasting_window
+        _lasting_window.rest()
 
 
 @pytest.fixture
 def page(window: LastingWindow, request: pytest.FixtureRequest) -> Iterator[LabPage]:
-    """A new lab of the paper in a browser window."""
+    """The paper's run from its beginning in the window, in the last test's lab: a page takes seconds to show a new one."""
     failed = request.session.testsfailed
-    with Session(load_preset("paper"), "paper", port=window.port, shadows=False) as lab:
-        yield window.show(lab)
+    yield window.lab()
     if request.session.testsfailed > failed:
         window.close()  # Nobody knows how the page was left.
+
+
+@pytest.fixture
+def new_lab(window: LastingWindow) -> None:
+    """The page's lab is a new one (`usefixtures`): for tests that begin with what only a new lab is like."""
+    window.rest()

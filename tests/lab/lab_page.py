@@ -1,14 +1,17 @@
 """A lab as a person sees it: helpers that look at and touch the page of a running session."""
 
+import itertools
 import math
 from typing import Any
 
-from browser_window import open_window
+from browser_window import PICTURES, REST, open_window
 from playwright.sync_api import Browser, Error, Locator, TimeoutError
 from waiting import ARTIFACTS, PATIENCE
 from waiting import wait_until as wait_until
 
 from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+from flexlab.sim.commands import Play, SetSpeed
 from flexlab.sockets import free_ports
 
 THROUGH_THE_GATE = "() => new Promise((done) => setTimeout(done, 150))"
@@ -20,6 +23,9 @@ LOOK = 100
 """ms between two looks at the text of a page, each of which lays it out."""
 SAME_PLACE = 1e-3
 """m"""
+EI = "Bending stiffness EI (N·m²)"
+
+WORDS = itertools.count()
 
 READY = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > 2"""
@@ -74,9 +80,9 @@ def address(session: Session) -> str:
 class LabPage:
     """One browser window on one session; a context manager."""
 
-    def __init__(self, browser: Browser, session: Session, size: tuple[int, int] = (1440, 900)):
+    def __init__(self, browser: Browser, session: Session, size: tuple[int, int] = (1440, 900), **options: Any):
         self.session = session
-        self._context = open_window(browser, *size, accept_downloads=True)
+        self._context = open_window(browser, *size, accept_downloads=True, **options)
         self.page = self._context.new_page()
         self.errors: list[str] = []
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
@@ -98,6 +104,7 @@ class LabPage:
         self.session = session
         self.errors.clear()
         self.page.bring_to_front()
+        self.rest(False)
         self.page.wait_for_function(OTHER_LAB, arg=last, timeout=1000 * RETURN)
         if math.dist(self.camera(), stands) > SAME_PLACE:
             self.page.reload()
@@ -105,6 +112,41 @@ class LabPage:
         frame = self.page.evaluate(FRAMES)
         self.page.wait_for_function(DRAWN_SINCE, arg=frame, timeout=1000 * PATIENCE)
         self._close_notifications()
+
+    def rest(self, rests: bool = True) -> None:
+        """Draw nothing, as long as nobody looks."""
+        self.page.evaluate(REST, rests)
+
+    def begin_anew(self) -> None:
+        """Load the paper's preset and play it at full speed, whatever ran before; what is undone and shown stays."""
+        self.errors.clear()
+        self.rest(False)
+        run, paper = self.snapshot.run_number, load_preset("paper")
+        self.session.lab_state.load(paper, "paper")
+        self.session.lab_state.submit(SetSpeed(1.0))
+        self.session.lab_state.submit(Play())
+
+        def begun() -> bool:
+            now = self.snapshot
+            return now.run_number > run and now.scenario == paper and now.playing and now.target_speed == 1.0
+
+        wait_until(begun, "a new run of the paper's preset")
+        self.open_tab("Parameters")
+        self._close_notifications()
+        wait_until(lambda: self.box(EI).input_value() == "100", "the page shows its stiffness")
+
+    def catch_up(self) -> None:
+        """Wait until the page draws what the lab has now.
+
+        Messages keep their order, and each picture's come before its words: a word that was asked for when the page already
+        showed an earlier one is of a picture that was begun after all that was asked for before.
+        """
+        for _ in range(2):
+            word = f"look {next(WORDS)}"
+            self.session.lab_state.say(word)
+            self.wait_for_text(word)
+        frame = self.page.evaluate(FRAMES)
+        self.page.wait_for_function(DRAWN_SINCE, arg=frame, timeout=1000 * PATIENCE)
 
     @property
     def lab(self) -> str:
@@ -194,7 +236,9 @@ class LabPage:
         return self.page.evaluate(POINT_PIXEL, [x, y, z])
 
     def picture(self, name: str) -> None:
-        """Keep a screenshot for people to look at."""
+        """Keep a screenshot for people to look at, if they want one."""
+        if not PICTURES:
+            return
         ARTIFACTS.mkdir(exist_ok=True)
         self.page.screenshot(path=ARTIFACTS / f"{name}.png")
 
@@ -202,15 +246,25 @@ class LabPage:
 class LastingWindow:
     """A window that sessions use one after the other: loading the page takes longer than most tests.
 
-    Each session is a new one, on the same port; the page finds it by itself, as after a lost connection.
+    They are on the same port; the page finds each by itself, as after a lost connection.
     """
 
     def __init__(self, browser: Browser):
         self._browser = browser
         self._page: LabPage | None = None
+        self._session: Session | None = None
         (self.port,) = free_ports(1)
         self._stands: list[float] = []
         self._lab = ""
+
+    def lab(self) -> LabPage:
+        """The page, showing the paper's run from its beginning, in the last test's lab if there is one."""
+        if self._session is not None and self._page is not None:
+            self._page.begin_anew()
+            return self._page
+        self._session = Session(load_preset("paper"), "paper", port=self.port, shadows=False)
+        self._session.start()
+        return self.show(self._session)
 
     def show(self, session: Session) -> LabPage:
         """The page, showing this session."""
@@ -226,8 +280,21 @@ class LastingWindow:
         self._lab = self._page.lab
         return self._page
 
+    def rest(self) -> None:
+        """End the last lab; its page draws nothing until it shows another one."""
+        if self._session is not None:
+            self._session.stop()
+        self._session = None
+        if self._page is not None:
+            try:
+                self._page.rest()
+            except Error:  # It has gone elsewhere, or is gone: another one.
+                self._page.__exit__()
+                self._page = None
+
     def close(self) -> None:
         """Close it; the next session gets another one, on another port."""
+        self.rest()
         if self._page is not None:
             self._page.__exit__()
         self._page = None

@@ -1,16 +1,11 @@
 """Several browsers on one lab, windows of every size, light and dark."""
 
-from collections.abc import Iterator
-
 import numpy as np
-import pytest
-from lab_page import LabPage, wait_until
+from lab_page import EI, LabPage, LastingWindow, wait_until
 from playwright.sync_api import Browser
 
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
-
-EI = "Bending stiffness EI (N·m²)"
 
 OVERFLOWING = """() => {
   const width = window.innerWidth;
@@ -20,14 +15,8 @@ OVERFLOWING = """() => {
     .filter(([node, box]) => box.width > 0 && (box.left < -1 || box.right > width + 1))
     .map(([node, box]) => node.outerHTML.slice(0, 90) + ' ' + box.left + '..' + box.right); }"""
 
+SCHEME = "document.documentElement.dataset.mantineColorScheme"
 BACKGROUND, WHITE = "getComputedStyle(document.body).backgroundColor", "rgb(255, 255, 255)"
-
-
-@pytest.fixture
-def page(chromium: Browser, session: Session) -> Iterator[LabPage]:
-    """A window for one test: one that lasts would stand behind others for minutes here."""
-    with LabPage(chromium, session) as opened:
-        yield opened
 
 
 def test_two_browsers_stay_in_step_and_a_late_one_sees_the_running_state(chromium: Browser, page: LabPage) -> None:
@@ -56,35 +45,52 @@ def test_a_lost_connection_comes_back_to_the_running_lab(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 25.0, "it can be used as before")
 
 
-@pytest.mark.parametrize("size", [(1440, 900), (1024, 768), (390, 844)], ids=lambda size: f"{size[0]}x{size[1]}")
-def test_nothing_is_clipped(chromium: Browser, session: Session, size: tuple[int, int]) -> None:
-    with LabPage(chromium, session, size) as page:
-        page.wait_for_text("simulation time t")
-        for look in ("light", "dark"):
-            page.page.emulate_media(color_scheme=look)
-            wait_until(
-                lambda look=look: (page.page.evaluate(BACKGROUND) == WHITE) == (look == "light"), f"it is {look}"
-            )
-            for tab in ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events"):
-                page.open_tab(tab)
-                wait_until(lambda: page.page.evaluate(OVERFLOWING) == [], f"all of {tab} is on the screen", 20)
-                if tab in ("Parameters", "Modes", "File"):
-                    page.picture(f"{tab.lower()}-{size[0]}x{size[1]}-{look}")
-        assert not page.errors
+def all_is_on_the_screen(page: LabPage, size: str, looks: tuple[str, ...]) -> None:
+    """Every tab, as the system asks for it to be looked at."""
+    for look in looks:
+        page.page.emulate_media(color_scheme="light" if look == "light" else "dark")
+        wait_until(lambda look=look: page.page.evaluate(SCHEME) == look, f"the lab says that it is {look}")
+        wait_until(lambda look=look: (page.page.evaluate(BACKGROUND) == WHITE) == (look == "light"), f"it is {look}")
+        for tab in ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events"):
+            page.open_tab(tab)
+            wait_until(lambda: page.page.evaluate(OVERFLOWING) == [], f"all of {tab} is on the screen", 20)
+            if tab in ("Parameters", "Modes", "File"):
+                page.picture(f"{tab.lower()}-{size}-{look}")
+    assert not page.errors
 
 
-def test_a_run_that_cannot_go_on_says_why(chromium: Browser) -> None:
-    scenario = load_preset("paper").replace({"trajectory.amplitude": (0.9, 0.2, 0.2)})
-    with Session(scenario, "far", port=0, shadows=False) as session, LabPage(chromium, session) as page:
-        page.wait_for_text("Stopped")
-        page.wait_for_text("cannot reach")
-        page.picture("stopped")
-        page.choose("Preset", "paper")
-        page.press("Play")
-        wait_until(lambda: page.snapshot.playing, "another preset runs")
+def test_nothing_is_clipped_in_a_window_that_shrinks(page: LabPage) -> None:
+    page.wait_for_text("simulation time t")
+    page.press("Pause")
+    for width, height in ((1440, 900), (1024, 768)):
+        page.page.set_viewport_size({"width": width, "height": height})
+        all_is_on_the_screen(page, f"{width}x{height}", ("dark", "light"))
+    page.page.set_viewport_size({"width": 1440, "height": 900})
+
+
+def test_nothing_is_clipped_on_a_phone_that_begins_dark(chromium: Browser, page: LabPage) -> None:
+    page.press("Pause")
+    page.rest()
+    with LabPage(chromium, page.session, (390, 844), color_scheme="dark") as phone:
+        phone.wait_for_text("simulation time t")
+        wait_until(lambda: phone.page.evaluate(SCHEME) == "dark", "it is dark from the start")
+        all_is_on_the_screen(phone, "390x844", ("dark", "light"))
 
 
 def test_large_bending_is_flagged(page: LabPage) -> None:
     page.enter(EI, "0.2")
     page.wait_for_text("Large deflection")
     page.wait_for_text("5 %")
+
+
+def test_a_run_that_cannot_go_on_says_why(window: LastingWindow) -> None:
+    scenario = load_preset("paper").replace({"trajectory.amplitude": (0.9, 0.2, 0.2)})
+    window.rest()
+    with Session(scenario, "far", port=window.port, shadows=False) as session:
+        page = window.show(session)
+        page.wait_for_text("Stopped")
+        page.wait_for_text("cannot reach")
+        page.picture("stopped")
+        page.choose("Preset", "paper")
+        page.press("Play")
+        wait_until(lambda: page.snapshot.playing, "another preset runs")

@@ -47,6 +47,7 @@ def test_switches_begin_with_what_the_scenario_takes(name: str) -> None:
 
 
 def test_limits_sampling_and_arms_are_set_in_their_folders(page: LabPage) -> None:
+    page.press("Pause")  # Nothing here needs motion, and a page that stands still costs a quarter.
     page.open_tab("Motors, sampling and sensors")
     page.enter("Input delay d (samples)", "3")
     page.wait_for_text("give control_period a value in s")

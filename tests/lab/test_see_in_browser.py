@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from lab_page import LabPage, wait_until
+from lab_page import SAME_PLACE, LabPage, wait_until
 
 from flexlab.lab.view_settings import PLOT_WINDOWS
 
@@ -18,17 +18,18 @@ def node_shown(page: LabPage, name: str) -> bool:
 def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None:
     page.press("Pause")
     wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    run = page.snapshot.run_number
     page.open_tab("View")
     bends = {}
     for factor in (0, 1000):
         page.enter(FACTOR, str(factor))
         page.wait_for_text(f"{factor} × true size")
         wait_until(lambda factor=factor: page.session.lab_state.view.exaggeration == factor, "the factor is taken")
-        page.page.wait_for_timeout(1500)
+        page.catch_up()
         bends[factor] = page.beam_vertex()
     true = abs(float(page.snapshot.display.midspan_deflection[0]))
     assert math.dist(bends[0][:2], bends[1000][:2]) == pytest.approx(1000 * true, rel=0.02, abs=1e-4)
-    assert page.snapshot.run_number == 1
+    assert page.snapshot.run_number == run
 
 
 def test_every_switch_shows_its_part_and_its_scale(page: LabPage) -> None:
@@ -58,7 +59,7 @@ def test_camera_views_belong_to_one_browser(page: LabPage) -> None:
         before = page.camera()
         page.press(view)
         wait_until(lambda before=before: math.dist(before, page.camera()) > 0.05, f"the camera goes to {view}")
-        page.page.wait_for_timeout(500)
+        page.catch_up()
         seen[view] = page.camera()
     assert abs(seen["Plan"][1] - seen["Overview"][1]) > 0.3
     assert seen["Front"][2] < seen["Overview"][2] < seen["Plan"][2]
@@ -66,7 +67,7 @@ def test_camera_views_belong_to_one_browser(page: LabPage) -> None:
     first = page.camera()
     wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the camera follows the payload")
     page.press("Overview")
-    page.page.wait_for_timeout(500)
+    wait_until(lambda: math.dist(seen["Overview"], page.camera()) < SAME_PLACE, "the camera is where it was")
 
 
 def test_modes_are_told_and_shown(page: LabPage) -> None:
@@ -75,8 +76,9 @@ def test_modes_are_told_and_shown(page: LabPage) -> None:
     page.wait_for_text("sideways, 81 %")
     page.wait_for_text("Poles of the continuous loop")
     page.choose("Mode", "2")
+    run = page.snapshot.run_number
     page.press("Start in it")
-    wait_until(lambda: page.snapshot.run_number > 1, "a new run")
+    wait_until(lambda: page.snapshot.run_number > run, "a new run")
     assert page.snapshot.target_speed == 1 / 128, "197 Hz is seen at 1.5 Hz"
     assert page.snapshot.scenario.initial.beam_coordinates is not None
     samples = page.session.runner.recent(0.05)
@@ -91,13 +93,15 @@ def test_modes_are_told_and_shown(page: LabPage) -> None:
 
 
 def test_slow_motion_for_a_mode_needs_no_restart(page: LabPage) -> None:
+    run = page.snapshot.run_number
     page.key("r")
-    wait_until(lambda: page.snapshot.run_number == 2, "a new run, ringing")
+    wait_until(lambda: page.snapshot.run_number == run + 1, "a new run, ringing")
     page.open_tab("Modes")
     page.wait_for_text("44.60")
+    page.choose("Mode", "1")
     page.press("Slow motion for it")
     wait_until(lambda: page.snapshot.target_speed == 1 / 32, "44.6 Hz is seen at 1.4 Hz")
-    assert page.snapshot.run_number == 2
+    assert page.snapshot.run_number == run + 1
 
 
 def test_plots_on_every_tab(page: LabPage) -> None:
@@ -120,9 +124,11 @@ def test_plots_on_every_tab(page: LabPage) -> None:
     span = "() => { const u = Object.values(window.__viserTestpoints.uplots)[0].chart.scales.x; return u.max - u.min; }"
     wait_until(lambda: abs(page.page.evaluate(span) - 1.0) < 0.1, "the plots show one second")
     page.switch("Hold the plots still")
-    page.page.wait_for_timeout(500)
+    wait_until(lambda: page.session.lab_state.view.hold_plots, "the plots are held")
+    page.catch_up()
     newest = "() => Object.values(window.__viserTestpoints.uplots)[0].chart.data[0].at(-1)"
-    held = page.page.evaluate(newest)
-    page.page.wait_for_timeout(800)
+    held, then = page.page.evaluate(newest), float(page.snapshot.latest.time[0])
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > then + 0.3, "time goes on")
+    page.catch_up()
     assert page.page.evaluate(newest) == held
     assert not page.errors

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lab_page import PATIENCE, LabPage, wait_until
+from lab_page import EI, PATIENCE, LabPage, wait_until
 
 from flexlab.guide import lessons
 from flexlab.lab.scene.arm_models import LINK_HEIGHTS
@@ -14,8 +14,6 @@ from flexlab.lab.scene.pull_arrow import held_point
 from flexlab.presets import load_preset, load_scenario_file
 from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.geometry import arm_points
-
-EI = "Bending stiffness EI (N·m²)"
 
 
 @pytest.fixture(autouse=True)
@@ -31,7 +29,7 @@ def stiffness(page: LabPage) -> float:
 def hold(page: LabPage) -> None:
     page.press("Pause")
     wait_until(lambda: not page.snapshot.playing, "the simulation holds")
-    page.page.wait_for_timeout(1500)
+    page.catch_up()
 
 
 def upload(page: LabPage, file: Path) -> None:
@@ -153,9 +151,10 @@ def test_a_kept_run_stands_behind_the_next_one(page: LabPage) -> None:
     assert not page.errors
 
 
+@pytest.mark.usefixtures("new_lab")
 def test_undo_redo_and_the_way_back(page: LabPage) -> None:
     page.enter(EI, "50")
-    page.page.wait_for_timeout(1200)
+    wait_until(lambda: stiffness(page) == 50.0, "the first change is taken")
     page.enter("Damping c (N·s/m)", "0.5")
     wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 0.5, "both changes are taken")
     page.wait_for_text(", changed")
@@ -177,6 +176,7 @@ def test_undo_redo_and_the_way_back(page: LabPage) -> None:
     page.wait_for_text("nothing to undo")
 
 
+@pytest.mark.usefixtures("new_lab")
 def test_save_download_and_open(page: LabPage, tmp_path: Path) -> None:
     page.enter(EI, "33")
     wait_until(lambda: stiffness(page) == 33.0, "the change is taken")
@@ -222,7 +222,6 @@ def test_keys(page: LabPage) -> None:
     held = float(page.snapshot.latest.time[0])
     page.key("ArrowRight")
     wait_until(lambda: float(page.snapshot.latest.time[0]) == pytest.approx(held + 0.001, abs=1e-9), "one step")
-    page.page.wait_for_timeout(300)
     page.key("Space")
     wait_until(lambda: page.snapshot.playing, "space goes on")
     run = page.snapshot.run_number

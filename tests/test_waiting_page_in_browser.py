@@ -10,9 +10,9 @@ from playwright.sync_api import Browser
 from flexlab.cli.waiting_page import WaitingPage
 
 
-def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path, chromium: Browser):
+def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path, plain_chromium: Browser):
     (tmp_path / "index.html").write_text("<title>the lab</title>")
-    tab = chromium.new_page()
+    tab = plain_chromium.new_page()
     with WaitingPage("127.0.0.1", 0) as page:
         tab.goto(page.url)
         assert "compiling" in tab.inner_text("main")

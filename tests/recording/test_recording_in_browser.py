@@ -5,6 +5,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
+from browser_window import open_window
 from PIL import Image
 from playwright.sync_api import Browser, Page
 from recording_helpers import wait_until
@@ -21,7 +22,8 @@ def share_of(page: Page, color: tuple[int, int, int], left: float, right: float)
 
 
 def test_opening_a_recording_shows_arms_and_plots_and_calls_nobody(recording_file: Path, chromium: Browser) -> None:
-    page = chromium.new_page(viewport={"width": 1400, "height": 900})
+    context = open_window(chromium, 1400, 900)
+    page = context.new_page()
     asked: list[str] = []
     page.on("request", lambda request: asked.append(urlsplit(request.url).hostname or ""))
     with open_review(recording_file) as review:
@@ -34,5 +36,5 @@ def test_opening_a_recording_shows_arms_and_plots_and_calls_nobody(recording_fil
             return min(arms) > 2e-4 and min(plots) > 2e-4
 
         wait_until(drawn, "arms, beam and curves are on the screen", patience=120)
-        page.close()
+        context.close()
     assert set(asked) <= {"127.0.0.1", ""}

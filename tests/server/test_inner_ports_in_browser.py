@@ -9,9 +9,9 @@ OPEN_SOCKET = """(address) => new Promise((done) => {
   plug.onopen = () => done('open'); plug.onmessage = () => done('data'); plug.onerror = () => done('refused'); })"""
 
 
-def test_a_page_of_another_origin_gets_nothing_from_the_inner_port(front_server: FrontServer, chromium: Browser):
+def test_a_page_of_another_origin_gets_nothing_from_the_inner_port(front_server: FrontServer, plain_chromium: Browser):
     (lab,) = front_server.places.running()
-    context = chromium.new_context()
+    context = plain_chromium.new_context()
     try:
         page = context.new_page()
         page.goto(f"http://localhost:{front_server.port}/static/icon.svg")

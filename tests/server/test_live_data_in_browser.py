@@ -5,7 +5,8 @@ from collections.abc import Callable
 from urllib.parse import urlsplit
 
 import numpy as np
-from http_client import ARTIFACTS, wait_until
+from browser_window import open_window
+from http_client import wait_until
 from PIL import Image
 from playwright.sync_api import Browser
 
@@ -19,15 +20,14 @@ NEAR, SHARE = 24, 2e-4
 
 def test_the_viewer_of_a_browser_shows_live_data(open_another: Callable[..., FrontServer], chromium: Browser):
     front_server = open_another(live=True, token=TOKEN)
-    page = chromium.new_page(viewport={"width": 1200, "height": 800})
+    context = open_window(chromium, 1200, 800)
+    page = context.new_page()
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
 
     def drawn() -> bool:
         page.wait_for_timeout(1000)
-        image = np.asarray(
-            Image.open(io.BytesIO(page.screenshot(path=ARTIFACTS / "live-data.png"))).convert("RGB"), int
-        )
+        image = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), int)
         plots = image[:, image.shape[1] // 2 :]
         return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (BLUE, VERMILION, GREEN))
 
@@ -35,5 +35,5 @@ def test_the_viewer_of_a_browser_shows_live_data(open_another: Callable[..., Fro
         page.goto(front_server.address("/live"))
         wait_until(drawn, "the viewer draws arms and plots", patience=120)
     finally:
-        page.close()
+        context.close()
     assert {urlsplit(url).port for url in asked if url.startswith("http")} == {front_server.port}

@@ -1,5 +1,6 @@
 """What a person sees who opens the server in a real browser."""
 
+import io
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -8,6 +9,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
+from browser_window import PICTURES, open_window
 from http_client import ARTIFACTS, PATIENCE, wait_until
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page
@@ -27,8 +29,7 @@ NEAR, SHARE = 24, 0.0005
 @contextmanager
 def window(browser: Browser, url: str, **options) -> Iterator[Page]:
     """A browser window of its own (no cookies yet); fails on errors of a page and on a call to any other address."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, **options)
-    context.set_default_timeout(MILLI * PATIENCE)
+    context = open_window(browser, 1280, 800, **options)
     page = context.new_page()
     strangers: list[str] = []
     errors: list[str] = []
@@ -51,12 +52,11 @@ def window(browser: Browser, url: str, **options) -> Iterator[Page]:
     assert errors == []
 
 
-def picture(page: Page, name: str) -> Path:
-    """Keep a screenshot for people to look at."""
-    ARTIFACTS.mkdir(exist_ok=True)
-    path = ARTIFACTS / f"{name}.png"
-    page.screenshot(path=path)
-    return path
+def picture(page: Page, name: str) -> None:
+    """Keep a screenshot for people to look at, if they want one."""
+    if PICTURES:
+        ARTIFACTS.mkdir(exist_ok=True)
+        page.screenshot(path=ARTIFACTS / f"{name}.png")
 
 
 def wait_for_plots(page: Page, name: str) -> None:
@@ -64,15 +64,16 @@ def wait_for_plots(page: Page, name: str) -> None:
     page.frame_locator("#viewer").locator("canvas").wait_for(timeout=MILLI * PATIENCE)
 
     def plotted() -> bool:
-        image = np.asarray(Image.open(picture(page, name)).convert("RGB")).astype(int)
+        image = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
         plots = image[:, 2 * image.shape[1] // 3 :]
         return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (VERMILION, GREEN))
 
     wait_until(plotted, "the viewer draws the plots")
+    picture(page, name)
 
 
-def test_from_the_start_page_into_the_lab(chromium: Browser, front_server: FrontServer):
-    with window(chromium, front_server.url) as page:
+def test_from_the_start_page_into_the_lab(plain_chromium: Browser, front_server: FrontServer):
+    with window(plain_chromium, front_server.url) as page:
         picture(page, "server-start")
         page.get_by_role("link", name="Open the lab").click()
         page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
@@ -88,10 +89,10 @@ def test_from_the_start_page_into_the_lab(chromium: Browser, front_server: Front
 
 
 def test_a_deep_link_shows_its_preset_and_the_page_tells_when_the_lab_is_gone(
-    chromium: Browser, open_another: Callable[..., FrontServer]
+    plain_chromium: Browser, open_another: Callable[..., FrontServer]
 ):
     front_server = open_another()
-    with window(chromium, f"{front_server.url}lab/soft-beam?fixedDpr=0.5") as page:
+    with window(plain_chromium, f"{front_server.url}lab/soft-beam?fixedDpr=0.5") as page:
         page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
         assert urlsplit(page.url).path == "/lab/"
         wait_until(lambda: "A soft beam" in page.locator("body").inner_text(), "the panel names the preset")
@@ -102,9 +103,9 @@ def test_a_deep_link_shows_its_preset_and_the_page_tells_when_the_lab_is_gone(
         picture(page, "server-gone")
 
 
-def test_signing_in_by_the_printed_address(chromium: Browser, open_another: Callable[..., FrontServer]):
+def test_signing_in_by_the_printed_address(plain_chromium: Browser, open_another: Callable[..., FrontServer]):
     front_server = open_another(token="a-token-for-tests")
-    with window(chromium, f"http://127.0.0.1:{front_server.port}/lab/?fixedDpr=0.5") as page:
+    with window(plain_chromium, f"http://127.0.0.1:{front_server.port}/lab/?fixedDpr=0.5") as page:
         picture(page, "server-sign-in")
         page.get_by_label("Token").fill("a-token-for-tests")
         page.get_by_role("button", name="Open").click()
@@ -117,11 +118,11 @@ def presets_of(rows: Locator) -> list[str]:
     return [next(name for name in ("alpha", "beta", "gamma") if name in text) for text in rows.all_inner_texts()]
 
 
-def test_the_library_finds_and_sorts(chromium: Browser, open_another: Callable[..., FrontServer], recorded: Path):
+def test_the_library_finds_and_sorts(plain_chromium: Browser, open_another: Callable[..., FrontServer], recorded: Path):
     front_server = open_another()
     for name in ("2026-01-01T00-00-00-alpha", "2026-01-02T00-00-00-beta", "2026-01-03T00-00-00-gamma"):
         shutil.copy(recorded, front_server.settings.logs / f"{name}.rrd")
-    with window(chromium, f"{front_server.url}runs", color_scheme="dark") as page:
+    with window(plain_chromium, f"{front_server.url}runs", color_scheme="dark") as page:
         rows = page.locator("#runs tbody tr:visible")
         page.get_by_role("searchbox").fill("ALPHA complete")
         assert rows.count() == 1

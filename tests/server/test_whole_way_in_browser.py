@@ -90,16 +90,16 @@ def test_from_the_start_page_to_an_imported_run(
 
 
 def test_the_link_in_the_panel_opens_the_scenario_in_another_browser(
-    chromium: Browser, open_another: Callable[..., FrontServer]
+    plain_chromium: Browser, open_another: Callable[..., FrontServer]
 ):
     front_server = open_another(private=True)
-    with window(chromium, f"{front_server.url}lab/soft-beam?fixedDpr=0.5") as page:
+    with window(plain_chromium, f"{front_server.url}lab/soft-beam?fixedDpr=0.5") as page:
         page.wait_for_function(SCENE, timeout=MILLI * PATIENCE)
         page.get_by_text("File", exact=True).first.click()
         link = page.locator(".fl-code").first.text_content()
         assert link is not None
         assert link.startswith(f"{front_server.url}lab/?scenario=")
-    with window(chromium, f"{link}&fixedDpr=0.5") as page:
+    with window(plain_chromium, f"{link}&fixedDpr=0.5") as page:
         page.wait_for_function(SCENE, timeout=MILLI * PATIENCE)
         wait_until(lambda: "A soft beam" in page.locator("body").inner_text(), "the panel shows the scenario")
     assert len(front_server.places.running()) == 2

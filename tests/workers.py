@@ -1,8 +1,9 @@
-"""Folders of tests run in as many processes as there are processors, a file in one of them; single files run here.
+"""Folders of tests run in one process more than there are processors, a file in one of them; single files run here.
 
 So `pytest` needs no option, a debugger meets one process (`pytest tests/test_api.py`, `-n0`, `--pdb`, `-p no:xdist`), and what
 the tests of a file share is made once. All browsers are driven by one process, one after the other: two of them draw so
-slowly on two processors that pages time out.
+slowly on two processors that pages time out. It begins with them, as they take longest; then come the servers, which mostly
+wait, and are worth a process more than there are processors.
 """
 
 import os
@@ -14,6 +15,8 @@ import pytest
 
 MOST = 4
 """Processes at most: more of them wait for the one that drives the browser."""
+BROWSER = "browser"
+"""What the scheduler calls all files of browsers."""
 
 
 def is_of_browser(test: str) -> bool:
@@ -28,7 +31,7 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
         return
     chosen = [Path(config.invocation_params.dir, name) for name in config.args]
     if config.option.numprocesses is None and any(path.is_dir() for path in chosen) and not config.option.usepdb:
-        config.option.numprocesses = min(_processors(), MOST)
+        config.option.numprocesses = min(_processors() + 1, MOST)
     if config.option.numprocesses and config.option.dist == "no":
         config.option.dist = "loadfile"
     if config.option.numprocesses and not config.option.collectonly and Path(__file__).parent in chosen:
@@ -37,16 +40,25 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log):
-    """By files, with all files of browsers as one."""
+    """By files, with all files of browsers as one; what takes or waits long first, then what has most tests."""
     if config.option.dist != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
 
     class OneBrowser(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return "browser" if is_of_browser(nodeid) else super()._split_scope(nodeid)
+            return BROWSER if is_of_browser(nodeid) else super()._split_scope(nodeid)
+
+        def _assign_work_unit(self, node) -> None:
+            self.workqueue.move_to_end(min(self.workqueue, key=_turn), last=False)
+            super()._assign_work_unit(node)
 
     return OneBrowser(config, log)
+
+
+def _turn(unit: str) -> int:
+    """Which turn a file has among others; within one the order stays."""
+    return 0 if unit == BROWSER else 1 if "/server/" in unit else 2
 
 
 def _processors() -> int:

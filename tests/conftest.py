@@ -28,6 +28,11 @@ settings.load_profile("flexlab")
 ROOT = Path(__file__).resolve().parent.parent
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """What the tests leave out unless they are told."""
+    parser.addoption("--all-lessons", action="store_true", help="do every lesson of the guide in a real browser")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what drives a browser: `pytest -m "not browser"` is the quick answer."""
     for item in items:

@@ -63,8 +63,8 @@ def check_vibration(scenario: Scenario, samples: Samples, events: Sequence[Event
     if law.control_period is None:
         return Verdict(
             False,
-            f"{facts}, with rates that are known at once (the preset paper takes {UNDAMPED_TIME:g} s). Now set Control period to "
-            "0.001, Input delay to 1 and Strain gauge noise to 1e-6, and press R.",
+            f"{facts}, with rates that are known at once (the preset paper takes {UNDAMPED_TIME:g} s). Now turn Sampled control "
+            "on, set Input delay to 1 and Strain gauge noise to 0.000001, and press R.",
         )
     jump = torque_jump(between(samples, 0.5, 1.0), law.control_period)
     facts += f" with a clock of {1e3 * law.control_period:g} ms and {law.input_delay} samples of delay"
@@ -74,7 +74,7 @@ def check_vibration(scenario: Scenario, samples: Samples, events: Sequence[Event
             False, f"{facts}, but the {noisy}. Now set Control law to composite and Observer to kalman, press R."
         )
     if law.input_delay < 1 or law.sensor_noise.strain == 0 or jump > CALM:
-        return Verdict(False, f"{facts}; {noisy}. Give it a delay of 1 and gauge noise of 1e-6, and press R.")
+        return Verdict(False, f"{facts}; {noisy}. Give it a delay of 1 and gauge noise of 0.000001, and press R.")
     rest, bending = largest(between(samples, 0.9, 1.0).vibration), largest(run.quasi_static_deflection)
     return Verdict(
         True,
@@ -112,7 +112,9 @@ def check_input_shaping(scenario: Scenario, samples: Samples, events: Sequence[E
         return Verdict(False, f"{facts}. Now set Input shaper to zv, and press R.")
     facts = f"{path.shaper}, {1e3 * late:.0f} ms longer: {facts}"
     if path.shaper_frequency is None or abs(path.shaper_frequency / hertz - 1) < WRONG:
-        return Verdict(False, f"{facts}. Now give Shaped mode a wrong frequency, {0.8 * hertz:.1f} Hz, and press R.")
+        return Verdict(
+            False, f"{facts}. Now have the shaper made for a wrong frequency, {0.8 * hertz:.1f} Hz, and press R."
+        )
     facts = f"Made for {path.shaper_frequency:g} Hz instead of {hertz:.2f} Hz, {facts}"
     if left > STOPPED_WELL * peak or path.shaper == "zv":
         return Verdict(False, f"{facts}. Now set Input shaper to zvd, and press R.")
@@ -134,9 +136,7 @@ def check_spillover(scenario: Scenario, samples: Samples, events: Sequence[Event
     """Spillover. Done when an observer of few modes leaves a nearly undamped beam of many modes stable."""
     law, beam = scenario.controller, scenario.payload
     if law.kind not in ("vibration-damping", "composite") or law.control_period is None or law.input_delay < 1:
-        return Verdict(
-            False, "Load the preset vibration-damping, and set Control period to 0.001 and Input delay to 1."
-        )
+        return Verdict(False, "Load the preset vibration-damping, turn Sampled control on, and set Input delay to 1.")
     ratio = getattr(beam.damping, "ratio", None)
     if beam.element_count < FINE or ratio is None or ratio > NEARLY_UNDAMPED:
         return Verdict(False, "Set Elements to 8, Damping kind to modal and Damping ratio to 0.")

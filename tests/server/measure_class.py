@@ -22,7 +22,7 @@ from waiting import wait_until
 
 WATCHED = 20.0
 """s over which processor time is measured."""
-POLL = 0.5
+POLL = 0.4
 """s between two questions of the teacher's page."""
 
 

@@ -25,6 +25,7 @@ class Guide:
         self._count = 0
         self._guesses: dict[str, str] = {}
         self._unfolded: set[str] = set()
+        self._done: dict[str, str] = {}
         self._pages: dict[str, Chapter | Lesson] = {chapter.title: chapter for chapter in chapters()}
         self._pages |= {f"Lesson {k + 1}: {lesson.title}": lesson for k, lesson in enumerate(lessons())}
         self._own = {own.lesson.id: own for own in own_lessons() if own.lesson is not None}
@@ -100,6 +101,7 @@ class Guide:
     def _load(self) -> None:
         lesson = self._lesson()
         if lesson is not None:
+            self._done.pop(lesson.id, None)
             self._lab_state.load(load_preset(lesson.preset), lesson.preset)
 
     def _check(self, lesson: Lesson, snapshot: Snapshot) -> None:
@@ -109,15 +111,17 @@ class Guide:
             verdict = own.verdict(snapshot.scenario, samples)
         else:
             verdict = check_lesson(lesson.check, snapshot.scenario, samples, snapshot.events)
-        look = "fl-done" if verdict.done else "fl-info"
-        words = "Done" if verdict.done else "Your run"
-        progress = "done" if verdict.done else "guessed" if lesson.id in self._guesses else "begun"
-        self._lab_state.lesson = f"{lesson.title}: {progress}"
-        self._verdict.content = (
-            f'<div class="fl"><div class="fl-box {look}"><b>{words}.</b> {escaped(verdict.sentence)}</div></div>'
-        )
         if verdict.done:
             self._unfolded.add(lesson.id)
+            self._done[lesson.id] = verdict.sentence
+        # What was done stays done, whatever is tried afterwards: some lessons end by setting things back.
+        done = self._done.get(lesson.id)
+        look, words, sentence = ("fl-info", "Your run", verdict.sentence) if done is None else ("fl-done", "Done", done)
+        progress = "done" if done is not None else "guessed" if lesson.id in self._guesses else "begun"
+        self._lab_state.lesson = f"{lesson.title}: {progress}"
+        self._verdict.content = (
+            f'<div class="fl"><div class="fl-box {look}"><b>{words}.</b> {escaped(sentence)}</div></div>'
+        )
         self._fold(lesson)
 
 

@@ -16,7 +16,7 @@ from flexlab.server.child_processes import lab_processes, leave_interrupts_to_th
 from flexlab.server.labs.lab_provider import Choice, Hold
 from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
 
-STATUS_PERIOD = 0.4
+STATUS_PERIOD = 0.25
 """s between two reports of a worker, as long as there is news."""
 LONGEST_SILENCE = 1.0
 """s after which it reports although there is none: whoever says nothing at all hangs."""

@@ -30,7 +30,7 @@ def add_teacher_pages(router: web.UrlDispatcher) -> None:
 
 
 async def teacher(request: web.Request) -> web.Response:
-    """The page; its script asks for the labs twice a second."""
+    """The page; its script asks for the labs every 0.4 s."""
     if not is_teacher(request):
         return ask_for_token(request, NOT_YOURS)
     context = context_of(request)

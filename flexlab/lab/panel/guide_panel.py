@@ -8,6 +8,7 @@ from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.own_lessons import own_lessons
 from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped
+from flexlab.plain_text import with_units
 from flexlab.presets import load_preset
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
@@ -120,7 +121,7 @@ class Guide:
         progress = "done" if done is not None else "guessed" if lesson.id in self._guesses else "begun"
         self._lab_state.lesson = f"{lesson.title}: {progress}"
         self._verdict.content = (
-            f'<div class="fl"><div class="fl-box {look}"><b>{words}.</b> {escaped(sentence)}</div></div>'
+            f'<div class="fl"><div class="fl-box {look}"><b>{words}.</b> {escaped(with_units(sentence))}</div></div>'
         )
         self._fold(lesson)
 

@@ -20,8 +20,8 @@ from flexlab.sim.snapshot import TICK
 
 HEIGHT = 190
 """Of a chart, px; its legend comes on top."""
-X_AXIS_SIZE, Y_AXIS_SIZE = 34, 46
-"""Room for the numbers at the axes, px: "-0.005" upright, and the legend's first line below."""
+X_AXIS_SIZE, Y_AXIS_SIZE = 34, 52
+"""Room for the numbers at the axes, px: "50,000" upright, and the legend's first line below."""
 
 UNNAMED = "fl-unnamed"
 """Style class of series that the legend leaves out."""

@@ -22,8 +22,8 @@ POINTS = 300
 """Frequencies drawn; each stands for the highest amplitude of its stretch, so that no line of the spectrum is lost."""
 SHOWN_MODES = 3
 """The axis reaches just past this mode, if sampling lets it."""
-LOWEST_TOP = 1.0
-"""The logarithmic axis reaches up to this at least, µm: below it there is nothing to see."""
+LOWEST_TOP = 10.0
+"""The logarithmic axis reaches up to this at least, µm: its lower end, written with three decimals, is then no 0."""
 DECADES = 4
 """Of the axis, below the greatest amplitude."""
 SHORTEST = 64

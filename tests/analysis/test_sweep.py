@@ -14,6 +14,7 @@ import pytest
 
 import flexlab
 from flexlab.analysis.sweep.axes import parse_axes
+from flexlab.analysis.sweep.cell import KnownBeams, run_part
 from flexlab.analysis.sweep.figures import draw_metric, pareto_front, write_figures
 from flexlab.analysis.sweep.plan import make_plan
 from flexlab.errors import FlexlabError, ScenarioError, StudyError
@@ -41,6 +42,18 @@ def test_ranges_and_lists_are_read():
     assert len(axes(f"{EI}=1:2")[0].values) == 10
     (one,) = parse_axes({EI: np.array([1.0, 2.0])}, load_preset("paper"))
     assert one.values == (1.0, 2.0)
+
+
+def test_a_beam_that_comes_again_gives_the_same_rows_whatever_else_came():
+    plan = make_plan(
+        load_preset("paper"), axes(f"{K}=100:300:3", f"{EI}=1:900:log:4", "payload.element_count=2,9"), 0.05, 1e-3
+    )
+    beams, cells = KnownBeams(), range(plan.cell_count)
+    again = [run_part(plan, part, beams) for part in (cells[::-2], cells)][1]
+    assert again == [run_part(plan, [cell])[0] for cell in cells]
+    assert beams.of(plan.cell_scenario(plan.cell_count - 1).payload), "the newest is known"
+    kept = [beams.of(plan.cell_scenario(cell).payload) for cell in cells[:8]]
+    assert 0 < sum(map(len, kept)) < 8, "those of nine elements are too many to be kept"
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,10 @@ class ResidualVibration(Metric):
         self._keep(time, size)
 
     def _keep(self, time: np.ndarray, size: np.ndarray) -> None:
+        after = time > self._moved
+        if not after.any():  # as long as the target moves
+            self._time, self._size = time[:0], size[:0]
+            return
         order = np.argsort(time, kind="stable")
         time, size = time[order], size[order]
         largest_later = np.maximum.accumulate(np.append(size[1:], -1.0)[::-1])[::-1]

@@ -1,12 +1,13 @@
 """All cells of a sweep on all cores of this machine: parts are computed in any order, and each is saved as it is done."""
 
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from pathlib import Path
 
 from flexlab.analysis.batch import thread_count
-from flexlab.analysis.sweep.cell import Cell, Executor, run_part
+from flexlab.analysis.sweep.cell import Cell, Executor, KnownBeams, run_part
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.analysis.sweep.table import SweepFolder
 from flexlab.errors import StudyError
@@ -18,6 +19,12 @@ Told = Callable[[int, int], None]
 def on_threads(workers: int | None = None) -> Executor:
     """Compute on `workers` threads (None: one per core); the kernels hold no lock."""
     workers = thread_count(workers)
+    own = threading.local()
+
+    def compute_part(plan: Plan, part: Sequence[int]) -> list[Cell]:
+        if not hasattr(own, "beams"):
+            own.beams = KnownBeams()
+        return run_part(plan, part, own.beams)
 
     def compute(plan: Plan, parts: Sequence[range]) -> Iterator[list[Cell]]:
         pool = ThreadPoolExecutor(workers, thread_name_prefix="flexlab-sweep")
@@ -25,7 +32,7 @@ def on_threads(workers: int | None = None) -> Executor:
             # A few ahead, not all of them: a sweep of millions of cells must not fill the memory with futures.
             left, ahead = iter(parts), set()
             for part in left:
-                ahead.add(pool.submit(run_part, plan, part))
+                ahead.add(pool.submit(compute_part, plan, part))
                 if len(ahead) > 2 * workers:
                     done, ahead = wait(ahead, return_when=FIRST_COMPLETED)
                     yield from (future.result() for future in done)

@@ -73,6 +73,8 @@ def describe(model: type[BaseModel], name: str) -> Quantity:
 
 
 def _number(value: Any) -> float:
+    if type(value) is float and math.isfinite(value):  # As nearly always, and a slider sends many.
+        return value
     try:
         number = math.nan if isinstance(value, bool) or not isinstance(value, numbers.Real) else float(value)
     except OverflowError:  # a whole number too large for a float
@@ -162,7 +164,7 @@ class Part(BaseModel):
     @classmethod
     def _in_range(cls, value: Any, info: ValidationInfo) -> Any:
         # A slider sends many changes: what holds no number needs no look at its range.
-        if value is None or isinstance(value, (str, Part)):
+        if value is None or (type(value) is not float and isinstance(value, (str, Part))):
             return value
         about = describe(cls, info.field_name or "")
         for number in _flatten(value):

@@ -4,7 +4,7 @@ Nodal coordinates q are (deflection, slope) per node, left to right, in the fram
 boundary holds at zero are left out.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,9 @@ from flexlab.boundaries import held_coordinates
 
 GAUSS_POINTS = 4
 """Exact for polynomials up to degree 7; the mass integrand has degree 6."""
+
+KNOWN_INERTIAS = 8
+"""Meshes and densities whose inertia integrals are kept: a drag of the stiffness asks for the same ones again and again."""
 
 COUPLING_TOLERANCE = 1e-9
 """Modal damping couplings below this fraction of their diagonal are rounding of the eigenvectors, not physics."""
@@ -96,6 +99,14 @@ def shape_row(s: float, length: float, element_count: int, boundary: str, deriva
 
 def beam_matrices(length: float, rho: float, EI: float, element_count: int, boundary: str) -> BeamMatrices:
     """Assemble the finite-element integrals (Eqs. 5, 6) for n equal elements, exactly, by Gauss quadrature."""
+    M_q, h, g = _inertia(length, rho, element_count, boundary)
+    B = _curvature_rows(length, EI, element_count)[:, free_coordinates(element_count, boundary)]
+    return BeamMatrices(rho * length, rho * length**3 / 12, M_q.copy(), B.T @ B, h.copy(), g.copy(), B)
+
+
+@lru_cache(KNOWN_INERTIAS)
+def _inertia(length: float, rho: float, element_count: int, boundary: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """M_q, h and g, to be copied."""
     n = element_count
     l = length / n  # noqa: E741
     points, weights = gauss_rule(GAUSS_POINTS)
@@ -110,8 +121,7 @@ def beam_matrices(length: float, rho: float, EI: float, element_count: int, boun
         h[own] += h_element
         g[own] += first_moment + (element * l - length / 2) * h_element
     free = free_coordinates(n, boundary)
-    B = _curvature_rows(length, EI, n)[:, free]
-    return BeamMatrices(rho * length, rho * length**3 / 12, M[np.ix_(free, free)], B.T @ B, h[free], g[free], B)
+    return M[np.ix_(free, free)], h[free], g[free]
 
 
 def _curvature_rows(length: float, EI: float, n: int) -> np.ndarray:

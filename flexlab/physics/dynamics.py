@@ -103,17 +103,6 @@ def velocities_at(plant, y, ws):
 
 
 @compiled
-def inertias_at(plant, poses, terms, fault, found):
-    """Fill found (k, 3, 3) with S for a straight beam at the poses (k, 3) that the arms can take; returns how many."""
-    count = 0
-    for k in range(len(poses)):
-        if configure_arms(plant, poses[k], terms, fault) == 0:
-            rigid_inertia(plant, terms, terms.trig[0], terms.trig[1], 0.0, 0.0, found[count])
-            count += 1
-    return count
-
-
-@compiled
 def set_momenta(plant, y, velocity, eta_dot, ws):
     """Set P and π of y from ẋ (3,) and η̇ (n_m,) at y's coordinates; returns a fault code."""
     n = plant.modal.shape[1]

@@ -9,14 +9,14 @@ from pydantic_core import PydanticCustomError
 from flexlab.control.controller import Controller
 from flexlab.control.law import on_new_law
 from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
-from flexlab.control.own_law import with_known_law
-from flexlab.control.own_path import with_known_path
+from flexlab.control.own_law import OwnController, with_known_law
+from flexlab.control.own_path import OwnTrajectory, with_known_path
 from flexlab.control.path import Trajectory, on_new_path
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
 from flexlab.html_table import html_table
 from flexlab.plain_text import visible
-from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, quantity
+from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, parts_of, quantity
 from flexlab.scenario.arms import Arm
 from flexlab.scenario.earlier_versions import in_present_terms
 from flexlab.scenario.field_names import field_paths, value_paths
@@ -140,12 +140,33 @@ class Scenario(Part):
 
         A changed `kind` (damping, controller, trajectory) drops the fields that the new kind does not have.
         """
-        # Parts that nothing touches go in as they are: they have been validated, and a slider sends many changes.
+        changed = self._with_parts(changes)
+        if changed is not None:
+            return changed
+        # Parts that nothing touches go in as they are: they have been validated.
         data = dict(self)
         for path, value in changes.items():
             if not _set(data, path, value):
                 raise self._unknown(path)
         return parse_scenario(data)
+
+    def _with_parts(self, changes: Mapping[str, Any]) -> "Scenario | None":
+        """As `replace`, validating only the parts that changes touch, as a slider sends many; None: that is not enough.
+
+        It is where all changes are of fields of parts that keep their kind, and valid.
+        """
+        parts = {}
+        try:
+            for name, own in _by_part(changes).items():
+                part = vars(self).get(name)
+                if type(part) not in _whole_parts or None in own:
+                    return None
+                parts[name] = _with_fields(part, own)  # type: ignore[arg-type]
+                if parts[name] is None:
+                    return None
+            return self.model_copy(update=parts)._fits_together()
+        except (ValidationError, PydanticCustomError):
+            return None
 
     def anew(self) -> "Scenario":
         """The scenario for a run that begins: without what changes in motion left over in the path."""
@@ -185,13 +206,50 @@ class Scenario(Part):
         return ScenarioError([(path, unknown_field(shown, value_paths(self), field_paths(type(self))))])
 
 
+def _by_part(changes: Mapping[str, Any]) -> dict[str, dict[str | None, Any]]:
+    """Changes by the first name of their paths, and there by the rest; None for the part itself."""
+    grouped: dict[str, dict[str | None, Any]] = {}
+    for path, value in changes.items():
+        name, dot, rest = path.partition(".")
+        grouped.setdefault(name, {})[rest if dot else None] = value
+    return grouped
+
+
+def _with_fields(part: Part, changes: Mapping[str, Any]) -> Part | None:
+    """A part with fields changed by dotted path, validated; None where its kind, or that of a part of it, changes."""
+    data = dict(part)
+    for name, own in _by_part(changes).items():
+        inner = data.get(name)
+        if name == "kind" or (None in own and len(own) > 1):
+            return None
+        if None in own:
+            data[name] = own[None]
+            continue
+        data[name] = _with_fields(inner, own) if isinstance(inner, Part) else None  # type: ignore[arg-type]
+        if data[name] is None:
+            return None
+    return type(part).model_validate(data)
+
+
+_whole_parts: frozenset[type] = frozenset()
+"""Types of parts that need no more than their own validation; what holds a person's own code does."""
+
+
+def _find_whole_parts() -> None:
+    global _whole_parts
+    parts = [part for field in Scenario.model_fields.values() for part in parts_of(field.annotation)]
+    _whole_parts = frozenset(part for part in parts if not issubclass(part, (OwnController, OwnTrajectory)))
+
+
 def _know_new_kinds() -> None:
     """Let scenarios have a law or a path that was added after this module was read."""
     Scenario.model_fields["controller"].annotation = law_models()
     Scenario.model_fields["trajectory"].annotation = path_models()
     Scenario.model_rebuild(force=True)
+    _find_whole_parts()
 
 
+_find_whole_parts()
 on_new_law(_know_new_kinds)
 on_new_path(_know_new_kinds)
 

@@ -72,10 +72,12 @@ def build_assembly(
     same_beam = [old for old in known if old.scenario.payload == scenario.payload]
     # Gains and paths need no library that has threads, and telling it so costs as much as a gain.
     with nullcontext() if same_beam else one_blas_thread():
-        return _derive(scenario, tick_period, same_beam, at_once)
+        return _derive(scenario, tick_period, known, same_beam, at_once)
 
 
-def _derive(scenario: Scenario, tick_period: float, same_beam: Sequence[Assembly], at_once: bool) -> Assembly:
+def _derive(
+    scenario: Scenario, tick_period: float, known: Sequence[Assembly], same_beam: Sequence[Assembly], at_once: bool
+) -> Assembly:
     """As `build_assembly`; `same_beam`: what is known of the same beam."""
     if at_once and not knows_kernels(scenario):
         raise Unprepared(scenario)
@@ -87,7 +89,7 @@ def _derive(scenario: Scenario, tick_period: float, same_beam: Sequence[Assembly
     else:
         beam = build_beam(scenario.payload)
         free_rate = free_beam_rate(beam)
-    system, rates = _close_loop(scenario, beam, free_rate, same_beam[:1])
+    system, rates = _close_loop(scenario, beam, free_rate, same_beam[:1] or known[:1])
     integrator, step, bound = choose_step(scenario, system, beam, rates)
     count, per_control = steps_per_tick(scenario, tick_period, step)
     dt = tick_period / count
@@ -129,18 +131,21 @@ def load_loop(
 
 
 def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequence[Assembly]) -> tuple[System, Rates]:
-    """Plant, law and path, with motors off until a sampled controller first acts; `known`: assemblies of the same beam."""
-    plant = control = trajectory = rates = None
+    """Plant, law and path, with motors off until a sampled controller first acts."""
+    plant = control = trajectory = rates = arms = None
     for old in known:
         if same_target(old.scenario, scenario):
             trajectory = old.system.trajectory
-        if old.scenario.arms == scenario.arms:
+        if old.scenario.arms != scenario.arms or old.scenario.payload.length != scenario.payload.length:
+            continue
+        arms = old.system.plant.arms
+        if old.beam is beam:
             if old.scenario.controller == scenario.controller and _same_constants(old.scenario, scenario):
                 control = old.system.control
             plant = old.system.plant._replace(gravity=scenario.gravity)
             rates = old.rates if trajectory is not None else None
     system = System(
-        plant or build_plant(scenario, beam),
+        plant or build_plant(scenario, beam, arms),
         control or build_control(scenario, beam),
         trajectory or build_trajectory(scenario),
         np.zeros((len(scenario.arms), 3)),

@@ -58,8 +58,8 @@ def nodal_damping_matrix(beam: Beam) -> np.ndarray:
     return MV @ beam.modes.D @ MV.T
 
 
-def build_plant(scenario: Scenario, beam: Beam) -> Plant:
-    """Arms and payload of a scenario."""
+def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) -> Plant:
+    """Arms and payload of a scenario; `arms`: their records, if they are known."""
     payload, (matrices, modes, _) = scenario.payload, beam
     h, g = modes.V.T @ matrices.h, modes.V.T @ matrices.g
     middle = payload_row(payload, 0.0)
@@ -69,7 +69,7 @@ def build_plant(scenario: Scenario, beam: Beam) -> Plant:
         [h, g, modes.D @ h, modes.D @ g, modes.omega**2, modes.V.T @ middle, modes.V.T @ loosest, np.zeros_like(h)]
     )
     return Plant(
-        arms=arm_records(scenario.arms, payload.length),
+        arms=arm_records(scenario.arms, payload.length) if arms is None else arms,
         m=matrices.m,
         I=matrices.I,
         gravity=scenario.gravity,

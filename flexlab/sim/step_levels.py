@@ -8,8 +8,6 @@ an adaptive law has in its memory, and resolves what follows a disturbance of mo
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from flexlab.compiled import inlined
 from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.physics.plant import ETA
@@ -17,6 +15,7 @@ from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import law_places
 from flexlab.sim.integrators.beam_flow import TICKS
+from flexlab.sim.integrators.etdrk4 import Functions, block_functions
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.step_size import CONTROLLED_STEP, SHORTEST_CHOSEN, build_scheme, control_limits
 
@@ -75,18 +74,30 @@ class StepLevels:
         """`step`: of level 0, s."""
         self.integrator, self.step = integrator, step
         self._beam, self._schemes = beam, {}
+        self._functions: list[list[Functions]] | None = None
 
     def scheme(self, level: int) -> Scheme:
         """The integrator's constants for a level."""
         if level not in self._schemes:
             with one_blas_thread():
-                self._schemes[level] = build_scheme(self.integrator, self._beam, self.step / 2**level)
+                known = self._known_functions(level)
+                self._schemes[level] = build_scheme(self.integrator, self._beam, self.step / 2**level, known)
         return self._schemes[level]
+
+    def _known_functions(self, level: int) -> list[list[Functions]]:
+        """The beam's matrix functions for a level's step and its half, if those of level 0 brought them along."""
+        if self.integrator != "etdrk4":
+            return []
+        if self._functions is None:
+            modes = self._beam.modes
+            self._functions = block_functions(modes.omega, modes.D, modes.block_start, self.step)
+        known = [block[level : level + 2] for block in self._functions]
+        return known if all(len(block) == 2 for block in known) else []
 
     def watch(self, fixed: bool, accuracy: float) -> StepWatch:
         """What chooses among them; `fixed`: nothing does, the step is given."""
         wished, coarsest = control_limits(self.integrator, accuracy)
         most = 0 if fixed else max(0, math.floor(math.log2(self.step / SHORTEST_CHOSEN)))
-        damped = self.step * np.max(np.diag(self._beam.modes.D)) > NOTABLE_DAMPING
+        damped = self.step * self._beam.modes.D.diagonal().max() > NOTABLE_DAMPING
         disturbed = DISTURBED_LEVELS if damped and self.integrator == "etdrk4" else 0
         return StepWatch(self.step, most, wished, coarsest, disturbed)

@@ -1,6 +1,7 @@
 """Which integrator and which step a scenario gets."""
 
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -10,13 +11,15 @@ from flexlab.compiled import compiled
 from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.control.motion import poses
 from flexlab.control.path import Trajectory
+from flexlab.control.rates import largest_form_ratio
 from flexlab.errors import ScenarioError
-from flexlab.physics.dynamics import configure_arms, inertias_at, rigid_inertia
+from flexlab.physics.dynamics import configure_arms, rigid_inertia
+from flexlab.physics.plant import G
 from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import SMALLEST_STEP
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import System, scratch_workspace
-from flexlab.sim.integrators.etdrk4 import beam_operators
+from flexlab.sim.integrators.etdrk4 import Functions, beam_operators, block_functions
 from flexlab.sim.integrators.generalized_alpha import effective_inverse
 from flexlab.sim.integrators.rk4 import STABILITY_LIMIT
 from flexlab.sim.integrators.scheme import ORDER, Etdrk4, GeneralizedAlpha, Scheme
@@ -82,8 +85,7 @@ class Rates(NamedTuple):
 def find_rates(beam: Beam, system: System, trajectory: Trajectory, free_rate: float) -> Rates:
     """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s."""
     desired = desired_poses(system, trajectory)
-    S = inertias(system, desired)
-    gives, coupling = giving_way(system, beam, S)
+    gives, coupling = giving_way(system, beam, desired)
     return Rates(desired, free_rate * math.sqrt(1 + gives), coupling)
 
 
@@ -91,18 +93,6 @@ def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
     """`POSES_TRIED` desired poses of the first period, (k, 3)."""
     times = trajectory.window[0] + np.arange(POSES_TRIED) * (trajectory.fastest_period / POSES_TRIED)
     return np.ascontiguousarray(poses(system.trajectory, times)[:, 0])
-
-
-def inertias(system: System, desired: np.ndarray) -> np.ndarray:
-    """S at poses (k, 3), as far as the arms can take them, (up to k, 3, 3)."""
-    found, ws = np.zeros((len(desired), 3, 3)), scratch_workspace(system)
-    return found[: inertias_at(system.plant, desired, ws.arm, ws.fault, found)]
-
-
-def _largest(S: np.ndarray, numerators: np.ndarray) -> list[float]:
-    """Largest eigenvalue magnitudes of S⁻¹ numerator over all S, for numerators (m, 3, 3)."""
-    products = np.linalg.solve(S, numerators[:, None])
-    return [float(np.max(np.abs(each), initial=0.0)) for each in np.linalg.eigvals(products)]
 
 
 def control_rate(system: System, desired: np.ndarray) -> float:
@@ -144,17 +134,35 @@ def free_beam_rate(beam: Beam) -> float:
     return fastest
 
 
-def giving_way(system: System, beam: Beam, S: np.ndarray) -> tuple[float, float]:
-    """What grips that give way, at the inertias S (k, 3, 3), do to the beam, for C = (h, g): 1 and 1/s.
+def giving_way(system: System, beam: Beam, desired: np.ndarray) -> tuple[float, float]:
+    """What grips that give way, at the inertias S of desired poses (k, 3), do to the beam, for C = (h, g): 1 and 1/s.
 
     They add C S⁻¹Cᵀ to the inverse mass, and with it at most its largest eigenvalue to ω². And they couple the modes with the
     norm of the largest eigenvalue of S⁻¹(CᵀΩC).
     """
-    C = np.stack([beam.modes.V.T @ beam.matrices.h, beam.modes.V.T @ beam.matrices.g])
-    (hh, hg), (_, gg) = (C * beam.modes.omega) @ C.T
-    kappa = system.plant.kappa
-    gives, coupling = _largest(S, np.stack([_in_pose(*kappa), _in_pose(hh, hg, gg)]))
+    loads = system.plant.modal[: G + 1]
+    (hh, hg), (_, gg) = (loads * beam.modes.omega) @ loads.T
+    forms, found = np.stack([_in_pose(*system.plant.kappa), _in_pose(hh, hg, gg)]), np.zeros(2)
+    largest_ratios_at(system.plant, desired, forms, scratch_workspace(system), found)
+    gives, coupling = map(float, found)
     return gives, coupling
+
+
+@compiled
+def largest_ratios_at(plant, desired, forms, ws, largest):
+    """Raise `largest` (m,) to the eigenvalues of S⁻¹ form, forms (m, 3, 3) ≥ 0, at those poses (k, 3) that the arms can take.
+
+    S is that of a straight beam.
+    """
+    scratch = ws.truth[0].scratch
+    for k in range(len(desired)):
+        if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
+            rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
+            for m in range(len(forms)):
+                for a in range(3):
+                    for b in range(3):
+                        scratch[a, b] = forms[m, a, b]
+                largest[m] = max(largest[m], largest_form_ratio(ws.S, scratch[0:3], scratch[3:6]))
 
 
 def _in_pose(hh: float, hg: float, gg: float) -> np.ndarray:
@@ -186,7 +194,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     stable = STABILITY_LIMIT / beam_speed if integrator == "rk4" else math.inf
     if simulation.step is None:
         ease = (simulation.accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
-        coupling, fades = rates.coupling, float(np.max(np.diag(beam.modes.D))) / 2 > RINGING_DECAY
+        coupling, fades = rates.coupling, float(beam.modes.D.diagonal().max()) / 2 > RINGING_DECAY
         limit = COUPLING_LIMIT if fades else RINGING_LIMIT
         coupled = (
             max(min(COUPLED_STEP, STABLE_COUPLING / coupling), ease * limit / coupling) if coupling > 0 else math.inf
@@ -268,12 +276,14 @@ def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple
     return int(tick / common) * step_count, int(control / common) * step_count
 
 
-def build_scheme(integrator: str, beam: Beam, dt: float) -> Scheme:
-    """The integrator's constants for step dt."""
+def build_scheme(integrator: str, beam: Beam, dt: float, known: Sequence[Sequence[Functions]] = ()) -> Scheme:
+    """The integrator's constants for step dt; `known`: what `block_functions` says of dt and dt/2, if it has been asked."""
     modes = beam.modes
     loads = np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g])
     if integrator == "etdrk4":
-        return Scheme(etdrk4=Etdrk4(*beam_operators(modes.omega, modes.D, modes.block_start, loads, dt)))
+        linear = (modes.omega, modes.D, modes.block_start)
+        functions = known or [block[:2] for block in block_functions(*linear, dt)]
+        return Scheme(etdrk4=Etdrk4(*beam_operators(*linear, loads, dt, functions)))
     if integrator == "generalized-alpha":
         inverse = effective_inverse(modes.omega, modes.D, modes.block_start, dt)
         return Scheme(generalized_alpha=GeneralizedAlpha(inverse, loads @ inverse))

@@ -18,18 +18,20 @@ CLOSE = 1e-9
 
 def build_trajectory(scenario: Scenario) -> DesiredMotion:
     """The desired motion of a scenario; raises `ScenarioError` where its shaper has no mode to be made for."""
-    path, left = scenario.trajectory, scenario.trajectory.transition
-    shaped = shaper_impulses(scenario)
+    path = scenario.trajectory
+    motion = build_motion(path)._replace(
+        ramp=float(path.smooth_start), impulses=shaper_impulses(scenario), bending=float(path.bending_feedforward)
+    )
+    return with_transition(motion, path.transition)
+
+
+def with_transition(motion: DesiredMotion, left: Transition | None) -> DesiredMotion:
+    """A desired motion with this left over of an earlier one, and nothing else."""
     transition = NO_TRANSITION
     if left is not None:
         transition = np.array([left.time, left.duration, *left.pose, *left.rate, *left.acceleration])
-    return build_motion(path)._replace(
-        plain=path.smooth_start == 0 and len(shaped) == 0 and left is None,
-        ramp=float(path.smooth_start),
-        impulses=shaped,
-        transition=transition,
-        bending=float(path.bending_feedforward),
-    )
+    plain = motion.ramp == 0 and len(motion.impulses) == 0 and left is None
+    return motion._replace(plain=plain, transition=transition)
 
 
 def shaper_impulses(scenario: Scenario) -> np.ndarray:
@@ -61,18 +63,21 @@ def change_path(scenario: Scenario, changes: Mapping[str, Any], time: float) -> 
     return changed if kept is new else changed.model_copy(update={"trajectory": kept})
 
 
-def go_on_from(target: np.ndarray, old: Scenario, scenario: Scenario, time: float) -> Scenario:
-    """The scenario with the transition that takes its path on from `target` (3, 3), that of `old`, at `time`, s.
+def go_on_from(
+    old: Scenario, old_motion: DesiredMotion, scenario: Scenario, motion: DesiredMotion, time: float
+) -> tuple[Scenario, DesiredMotion]:
+    """The scenario and its desired motion with the transition that takes them on from `old_motion`, of `old`, at `time`, s.
 
     A path of the same kind that begins where the target is needs none: a new frequency acts at once.
     """
-    plain = scenario.anew()
-    left = target - desired_at(build_trajectory(plain), time)
+    plain, motion = scenario.anew(), with_transition(motion, None)
+    left = desired_at(old_motion, time) - desired_at(motion, time)
     if np.abs(left[0]).max() < CLOSE and plain.trajectory.kind == old.trajectory.kind:
-        return plain
+        return plain, motion
     over: dict[str, Any] = dict(zip(("pose", "rate", "acceleration"), map(tuple, left.tolist()), strict=True))
     transition = Transition(time=time, duration=TRANSITION_TIME, **over)
-    return plain.model_copy(update={"trajectory": plain.trajectory.model_copy(update={"transition": transition})})
+    moved = plain.model_copy(update={"trajectory": plain.trajectory.model_copy(update={"transition": transition})})
+    return moved, with_transition(motion, transition)
 
 
 def equal_motions(one: DesiredMotion, other: DesiredMotion) -> bool:
@@ -81,9 +86,14 @@ def equal_motions(one: DesiredMotion, other: DesiredMotion) -> bool:
 
 
 def same_target(one: Scenario, other: Scenario) -> bool:
-    """Whether two scenarios of the same beam surely have the same target; a shaper may follow the loop's first mode."""
+    """Whether two scenarios surely have the same target; a shaper may follow the loop's first mode."""
     path = one.trajectory
     if path != other.trajectory:
         return False
     follows = path.shaper != "none" and None in (path.shaper_frequency, path.shaper_damping)
-    return not follows or (one.arms, one.controller, one.gravity) == (other.arms, other.controller, other.gravity)
+    return not follows or _loop(one) == _loop(other)
+
+
+def _loop(scenario: Scenario) -> tuple[object, ...]:
+    """What the modes of the closed loop depend on."""
+    return scenario.payload, scenario.arms, scenario.controller, scenario.gravity

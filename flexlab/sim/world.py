@@ -29,7 +29,7 @@ from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.step_levels import DISTURBED_TICKS
-from flexlab.sim.target import build_trajectory, change_path, desired_at, equal_motions, go_on_from
+from flexlab.sim.target import change_path, desired_at, equal_motions, go_on_from
 from flexlab.sim.termination import DEFLECTION_LIMIT, pose_fault, runtime_fault
 from flexlab.sim.workspace_check import check_trajectory, same_reach
 from flexlab.sim.world_state import WorldState
@@ -299,9 +299,8 @@ class World:
         old = self._assembly.system.trajectory
         if equal_motions(old, assembly.system.trajectory):
             return assembly
-        scenario = go_on_from(desired_at(old, self.time), self.scenario, assembly.scenario, self.time)
-        system = assembly.system._replace(trajectory=build_trajectory(scenario))
-        return assembly._replace(scenario=scenario, system=system)
+        scenario, motion = go_on_from(self.scenario, old, assembly.scenario, assembly.system.trajectory, self.time)
+        return assembly._replace(scenario=scenario, system=assembly.system._replace(trajectory=motion))
 
     def _carry_over(self, scenario: Scenario, assembly: Assembly) -> None:
         """Go on with a new assembly: coordinates and velocities stay, momenta follow."""

@@ -49,7 +49,7 @@ def flow_rows(
     k = len(omega)
     rows = np.zeros((ROWS, k))
     _, phi1, phi2, phi3 = phi
-    rows[FAST] = dt * np.diag(damping) > FAST_DAMPING
+    rows[FAST] = dt * damping.diagonal() > FAST_DAMPING
     curved = dt * (12 * phi3 - 6 * phi2 + phi1)
     for direction, load in enumerate(loads):
         rows[CURVED + direction] = rows[FAST] * (curved[k:, k:] @ -load)

@@ -12,6 +12,7 @@ same formulas with φ_k(0) = 1/k!. With L the linear part and N the rest:
 and e^{hL} y + h φ1(hL) N1 = e^{hL/2} a + ½h φ1(½hL) N1, which saves two matrix functions.
 """
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -27,6 +28,9 @@ HALF_EXP, HALF_PHI1, HALF_PHI2, PHI2, PHI3 = range(5)
 FREE = 7
 """Row of `Workspace.stage` that after a step holds e^{hL} y + h φ1(hL) N1: the beam had nothing changed for it."""
 
+HALVINGS_KEPT = 8
+"""Steps h, h/2, … whose matrix functions are kept: more than the levels that a disturbance asks for."""
+
 TAYLOR_TERMS = 18
 """Enough for φ functions to double precision where the norm is at most 1/2."""
 
@@ -34,10 +38,10 @@ TAYLOR_TERMS = 18
 Functions = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
-def phi_functions(z: np.ndarray) -> Functions:
-    """φ0 = exp, φ1, φ2, φ3 of square matrices z (..., k, k), by Taylor series and doubling.
+def phi_functions(z: np.ndarray) -> list[Functions]:
+    """φ0 = exp, φ1, φ2, φ3 of square matrices z (..., k, k), then of z/2, z/4, … as far as they are found on the way.
 
-    φ_k(z) = Σ_j z^j/(j + k)!;  φ_k(2z) = 2^-k (φ0 φ_k + Σ_{j=1..k} φ_j/(k - j)!).
+    By Taylor series and doubling: φ_k(z) = Σ_j z^j/(j + k)!;  φ_k(2z) = 2^-k (φ0 φ_k + Σ_{j=1..k} φ_j/(k - j)!).
     """
     norm = float(np.max(np.abs(z).sum(axis=-1), initial=0.5))
     doublings = max(0, int(np.ceil(np.log2(norm / 0.5))))
@@ -49,10 +53,10 @@ def phi_functions(z: np.ndarray) -> Functions:
     phi2 = z @ phi3 + one / 2
     phi1 = z @ phi2 + one
     phi0 = z @ phi1 + one
-    functions = (phi0, phi1, phi2, phi3)
+    found = [(phi0, phi1, phi2, phi3)]
     for _ in range(doublings):
-        functions = doubled(*functions)
-    return functions
+        found.append(doubled(*found[-1]))
+    return found[::-1]
 
 
 def doubled(phi0: np.ndarray, phi1: np.ndarray, phi2: np.ndarray, phi3: np.ndarray) -> Functions:
@@ -70,24 +74,38 @@ def _factorial(k: int) -> float:
     return float(np.prod(np.arange(1, k + 1, dtype=float)))
 
 
+def block_functions(
+    omega: np.ndarray, damping: np.ndarray, block_start: np.ndarray, dt: float
+) -> list[list[Functions]]:
+    """Of each block of modes φ0 to φ3(hL) in (ωη, π) for h = dt, dt/2, …: at least two, at most `HALVINGS_KEPT`."""
+    blocks = []
+    for low, high in zip(block_start[:-1], block_start[1:], strict=True):
+        own, k = omega[low:high], high - low
+        # In (ωη, π) the undamped part is skew: its powers keep their size and the doubling loses no digits.
+        L = np.zeros((2 * k, 2 * k))
+        L[:k, k:], L[k:, :k], L[k:, k:] = np.diag(own), -np.diag(own), -damping[low:high, low:high]
+        halves = phi_functions(L * (dt / 2))[: HALVINGS_KEPT - 1]
+        blocks.append([doubled(*halves[0]), *halves])
+    return blocks
+
+
 def beam_operators(
-    omega: np.ndarray, damping: np.ndarray, block_start: np.ndarray, loads: np.ndarray, dt: float
+    omega: np.ndarray,
+    damping: np.ndarray,
+    block_start: np.ndarray,
+    loads: np.ndarray,
+    dt: float,
+    functions_at: Sequence[Sequence[Functions]],
 ) -> tuple[np.ndarray, np.ndarray]:
     """The matrix functions of the beam's linear part for step dt, as `Etdrk4.operators`, and `Etdrk4.flow`.
 
-    loads: Vᵀh and Vᵀg, (2, n_m).
+    loads: Vᵀh and Vᵀg, (2, n_m); functions_at: of each block those of `block_functions` for dt and dt/2.
     """
     pieces, flows = [], []
-    for low, high in zip(block_start[:-1], block_start[1:], strict=True):
+    for low, high, (full, half) in zip(block_start[:-1], block_start[1:], functions_at, strict=True):
         own, D = omega[low:high], damping[low:high, low:high]
-        k = len(own)
-        # In (ωη, π) the undamped part is skew: its powers keep their size and the doubling loses no digits.
-        L = np.zeros((2 * k, 2 * k))
-        L[:k, k:], L[k:, :k], L[k:, k:] = np.diag(own), -np.diag(own), -D
-        scale = np.concatenate([own, np.ones(k)])
-        half = phi_functions(L * (dt / 2))
+        scale = np.concatenate([own, np.ones(high - low)])
         exp_half, phi1_half, phi2_half, _ = half
-        full = doubled(*half)
         functions = (exp_half, dt / 2 * phi1_half, dt * phi2_half, dt * full[2], dt * full[3])
         pieces.append(np.stack([(F * scale / scale[:, None]).ravel() for F in functions]))
         flows.append(flow_rows(own, D, loads[:, low:high], full, dt))

@@ -1,9 +1,9 @@
 """Whether a run's results are still accurate: now and then a tick is redone with half the step, on copies.
 
 What differs is the error of one tick. Each mode adds up those of its ticks as long as it rings and forgets them as it decays;
-the pose does as the law leads it back. Looks are close together after a start, a tap or a change, where errors are largest and
-fade fastest. The estimate is a function of states at ticks that their numbers and the commands choose, so that it is the same
-live, headless and replayed; it changes no bit of the run.
+the pose does as the law leads it back. Looks are close together after a start, a tap, a change or a jump of the torques beyond
+all that were looked at, where errors are largest and fade fastest. The estimate is a function of states at ticks that their
+numbers, the commands and the samples choose, so that it is the same live, headless and replayed; it changes no bit of the run.
 """
 
 import math
@@ -17,7 +17,7 @@ from flexlab.sim import row_layout
 from flexlab.sim.advance import advance
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
-from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM
+from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM, TORQUE
 from flexlab.sim.world_state import WorldState
 
 LOOKS = (0, 1, 2, 5, 8, 17, 32, 65)
@@ -27,6 +27,14 @@ of them only."""
 CHECK_TICKS = 1021
 """Then a tick is redone every so many: with 128 the copies that it takes cost a small beam as much as its motion. A prime
 number, so that the looks fall on all phases of path and control."""
+
+CLOSE_TICKS = 67
+"""The same where errors as large as those just seen would pass their bounds within `CHECK_TICKS`: most of them fade. A prime
+number too."""
+
+JUMP, LEAST_JUMP = 1.5, 0.05
+"""A tick in which a torque changes by more than the first times what it did in any tick that was looked at, and by more than
+the second times the largest torque, excites fast modes anew: a sampled law, or a path with a kink."""
 
 FIRST_VERDICT, STEADY = 8, 1.1
 """Ticks after a disturbance before which nothing is judged, and up to the last of `LOOKS` nothing but what is at a force that
@@ -91,6 +99,14 @@ class Estimate(NamedTuple):
     """The same at the look before."""
     warning: str = ""
     """Since when and why results are no longer accurate, a sentence; empty: they are."""
+    wait: int = CHECK_TICKS
+    """Ticks between two looks after `LOOKS`, at most."""
+    torque: np.ndarray | None = None
+    """Joint torques of the newest sample, N·m; None: of none yet."""
+    strongest: float = 0.0
+    """Largest torque so far, N·m."""
+    jump: float = 0.0
+    """Largest change of a torque in a tick that was looked at, N·m."""
 
 
 def _ticks_kept(decay: np.ndarray, ticks: int, tick_period: float) -> np.ndarray:
@@ -120,22 +136,35 @@ def ticks_to_check(estimate: Estimate, tick: int) -> int:
     """Ticks to go in one piece from number `tick` on: one that is redone, or up to it."""
     since = tick - estimate.disturbed
     if since > LOOKS[-1]:
-        return (LOOKS[-1] - since) % CHECK_TICKS or 1
+        return (LOOKS[-1] - since) % estimate.wait or 1
     return min(look - since for look in LOOKS if look >= since) or 1
 
 
 def is_due(estimate: Estimate, tick: int) -> bool:
     """Whether the tick from number `tick` on is to be redone."""
     since = tick - estimate.disturbed
-    return since in LOOKS or (since > LOOKS[-1] and (since - LOOKS[-1]) % CHECK_TICKS == 0)
+    return since in LOOKS or (since > LOOKS[-1] and (since - LOOKS[-1]) % estimate.wait == 0)
 
 
-def redo_tick(assembly: Assembly, level: int, state: WorldState, tick_period: float, row: np.ndarray) -> Redone | None:
-    """The tick from `state` on with the step of the next finer level; None if it cannot be.
+def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -> int | None:
+    """The level with which the tick from number `tick` on, gone with `level`, is redone; None: there is none.
+
+    The next one; but of modes that are damped faster than the step half of it knows little better than the whole, so that
+    just after a jump it is the level that a start would have had.
+    """
+    watch = assembly.watch
+    finer = max(level + 1, watch.disturbed) if tick - estimate.disturbed in LOOKS[:3] else level + 1
+    if watch.most == 0:
+        return finer
+    return min(finer, watch.most) if level < watch.most else None
+
+
+def redo_tick(assembly: Assembly, finer: int, state: WorldState, tick_period: float, row: np.ndarray) -> Redone | None:
+    """The tick from `state` on with the step of level `finer`; None if it cannot be.
 
     `row` (1, row length) and `state` are scratch.
     """
-    finer, sampling, system = level + 1, assembly.sampling, assembly.system
+    sampling, system = assembly.sampling, assembly.system
     _, code = advance(
         system._replace(held_torque=state.held_torque),
         sampling._replace(line=state.torque_line, steps=sampling.steps << finer),
@@ -155,9 +184,40 @@ def redo_tick(assembly: Assembly, level: int, state: WorldState, tick_period: fl
     return Redone(row[0], state.y) if code == 0 else None
 
 
-def note_peak(old: Estimate, assembly: Assembly, rows: np.ndarray) -> Estimate:
+def first_jump(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> int | None:
+    """Index in `rows` (N, row length), the samples after the newest one, of the first tick with a `JUMP`; None: there is none."""
+    changes, torques = _torque_changes(estimate, assembly, rows)
+    largest = np.maximum(np.maximum.accumulate(torques), estimate.strongest)
+    jumps = np.flatnonzero((changes > JUMP * estimate.jump) & (changes > LEAST_JUMP * largest))
+    return int(jumps[0]) if len(jumps) else None
+
+
+def jumped(estimate: Estimate, tick: int) -> Estimate:
+    """The estimate before a jump in the tick from number `tick` on: looks begin anew."""
+    return estimate._replace(disturbed=tick)
+
+
+def _torque_changes(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Largest change of a joint torque in the tick of each row, and largest torque after it, (N,) each, N·m."""
+    arms = len(assembly.scenario.arms)
+    own = rows[:, ARMS : ARMS + PER_ARM * arms].reshape(len(rows), arms, PER_ARM)
+    torques = own[:, :, TORQUE : TORQUE + 3].reshape(len(rows), -1)
+    before = torques[0] if estimate.torque is None else estimate.torque
+    changes = np.abs(np.diff(torques, axis=0, prepend=before[None])).max(axis=1)
+    return changes, np.abs(torques).max(axis=1)
+
+
+def note_rows(old: Estimate, assembly: Assembly, rows: np.ndarray, looked_at: bool) -> Estimate:
     """The estimate after `rows` (N, row length) more."""
-    return old._replace(peak=max(old.peak, float(np.abs(_forces(rows, assembly)).max())))
+    changes, torques = _torque_changes(old, assembly, rows)
+    arms = len(assembly.scenario.arms)
+    newest = rows[-1, ARMS : ARMS + PER_ARM * arms].reshape(arms, PER_ARM)[:, TORQUE : TORQUE + 3]
+    return old._replace(
+        peak=max(old.peak, float(np.abs(_forces(rows, assembly)).max())),
+        torque=newest.ravel().copy(),
+        strongest=max(old.strongest, float(torques.max())),
+        jump=max(old.jump, float(changes.max())) if looked_at else old.jump,
+    )
 
 
 def note(
@@ -178,12 +238,17 @@ def note(
     seen = old._replace(left=left, rate=now, looked=tick, pose=pose, force=force, peak_before=old.peak)
     if old.warning or since < FIRST_VERDICT:
         return seen
+    said = ""
     if since >= LOOKS[-1]:
-        ahead = left * np.exp(-decay * (CHECK_TICKS * tick_period)) + now * _ticks_kept(decay, CHECK_TICKS, tick_period)
-        pose, force = map(max, (pose, force), _sizes(ahead))
-    elif old.peak > STEADY * old.peak_before:
-        return seen
-    return seen._replace(warning=_warning(pose, force, seen, assembly.scenario, (tick + 1) * tick_period))
+        for wait in (CHECK_TICKS, CLOSE_TICKS):
+            ahead = left * np.exp(-decay * (wait * tick_period)) + now * _ticks_kept(decay, wait, tick_period)
+            coming = map(max, (pose, force), _sizes(ahead))
+            said, seen = _warning(*coming, seen, assembly.scenario, (tick + 1) * tick_period), seen._replace(wait=wait)
+            if not said:
+                break
+    elif old.peak <= STEADY * old.peak_before:
+        said = _warning(pose, force, seen, assembly.scenario, (tick + 1) * tick_period)
+    return seen._replace(warning=said)
 
 
 def _tick_errors(assembly: Assembly, row: np.ndarray, y: np.ndarray, again: Redone) -> np.ndarray:

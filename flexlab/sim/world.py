@@ -201,29 +201,39 @@ class World:
         before, estimate, done, code = self.state(), self._estimate, 0, 0
         while done < len(rows) and code == 0:
             part = rows[done : done + accuracy.ticks_to_check(self._estimate, self.tick)]
-            start = self.state() if accuracy.is_due(self._estimate, self.tick) else None
+            start, looks = self.state(), accuracy.is_due(self._estimate, self.tick)
             ticks, code = self._advance(part, first_is_present=False)
             if code == INTERRUPTED:
-                self.restore(before)
-                self._estimate = estimate
+                self._go_back(before, estimate)
                 return 0
+            jump = None if looks or ticks == 0 else accuracy.first_jump(self._estimate, self._assembly, part[:ticks])
+            if jump is not None:  # It is to be looked at, and so are the ticks after it.
+                self._go_back(start, accuracy.jumped(self._estimate, self.tick + jump))
+                code = 0
+                continue
             self.tick, done = self.tick + ticks, done + ticks
             if ticks:
-                self._watch_accuracy(part[:ticks], start)
+                self._watch_accuracy(part[:ticks], start if looks else None)
         if code != 0:
             velocities_at(self._assembly.system.plant, self._y, self._workspace)
             rate = self._workspace.velocity
             self.status = runtime_fault(self._assembly, code, self._y[:3], rate, self.time, self.tick_period)
         return done
 
+    def _go_back(self, state: WorldState, estimate: accuracy.Estimate) -> None:
+        """Stand again at an earlier state of this run, with what is known of its accuracy."""
+        self.restore(state)
+        self._estimate = estimate
+
     def _watch_accuracy(self, rows: np.ndarray, start: WorldState | None) -> None:
         """Take note of `rows` since the last look; of a tick that has a `start`, compare it with half the step."""
-        assembly, watch, again = self._assembly, self._assembly.watch, None
-        self._estimate = accuracy.note_peak(self._estimate, assembly, rows)
-        if start is not None and (self._level < watch.most or watch.most == 0):
-            again = accuracy.redo_tick(assembly, self._level, start, self.tick_period, self.new_rows(1))
+        assembly, tick, period = self._assembly, self.tick - len(rows), self.tick_period
+        self._estimate = accuracy.note_rows(self._estimate, assembly, rows, start is not None)
+        finer = accuracy.finer_level(self._estimate, assembly, tick, self._level)
+        if start is None or finer is None:
+            return
+        again = accuracy.redo_tick(assembly, finer, start, period, self.new_rows(1))
         if again is not None:
-            tick, period = self.tick - len(rows), self.tick_period
             self._estimate = accuracy.note(self._estimate, assembly, tick, rows[-1], self._y, again, period)
 
     def interrupt(self) -> None:

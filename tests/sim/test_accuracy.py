@@ -1,11 +1,14 @@
 """The error monitor: what is no longer accurate is called so, what is accurate is not, and no bit of the run changes."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim import accuracy
+from flexlab.sim.assembly import Assembly
 from flexlab.sim.commands import Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.simulate import simulate
@@ -90,3 +93,32 @@ def test_the_monitor_changes_no_bit_and_block_sizes_change_no_warning(monkeypatc
     assert whole.accuracy_warning == pieces.accuracy_warning
     monkeypatch.setattr(accuracy, "redo_tick", lambda *_: None)
     assert np.array_equal(rows, World(scenario).advance_rows(400))
+
+
+def test_a_jump_of_the_torques_is_looked_at_and_block_sizes_change_nothing(monkeypatch: pytest.MonkeyPatch):
+    """A sampled law on a path with kinks, whose second one is twice the first and long after the looks at the start."""
+    looks: list[int] = []
+    note = accuracy.note
+
+    def noted(old: accuracy.Estimate, assembly: Assembly, tick: int, *rest: Any) -> accuracy.Estimate:
+        looks.append(tick)
+        return note(old, assembly, tick, *rest)
+
+    monkeypatch.setattr(accuracy, "note", noted)
+    changes = {
+        "trajectory": {"kind": "bang-bang"},
+        "controller.control_period": 0.001,
+        "payload.bending_stiffness": 1e4,
+    }
+    scenario = load_preset("paper").replace(changes)
+    whole = World(scenario)
+    samples = whole.advance(600)
+    at_once, looks[:] = list(looks), []
+    pieces = World(scenario)
+    parts = [pieces.advance(ticks).joint_torque for ticks in (7, 1, 92, 150, 230, 120)]
+    assert looks == at_once
+    assert np.array_equal(samples.joint_torque, np.concatenate(parts))
+    assert all(map(np.array_equal, whole._estimate, pieces._estimate))
+    torque_changes = np.abs(np.diff(samples.joint_torque, axis=0)).max(axis=(1, 2))
+    kink = 101 + int(np.argmax(torque_changes[100:]))
+    assert {kink, kink + 1, kink + 2} <= set(looks)

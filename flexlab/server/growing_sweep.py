@@ -81,6 +81,6 @@ class GrowingSweep:
             for cells, part in parts.items():
                 if part is not None:
                     self._missing.remove(cells)
-                    for name, values in part.to_pydict().items():
+                    for name, values in part.items():
                         self._table.setdefault(name, []).extend(values)
             return page_data(self._plan, self._table)

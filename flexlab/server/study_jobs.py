@@ -45,7 +45,7 @@ def threads() -> int:
 def sweep_study(plan: Plan, folder: Path, report: Report) -> dict[str, Any]:
     """Compute a sweep in `folder`; what the page draws, as plain data."""
     run_sweep(plan, folder, on_threads(threads()), lambda done, total: report(done / total))
-    return page_data(plan, Sweep(plan, folder).table.to_pydict())
+    return page_data(plan, Sweep(plan, folder).columns())
 
 
 def tuning_study(

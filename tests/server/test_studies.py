@@ -115,7 +115,7 @@ def test_a_map_is_there_from_the_first_cells_on(tmp_path: Path):
             kept.save(run_part(plan, cells))
     assert growing.data()["status"] == ["finished"] * 128
     kept.finish()
-    whole = page_data(plan, Sweep(plan, tmp_path / "sweep").table.to_pydict())
+    whole = page_data(plan, Sweep(plan, tmp_path / "sweep").columns())
     assert growing.data() == whole, "the parts are gone, and the page has what it had read"
     metric = next(k for k, item in enumerate(whole["metrics"]) if item["field"] == "rms-y")
     assert [half["metrics"][metric]["values"][cell] for cell in there] == [

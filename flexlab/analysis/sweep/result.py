@@ -55,6 +55,10 @@ class Sweep:
             raise StudyError(f"{name!r:.60} is no column: there are {', '.join(self.table.column_names)}.")
         return self.table.column(name).to_numpy(zero_copy_only=False).astype(float)
 
+    def columns(self) -> dict[str, list[Any]]:
+        """All of the table as plain lists; None where a cell has nothing."""
+        return self.table.to_pydict()
+
     def texts(self, name: str) -> list[str]:
         """A column of texts, as status and sentence are."""
         return self.table.column(name).to_pylist()

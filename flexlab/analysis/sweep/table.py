@@ -65,10 +65,10 @@ def part_file(folder: Path, cells: range) -> Path:
     return folder / PARTS / f"{cells.start:09d}.parquet"
 
 
-def read_part(folder: Path, plan: Plan, cells: range) -> pa.Table | None:
-    """Rows of some cells of a sweep that is being computed; None: they are not there (yet, or any more)."""
+def read_part(folder: Path, plan: Plan, cells: range) -> dict[str, list[Any]] | None:
+    """Columns of some cells of a sweep that is being computed; None: they are not there (yet, or any more)."""
     try:
-        return parquet.read_table(part_file(folder, cells), schema=schema(plan))
+        return parquet.read_table(part_file(folder, cells), schema=schema(plan)).to_pydict()
     except OSError:
         return None
 

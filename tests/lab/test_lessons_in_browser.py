@@ -4,12 +4,10 @@ Two of them by default; `pytest tests/lab/test_lessons_in_browser.py --all-lesso
 """
 
 import pytest
-from lab_page import LabPage, LastingWindow
+from lab_page import LabPage
 from lesson_steps import do_lesson
 
 from flexlab.guide import lessons
-from flexlab.lab.session import Session
-from flexlab.presets import load_preset
 
 USUAL = (1, 7)
 """Numbers of the lessons that the tests always do: one that watches runs, and one with folders, menus and switches."""
@@ -19,21 +17,14 @@ a delay follows from what was set."""
 LESSONS = list(enumerate(lessons(), 1))
 
 
-@pytest.fixture(scope="module")
-def lab(window: LastingWindow):
-    """One lab for all lessons: each begins with a preset."""
-    with Session(load_preset("paper"), "paper", port=window.port, shadows=False) as session:
-        yield window.show(session)
-
-
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "number" in metafunc.fixturenames:
         every = metafunc.config.getoption("all_lessons")
         metafunc.parametrize("number", [number for number, _ in LESSONS if every or number in USUAL])
 
 
-def test_a_lesson_can_be_done_as_it_is_written(lab: LabPage, number: int):
+def test_a_lesson_can_be_done_as_it_is_written(page: LabPage, number: int):
     lesson = dict(LESSONS)[number]
-    seen = do_lesson(lab, number, lesson, print)
+    seen = do_lesson(page, number, lesson, print)
     assert number in VARYING or not seen.missing(lesson.observe)
-    assert not lab.errors
+    assert not page.errors

@@ -2,6 +2,7 @@
 
 import json
 import math
+import pickle
 from pathlib import Path
 
 import pytest
@@ -154,3 +155,9 @@ def test_folders_and_missing_places_are_one_sentence(tmp_path: Path):
         load_scenario_file(tmp_path)
     with pytest.raises(PresetError, match="cannot be written"):
         save_scenario(Scenario(), tmp_path / "nowhere" / "file.json")
+
+
+def test_every_preset_reaches_another_process_whole():
+    """Studies and labs of their own compute in processes of their own: composite's parts have no name to be found under."""
+    for name in preset_names():
+        assert pickle.loads(pickle.dumps(load_preset(name))) == load_preset(name), name

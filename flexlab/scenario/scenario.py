@@ -168,6 +168,10 @@ class Scenario(Part):
         except (ValidationError, PydanticCustomError):
             return None
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # As plain data: models that are made for a law's parts have no name under which another process would find them.
+        return parse_scenario, (self.model_dump(),)
+
     def anew(self) -> "Scenario":
         """The scenario for a run that begins: without what changes in motion left over in the path."""
         if self.trajectory.transition is None:

@@ -212,7 +212,7 @@ def test_a_bad_message_closes_that_connection_only(
     with ThreadPoolExecutor(1) as thread:  # playwright keeps an event loop on this one
         plug = thread.submit(asyncio.run, connected(front_server, act)).result()
     assert plug.close_code in codes
-    assert "Refused" in caplog.text
+    wait_until(lambda: "Refused" in caplog.text, "the log tells of it")
     assert "Traceback" not in caplog.text
     assert ask(front_server.url, "/lab", **upgrade()).status == 101
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.assets import presets_folder
+from flexlab.control.paths.sine import SineTrajectory
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam
@@ -105,8 +106,9 @@ def draw_arms(canvas: Canvas, scenario: Scenario, sample: Samples) -> None:
 
 def draw_path(canvas: Canvas, run: Run) -> None:
     """The desired path of the payload's middle."""
-    period = run.time <= 1 / min(run.scenario.trajectory.frequency)
-    canvas.line(canvas.at(run.desired_pose[period, :2][::20]), DESIRED, 1.2)
+    path = run.scenario.trajectory
+    once = run.time <= (1 / min(path.frequency) if isinstance(path, SineTrajectory) else path.window[1])
+    canvas.line(canvas.at(run.desired_pose[once, :2][::20]), DESIRED, 1.2)
 
 
 def draw_beam(canvas: Canvas, run: Run, row: int, factor: int) -> None:

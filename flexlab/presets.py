@@ -24,7 +24,6 @@ LEARNING_ORDER = (
     "paper",
     "smooth-start",
     "soft-beam",
-    "sudden-stop",
     "stiff-beam",
     "large-swing",
     "slow-adaptation",

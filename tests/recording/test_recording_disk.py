@@ -1,5 +1,6 @@
 """Folders and disks that refuse: the lab runs on, the person is told, recording resumes when it can."""
 
+import contextlib
 import os
 import subprocess
 import time
@@ -220,6 +221,8 @@ def wait_for(seconds):
 
 if sys.argv[2] == "later":
     wait_for(1)
+    while recorder.path is None or recorder.path.stat().st_size < 100_000:
+        time.sleep(0.01)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, most))
 full = runner.snapshot.latest.time[0]
 while not told:
@@ -275,8 +278,10 @@ def fill(disk: Path) -> Path:
     """Leave no byte on a disk; the file that does."""
     filler = disk / "filler"
     with filler.open("wb") as file:
-        place = os.statvfs(disk)
-        os.posix_fallocate(file.fileno(), 0, place.f_bavail * place.f_frsize)
+        while (place := os.statvfs(disk)).f_bavail > 0:
+            # Whoever writes there at this very moment takes some of it: then what is left is looked at again.
+            with contextlib.suppress(OSError):
+                os.posix_fallocate(file.fileno(), os.fstat(file.fileno()).st_size, place.f_bavail * place.f_frsize)
     return filler
 
 

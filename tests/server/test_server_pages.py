@@ -11,6 +11,7 @@ from http_client import ask, wait_until
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.notes import read_notes
 from flexlab.server.front_server import FrontServer
+from flexlab.server.labs.lab_provider import state_of
 from flexlab.server.scenario_links import encode_scenario
 
 
@@ -19,7 +20,7 @@ def test_the_start_page_names_every_preset_and_what_runs(front_server: FrontServ
     for name in preset_names():
         assert f'href="/lab/{name}"' in page
     (lab,) = front_server.places.running()
-    assert f"is {lab.status().state} (t = " in page
+    assert f"is {state_of(lab)} (t = " in page
     assert ask(front_server.url, "/static/style.css").headers["Content-Type"].startswith("text/css")
 
 

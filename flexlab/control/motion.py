@@ -16,6 +16,9 @@ NO_ROWS = np.zeros((0, 1))
 """Of paths whose numbers are few."""
 NO_SHAPER = np.zeros((0, 2))
 NO_TRANSITION = np.zeros(11)
+INSIDE = 1e-11
+"""s. A step that ends at a jump of the acceleration knows nothing yet of what comes after, one that begins there nothing any
+more of what was before: else both are of first order. More than times are rounded by, and less than anything moves in."""
 
 
 class DesiredMotion(NamedTuple):
@@ -37,6 +40,8 @@ class DesiredMotion(NamedTuple):
     """Instant and duration, s, then the pose, rate and acceleration that are left over at that instant, (11,)."""
     bending: float = 0.0
     """Share of the quasi-static bending's force that is fed forward, 1 (`control.bending_feedforward`)."""
+    inside: float = 0.0
+    """How far inside a step its first and last stage look at a path whose acceleration jumps, s: see `INSIDE`; 0 of others."""
 
 
 @inlined

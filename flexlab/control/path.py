@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from flexlab.compiled import MATRIX, kernel_address
-from flexlab.control.motion import NO_ROWS, DesiredMotion, poses
+from flexlab.control.motion import INSIDE, NO_ROWS, DesiredMotion, poses
 from flexlab.control.shapers import Shaper
 from flexlab.quantities import Number, Part, Triple, own_numbers, quantity
 from flexlab.registry import Registry
@@ -77,6 +77,11 @@ class Trajectory(Part):
     def end(self) -> float | None:
         """Time from which on the path stands still, s; None: it goes on for ever."""
         return None
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the acceleration jumps on the way."""
+        return False
 
     @property
     def window(self) -> tuple[float, float]:
@@ -195,7 +200,8 @@ def build_motion(trajectory: Trajectory) -> DesiredMotion:
     path = PATHS[trajectory.kind]
     # A copy: kernels are compiled for arrays that can be written to, and only for those.
     rows = NO_ROWS if path.rows is None else np.array(path.rows(trajectory), dtype=float, order="C")
-    return DesiredMotion(path.address, path.numbers(trajectory).view(np.float64), rows)
+    inside = INSIDE if trajectory.jumps else 0.0
+    return DesiredMotion(path.address, path.numbers(trajectory).view(np.float64), rows, inside=inside)
 
 
 @lru_cache(maxsize=64)

@@ -97,7 +97,7 @@ def advance(
         state = y if stage == 0 else ws.stage[STATE]
         code = rates(
             system,
-            stage_instant(generalized_alpha, stage, t, dt),
+            stage_instant(generalized_alpha, stage, t, dt, system.trajectory.inside),
             state,
             ws,
             ws.stage[rates_row(etdrk4, stage)],

@@ -16,6 +16,11 @@ class BangBang(StraightLine):
     kind: Literal["bang-bang"] = "bang-bang"
 
     @property
+    def jumps(self) -> bool:
+        """Always."""
+        return True
+
+    @property
     def peak_acceleration(self) -> tuple[float, ...]:
         """4 way / duration²."""
         return self.peak(4.0)

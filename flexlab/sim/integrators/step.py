@@ -21,13 +21,13 @@ def stage_count(generalized_alpha):
 
 
 @inlined
-def stage_instant(generalized_alpha, stage, t, dt):
-    """The instant of a stage of the step from t, s."""
+def stage_instant(generalized_alpha, stage, t, dt, inside):
+    """The instant of a stage of the step from t, s; the ends of the step are taken `inside` s inside it."""
     if stage == 0:
-        return t
+        return t + inside
     if generalized_alpha is not None:
         return t + ALPHA_PART * dt
-    return t + (dt if stage == 3 else dt / 2)
+    return t + (dt - inside if stage == 3 else dt / 2)
 
 
 @inlined

@@ -24,6 +24,7 @@ LEARNING_ORDER = (
     "paper",
     "smooth-start",
     "soft-beam",
+    "sudden-stop",
     "stiff-beam",
     "large-swing",
     "slow-adaptation",

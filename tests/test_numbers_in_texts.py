@@ -181,9 +181,9 @@ def grows(changes: Changes) -> PoleRow:
 
 @cache
 def shaped(shaper: str, frequency: float | None = None) -> Run:
-    """The preset soft-beam on the path bang-bang through an input shaper."""
-    path = {"trajectory.kind": "bang-bang", "trajectory.shaper": shaper, "trajectory.shaper_frequency": frequency}
-    return simulate(load_preset("soft-beam").replace(path), 2.0)
+    """The preset sudden-stop through an input shaper."""
+    path = {"trajectory.shaper": shaper, "trajectory.shaper_frequency": frequency}
+    return simulate(load_preset("sudden-stop").replace(path), 2.0)
 
 
 def left_after(shaper: str, frequency: float | None = None) -> float:
@@ -219,6 +219,12 @@ CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
     ),
     "smooth-start": (
         (r"reaches (\S+) mm", lambda: 1e3 * metrics("paper").peak_vibration),
+    ),
+    "sudden-stop": (
+        (r"moves by (\S+) m in half", lambda: shaped("none").desired_pose[-1, 1] - shaped("none").desired_pose[0, 1]),
+        (r"beam does not: (\S+) mm", lambda: left_after("none")),
+        (r"stop, at (\S+) Hz", lambda: first_mode("sudden-stop")),
+        (r"zv leaves (\S+) mm", lambda: left_after("zv")),
     ),
     "soft-beam": (
         (r"mode is at (\S+) Hz", lambda: first_mode("soft-beam")),

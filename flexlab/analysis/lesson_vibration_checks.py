@@ -87,7 +87,7 @@ def check_input_shaping(scenario: Scenario, samples: Samples, events: Sequence[E
     """Stopping without a ring. Done when a shaper with a wrong frequency still leaves little."""
     path = scenario.trajectory
     if path.end is None:
-        return Verdict(False, "This path has no end: load the preset soft-beam, set Path to bang-bang, and press R.")
+        return Verdict(False, "This path has no end: load the preset sudden-stop.")
     try:
         shaper, mode = shaper_impulses(scenario), first_mode(scenario)
     except FlexlabError as error:
@@ -106,7 +106,7 @@ def check_input_shaping(scenario: Scenario, samples: Samples, events: Sequence[E
         mode.omega * np.sqrt(1 - mode.zeta**2) / (2 * np.pi),
     )
     if np.isnan(left) or peak < RINGING:
-        return Verdict(False, "Nothing rings here: load the preset soft-beam, and set Path to bang-bang.")
+        return Verdict(False, "Nothing rings here: load the preset sudden-stop.")
     facts = f"{length(left)} of vibration after the stop, of {length(peak)} at most"
     if not len(shaper):
         return Verdict(False, f"{facts}. Now set Input shaper to zv, and press R.")

@@ -143,10 +143,9 @@ def test_can_vibration_reach_zero():
 
 
 def test_stopping_without_a_ring():
-    bang: dict[str, object] = {"trajectory__kind": "bang-bang"}
     assert not verdict("input-shaping", "soft-beam").done
     stages = [
-        begun("input-shaping", "soft-beam", 1.6, **bang, trajectory__shaper=shaper, trajectory__shaper_frequency=hertz)
+        begun("input-shaping", "sudden-stop", 1.6, trajectory__shaper=shaper, trajectory__shaper_frequency=hertz)
         for shaper, hertz in (("none", None), ("zv", None), ("zv", 4.0), ("zvd", 4.0))
     ]
     assert [stage.done for stage in stages] == [False, False, False, True]

@@ -11,9 +11,8 @@ from flexlab.guide import lessons
 
 USUAL = (1, 7)
 """Numbers of the lessons that the tests always do: one that watches runs, and one with folders, menus and switches."""
-VARYING = (3, 7, 8)
-"""Those with numbers that no page states just so: chatter grows for as long as one waits, a motion starts where the target is,
-a delay follows from what was set."""
+VARYING = (3, 8)
+"""Those with numbers that no page states just so: chatter grows for as long as one waits, a delay follows from what was set."""
 LESSONS = list(enumerate(lessons(), 1))
 
 

@@ -37,7 +37,9 @@ def live_recording(
         ChangeScenario({"payload.bending_stiffness": 61.0}),
         Tap(half, (0.02, 0.05)),
         Pull(0.1 * half, (0.1, 0.8), 30.0),
-        ChangeScenario({"trajectory.frequency": (0.9, 0.8, 0.7)}),
+        ChangeScenario({"trajectory.frequency": (0.9, 0.8, 0.7)})
+        if runner.snapshot.scenario.has("trajectory.frequency")
+        else ChangeScenario({"trajectory.duration": 0.8}),
         Pull(0.3, (-0.8, 0.5), 40.0, (1, 2)),
         ChangeScenario({"gravity": 1.0, "payload.damping.coefficient": 0.05})
         if runner.snapshot.scenario.payload.damping.kind == "nodal"

@@ -7,6 +7,7 @@ from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.integrators.scheme import ORDER
 from flexlab.sim.samples import Samples
+from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
 TICK = 0.002
@@ -78,3 +79,15 @@ def test_etdrk4_loses_order_where_modes_beyond_the_step_are_driven():
     found = slopes(load_preset("paper").replace(changes), "etdrk4", TICK / 512)
     assert np.all(found["pose"] > 1.9)
     assert found["pose"].mean() < 3.5
+
+
+@pytest.mark.parametrize("integrator", ["etdrk4", "rk4"])
+def test_a_jump_of_the_acceleration_on_a_step_costs_no_order(integrator: str) -> None:
+    """A step that ends at the jump must not see past it: else halving the steps only halves the error."""
+    scenario = load_preset("soft-beam").replace({"trajectory.kind": "bang-bang", "simulation.integrator": integrator})
+    coarse, fine, finest = (
+        simulate(scenario.replace({"simulation.step": step}), 0.6).internal_force for step in (2e-4, 1e-4, 2.5e-5)
+    )
+    errors = [np.abs(force - finest).max() for force in (coarse, fine)]
+    assert errors[0] < 1e-4 * np.abs(finest).max()
+    assert errors[1] < errors[0] / 8

@@ -1,9 +1,8 @@
-"""Folders of tests run in one process more than there are processors, a file in one of them; single files run here.
+"""Folders of tests run in as many processes as there are processors, a file in one of them; single files run here.
 
 So `pytest` needs no option, a debugger meets one process (`pytest tests/test_api.py`, `-n0`, `--pdb`, `-p no:xdist`), and what
 the tests of a file share is made once. All browsers are driven by one process, one after the other: two of them draw so
-slowly on two processors that pages time out. It begins with them, as they take longest; then come the servers, which mostly
-wait, and are worth a process more than there are processors.
+slowly on two processors that pages time out. It begins with them, as they take longest; then come the servers.
 """
 
 import os
@@ -31,7 +30,7 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
         return
     chosen = [Path(config.invocation_params.dir, name) for name in config.args]
     if config.option.numprocesses is None and any(path.is_dir() for path in chosen) and not config.option.usepdb:
-        config.option.numprocesses = min(_processors() + 1, MOST)
+        config.option.numprocesses = min(_processors(), MOST)
     if config.option.numprocesses and config.option.dist == "no":
         config.option.dist = "loadfile"
     if config.option.numprocesses and not config.option.collectonly and Path(__file__).parent in chosen:

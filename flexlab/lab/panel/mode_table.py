@@ -40,6 +40,7 @@ class ModePanel:
     def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner, study: ModeStudy):
         self._lab_state, self._runner, self._study = lab_state, runner, study
         self._paused_run = 0
+        self._awaited = False
         study.ask(lab_state.intended)
         self._table = gui.add_html("")
         self._choice = gui.add_dropdown("Mode", tuple(str(k + 1) for k in range(MOST_MODES)), initial_value="1")
@@ -59,6 +60,9 @@ class ModePanel:
         self._study.ask(snapshot.scenario)
         result = self._study.result
         self._table.content = table_html(result) if result is not None else '<div class="fl">Computing …</div>'
+        if self._awaited and result is not None:
+            self._awaited = False
+            self._show_chosen()
         problem = self._study.problem
         self._problem.content = f'<div class="fl fl-bad">{escaped(problem)}</div>' if problem else ""
 
@@ -81,11 +85,17 @@ class ModePanel:
         elif not wanted and self._paused_run == self._lab_state.snapshot.run_number:
             self._paused_run = 0
             self._lab_state.submit(Play())
+        # Modes of a beam that was just changed may be on their way: they are shown as soon as they are there.
+        self._awaited = wanted and self._study.result is None
+        self._lab_state.set_view(shown_mode=None)
+        if wanted and not self._awaited:
+            self._show_chosen()
+
+    def _show_chosen(self) -> None:
         try:
-            self._lab_state.set_view(shown_mode=self._chosen() if wanted else None)
-        except LabError:
-            self._lab_state.set_view(shown_mode=None)
-            raise
+            self._lab_state.set_view(shown_mode=self._chosen())
+        except LabError as error:
+            self._lab_state.say(str(error), "error")
 
     def _slow_down(self, index: int) -> None:
         result = self._study.result

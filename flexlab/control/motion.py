@@ -16,9 +16,9 @@ NO_ROWS = np.zeros((0, 1))
 """Of paths whose numbers are few."""
 NO_SHAPER = np.zeros((0, 2))
 NO_TRANSITION = np.zeros(11)
-INSIDE = 1e-11
-"""s. A step that ends at a jump of the acceleration knows nothing yet of what comes after, one that begins there nothing any
-more of what was before: else both are of first order. More than times are rounded by, and less than anything moves in."""
+INSIDE = 1e-14
+"""s, per second since t = 0. A step that ends at a jump of the acceleration knows nothing yet of what comes after, one that
+begins there nothing any more of what was before: else both are of first order. Ten times what instants are rounded by."""
 
 
 class DesiredMotion(NamedTuple):

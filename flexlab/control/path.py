@@ -200,7 +200,7 @@ def build_motion(trajectory: Trajectory) -> DesiredMotion:
     path = PATHS[trajectory.kind]
     # A copy: kernels are compiled for arrays that can be written to, and only for those.
     rows = NO_ROWS if path.rows is None else np.array(path.rows(trajectory), dtype=float, order="C")
-    inside = INSIDE if trajectory.jumps else 0.0
+    inside = INSIDE * max(1.0, trajectory.end or 0.0) if trajectory.jumps else 0.0
     return DesiredMotion(path.address, path.numbers(trajectory).view(np.float64), rows, inside=inside)
 
 

@@ -180,21 +180,23 @@ class Scenario(Part):
 
     def get(self, path: str) -> Any:
         """The value at a dotted path; raises `ScenarioError` for an unknown one."""
-        value: Any = self
-        for name in path.split("."):
-            if not isinstance(value, BaseModel) or name not in type(value).model_fields:
-                raise self._unknown(path)
-            value = getattr(value, name)
+        found, value = self._look_up(path)
+        if not found:
+            raise self._unknown(path)
         return value
 
     def has(self, path: str) -> bool:
         """Whether there is a field at a dotted path: parts of one kind have what others lack."""
+        return self._look_up(path)[0]
+
+    def _look_up(self, path: str) -> tuple[bool, Any]:
+        """Whether there is a field at a dotted path, and its value."""
         value: Any = self
         for name in path.split("."):
             if not isinstance(value, BaseModel) or name not in type(value).model_fields:
-                return False
+                return False, None
             value = getattr(value, name)
-        return True
+        return True, value
 
     def about(self, path: str) -> Quantity:
         """Title, symbol, unit and range of the field at a dotted path."""

@@ -16,7 +16,7 @@ from llvmlite import ir
 from numba.core import config
 from numba.extending import intrinsic
 
-from flexlab.numba_internals import Inlined, InlinedCompiler, QuickCache, QuickCompiler
+from flexlab.numba_internals import Inlined, InlinedCompiler, QuickCache, QuickCompiler, fingerprint
 
 _settings: Any = config
 """Numba gives this module its names while the program runs."""
@@ -99,6 +99,23 @@ def _compile(function: Callable[..., Any], no_cfunc_wrapper: bool = True, **opti
         return kernel
     finally:
         _settings.CACHE_DIR = previous
+
+
+_entry_points: dict[tuple[int, bytes], Callable[..., Any]] = {}
+
+
+def entry_point(kernel: Any, *arguments: Any) -> Callable[..., Any]:
+    """The machine code of a `compiled` kernel for arguments of these types, called without a look at what they are.
+
+    That look takes longer, at each call, than a step of the engine: a system has a hundred arrays. Arguments of other types
+    are no error to machine code: they must not be given.
+    """
+    if PLAIN_PYTHON:
+        return kernel
+    key = id(kernel), fingerprint(arguments)
+    if key not in _entry_points:
+        _entry_points[key] = kernel.compile(tuple(numba.typeof(value) for value in arguments))
+    return _entry_points[key]
 
 
 VECTOR, MATRIX = numba.float64[::1], numba.float64[:, ::1]

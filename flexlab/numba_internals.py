@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numba import _dynfunc
+from numba import _dispatcher, _dynfunc
 from numba.core import ir
 from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
@@ -35,6 +35,11 @@ class QuickCache(FunctionCache):
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
+
+
+def fingerprint(arguments: tuple[Any, ...]) -> bytes:
+    """What numba tells the types of arguments by, in a hundredth of the time that it needs to name them."""
+    return _dispatcher.compute_fingerprint(arguments)
 
 
 NOWHERE = 1

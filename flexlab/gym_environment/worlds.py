@@ -1,15 +1,13 @@
 """A fixed number of worlds that move together: what they share, what differs, and the threads that move them."""
 
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-import numba
 import numpy as np
 
 from flexlab.api import named_scenario
-from flexlab.compiled import PLAIN_PYTHON
+from flexlab.compiled import entry_point
 from flexlab.errors import StudyError
 from flexlab.gym_environment.kernels import OBSERVED, Variants, Worlds, begin_worlds, step_worlds
 from flexlab.gym_environment.settings import WRENCH, Settings
@@ -31,14 +29,6 @@ NEVER = 2**62
 """Steps until the law of the scenario acts."""
 LEAST_PER_THREAD = 16
 """Worlds for which handing work to another thread pays."""
-
-
-def entry_point(kernel: Any, *arguments: Any) -> Callable[..., Any]:
-    """The machine code of a kernel for arguments of these types, called without a look at what they are.
-
-    That look takes numba longer, at each call, than a world's step: there are a hundred arrays.
-    """
-    return kernel if PLAIN_PYTHON else kernel.compile(tuple(numba.typeof(value) for value in arguments))
 
 
 class WorldBatch:

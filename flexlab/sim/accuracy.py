@@ -7,17 +7,18 @@ numbers, the commands and the samples choose, so that it is the same live, headl
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexlab.physics.plant import ETA, G, H
 from flexlab.scenario import Scenario
 from flexlab.sim import row_layout
-from flexlab.sim.advance import advance
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
-from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM, TORQUE
+from flexlab.sim.row_survey import NOTHING_SURVEYED, Survey, survey_more
+from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM
 from flexlab.sim.world_state import WorldState
 
 LOOKS = (0, 1, 2, 5, 8, 17, 32, 65)
@@ -31,10 +32,6 @@ number, so that the looks fall on all phases of path and control."""
 CLOSE_TICKS = 67
 """The same where errors as large as those just seen would pass their bounds within `CHECK_TICKS`: most of them fade. A prime
 number too."""
-
-JUMP, LEAST_JUMP = 1.5, 0.05
-"""A tick in which a torque changes by more than the first times what it did in any tick that was looked at, and by more than
-the second times the largest torque, excites fast modes anew: a sampled law, or a path with a kink."""
 
 FIRST_VERDICT, STEADY = 8, 1.1
 """Ticks after a disturbance before which nothing is judged, and up to the last of `LOOKS` nothing but what is at a force that
@@ -93,19 +90,15 @@ class Estimate(NamedTuple):
     """Largest error of the pose so far, m or rad."""
     force: float = 0.0
     """Largest error of the force so far, N or N·m."""
-    peak: float = 0.0
-    """Largest force so far, N or N·m."""
+    seen: Survey = NOTHING_SURVEYED
+    """Of all samples so far."""
     peak_before: float = 0.0
-    """The same at the look before."""
+    """Largest force up to the look before, N or N·m."""
     warning: str = ""
     """Since when and why results are no longer accurate, a sentence; empty: they are."""
     wait: int = CHECK_TICKS
     """Ticks between two looks after `LOOKS`, at most."""
-    torque: np.ndarray | None = None
-    """Joint torques of the newest sample, N·m; None: of none yet."""
-    strongest: float = 0.0
-    """Largest torque so far, N·m."""
-    jump: float = 0.0
+    change: float = 0.0
     """Largest change of a torque in a tick that was looked at, N·m."""
 
 
@@ -159,13 +152,15 @@ def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -
     return min(finer, watch.most) if level < watch.most else None
 
 
-def redo_tick(assembly: Assembly, finer: int, state: WorldState, tick_period: float, row: np.ndarray) -> Redone | None:
+def redo_tick(
+    assembly: Assembly, move: Callable[..., Any], finer: int, state: WorldState, tick_period: float, row: np.ndarray
+) -> Redone | None:
     """The tick from `state` on with the step of level `finer`; None if it cannot be.
 
-    `row` (1, row length) and `state` are scratch.
+    `move`: `advance`, or its entry point. `row` (1, row length) and `state` are scratch.
     """
     sampling, system = assembly.sampling, assembly.system
-    _, code = advance(
+    _, code = move(
         system._replace(held_torque=state.held_torque),
         sampling._replace(line=state.torque_line, steps=sampling.steps << finer),
         *assembly.levels.scheme(finer),
@@ -184,40 +179,19 @@ def redo_tick(assembly: Assembly, finer: int, state: WorldState, tick_period: fl
     return Redone(row[0], state.y) if code == 0 else None
 
 
-def first_jump(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> int | None:
-    """Index in `rows` (N, row length), the samples after the newest one, of the first tick with a `JUMP`; None: there is none."""
-    changes, torques = _torque_changes(estimate, assembly, rows)
-    largest = np.maximum(np.maximum.accumulate(torques), estimate.strongest)
-    jumps = np.flatnonzero((changes > JUMP * estimate.jump) & (changes > LEAST_JUMP * largest))
-    return int(jumps[0]) if len(jumps) else None
-
-
 def jumped(estimate: Estimate, tick: int) -> Estimate:
     """The estimate before a jump in the tick from number `tick` on: looks begin anew."""
     return estimate._replace(disturbed=tick)
 
 
-def _torque_changes(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Largest change of a joint torque in the tick of each row, and largest torque after it, (N,) each, N·m."""
-    arms = len(assembly.scenario.arms)
-    own = rows[:, ARMS : ARMS + PER_ARM * arms].reshape(len(rows), arms, PER_ARM)
-    torques = own[:, :, TORQUE : TORQUE + 3].reshape(len(rows), -1)
-    before = torques[0] if estimate.torque is None else estimate.torque
-    changes = np.abs(np.diff(torques, axis=0, prepend=before[None])).max(axis=1)
-    return changes, np.abs(torques).max(axis=1)
+def survey(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> Survey:
+    """What is seen of the run with `rows` (N ≥ 1, row length) more, the samples after the newest one."""
+    return survey_more(estimate.seen, len(assembly.scenario.arms), rows, estimate.change)
 
 
-def note_rows(old: Estimate, assembly: Assembly, rows: np.ndarray, looked_at: bool) -> Estimate:
-    """The estimate after `rows` (N, row length) more."""
-    changes, torques = _torque_changes(old, assembly, rows)
-    arms = len(assembly.scenario.arms)
-    newest = rows[-1, ARMS : ARMS + PER_ARM * arms].reshape(arms, PER_ARM)[:, TORQUE : TORQUE + 3]
-    return old._replace(
-        peak=max(old.peak, float(np.abs(_forces(rows, assembly)).max())),
-        torque=newest.ravel().copy(),
-        strongest=max(old.strongest, float(torques.max())),
-        jump=max(old.jump, float(changes.max())) if looked_at else old.jump,
-    )
+def note_survey(old: Estimate, seen: Survey, looked_at: bool) -> Estimate:
+    """The estimate with more samples seen, which end a tick that was looked at or not."""
+    return old._replace(seen=seen, change=max(old.change, seen.change) if looked_at else old.change)
 
 
 def note(
@@ -235,7 +209,7 @@ def note(
     if ticks > 1:
         left += between * _ticks_kept(decay, ticks - 1, tick_period)
     pose, force = map(max, (old.pose, old.force), _sizes(left))
-    seen = old._replace(left=left, rate=now, looked=tick, pose=pose, force=force, peak_before=old.peak)
+    seen = old._replace(left=left, rate=now, looked=tick, pose=pose, force=force, peak_before=old.seen.peak)
     if old.warning or since < FIRST_VERDICT:
         return seen
     said = ""
@@ -246,7 +220,7 @@ def note(
             said, seen = _warning(*coming, seen, assembly.scenario, (tick + 1) * tick_period), seen._replace(wait=wait)
             if not said:
                 break
-    elif old.peak <= STEADY * old.peak_before:
+    elif old.seen.peak <= STEADY * old.peak_before:
         said = _warning(pose, force, seen, assembly.scenario, (tick + 1) * tick_period)
     return seen._replace(warning=said)
 
@@ -283,15 +257,15 @@ def _warning(pose: float, force: float, estimate: Estimate, scenario: Scenario, 
     bound = max(POSE_BOUND, scenario.simulation.accuracy)
     if pose > bound:
         found.append(f"the pose may be off by {pose:.1g} m or rad")
-    if force > FORCE_BOUND * estimate.peak:
-        share = f"{force / estimate.peak:.1g} of its peak" if estimate.peak else f"{force:.1g} N"
+    if force > FORCE_BOUND * estimate.seen.peak:
+        share = f"{force / estimate.seen.peak:.1g} of its peak" if estimate.seen.peak else f"{force:.1g} N"
         name = "internal" if len(scenario.arms) > 1 else "moving"
         found.append(f"the {name} force may be off by {share}")
     if not found:
         return ""
     cause, cure = "errors of the steps add up in modes that ring on", "more damping, fewer elements"
     smaller = " or a smaller simulation.accuracy"
-    if estimate.pose > bound or estimate.force > FORCE_BOUND * estimate.peak:
+    if estimate.pose > bound or estimate.force > FORCE_BOUND * estimate.seen.peak:
         cause = "the start or a change excites modes that are faster than the steps, or errors of the steps add up"
         cure = "a smooth start, more damping, fewer elements"
     if scenario.simulation.step is not None:

@@ -3,11 +3,13 @@
 Same scenario and same commands at the same ticks give the same bits, whatever the sizes of the blocks it is advanced by.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
+from flexlab.compiled import entry_point
 from flexlab.control.law import Start
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import set_momenta, velocities_at
@@ -24,6 +26,7 @@ from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.law_memory import adjust_memory, carry_memory, outlook, same_law, start_memory
 from flexlab.sim.pace import pace_warning
 from flexlab.sim.projection import project_beam
+from flexlab.sim.row_survey import Survey
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
@@ -55,6 +58,7 @@ class World:
         self._assembly = assembly._replace(system=assembly.system._replace(plant=without_hand(assembly.system.plant)))
         self._y = np.zeros(state_length(self._assembly.system))
         self._workspace = new_workspace(self._assembly.system)
+        self._move: Callable[..., Any] | None = None
         self.status = Status("running", "Running.")
         self._estimate = accuracy.nothing_yet(self._assembly, 0)
         fault = self._start()
@@ -206,14 +210,15 @@ class World:
             if code == INTERRUPTED:
                 self._go_back(before, estimate)
                 return 0
-            jump = None if looks or ticks == 0 else accuracy.first_jump(self._estimate, self._assembly, part[:ticks])
-            if jump is not None:  # It is to be looked at, and so are the ticks after it.
-                self._go_back(start, accuracy.jumped(self._estimate, self.tick + jump))
+            if ticks == 0:
+                continue
+            seen = accuracy.survey(self._estimate, self._assembly, part[:ticks])
+            if seen.jump >= 0 and not looks:  # It is to be looked at, and so are the ticks after it.
+                self._go_back(start, accuracy.jumped(self._estimate, self.tick + seen.jump))
                 code = 0
                 continue
             self.tick, done = self.tick + ticks, done + ticks
-            if ticks:
-                self._watch_accuracy(part[:ticks], start if looks else None)
+            self._watch_accuracy(part[:ticks], seen, start if looks else None)
         if code != 0:
             velocities_at(self._assembly.system.plant, self._y, self._workspace)
             rate = self._workspace.velocity
@@ -225,14 +230,14 @@ class World:
         self.restore(state)
         self._estimate = estimate
 
-    def _watch_accuracy(self, rows: np.ndarray, start: WorldState | None) -> None:
+    def _watch_accuracy(self, rows: np.ndarray, seen: Survey, start: WorldState | None) -> None:
         """Take note of `rows` since the last look; of a tick that has a `start`, compare it with half the step."""
         assembly, tick, period = self._assembly, self.tick - len(rows), self.tick_period
-        self._estimate = accuracy.note_rows(self._estimate, assembly, rows, start is not None)
+        self._estimate = accuracy.note_survey(self._estimate, seen, start is not None)
         finer = accuracy.finer_level(self._estimate, assembly, tick, self._level)
         if start is None or finer is None:
             return
-        again = accuracy.redo_tick(assembly, finer, start, period, self.new_rows(1))
+        again = accuracy.redo_tick(assembly, self._move or advance, finer, start, period, self.new_rows(1))
         if again is not None:
             self._estimate = accuracy.note(self._estimate, assembly, tick, rows[-1], self._y, again, period)
 
@@ -244,7 +249,7 @@ class World:
         """As `advance.advance`, from tick to tick with the step that each wants."""
         assembly, done = self._assembly, 0
         while True:
-            ticks, code = advance(
+            arguments = (
                 assembly.system,
                 assembly.sampling._replace(steps=assembly.sampling.steps << self._level),
                 *assembly.levels.scheme(self._level),
@@ -260,6 +265,9 @@ class World:
                 rows[done:],
                 first_is_present,
             )
+            if self._move is None:
+                self._move = entry_point(advance, *arguments)
+            ticks, code = self._move(*arguments)
             done += ticks
             if code < OTHER_STEP:
                 return done, code
@@ -332,7 +340,7 @@ class World:
             length = min(len(assembly.sampling.line), len(old.sampling.line))
             assembly.sampling.line[-length:] = old.sampling.line[-length:]
         before, self.scenario, self._assembly, self._level = self.scenario, scenario, assembly, 0
-        self._estimate = accuracy.disturbed(self._estimate, assembly, self.tick)
+        self._move, self._estimate = None, accuracy.disturbed(self._estimate, assembly, self.tick)
         if assembly.beam is not old.beam:
             assembly.system.plant.pull[:] = plant.pull
             set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)

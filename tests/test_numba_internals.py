@@ -1,6 +1,7 @@
 """What flexlab uses of numba without its promise is still there, and is left as it was found."""
 
 import gc
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -10,8 +11,8 @@ from numba.core.cpu import CPUContext
 from numba.core.targetconfig import TargetConfig
 from numba.core.types.functions import BaseFunction
 
-from flexlab.compiled import PLAIN_PYTHON, inlined
-from flexlab.numba_internals import QuickCache, QuickCompiler
+from flexlab.compiled import PLAIN_PYTHON, compiled, entry_point, inlined
+from flexlab.numba_internals import QuickCache, QuickCompiler, fingerprint
 
 pytestmark = pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 
@@ -91,3 +92,35 @@ def test_machine_code_on_disk_is_taken_up_without_what_compiling_needs(monkeypat
     again = kernel()
     assert again(np.ones(2), 2.0) == expected
     assert sum(again.stats.cache_hits.values()) == 1
+
+
+class Pair(NamedTuple):
+    numbers: np.ndarray
+    count: int
+
+
+def test_a_fingerprint_tells_apart_all_that_machine_code_is_made_for():
+    square = np.ones((2, 2))
+    frozen = square.copy()
+    frozen.flags.writeable = False
+    kinds = [
+        (square,), (square.T,), (square[:, :1],), (square[0],), (frozen,), (square > 0,), (1,), (1.0,), (True,), (None,),
+        (Pair(square, 1),), (Pair(square.T, 1),), (Pair(square, 1), 1), (),
+    ]  # fmt: skip
+    assert len({fingerprint(arguments) for arguments in kinds}) == len(kinds)
+    assert fingerprint((Pair(square, 1), 2.0)) == fingerprint((Pair(2 * square, 3), 4.0))
+
+
+def test_an_entry_point_is_made_once_for_arguments_of_the_same_types():
+    total = compiled(_total)
+    numbers = np.arange(3.0)
+    assert entry_point(total, numbers) is entry_point(total, numbers + 1)
+    assert entry_point(total, numbers)(numbers + 1) == total(numbers + 1) == 6.0
+    assert entry_point(total, np.arange(3))(np.arange(3)) == 3
+
+
+def _total(numbers):
+    result = numbers[0]
+    for k in range(1, len(numbers)):
+        result += numbers[k]
+    return result

@@ -17,7 +17,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim import row_layout
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
-from flexlab.sim.row_survey import NOTHING_SURVEYED, Survey, survey_more
+from flexlab.sim.row_survey import Survey, survey_rows
 from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM
 from flexlab.sim.world_state import WorldState
 
@@ -90,7 +90,7 @@ class Estimate(NamedTuple):
     """Largest error of the pose so far, m or rad."""
     force: float = 0.0
     """Largest error of the force so far, N or N·m."""
-    seen: Survey = NOTHING_SURVEYED
+    seen: Survey = Survey()
     """Of all samples so far."""
     peak_before: float = 0.0
     """Largest force up to the look before, N or N·m."""
@@ -184,14 +184,14 @@ def jumped(estimate: Estimate, tick: int) -> Estimate:
     return estimate._replace(disturbed=tick)
 
 
-def survey(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> Survey:
-    """What is seen of the run with `rows` (N ≥ 1, row length) more, the samples after the newest one."""
-    return survey_more(estimate.seen, len(assembly.scenario.arms), rows, estimate.change)
+def survey(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> tuple[Survey, float, int]:
+    """As `survey_rows`, of `rows` (N ≥ 1, row length), the samples after the newest one."""
+    return survey_rows(estimate.seen, len(assembly.scenario.arms), rows, estimate.change)
 
 
-def note_survey(old: Estimate, seen: Survey, looked_at: bool) -> Estimate:
-    """The estimate with more samples seen, which end a tick that was looked at or not."""
-    return old._replace(seen=seen, change=max(old.change, seen.change) if looked_at else old.change)
+def note_survey(old: Estimate, seen: Survey, looked_at: float) -> Estimate:
+    """The estimate with more samples seen; `looked_at`: the change of a torque in the tick if it was looked at, else 0, N·m."""
+    return old._replace(seen=seen, change=max(old.change, looked_at))
 
 
 def note(

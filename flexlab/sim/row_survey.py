@@ -15,35 +15,31 @@ the second times the largest torque, excites fast modes anew: a sampled law, or 
 class Survey(NamedTuple):
     """Of a run so far."""
 
-    peak: float
+    peak: float = 0.0
     """Largest internal force, N or N·m; of one arm alone, which has none, the moving force."""
-    strongest: float
+    strongest: float = 0.0
     """Largest torque, N·m."""
-    change: float
-    """Largest change of a torque from the sample before, N·m, of the rows surveyed last."""
-    torque: np.ndarray | None
+    torque: np.ndarray | None = None
     """Joint torques of the newest sample, N·m, (3 arms,); None: of none yet."""
-    jump: int
-    """Index of the first of the rows surveyed last with a `JUMP`; -1: there is none."""
 
 
-NOTHING_SURVEYED = Survey(0.0, 0.0, 0.0, None, -1)
+def survey_rows(before: Survey, arm_count: int, rows: np.ndarray, looked_at: float) -> tuple[Survey, float, int]:
+    """The survey after `rows` (N ≥ 1, row length), the largest change of a torque in one of them, N·m, and the first `JUMP`.
 
-
-def survey_more(before: Survey, arm_count: int, rows: np.ndarray, looked_at: float) -> Survey:
-    """The survey after `rows` (N ≥ 1, row length); `looked_at`: largest change of a torque in ticks looked at so far, N·m."""
+    `looked_at`: the largest change in ticks looked at so far, N·m. The jump is the index of its row; -1: there is none.
+    """
     torque = np.empty(3 * arm_count)
     if before.torque is not None:
         torque[:] = before.torque
     peak, strongest, change, jump = _survey(
         rows, arm_count, before.torque is not None, torque, before.peak, before.strongest, looked_at
     )
-    return Survey(peak, strongest, change, torque, jump)
+    return Survey(peak, strongest, torque), change, jump
 
 
 @compiled
 def _survey(rows, arm_count, follows, torque, peak, strongest, looked_at):
-    """(peak, strongest, change, jump) of a `Survey`; `torque`, those of the sample before if it `follows` one, becomes the newest."""
+    """(peak, strongest, change, jump); `torque`, that of the sample before if it `follows` one, becomes the newest."""
     largest, jump = 0.0, -1
     for k in range(len(rows)):
         row, change = rows[k], 0.0

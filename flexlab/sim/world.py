@@ -26,7 +26,6 @@ from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.law_memory import adjust_memory, carry_memory, outlook, same_law, start_memory
 from flexlab.sim.pace import pace_warning
 from flexlab.sim.projection import project_beam
-from flexlab.sim.row_survey import Survey
 from flexlab.sim.sampled_control import control_instant
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
@@ -212,13 +211,15 @@ class World:
                 return 0
             if ticks == 0:
                 continue
-            seen = accuracy.survey(self._estimate, self._assembly, part[:ticks])
-            if seen.jump >= 0 and not looks:  # It is to be looked at, and so are the ticks after it.
-                self._go_back(start, accuracy.jumped(self._estimate, self.tick + seen.jump))
+            seen, change, jump = accuracy.survey(self._estimate, self._assembly, part[:ticks])
+            if jump >= 0 and not looks:  # It is to be looked at, and so are the ticks after it.
+                self._go_back(start, accuracy.jumped(self._estimate, self.tick + jump))
                 code = 0
                 continue
             self.tick, done = self.tick + ticks, done + ticks
-            self._watch_accuracy(part[:ticks], seen, start if looks else None)
+            self._estimate = accuracy.note_survey(self._estimate, seen, change if looks else 0.0)
+            if looks:
+                self._look(part[ticks - 1], start)
         if code != 0:
             velocities_at(self._assembly.system.plant, self._y, self._workspace)
             rate = self._workspace.velocity
@@ -230,16 +231,15 @@ class World:
         self.restore(state)
         self._estimate = estimate
 
-    def _watch_accuracy(self, rows: np.ndarray, seen: Survey, start: WorldState | None) -> None:
-        """Take note of `rows` since the last look; of a tick that has a `start`, compare it with half the step."""
-        assembly, tick, period = self._assembly, self.tick - len(rows), self.tick_period
-        self._estimate = accuracy.note_survey(self._estimate, seen, start is not None)
+    def _look(self, row: np.ndarray, start: WorldState) -> None:
+        """Compare the tick from `start` on, whose sample is `row`, with the same tick redone with half the step."""
+        assembly, tick, period = self._assembly, self.tick - 1, self.tick_period
         finer = accuracy.finer_level(self._estimate, assembly, tick, self._level)
-        if start is None or finer is None:
+        if finer is None:
             return
         again = accuracy.redo_tick(assembly, self._move or advance, finer, start, period, self.new_rows(1))
         if again is not None:
-            self._estimate = accuracy.note(self._estimate, assembly, tick, rows[-1], self._y, again, period)
+            self._estimate = accuracy.note(self._estimate, assembly, tick, row, self._y, again, period)
 
     def interrupt(self) -> None:
         """Make a `fill` that runs on another thread, or the next one, return with nothing done, within a step's time."""

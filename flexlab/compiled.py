@@ -86,15 +86,17 @@ def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compile(function, cache=True, no_cfunc_wrapper=False, pipeline_class=QuickCompiler)
 
 
-def _compile(function: Callable[..., Any], no_cfunc_wrapper: bool = True, **options: Any) -> Callable[..., Any]:
+def _compile(
+    function: Callable[..., Any], cache: bool = False, no_cfunc_wrapper: bool = True, **options: Any
+) -> Callable[..., Any]:
+    # A person's own kernel may call what numba must have loaded first.
+    quick = cache and not PLAIN_PYTHON and function.__module__.startswith("flexlab.")
+    options |= {"cache": cache and not quick, "no_cfunc_wrapper": no_cfunc_wrapper}
     previous = _settings.CACHE_DIR
     _settings.CACHE_DIR = str(cache_folder())
     try:
-        kernel = numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=no_cfunc_wrapper, **options)(
-            function
-        )
-        # A person's own kernel may call what numba must have loaded first.
-        if options.get("cache") and not PLAIN_PYTHON and function.__module__.startswith("flexlab."):
+        kernel = numba.njit(nogil=True, error_model="numpy", _nrt=False, **options)(function)
+        if quick:
             kernel._cache = QuickCache(function)
         return kernel
     finally:

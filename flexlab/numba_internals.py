@@ -1,4 +1,4 @@
-"""What numba does not promise and flexlab uses: a compiler that does no work twice, and none that nobody needs.
+"""What numba does not promise and flexlab uses: a compiler that does no work twice, a cache that loads what a run needs.
 
 Numba optimises every function on its own, makes machine code of it and wraps it for Python, before it inlines it. For
 kernels that only kernels call, all that is thrown away: it was more than half of the time of the first start on a machine.
@@ -12,27 +12,77 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from llvmlite.binding import parse_bitcode
 from numba import _dispatcher, _dynfunc
 from numba.core import ir
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
-from numba.core.runtime.nrt import rtsys
 from numba.core.targetconfig import ConfigStack, TargetConfig
 from numba.core.typed_passes import NativeLowering
 from numba.core.types.functions import BaseFunction
 
 
+class LoadedLibrary(JITCodeLibrary):
+    """Machine code from disk. What other kernels would link of it, its bitcode, is read when one of them does."""
+
+    _bitcode: bytes
+
+    @classmethod
+    def _unserialize(cls, codegen: Any, state: Any) -> "LoadedLibrary":
+        name, _, (machine_code, bitcode) = state
+        library = cls(codegen, name)
+        library._bitcode = bitcode
+        library.enable_object_caching()
+        library._set_compiled_object(machine_code)
+        library._finalize_final_module()
+        return library
+
+    def _get_module_for_linking(self) -> Any:
+        if self._shared_module is None:
+            self._shared_module = parse_bitcode(self._bitcode)
+        return self._shared_module
+
+
+class _KeptResults(CompileResultCacheImpl):
+    """What is kept of a compiled kernel: as numba keeps it, and the names in its machine code, so that nobody looks for them."""
+
+    def reduce(self, cres: Any) -> Any:
+        """As plain data. An environment without constants goes unread: only the kernel's own is asked for by its wrapper."""
+        module = cres.library._get_module_for_linking()
+        names = {
+            each.name
+            for part in (module.functions, module.global_variables)
+            for each in part
+            if not each.is_declaration
+        }
+        *result, environments = super().reduce(cres)
+        read = tuple(each for each in environments if each.consts or each is cres.environment)
+        return names, (*result, read)
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """The kernel, loaded; numba's lock is held."""
+        names, result = payload
+        codegen = target_context.codegen()
+        codegen._engine._defined_symbols |= names
+        usual, codegen._library_class = codegen._library_class, LoadedLibrary
+        try:
+            return super().rebuild(target_context, result)
+        finally:
+            codegen._library_class = usual
+
+
 class QuickCache(FunctionCache):
     """Machine code on disk, taken up without first loading what only compiling needs: how numba translates all of numpy.
 
-    That is half a second of each start. What machine code does need, the runtime, is there.
+    That is half a second of each start. Nor is the runtime needed that counts references: for kernels without (`_nrt=False`).
     """
+
+    _impl_class = _KeptResults
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """As numba's, but for the refreshing of `target_context`, which its compiler does itself where it is needed."""
-        rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
 

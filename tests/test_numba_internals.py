@@ -79,7 +79,7 @@ def test_machine_code_on_disk_is_taken_up_without_what_compiling_needs(monkeypat
         return np.sqrt(np.sin(a[0]) ** 2 + b**2)
 
     def kernel():
-        made = numba.njit(cache=True, nogil=True)(length)
+        made = numba.njit(cache=True, nogil=True, _nrt=False)(length)
         made._cache = QuickCache(length)
         return made
 
@@ -88,10 +88,18 @@ def test_machine_code_on_disk_is_taken_up_without_what_compiling_needs(monkeypat
     def refresh(_):
         raise AssertionError("this loads how numba translates all of numpy")
 
-    monkeypatch.setattr(CPUContext, "refresh", refresh)
-    again = kernel()
-    assert again(np.ones(2), 2.0) == expected
-    assert sum(again.stats.cache_hits.values()) == 1
+    with monkeypatch.context() as without:
+        without.setattr(CPUContext, "refresh", refresh)
+        without.setattr("flexlab.numba_internals.parse_bitcode", refresh)
+        again = kernel()
+        assert again(np.ones(2), 2.0) == expected
+        assert sum(again.stats.cache_hits.values()) == 1
+
+    @numba.njit
+    def caller(a, b):
+        return 2 * again(a, b)
+
+    assert caller(np.ones(2), 2.0) == 2 * expected
 
 
 class Pair(NamedTuple):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, output
+from flexlab.cli.loading import loading
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Preset
 from flexlab.cli.showing import ending, open_browser, wait_for
 
@@ -113,21 +114,21 @@ def command(
     """
     if private:
         _read_ahead()
-    from flexlab.cli.options import chosen_scenarios
-    from flexlab.control.own_files import LAW_FILES, PATH_FILES
-    from flexlab.control.own_law_hosts import run_apart
+    with loading():
+        from flexlab.cli.options import chosen_scenarios
+        from flexlab.cli.warmup import compiling_the_rest, warm_up
+        from flexlab.control.own_files import LAW_FILES, PATH_FILES
+        from flexlab.control.own_law_hosts import run_apart
+        from flexlab.recording.store.run_files import check_folder
+        from flexlab.server.capacity import capacity
+        from flexlab.server.front_server import open_front_server
+        from flexlab.server.settings import SECRET_BYTES, Settings
+        from flexlab.sockets import listen
 
     run_apart()
     for problem in [*LAW_FILES.add_all(), *PATH_FILES.add_all()]:
         complain(problem)
     [(name, scenario)] = chosen_scenarios([preset], (), law, None, path)
-    from flexlab.cli.warmup import compiling_the_rest, warm_up
-    from flexlab.recording.store.run_files import check_folder
-    from flexlab.server.capacity import capacity
-    from flexlab.server.front_server import open_front_server
-    from flexlab.server.settings import SECRET_BYTES, Settings
-    from flexlab.sockets import listen
-
     most_bytes = None if max_size is None else max_size * GIGABYTE
     settings = Settings(
         logs,

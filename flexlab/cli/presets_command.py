@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, output
+from flexlab.cli.loading import loading
 from flexlab.cli.options import Law, Seed, Settings, chosen_scenarios
 from flexlab.errors import FlexlabError, StudyError
 
@@ -31,14 +32,16 @@ def command(
     A scenario file NAME.json in a folder `presets` where you work is a preset too.
     """
     if preset:
-        from flexlab.presets import scenario_text
+        with loading():
+            from flexlab.presets import scenario_text
 
         ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
         output().out(scenario_text(scenario), end="")
         return 0
     if set_ or law is not None or seed is not None:
         raise StudyError("Say which preset to change, as in flexlab presets paper --set gravity=9.81.")
-    from flexlab.presets import load_scenario_file, preset_files
+    with loading():
+        from flexlab.presets import load_scenario_file, preset_files
 
     scenarios: dict[str, Scenario] = {}
     unreadable: list[str] = []

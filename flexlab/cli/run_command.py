@@ -31,14 +31,14 @@ def command(
     logs: Logs = LOGS,
 ) -> int:
     """Simulate each PRESET without a screen, as fast as the machine can, record it and print a summary."""
-    from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD
-
-    # The period first: it is the shortest duration.
-    _check("sample-period", sample_period, SHORTEST_PERIOD, LONGEST_PERIOD)
-    _check("duration", duration, sample_period, LONGEST_DURATION)
-    from flexlab.cli.options import chosen_scenarios
-
     with loading():
+        from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD
+
+        # The period first: it is the shortest duration.
+        _check("sample-period", sample_period, SHORTEST_PERIOD, LONGEST_PERIOD)
+        _check("duration", duration, sample_period, LONGEST_DURATION)
+        from flexlab.cli.options import chosen_scenarios
+
         scenarios = chosen_scenarios(preset, set_, law, seed, path)
         from flexlab.cli.headless_run import run_and_record
         from flexlab.cli.warmup import warm_up

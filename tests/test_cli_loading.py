@@ -1,0 +1,38 @@
+"""What `flexlab.cli.loading` leaves out is there as soon as somebody asks for it."""
+
+import gc
+import importlib
+import sys
+
+import pytest
+
+from flexlab.cli import loading
+
+
+@pytest.fixture
+def module(tmp_path, monkeypatch):
+    """A module that says when it is read."""
+    (tmp_path / "seldom_asked.py").write_text("import sys\nsys.read_at_last = True\nanswer = 42\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "read_at_last", False, raising=False)
+    yield "seldom_asked"
+    sys.modules.pop("seldom_asked", None)
+    gc.unfreeze()
+
+
+def test_a_module_that_nobody_asks_is_read_when_somebody_does(module, monkeypatch):
+    monkeypatch.setattr(loading, "UNASKED", frozenset({module}))
+    with loading.loading():
+        found = importlib.import_module(module)
+    assert not sys.read_at_last  # type: ignore[attr-defined]
+    assert found.answer == 42
+    assert sys.read_at_last  # type: ignore[attr-defined]
+
+
+def test_other_modules_and_later_ones_are_read_at_once(module, monkeypatch):
+    before = list(sys.meta_path)
+    with loading.loading():
+        importlib.import_module(module)
+    assert sys.read_at_last  # type: ignore[attr-defined]
+    assert sys.meta_path == before
+    assert gc.isenabled()

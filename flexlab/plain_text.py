@@ -13,7 +13,7 @@ _PICTURES = {code: CONTROL_PICTURES + code for code in range(0x20) if chr(code) 
 # Controls of the second kind, changes of the writing direction and lone surrogates have no pictures.
 _WITHOUT_PICTURE = re.compile("[\x80-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
-_BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|mrad|rad|kg|micrometres|%)\b|%)")
+_BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|mrad|rad|kg|micrometres|MB/min|%)\b|%)")
 
 
 def with_units(text: str) -> str:

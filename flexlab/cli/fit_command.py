@@ -102,7 +102,8 @@ def command(
         if save is not None:
             output().print(str(save), markup=False, soft_wrap=True)
         if kept is not None:
-            said = f"Kept in {kept}. Beside a simulation: flexlab compare {kept.stem} RUN"
+            run = kept.stem if logs == LOGS else kept
+            said = f"Kept in {kept}. Beside a simulation: flexlab compare {run} RUN"
             output().print(said, markup=False, soft_wrap=True)
     return 0 if fit.first.frequency.identifiable else 1
 

@@ -21,4 +21,5 @@ def command(
 
     path = import_into(file, logs)
     note_metrics(path)
-    output().print(f"Recorded in {path}. Look at it with: flexlab review {path.stem}", markup=False, soft_wrap=True)
+    run = path.stem if logs == LOGS else path
+    output().print(f"Recorded in {path}. Look at it with: flexlab review {run}", markup=False, soft_wrap=True)

@@ -188,7 +188,10 @@ def print_runs(rows: Sequence[RunRow]) -> None:
             ("begins at", f"t = {row.begins:.10g} s" if row.begins else ""),
             ("duration", duration_text(row.duration)),
             ("size", size_text(row.size)),
-            ("state", f"{state_word(row)}{f', {row.status}' if row.status else ''}{', kept' if row.kept else ''}"),
+            (
+                "state",
+                ", ".join(dict.fromkeys(filter(None, (state_word(row), row.status, "kept" if row.kept else "")))),
+            ),
             *((title, text) for title, text in noted_texts(row.metrics).items() if text != UNKNOWN),
             ("problem", row.problem),
             ("tags", ", ".join(row.tags)),

@@ -13,7 +13,10 @@ LARGER = 1.4
 SHEET = """
 .uplot-container { zoom: 1.6; }
 div:has(> div > .uplot-container):nth-of-type(n + 3), div:has(> .uplot-container):nth-of-type(n + 3) { display: none; }
-.fl, .fl p, [role="tab"], label, input, button[data-block] { font-size: 1.15rem !important; }
+.fl, .fl p, label, input, button[data-block] { font-size: 1.15rem !important; }
+[role="tab"] { font-size: 1.1rem !important; }
+.mantine-Text-root { --text-fz: 1.15rem !important; }
+.mantine-List-root { --list-fz: 1.15rem !important; }
 .fl-title { font-size: 1.6rem !important; }
 .fl-grid { gap: 0.2em 0.75em; }
 .fl-float { font-size: 1.3rem; }

@@ -12,6 +12,8 @@ from flexlab.scenario import Scenario
 
 MAIN_PLOTS = ("error", "vibration", "internal_force", "joint_torque")
 """Seen at once; the other plots are tabs."""
+MEASURED_PLOT = "vibration"
+"""The plot of what is measured at a beam: its deflection."""
 
 
 def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = False) -> rrb.Blueprint:
@@ -32,6 +34,21 @@ def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = 
         row_shares=[3, 2],
     )
     right = rrb.Vertical(*(plot_view(signal) for signal in signals if signal.entity in MAIN_PLOTS))
+    return _side_by_side(left, right, follow)
+
+
+def measurement_blueprint(scenario: Scenario) -> rrb.Blueprint:
+    """The layout of what was measured at a beam: its curves, and nothing in space."""
+    texts = rrb.Tabs(
+        rrb.TextDocumentView(origin="parameters", name="Measurement"),
+        rrb.TextLogView(origin="events", name="Events"),
+        active_tab=0,
+    )
+    (measured,) = (signal for signal in plot_signals(scenario) if signal.entity == MEASURED_PLOT)
+    return _side_by_side(texts, plot_view(measured))
+
+
+def _side_by_side(left: rrb.Container, right: rrb.Container | rrb.View, follow: bool = False) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1]),
         rrb.BlueprintPanel(state="collapsed"),

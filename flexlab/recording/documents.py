@@ -15,8 +15,12 @@ from flexlab.scenario import Scenario
 from flexlab.sim.signals import TABLE, own_signals
 
 
-def parameters_text(scenario: Scenario, name: str, factor: float) -> str:
+def parameters_text(info: RunInfo) -> str:
     """Markdown: what this run is, for the view beside the plots."""
+    scenario, name, factor = info.scenario, info.name, info.exaggeration
+    if info.measured:
+        beside = f"It is held against the beam of the scenario below{f': {scenario.title}' if scenario.title else ''}."
+        return f"# {name}\n\n{info.measured}\n\n{beside}\n\n```json\n{scenario_json(scenario)}\n```\n"
     heading = scenario.title or name
     notes = (
         f"- preset or file: **{name}**\n"

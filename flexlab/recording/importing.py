@@ -26,7 +26,7 @@ from flexlab.recording.state_json import state_from_json
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import SUFFIX, claim_run_file, remove_run
 from flexlab.recording.store.run_index import LONGEST_NAME
-from flexlab.sim.samples import Run
+from flexlab.sim.samples import MEASURED, Run
 from flexlab.sim.snapshot import TICK, Event
 from flexlab.sim.world_state import WorldState
 
@@ -118,6 +118,7 @@ def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
         run.scenario,
         period,
         _state(metadata.get("start")),
+        measured=run.status.text if run.status == MEASURED else "",
         recorded_by={name: str(metadata.get(name, "unknown")) for name in these_versions()},
     )
     return replace(info, started=datetime.fromisoformat(metadata["started"])) if "started" in metadata else info

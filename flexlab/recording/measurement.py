@@ -39,9 +39,10 @@ def take_measurement(
     arms = len(scenario.arms)
     rows = np.full((len(time), row_length(arms, scenario.payload.coordinate_count, own)), np.nan)
     rows[:, TIME], rows[:, MIDSPAN], rows[:, QUASI_STATIC] = time - time[0], deflection, rest
-    status = Status(MEASURED, f"Measured, not simulated: {what}.", float(rows[-1, TIME]))
+    said = f"Measured, not simulated: {what}."
+    status = Status(MEASURED, said, float(rows[-1, TIME]))
     run = Run(**rows_to_samples(rows, arms, own).signals(), scenario=scenario, status=status)
-    info = RunInfo(file_word(source.stem), scenario, float(np.median(np.diff(time))))
+    info = RunInfo(file_word(source.stem), scenario, float(np.median(np.diff(time))), measured=said)
     return take_run(run, info, source.name, logs, **{NOTE: digest})
 
 

@@ -1,7 +1,7 @@
 """Two or more runs in one recording: curves laid over each other, time counted from each run's first sample."""
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.scene_log import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
 from flexlab.recording.store.notes import replacing
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import MEASURED, Samples
 
 APPLICATION = "flexlab comparison"
 """Apart from single runs, whose layout a person may have changed."""
@@ -48,7 +48,8 @@ def write_comparison(recordings: Sequence[Recording], target: Path, text: str = 
         runs = [(recording.name, recording.scenario) for recording in recordings]
         stream.set_sinks(encoded)
         # Active, not only the default: a busy viewer makes a layout of its own for the first pieces, and keeps that.
-        stream.send_blueprint(comparison_blueprint(runs), make_active=True, make_default=True)
+        measured = {number for number, recording in enumerate(recordings) if recording.status == MEASURED}
+        stream.send_blueprint(comparison_blueprint(runs, measured), make_active=True, make_default=True)
         stream.send_recording_name(" and ".join(f"{run.name} {run.started:%H:%M:%S}" for run in recordings))
         texts = json.dumps([(name, scenario.model_dump_json()) for name, scenario in runs], ensure_ascii=False)
         stream.send_property(COMPARISON, rr.AnyValues(runs=texts))
@@ -102,7 +103,7 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
             aggregation_policy=rr.components.AggregationPolicy.MinMax,
         )
         stream.log(f"runs/{label}/{signal.entity}", curves, static=True)
-    for entity, shape in fixed_shapes(scenario):
+    for entity, shape in fixed_shapes(scenario) if recording.status != MEASURED else ():
         stream.log(f"runs/{label}/{entity}", shape, static=True)
     stream.flush()
     yield
@@ -135,17 +136,18 @@ def _shade(color: tuple[int, int, int], number: int) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def comparison_blueprint(runs: Sequence[NamedScenario]) -> rrb.Blueprint:
-    """The layout of a comparison of these runs."""
+def comparison_blueprint(runs: Sequence[NamedScenario], measured: Collection[int] = ()) -> rrb.Blueprint:
+    """The layout of a comparison of these runs; of the `measured` ones (indices) there is nothing to be seen in space."""
     labels = [run_label(number) for number in range(len(runs))]
     scenarios = sorted((scenario for _, scenario in runs), key=lambda scenario: len(scenario.arms))
     signals = {signal.entity: signal for scenario in scenarios for signal in plot_signals(scenario)}
     main = ("error", "vibration", "internal_force", "joint_torque")
     rest = [_overlay(signal, labels) for name, signal in signals.items() if name not in main]
-    left = rrb.Vertical(
-        rrb.Tabs(rrb.Horizontal(*_scenes(runs), name="Side by side"), *_scenes(runs), active_tab=0),
-        rrb.Tabs(rrb.TextDocumentView(origin="differences", name="Differences"), *rest, active_tab=0),
-    )
+    left: rrb.Container = rrb.Tabs(rrb.TextDocumentView(origin="differences", name="Differences"), *rest, active_tab=0)
+    drawn = [number for number in range(len(runs)) if number not in measured]
+    if drawn:
+        beside = rrb.Horizontal(*_scenes(runs, drawn), name="Side by side")
+        left = rrb.Vertical(rrb.Tabs(beside, *_scenes(runs, drawn), active_tab=0), left)
     right = rrb.Vertical(*(_overlay(signals[name], labels) for name in main))
     return rrb.Blueprint(
         rrb.Horizontal(left, right),
@@ -157,16 +159,16 @@ def comparison_blueprint(runs: Sequence[NamedScenario]) -> rrb.Blueprint:
     )
 
 
-def _scenes(runs: Sequence[NamedScenario]) -> list[rrb.Spatial3DView]:
-    """A drawing of each run. New ones each time: rerun drops a whole layout in which a view has two places."""
+def _scenes(runs: Sequence[NamedScenario], drawn: Sequence[int]) -> list[rrb.Spatial3DView]:
+    """A drawing of each of the runs `drawn`. New ones each time: rerun drops a whole layout in which a view has two places."""
     return [
         scene_view(
-            f"{run_label(number)}: {name}, deflection drawn × {_factor(runs):g}",
-            scenario,
+            f"{run_label(number)}: {runs[number][0]}, deflection drawn × {_factor(runs):g}",
+            runs[number][1],
             f"/runs/{run_label(number)}/scene/**",
-            SCENES_SHAPE / len(runs),
+            SCENES_SHAPE / len(drawn),
         )
-        for number, (name, scenario) in enumerate(runs)
+        for number in drawn
     ]
 
 

@@ -55,7 +55,8 @@ class RunEncoder:
         self.rows += len(samples)
         if self._first_time is None:
             self._first_time = float(samples.time[0])
-            self._send_path(self._first_time)
+            if not self.info.measured:
+                self._send_path(self._first_time)
         self.last_time = float(samples.time[-1])
         if self._notes is not None:
             self._notes.add(samples)

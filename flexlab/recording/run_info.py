@@ -32,6 +32,9 @@ class RunInfo:
     begin_notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """What stands beside the file from its beginning, so that it stands there too if its writer dies."""
 
+    measured: str = ""
+    """Which data these are, for a run that was measured: nothing of it can be drawn in space. Empty for a simulated one."""
+
     recorded_by: Mapping[str, str] | None = None
     """Versions and machine that computed the samples, by the names of the recording's properties; None: these here."""
 

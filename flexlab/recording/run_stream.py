@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import RecordingError
-from flexlab.recording.blueprint import run_blueprint
+from flexlab.recording.blueprint import measurement_blueprint, run_blueprint
 from flexlab.recording.documents import parameters_text, run_properties, signals_text
 from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, PlotSignal, plot_signals
 from flexlab.recording.rerun_internals.columns import Column, send_columns
@@ -66,12 +66,13 @@ class RunStream:
         stream, scenario = self._stream, info.scenario
         stream.send_recording_name(info.title)
         stream.send_property("run", run_properties(info))
-        text = parameters_text(scenario, info.name, info.exaggeration)
+        text = parameters_text(info)
         self._log("parameters", rr.TextDocument(text, media_type="text/markdown"))
         self._log("signals", rr.TextDocument(signals_text(scenario), media_type="text/markdown"))
         self.name_curves((*plot_signals(scenario), REAL_TIME_FACTOR))
-        for entity, shape in fixed_shapes(scenario):
-            self._log(entity, shape)
+        if not info.measured:
+            for entity, shape in fixed_shapes(scenario):
+                self._log(entity, shape)
         if info.start is not None:
             self._log("exact/start", rr.AnyValues(state=state_json(info.start)))
         # `log` goes through a batcher that `send_columns` overtakes.
@@ -164,7 +165,9 @@ def _open(target: Target, info: RunInfo, follow: bool = False) -> RunStream:
     stream.set_sinks(encoded)
     # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own, and
     # would keep that.
-    layout = run_blueprint(info.scenario, info.exaggeration, info.name, follow)
+    layout = measurement_blueprint(info.scenario)
+    if not info.measured:
+        layout = run_blueprint(info.scenario, info.exaggeration, info.name, follow)
     stream.send_blueprint(layout, make_active=True, make_default=True)
     try:
         return RunStream(stream, info, encoded, target)

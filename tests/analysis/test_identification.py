@@ -16,7 +16,9 @@ from flexlab.errors import StudyError
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.store.run_index import MEASURED_STATUS
 from flexlab.sim.commands import Tap
+from flexlab.sim.samples import MEASURED
 from flexlab.sim.snapshot import Event
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -175,12 +177,14 @@ def test_the_measured_data_are_a_run_that_is_compared_with_simulations(flexlab_c
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "both.rrd").stat().st_size > 10_000
     assert "was measured, not simulated" in flexlab_command("replay", name).stderr
+    assert MEASURED_STATUS == MEASURED
     assert "tells no motion to show" in flexlab_command("export", name, "--to", "page.html").stderr
     for kind in ("csv", "parquet"):
         done = flexlab_command("export", name, "--to", f"again.{kind}")
         assert done.returncode == 0, done.stderr
-    done = flexlab_command("import", "again.csv")
+    done = flexlab_command("import", "again.csv", "--logs", "elsewhere")
     assert done.returncode == 0, done.stderr
+    assert "flexlab review elsewhere/" in done.stdout, "what is said finds the run"
     again = read_recording(tmp_path / done.stdout.split("Recorded in ")[1].split(". Look")[0])
     assert again.status == "measured"
     np.testing.assert_array_equal(again.samples.vibration, samples.vibration)

@@ -15,6 +15,7 @@ OVERFLOWING = """() => {
     .filter(([node, box]) => box.width > 0 && (box.left < -1 || box.right > width + 1))
     .map(([node, box]) => node.outerHTML.slice(0, 90) + ' ' + box.left + '..' + box.right); }"""
 
+TABS = ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events")
 SCHEME = "document.documentElement.dataset.mantineColorScheme"
 BACKGROUND, WHITE = "getComputedStyle(document.body).backgroundColor", "rgb(255, 255, 255)"
 
@@ -51,11 +52,13 @@ def all_is_on_the_screen(page: LabPage, size: str, looks: tuple[str, ...]) -> No
         page.page.emulate_media(color_scheme="light" if look == "light" else "dark")
         wait_until(lambda look=look: page.page.evaluate(SCHEME) == look, f"the lab says that it is {look}")
         wait_until(lambda look=look: (page.page.evaluate(BACKGROUND) == WHITE) == (look == "light"), f"it is {look}")
-        for tab in ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events"):
+        for tab in TABS:
             page.open_tab(tab)
             wait_until(lambda: page.page.evaluate(OVERFLOWING) == [], f"all of {tab} is on the screen", 20)
             if tab in ("Parameters", "Modes", "File"):
                 page.picture(f"{tab.lower()}-{size}-{look}")
+        heights = [page.page.get_by_role("tab", name=tab, exact=True).bounding_box() for tab in TABS]
+        assert len({box and box["y"] for box in heights}) == 1, f"all tabs stand on one line: {heights}"
     assert not page.errors
 
 
@@ -75,6 +78,15 @@ def test_nothing_is_clipped_on_a_phone_that_begins_dark(chromium: Browser, page:
         phone.wait_for_text("simulation time t")
         wait_until(lambda: phone.page.evaluate(SCHEME) == "dark", "it is dark from the start")
         all_is_on_the_screen(phone, "390x844", ("dark", "light"))
+        for name in ("Motion", "Guide"):
+            heading = phone.page.get_by_role("button", name=f"Expand panel {name}", exact=True)
+            box = heading.bounding_box()
+            assert box is not None
+            assert box["y"] < phone.page.get_by_text("simulation time t").bounding_box()["y"], f"{name} is found"
+            heading.click()
+        phone.wait_for_text("Mid-span deflection, true size")
+        wait_until(lambda: phone.page.evaluate(OVERFLOWING) == [], "nor is anything cut beside open plots", 20)
+        assert not phone.errors
 
 
 def test_large_bending_is_flagged(page: LabPage) -> None:

@@ -19,6 +19,7 @@ from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.recording.export import import_run
 from flexlab.recording.headless import write_run
+from flexlab.recording.measurement import take_measurement
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs
@@ -74,6 +75,28 @@ def test_two_runs_are_compared_in_tables_and_in_one_overlay(library: FrontServer
     assert {"/runs/A/error", "/runs/B/error"} <= {chunk.entity_path for chunk in RrdReader(file).stream()}
     again = ask(library.url, f"/compare?run={recorded.stem}&run={softer.stem}").text
     assert address in again, "a reload does not compare anew"
+
+
+def test_a_measurement_is_no_simulation_on_the_pages(library: FrontServer, recorded: Path) -> None:
+    time = np.arange(0, 0.3, 1e-3)
+    ring = 1e-3 * np.exp(-5 * time) * np.cos(280 * time)
+    logs = library.settings.logs
+    laser = take_measurement(Path("laser.csv"), load_preset("paper"), time, ring, 0 * time, "a laser", logs)
+    assert ">measured</span>" in ask(library.url, "/runs").text
+    page = ask(library.url, f"/runs/{laser.stem}").text
+    assert all(word not in page for word in (f'{laser.stem}/replay"><button', "Continue"))
+    assert "Continue" in ask(library.url, f"/runs/{recorded.stem}").text
+    page = ask(library.url, f"/compare?run={laser.stem}&run={recorded.stem}").text
+    assert "Measured, not simulated: A. Its settings are those of the beam that it is held against" in page
+    assert "All these runs started" not in page
+    drawn = {chunk.entity_path for chunk in RrdReader(laser).stream()}
+    assert "/vibration" in drawn
+    assert not any(path.startswith("/scene/") for path in drawn), "nobody knows where it was"
+    overlay = logs / "overlay.out"
+    overlay.write_bytes(ask(library.url, page.split('data-recording="')[1].split('"')[0]).body)
+    seen = {chunk.entity_path for chunk in RrdReader(overlay).stream()}
+    assert {"/runs/A/vibration", "/runs/B/vibration", "/runs/B/scene/links"} <= seen
+    assert not any(path.startswith("/runs/A/scene/") for path in seen)
 
 
 @pytest.mark.parametrize(

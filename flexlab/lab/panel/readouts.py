@@ -7,6 +7,7 @@ from flexlab.lab.lab_state import Notice
 from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.panel.text import escaped, factor
 from flexlab.lab.view_settings import Legend, ViewSettings
+from flexlab.plain_text import with_units
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event, Snapshot
@@ -39,7 +40,7 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
         rows.append(("samples not recorded", f'<span class="fl-bad">{snapshot.dropped_samples}</span>'))
     grid = "".join(f"<span>{name}</span><span>{value}</span>" for name, value in rows)
     dot = f'<span class="fl-dot" style="background:{tone}"></span>'
-    kept = f'<div class="fl-dim fl-line">{escaped(recording)}</div>' if recording else ""
+    kept = f'<div class="fl-dim fl-line">{escaped(with_units(recording))}</div>' if recording else ""
     return f'<div class="fl"><div class="fl-title">{dot}{word}</div><div class="fl-grid">{grid}</div>{kept}</div>'
 
 

@@ -43,14 +43,20 @@ div:has(> .fl-begin) + div:has(> button) { position: fixed; z-index: 250; left: 
   transform: translateX(-50%); margin: 0; padding: 0; }
 div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 1.4em !important; font-size: 1.25em;
   border-radius: 2em; box-shadow: 0 0.3em 1.2em rgba(0, 0, 0, 0.35); }
-/* The open tab is as wide as it was closed, so that no line of tabs breaks elsewhere. */
+/* All tabs stand on one line, the open one as wide as it was closed. */
 [role="tab"], [role="tab"] * { font-weight: 500 !important; letter-spacing: -0.2px; }
-[role="tab"] { padding-inline: 0.45em !important; font-size: 0.92em !important; }
+[role="tablist"] { flex-wrap: nowrap !important; }
+[role="tab"] { padding-inline: 0.3em !important; font-size: 0.92em !important; }
 [role="tab"] * { font-size: inherit !important; }
 /* On a telephone the sheet is as wide as the screen and leaves its upper half to the picture. */
 @media (max-width: 575px) {
   div[style*="position: fixed"][style*="width: 20em"] { width: 100% !important; max-height: 52% !important; }
   div[style*="position: fixed"][style*="width: 20em"] div[style="width: 20em;"] { width: 100% !important; }
+  /* Plots and guide are opened at its head: below all the sliders nobody would find them. */
+  div:has(> div > .mantine-Tabs-root > [role="button"][aria-expanded]) { display: flex; flex-direction: column; }
+  div:has(> .mantine-Tabs-root > [role="button"][aria-expanded]) { order: -1; }
+  /* Else a plot keeps the sheet as wide as it was once drawn. */
+  .mantine-ScrollArea-content { min-width: 0 !important; }
   .fl-float { bottom: auto !important; top: 48px; width: 92vw !important; }
   div:has(> .fl-begin) + div:has(> button) { bottom: 56%; }
 }
@@ -80,6 +86,7 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
   background: rgba(230, 159, 0, 0.25); }
 .fl-info { background: rgba(0, 114, 178, 0.12); border-left: 3px solid #0072b2; }
 .fl-why { margin-top: 0.35em; overflow-wrap: anywhere; }
+.fl-why .fl-dim { display: inline-block; }
 .fl-list { max-height: 11em; overflow-y: auto; overflow-wrap: anywhere; font-variant-numeric: tabular-nums; }
 /* The labels of a slider's ends stay between its ends. */
 .mantine-Slider-markWrapper:first-of-type .mantine-Slider-markLabel { transform: translate(-0.2em, 0.03rem) !important; }

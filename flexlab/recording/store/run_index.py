@@ -33,6 +33,8 @@ LONGEST_NAME = 200
 LONGEST_CHANGE, MOST_CHANGES = 500, 1000
 """Characters of one line about a change, and lines."""
 MOST_METRICS = 100
+MEASURED_STATUS = "measured"
+"""That of `sim.samples.MEASURED`, as a listing reads it: it shall not take the engine to list runs."""
 _NO_ADDRESS = re.compile(r"[\\\t\n]|\A\.*\Z|\.rrd\Z")
 """In names that an address cannot hold, or that would mean something else there."""
 _NAME = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}-\d{2}-\d{2})-(.+)")
@@ -72,6 +74,11 @@ class RunRow:
     """What that visitor is called."""
     problem: str = ""
     """Why the file is no recording, as a sentence; it can only be deleted."""
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether it was measured somewhere, and not simulated: then it cannot be continued nor replayed."""
+        return self.status == MEASURED_STATUS
 
     @property
     def address(self) -> str:
@@ -205,7 +212,9 @@ def _texts(values: Any, longest: int, most: int) -> tuple[str, ...]:
 
 def state_word(row: RunRow) -> str:
     """The state for people."""
-    return "recording" if row.state == "in use" else row.state
+    if row.state == "in use":
+        return "recording"
+    return "measured" if row.is_measured and row.state == "complete" else row.state
 
 
 def size_text(size: float) -> str:

@@ -16,6 +16,7 @@ NO_ROWS = np.zeros((0, 1))
 """Of paths whose numbers are few."""
 NO_SHAPER = np.zeros((0, 2))
 NO_TRANSITION = np.zeros(11)
+NO_KINKS = np.zeros(0)
 INSIDE = 1e-14
 """s, per second since t = 0. A step that ends at a jump of the acceleration knows nothing yet of what comes after, one that
 begins there nothing any more of what was before: else both are of first order. Ten times what instants are rounded by."""
@@ -42,6 +43,8 @@ class DesiredMotion(NamedTuple):
     """Share of the quasi-static bending's force that is fed forward, 1 (`control.bending_feedforward`)."""
     inside: float = 0.0
     """How far inside a step its first and last stage look at a path whose acceleration jumps, s: see `INSIDE`; 0 of others."""
+    kinks: np.ndarray = NO_KINKS
+    """Instants at which velocity, acceleration or jerk jump, s, in order: there a step has to end (`sim.kinks`)."""
 
 
 @inlined
@@ -61,6 +64,16 @@ def path_time(t, ramp):
         cube * (10 - 15 * u + 6 * u * u),
         30 * u * u * (1 - u) * (1 - u) / ramp,
     )
+
+
+def time_of(along: float, ramp: float) -> float:
+    """The time at which a path entered over `ramp` is `along` s along itself: the inverse of `path_time`, s."""
+    if along >= 0.5 * ramp:
+        return along + 0.5 * ramp
+    low, high = 0.0, ramp
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if path_time(middle, ramp)[0] < along else (low, middle)
+    return high
 
 
 @inlined

@@ -96,6 +96,16 @@ class OwnTrajectory(Trajectory):
         return None if self.repeats else self.span
 
     @property
+    def jumps(self) -> bool:
+        """Where it ends, even the velocity may."""
+        return not self.repeats
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Both ends, if it has any."""
+        return () if self.repeats else self.window
+
+    @property
     def window(self) -> tuple[float, float]:
         """s."""
         return (0.0, self.span) if self.repeats else (self.start, self.span)

@@ -84,6 +84,11 @@ class Trajectory(Part):
         return False
 
     @property
+    def kinks(self) -> tuple[float, ...]:
+        """Instants at which velocity, acceleration or jerk jump on the way, s."""
+        return ()
+
+    @property
     def window(self) -> tuple[float, float]:
         """First and last instant between which the whole path is seen once, s."""
         return 0.0, self.slowest_period

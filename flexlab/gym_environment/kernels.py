@@ -170,7 +170,7 @@ def step_worlds(
         if code == 0:
             _, code = advance(
                 moving, sampling, Etdrk4(variants.operators[v], variants.flow[v]), None, None, watch, level, bend_limit,
-                tick, period, variants.step_count[v], y, worlds.good[w], ws, worlds.row[w], first,
+                0.0, tick, period, variants.step_count[v], y, worlds.good[w], ws, worlds.row[w], first,
             )  # fmt: skip
         worlds.tick[w] = tick + 1
         worlds.over[w] = tick + 1 >= ticks

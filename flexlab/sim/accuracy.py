@@ -17,6 +17,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim import row_layout
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
+from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
 from flexlab.sim.row_survey import Survey, survey_rows
 from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM
 from flexlab.sim.world_state import WorldState
@@ -159,20 +160,27 @@ def redo_tick(
 
     `move`: `advance`, or its entry point. `row` (1, row length) and `state` are scratch.
     """
-    sampling, system = assembly.sampling, assembly.system
+    sampling, system = assembly.sampling, assembly.system._replace(held_torque=state.held_torque)
+    ws, watch = scratch_workspace(system), assembly.watch._replace(most=0)
+    kinked = next_tick_of_kinks(assembly, finer, state.tick, tick_period)
+    if kinked is not None and kinked.number == state.tick:
+        dt = tick_period / (assembly.step_count << finer)
+        code = advance_in_pieces(assembly, move, system, watch, 0, dt, np.inf, kinked.cuts, state.y, ws, row)
+        return Redone(row[0], state.y) if code == 0 else None
     _, code = move(
-        system._replace(held_torque=state.held_torque),
+        system,
         sampling._replace(line=state.torque_line, steps=sampling.steps << finer),
         *assembly.levels.scheme(finer),
-        assembly.watch._replace(most=0),
+        watch,
         0,
         np.inf,
+        0.0,
         state.tick,
         tick_period,
         assembly.step_count << finer,
         state.y,
         np.empty_like(state.y),
-        scratch_workspace(system),
+        ws,
         row,
         False,
     )

@@ -66,6 +66,7 @@ def advance(
     watch,
     level,
     deflection_limit,
+    origin,
     tick,
     tick_period,
     step_count,
@@ -77,6 +78,7 @@ def advance(
 ):
     """Advance y from tick number `tick` by one tick of `step_count` steps per row, filling rows (ticks, row_length).
 
+    Tick 0 is at `origin`, s: the run's start, or where a piece of a tick begins (`sim.kinks`).
     With `first_is_present` the first row takes the present instant. Control instants lie on steps. Returns the ticks done
     and a fault code, or `OTHER_STEP` plus the level of step that the next tick wants where that is not `level`. On a fault y
     is set back to the last good tick (`good`, like y, is scratch).
@@ -93,7 +95,7 @@ def advance(
     if etdrk4 is not None:
         flows, whole = etdrk4.flow.shape[1] > 0, False
     while True:
-        t = (tick + done) * tick_period + j * dt
+        t = origin + (tick + done) * tick_period + j * dt
         state = y if stage == 0 else ws.stage[STATE]
         code = rates(
             system,
@@ -145,7 +147,7 @@ def advance(
             done, j = done + 1, 0
         if code == 0 and system.control.sampled and number % sampling.steps == 0:
             instant = number // sampling.steps
-            code = act_at_instant(system, sampling, instant, (tick + done) * tick_period + j * dt, y, ws)
+            code = act_at_instant(system, sampling, instant, origin + (tick + done) * tick_period + j * dt, y, ws)
         if code != 0:
             copy(good, y)
             return done - (j == 0), code

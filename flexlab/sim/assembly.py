@@ -127,7 +127,7 @@ def load_loop(
     """Compile the loop with an integrator, or load it, by going no tick."""
     y = np.zeros(state_length(system))
     rows, ws = np.zeros((0, 1)), new_workspace(system)
-    advance(system, sampling, *scheme, watch, 0, np.inf, 0, tick_period, step_count, y, y.copy(), ws, rows, False)
+    advance(system, sampling, *scheme, watch, 0, np.inf, 0.0, 0, tick_period, step_count, y, y.copy(), ws, rows, False)
 
 
 def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequence[Assembly]) -> tuple[System, Rates]:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from flexlab.control.motion import NO_TRANSITION, DesiredMotion, poses
-from flexlab.control.path import TRANSITION_TIME, Transition, build_motion
+from flexlab.control.motion import INSIDE, NO_TRANSITION, DesiredMotion, poses, time_of
+from flexlab.control.path import TRANSITION_TIME, Trajectory, Transition, build_motion
 from flexlab.control.shapers import impulses
 from flexlab.scenario import Scenario
 from flexlab.sim.first_mode import MOST_DAMPED, first_mode
@@ -22,7 +22,23 @@ def build_trajectory(scenario: Scenario) -> DesiredMotion:
     motion = build_motion(path)._replace(
         ramp=float(path.smooth_start), impulses=shaper_impulses(scenario), bending=float(path.bending_feedforward)
     )
+    motion = motion._replace(kinks=_kinks(path, motion))
+    if len(motion.impulses) and len(motion.kinks):
+        motion = motion._replace(inside=max(motion.inside, INSIDE * max(1.0, float(motion.kinks[-1]))))
     return with_transition(motion, path.transition)
+
+
+def _kinks(path: Trajectory, motion: DesiredMotion) -> np.ndarray:
+    """`DesiredMotion.kinks` of a path with its ramp and its shaper, s.
+
+    A copy of a path that moves at once jumps where its time has come.
+    """
+    own = [time_of(instant, motion.ramp) for instant in path.kinks]
+    if motion.ramp == 0 and np.any(poses(motion._replace(plain=True), [0.0])[0, 1:]):
+        own.append(0.0)
+    delays = motion.impulses[:, 1] if len(motion.impulses) else np.zeros(1)
+    found = np.unique(np.add.outer(delays, np.array(own, float)))
+    return found[found > 0]
 
 
 def with_transition(motion: DesiredMotion, left: Transition | None) -> DesiredMotion:

@@ -23,6 +23,7 @@ from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_pull, apply_tap, set_pull_row, without_hand
 from flexlab.sim.integrators.beam_flow import TICKS
+from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
 from flexlab.sim.law_memory import adjust_memory, carry_memory, outlook, same_law, start_memory
 from flexlab.sim.pace import pace_warning
 from flexlab.sim.projection import project_beam
@@ -249,29 +250,47 @@ class World:
         """As `advance.advance`, from tick to tick with the step that each wants."""
         assembly, done = self._assembly, 0
         while True:
+            here, limit = self.tick + done, DEFLECTION_LIMIT * self.scenario.payload.length
+            kinked = None if first_is_present else next_tick_of_kinks(assembly, self._level, here, self.tick_period)
+            if kinked is not None and kinked.number == here and done < len(rows):
+                dt = self.tick_period / (assembly.step_count << self._level)
+                code = advance_in_pieces(
+                    assembly, self._move or advance, assembly.system, assembly.watch, self._level, dt, limit,
+                    kinked.cuts, self._y, self._workspace, rows[done : done + 1],
+                )  # fmt: skip
+                if code == 0:
+                    done += 1
+                elif code >= OTHER_STEP:
+                    self._level = code - OTHER_STEP
+                else:
+                    return done, code
+                continue
+            end = len(rows) if kinked is None else min(len(rows), done + kinked.number - here)
             arguments = (
                 assembly.system,
                 assembly.sampling._replace(steps=assembly.sampling.steps << self._level),
                 *assembly.levels.scheme(self._level),
                 assembly.watch,
                 self._level,
-                DEFLECTION_LIMIT * self.scenario.payload.length,
-                self.tick + done,
+                limit,
+                0.0,
+                here,
                 self.tick_period,
                 assembly.step_count << self._level,
                 self._y,
                 np.empty_like(self._y),
                 self._workspace,
-                rows[done:],
+                rows[done:end],
                 first_is_present,
             )
             if self._move is None:
                 self._move = entry_point(advance, *arguments)
             ticks, code = self._move(*arguments)
             done += ticks
-            if code < OTHER_STEP:
+            if code >= OTHER_STEP:
+                self._level = code - OTHER_STEP
+            elif code != 0 or done >= len(rows) or first_is_present:
                 return done, code
-            self._level = code - OTHER_STEP
 
     def apply(self, command: WorldCommand, known: Sequence[Assembly] = (), at_once: bool = False) -> bool:
         """Carry out a command at the present instant; returns whether a new run begins.

@@ -21,6 +21,11 @@ class BangBang(StraightLine):
         return True
 
     @property
+    def kinks(self) -> tuple[float, ...]:
+        """Where it starts, turns to braking and stops."""
+        return self.start, self.start + 0.5 * self.duration, self.span
+
+    @property
     def peak_acceleration(self) -> tuple[float, ...]:
         """4 way / duration²."""
         return self.peak(4.0)

@@ -18,6 +18,11 @@ class RestToRest(StraightLine):
     kind: Literal["rest-to-rest"] = "rest-to-rest"
 
     @property
+    def kinks(self) -> tuple[float, ...]:
+        """The jerk's, at both ends."""
+        return self.window
+
+    @property
     def peak_acceleration(self) -> tuple[float, ...]:
         """10/√3 way / duration², at τ = ½ ± √3/6."""
         return self.peak(10 / np.sqrt(3))

@@ -83,6 +83,16 @@ class Table(Trajectory):
         return self.span
 
     @property
+    def jumps(self) -> bool:
+        """With free ends even the velocity."""
+        return self.ends == "free"
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Both ends: between them the spline is smooth."""
+        return self.window
+
+    @property
     def window(self) -> tuple[float, float]:
         """s."""
         return self.start + self.rows[0][0], self.span

@@ -68,6 +68,11 @@ class Waypoints(Trajectory):
         return self.span
 
     @property
+    def kinks(self) -> tuple[float, ...]:
+        """Where a phase of constant jerk begins."""
+        return tuple((self.start + self.phases()[:, 0]).tolist())
+
+    @property
     def window(self) -> tuple[float, float]:
         """s."""
         return self.start, self.span if self.span > self.start else self.start + 1.0

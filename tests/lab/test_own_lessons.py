@@ -3,11 +3,15 @@
 from pathlib import Path
 
 import pytest
+from lab_page import wait_until
 
 from flexlab.analysis.lesson_expressions import Expression, ExpressionError
 from flexlab.lab import own_lessons as module
 from flexlab.lab.own_lessons import own_lessons
+from flexlab.lab.panel.guide_panel import Guide
+from flexlab.lab.session import Session
 from flexlab.presets import load_preset
+from flexlab.sim.commands import Play, SetSpeed
 from flexlab.sim.simulate import simulate
 
 EXAMPLE = (module.__doc__ or "").partition(":\n\n")[2].replace("\n    ", "\n").strip() + "\n"
@@ -98,3 +102,24 @@ def test_expressions_over_metrics_signals_and_fields(text: str, holds: bool) -> 
 def test_nothing_else_can_be_reached(text: str) -> None:
     with pytest.raises(ExpressionError):
         Expression(text)
+
+
+def test_a_lesson_of_one_s_own_is_checked_in_the_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "lessons").mkdir()
+    write(tmp_path / "lessons", EXAMPLE)
+    monkeypatch.chdir(tmp_path)
+    stiff = load_preset("paper").replace({"payload.bending_stiffness": 600.0})
+    with Session(load_preset("paper"), "paper", port=0, shadows=False) as session:
+        guide = Guide(session.server.gui, session.lab_state, session.runner)
+        guide._menu.value = "Own lesson: Stiffer"
+        guide._turn_to(guide._menu.value)
+        assert session.lab_state.lesson == "Stiffer: begun"
+        session.lab_state.load(stiff, "stiff")
+        session.lab_state.submit(SetSpeed(4.0))
+        session.lab_state.submit(Play())
+
+        def done() -> bool:
+            guide.update(session.runner.snapshot)
+            return session.lab_state.lesson == "Stiffer: done"
+
+        wait_until(done, "the check holds in the run that is shown", 20)

@@ -29,8 +29,9 @@ class Guide:
         self._done: dict[str, str] = {}
         self._pages: dict[str, Chapter | Lesson] = {chapter.title: chapter for chapter in chapters()}
         self._pages |= {f"Lesson {k + 1}: {lesson.title}": lesson for k, lesson in enumerate(lessons())}
-        self._own = {own.lesson.id: own for own in own_lessons() if own.lesson is not None}
-        for own in own_lessons():
+        mine = own_lessons()
+        self._own = {own.lesson.id: own for own in mine if own.lesson is not None}
+        for own in mine:
             title = own.lesson.title if own.lesson is not None else f"{own.name} (cannot be read)"
             # Own texts come from files of whoever started the lab; still they get no HTML into the page.
             self._pages[f"Own lesson: {title}"] = own.lesson or Chapter(own.name, title, without_html(own.problem))

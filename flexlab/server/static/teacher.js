@@ -48,6 +48,7 @@ async function look() {
     const answer = await fetch("/teacher/labs", { cache: "no-store" });
     if (!answer.ok) throw new Error(answer.statusText);
     show(await answer.json());
+    if (list.classList.contains("stale")) write(said, "");
     list.classList.remove("stale");
   } catch {
     list.classList.add("stale");
@@ -65,7 +66,7 @@ form.addEventListener("submit", async (event) => {
   const button = event.submitter;
   const body = new URLSearchParams(new FormData(form, button));
   const address = button.getAttribute("formaction");
-  if (!body.get("lab") && !confirm(`${button.textContent}: every lab of the class?`)) return;
+  if (!body.get("lab") && !confirm(button.dataset.ask)) return;
   try {
     const answer = await fetch(address, { method: "POST", body, headers: { Accept: "application/json" } });
     write(said, answer.ok ? (await answer.json()).sentence : "That did not work: reload this page.");

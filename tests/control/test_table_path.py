@@ -1,5 +1,6 @@
 """Paths of many numbers: a table from a CSV file, with a sentence for each way in which one can be wrong, and waypoints."""
 
+from math import factorial
 from pathlib import Path
 from typing import Any
 
@@ -174,6 +175,29 @@ def test_wrong_waypoints_get_a_sentence(own: dict, sentence: str):
     with pytest.raises(ScenarioError) as caught:
         on_waypoints(**own)
     assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("way", "limits"),
+    [
+        (0.02, (100.0, 1e4, 1e7)),
+        (1.787684139221223e-6, (49.92545886405584, 1.6204633203573713, 11020.712272631958)),
+        (3.4182120679935804e-5, (0.001560679267790638, 8.782551162653855, 63838.56501724204)),
+        (2.152194863018043e-6, (15.434245122114445, 181.00422823082184, 2899169.845494693)),
+    ],
+)
+def test_limits_that_ruckig_loses_its_digits_with_are_kept_too(way: float, limits: tuple[float, float, float]):
+    """It refuses these: each phase still ends where the next one begins, and all within limits that leave nothing unused."""
+    triples = tuple((limit,) * 3 for limit in limits)
+    rows = phases(((0.0, 0.7, 0.0), (0.0, 0.7 + way, 0.0)), triples, 0.0)
+    times, y = np.diff(rows[:, 0]), rows[:, 2::3]  # y, its rate, acceleration and jerk
+    for row, after, dt in zip(y[:-1], y[1:], times, strict=True):
+        end = [sum(row[k + m] * dt**m / factorial(m) for m in range(4 - k)) for k in range(3)]
+        scale = np.abs(y).max(axis=0)[:3] + [way, 0, 0]
+        assert np.all(np.abs(end - after[:3]) <= 1e-9 * scale)
+    used = np.abs(y).max(axis=0)[1:] / limits
+    assert used.max() == pytest.approx(1.0, rel=1e-9)
+    assert (used <= 1 + 1e-9).all()
 
 
 def test_waypoints_are_replayed_and_changed_in_motion(tmp_path: Path):

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
-from ruckig import InputParameter, Result, Ruckig
+from ruckig import InputParameter, Result, Ruckig, RuckigError
 from ruckig import Trajectory as Profiles
 
 from flexlab.compiled import pluggable
@@ -139,22 +139,32 @@ def phases(points: tuple[Triple, ...], limits: tuple[Triple, ...], pause: float)
 def _leg(here: Triple, there: Triple, limits: tuple[Triple, ...]) -> np.ndarray:
     """As `phases`, of one straight way from rest to rest: the share of the way moves from 0 to 1 within all limits."""
     way = np.subtract(there, here)
-    wanted = InputParameter(1)
-    wanted.target_position = [1.0]
     allowed = [float(np.min(np.array(limit)[way != 0] / np.abs(way[way != 0]))) for limit in limits]
-    wanted.max_velocity, wanted.max_acceleration, wanted.max_jerk = ([value] for value in allowed)
-    profiles = Profiles(1)
-    if Ruckig(1).calculate(wanted, profiles) not in (Result.Working, Result.Finished):
-        raise ValueError(f"ruckig finds no way from {here} to {there} within {limits}")
-    found = profiles.profiles[0][0]
+    try:
+        found, unit = _profile(*allowed), 1.0
+    except RuckigError:
+        # Of very large limits ruckig loses the digits, but not with a unit of time, s, in which the jerk is 1.
+        unit = allowed[2] ** (-1 / 3)
+        found = _profile(allowed[0] * unit, allowed[1] * unit**2, 1.0)
     last = len(found.t)
     rows = np.zeros((last + 1, 13))
-    rows[:, 0] = np.cumsum([0.0, *found.t])
+    rows[:, 0] = np.cumsum([0.0, *found.t]) * unit
     rows[:, 1:4] = here + np.outer(found.p, way)
     for order, values in enumerate((found.v, found.a, [*found.j, 0.0]), 1):
-        rows[:, 1 + 3 * order : 4 + 3 * order] = np.outer(values, way)
+        rows[:, 1 + 3 * order : 4 + 3 * order] = np.outer(values, way) / unit**order
     rows[last, 1:] = (*there, *[0.0] * 9)
     return rows[np.append(np.diff(rows[:, 0]) > 0, True)]
+
+
+def _profile(velocity: float, acceleration: float, jerk: float) -> Any:
+    """ruckig's phases of the share from 0 to 1 within these limits. Raises `RuckigError`."""
+    wanted = InputParameter(1)
+    wanted.target_position = [1.0]
+    wanted.max_velocity, wanted.max_acceleration, wanted.max_jerk = [velocity], [acceleration], [jerk]
+    profiles = Profiles(1)
+    if Ruckig(1).calculate(wanted, profiles) not in (Result.Working, Result.Finished):
+        raise RuckigError(f"no way within {velocity}, {acceleration}, {jerk}")
+    return profiles.profiles[0][0]
 
 
 @pluggable

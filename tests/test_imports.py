@@ -33,12 +33,12 @@ LAYERS = {
     "recording": 6,
     "lab": 6,
     "analysis": 6,
-    "benchmarks": 7,
     "api": 7,
     "leaderboard_api": 7,
     "linear_api": 7,
     "notebook": 7,
     "gym_environment": 8,
+    "benchmarks": 8,
     "": 7,  # flexlab/__init__.py, the names of the Python interface
     "server": 8,
     "cli": 9,

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from flexlab.benchmarks import tables
 from flexlab.benchmarks.changes import change_costs
+from flexlab.benchmarks.environment_rate import measure_environment
 from flexlab.benchmarks.machine import this_machine
 from flexlab.benchmarks.memory import measure_memory
+from flexlab.benchmarks.peers.chain_comparison import compare_chains
 from flexlab.benchmarks.peers.peer_comparison import compare_peers
 from flexlab.benchmarks.precision import mesh_precision, paper_costs
 from flexlab.benchmarks.report import Report, plain
@@ -79,9 +81,15 @@ def measure(plan: Plan, peers: bool, show: "Console | None") -> Report:
         part("all meshes", lambda: mesh_scaling(plan.duration, 2 * plan.repeats), tables.scaling_table),
         part("live changes", lambda: change_costs(10 * plan.repeats), tables.changes_table),
         part("many runs", lambda: worker_scaling(plan.rounds), tables.workers_table),
+        part(
+            "the environment",
+            lambda: measure_environment(2 * plan.rounds),
+            lambda found: tables.environment_table(found) if found else "",
+        ),
         part("starts", lambda: start_times(plan.cold), tables.start_table),
         part("memory", measure_memory, lambda found: tables.memory_table(found) if found else ""),
         part("other engines", lambda: compare_peers(plan.duration), tables.peers_table) if peers else None,
+        part("chains of segments", compare_chains, tables.chain_table) if peers else None,
     )
     _part(show, "goals", lambda: report.goals, tables.goals_table)
     return report

@@ -4,8 +4,10 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 from flexlab.benchmarks.changes import BEAM_GOAL, FRAME_GOAL, LIGHT_GOAL, MESHES, ChangeCost
+from flexlab.benchmarks.environment_rate import RATE_GOAL, EnvironmentRate
 from flexlab.benchmarks.machine import Machine
 from flexlab.benchmarks.memory import Memory
+from flexlab.benchmarks.peers.chain_comparison import ChainComparison
 from flexlab.benchmarks.peers.peer_comparison import RATIO_GOAL, PeerComparison
 from flexlab.benchmarks.precision import ASKED_ERROR, PAPER_AIM, PAPER_LIMIT, MeshPrecision, PaperCost
 from flexlab.benchmarks.scaling import EXPONENT_GOAL, Scaling
@@ -40,10 +42,14 @@ class Report:
     scaling: Scaling
     changes: list[ChangeCost]
     workers: WorkerScaling
+    environment: EnvironmentRate | None
+    """None where Gymnasium is not installed."""
     start: StartTimes
     memory: Memory | None
     """None where the system does not tell."""
     peers: PeerComparison | None
+    """None if not asked for."""
+    chain: ChainComparison | None
     """None if not asked for."""
 
     @property
@@ -57,6 +63,9 @@ class Report:
         goals.append(Goal("cost ~ elements to the power of", self.scaling.exponent, "", EXPONENT_GOAL, False))
         goals += _change_goals(self.changes)
         goals.append(Goal("speed-up of two workers", self.workers.speed_up, "", SPEED_UP_GOAL, True))
+        if self.environment is not None:
+            what, unit = f"vector environment, {self.environment.worlds} worlds", "thousand steps/s"
+            goals.append(Goal(what, self.environment.all_cores / 1e3, unit, RATE_GOAL / 1e3, True))
         if self.peers is not None and self.peers.ratio is not None:
             goals.append(Goal("times faster than the fastest peer", self.peers.ratio, "", RATIO_GOAL, True))
         return goals

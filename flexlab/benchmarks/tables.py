@@ -3,7 +3,9 @@
 from typing import TYPE_CHECKING
 
 from flexlab.benchmarks.changes import ChangeCost
+from flexlab.benchmarks.environment_rate import EnvironmentRate
 from flexlab.benchmarks.memory import DURATION, LIVE_END, LIVE_START, Memory
+from flexlab.benchmarks.peers.chain_comparison import ChainComparison
 from flexlab.benchmarks.peers.peer_comparison import SAME_POSE, PeerComparison
 from flexlab.benchmarks.precision import ASKED_ERROR, MeshPrecision, PaperCost, WorkPoint
 from flexlab.benchmarks.report import Goal
@@ -74,6 +76,14 @@ def workers_table(result: WorkerScaling) -> "Table":
     return table
 
 
+def environment_table(rate: EnvironmentRate) -> "Table":
+    """The vector environment."""
+    table = _table(f"Vector environment, {rate.worlds} worlds, 1 kHz control", ("", "steps/s"))
+    table.add_row("one core, by processor time", f"{rate.one_core:.0f}")
+    table.add_row(f"all cores ({rate.cores}), by wall time", f"{rate.all_cores:.0f}", style="bold")
+    return table
+
+
 def start_table(times: StartTimes) -> "Table":
     """Cold and warm start."""
     table = _table("Start of the engine in a fresh interpreter", ("", "imports", "to first sample", "processor time"))
@@ -110,6 +120,24 @@ def peers_table(result: PeerComparison) -> "Table":
         table.add_row(row.engine, row.setting, _step(row.step), *errors, cost, style=style)
     for engine, reason in result.missing.items():
         table.add_row(engine, reason)
+    return table
+
+
+def chain_table(result: ChainComparison) -> "Table":
+    """The environment's beam and MuJoCo's chains; the environment's and the cheapest chains that are as exact are bold."""
+    dearer = "" if result.ratio is None else f": {result.ratio:.1f} times the cost at the same pose error"
+    if result.ratio_in_both is not None:
+        dearer += f", {result.ratio_in_both:.1f} at the same deflection error too"
+    headings = ("beam", "setting", "step", "pose error", "deflection", "ms per s", "env. steps/s, one core")
+    table = _table(f"The environment's beam and chains of rigid segments{dearer}", headings)
+    for row in (*result.own, *result.chains):
+        beam = f"{row.engine}, {row.parts} " + ("elements" if row in result.own else "segments")
+        style = "bold" if row in (result.own[0], result.equal, result.equal_in_both) else None
+        errors = _error(row.pose_error), _error(row.deflection_error)
+        cost = f"{row.ms_per_second:.1f}", f"{row.environment_rate:.0f}"
+        table.add_row(beam, row.integrator, _step(row.step), *errors, *cost, style=style)
+    if result.missing is not None:
+        table.add_row("MuJoCo", result.missing)
     return table
 
 

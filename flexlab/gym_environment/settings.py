@@ -11,6 +11,7 @@ from flexlab.physics.law_input import MOST_DELAY
 WRENCH, TORQUES = "wrench", "torques"
 LARGEST_NOISE = 1.0
 MOST_VARIANTS = 1024
+MOST_THREADS = 1024
 SHORTEST_PERIOD, LONGEST_PERIOD = 1e-4, 0.02
 """s of a control period."""
 
@@ -39,6 +40,8 @@ class Settings:
     """N·m of each joint."""
     variants: int = 32
     """Stiffnesses that a range is drawn from: each costs some milliseconds when the environment is made."""
+    threads: int | None = None
+    """Threads that move the worlds, as far as there are worlds enough; None: as many as the machine has cores."""
 
     def __post_init__(self) -> None:
         if self.action not in (WRENCH, TORQUES):
@@ -52,6 +55,8 @@ class Settings:
         for number in self.delay:
             self._check("delay", number, 0, MOST_DELAY, "control periods")
         self._check("variants", self.variants, 1, MOST_VARIANTS, "stiffnesses")
+        if self.threads is not None:
+            self._check("threads", self.threads, 1, MOST_THREADS, "threads")
         if self.stiffness is not None:
             for value in self.stiffness:
                 self._check("stiffness", value, 1e-3, 1e12, "N·m²")

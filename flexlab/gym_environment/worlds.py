@@ -56,7 +56,7 @@ class WorldBatch:
         )
         self._limits, self._noise = np.full(3, float(settings.torque_limit)), np.array(NOISE)
         self.state = _new_worlds(count, first, settings)
-        threads = max(1, min(os.cpu_count() or 1, count // LEAST_PER_THREAD))
+        threads = max(1, min(int(settings.threads or os.cpu_count() or 1), count // LEAST_PER_THREAD))
         edges = np.linspace(0, count, threads + 1).astype(int)
         self._parts = [
             (slice(low, high), Worlds(*(array[low:high] for array in self.state)), new_workspace(first.system))

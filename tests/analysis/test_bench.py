@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from flexlab import benchmarks
-from flexlab.benchmarks import precision, scaling, workers
+from flexlab.benchmarks import environment_rate, precision, scaling, workers
 from flexlab.benchmarks.machine import this_machine, version_of
 from flexlab.benchmarks.measure import deflection_error, pose_error, try_out
 from flexlab.benchmarks.memory import Memory
@@ -170,6 +170,7 @@ def measured() -> tuple[Report, str]:
         smaller.setattr(workers, "ROUND", 4)
         smaller.setattr(workers, "DURATION", 0.2)
         smaller.setattr(scaling, "LEAST_TIME", 0.0)
+        smaller.setattr(environment_rate, "STEPS", 20)
         report = benchmarks.measure(plan, False, Console(file=tables, width=160, highlight=False))
     return report, tables.getvalue()
 
@@ -183,7 +184,8 @@ def test_everything_is_measured_and_printed_as_json(
     assert asked == [(benchmarks.QUICK, False, None)]
     report = json.loads(capsys.readouterr().out)
     assert set(report) == {
-        "machine", "paper", "precision", "scaling", "changes", "workers", "start", "memory", "peers", "goals"
+        "machine", "paper", "precision", "scaling", "changes", "workers", "environment", "start", "memory",
+        "peers", "chain", "goals",
     }  # fmt: skip
     assert [mesh["elements"] for mesh in report["scaling"]["meshes"]] == list(MESHES)
     assert report["precision"][0]["goal"] == GOALS[2]
@@ -191,6 +193,11 @@ def test_everything_is_measured_and_printed_as_json(
     assert report["start"]["cold"] is None
     assert report["peers"] is None
     assert {"speed-up of two workers", "2 elements"} <= {goal["what"] for goal in report["goals"]}
+    assert report["chain"] is None
+    if report["environment"] is not None:
+        assert report["environment"]["worlds"] == 64
+        assert report["environment"]["one_core"] > 0
+        assert "vector environment, 64 worlds" in {goal["what"] for goal in report["goals"]}
     if report["memory"] is not None:
         assert 0.9 < report["memory"]["overhead"] < 1.5
         assert report["memory"]["live_growth"] < 2e6
@@ -199,7 +206,7 @@ def test_everything_is_measured_and_printed_as_json(
 def test_tables_are_printed_for_a_person(
     measured: tuple[Report, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    for words in ("ms per s", "etdrk4", "unstable", "speed-up", "warm", "Goals"):
+    for words in ("ms per s", "etdrk4", "unstable", "speed-up", "warm", "Vector environment", "Goals"):
         assert words in measured[1]
     monkeypatch.setattr(benchmarks, "measure", lambda plan, peers, show: show.print("a table"))
     benchmarks.run_bench(as_json=False)

@@ -3,11 +3,19 @@
 import numpy as np
 import pytest
 
-from flexlab.benchmarks.peers import peer_comparison
+from flexlab.benchmarks.peers import chain_comparison, peer_comparison
 from flexlab.benchmarks.peers.bodies import make_bodies
+from flexlab.benchmarks.peers.chain_comparison import (
+    ChainComparison,
+    ChainRow,
+    chain_scenario,
+    compare_chains,
+    motion_errors,
+)
 from flexlab.benchmarks.peers.motion import Motion
 from flexlab.benchmarks.peers.peer_comparison import PeerComparison, PeerRow, Setting, compare_peers, row_of
 from flexlab.benchmarks.peers.peer_law import joint_torque_law
+from flexlab.benchmarks.tables import chain_table
 from flexlab.physics.plant import make_workspace
 from flexlab.presets import load_preset
 from flexlab.sim.build import build_beam
@@ -109,3 +117,44 @@ def test_a_peer_that_is_missing_or_fails_is_a_line_of_the_table(monkeypatch):
     assert result.missing["json"] == "failed: no license"
     assert result.missing["nosuchengine"].startswith("not installed")
     assert result.own.same_motion
+
+
+@pytest.mark.parametrize(("segments", "steps"), [(4, 1), (6, 3)])
+def test_a_chain_of_segments_in_mujoco_moves_the_same(segments: int, steps: int):
+    pytest.importorskip("mujoco")
+    from flexlab.benchmarks.peers.mujoco_chain import simulate_chain
+
+    # A tenth of the path's amplitude: what rods that keep their length add goes with its square.
+    small = {"trajectory.amplitude": (0.02, 0.02, 0.02)}
+    exact = simulate(chain_scenario(8, 1e-3).replace(small), TICKS * 1e-3)
+    motion = simulate_chain(World(chain_scenario(2, 1e-3).replace(small)), segments, "RK4", steps, TICKS)
+    pose, deflection = motion_errors(motion, exact)
+    assert pose < 1e-6
+    # The load of a half sine on a polygon's first mode is smaller by (π/N)²/12, the frequency the same to order 4.
+    largest = np.max(np.abs(exact.midspan_deflection))
+    assert deflection / largest == pytest.approx((np.pi / segments) ** 2 / 12, rel=0.15)
+
+
+def test_the_engines_meshes_converge_whether_or_not_there_are_chains(monkeypatch):
+    monkeypatch.setattr(chain_comparison, "find_spec", lambda name: None)
+    monkeypatch.setattr(chain_comparison, "DURATION", 0.03)
+    result = compare_chains()
+    pose, deflection = [row.pose_error for row in result.own], [row.deflection_error for row in result.own]
+    assert pose[0] > 5 * pose[1] > 25 * pose[2]
+    assert deflection[0] > 5 * deflection[1] > 25 * deflection[2]
+    assert (result.chains, result.equal, result.ratio) == ([], None, None)
+    assert result.missing is not None
+
+
+def test_the_cheapest_chain_that_is_as_exact_is_the_equal_one():
+    own = ChainRow("flexlab", 2, "etdrk4", 1e-3, 4e-6, 2e-4, 5.0)
+    coarse = ChainRow("MuJoCo", 2, "RK4", 1e-3, 8e-6, 8e-4, 30.0)
+    equal = ChainRow("MuJoCo", 4, "RK4", 1e-3, 2e-6, 3e-4, 40.0)
+    fine = ChainRow("MuJoCo", 8, "RK4", 1e-4, 2e-6, 6e-5, 400.0)
+    result = ChainComparison([own], [coarse, fine, equal], None)
+    assert result.equal is equal
+    assert result.ratio == 8.0
+    assert equal.environment_rate == pytest.approx(25_000)
+    assert result.equal_in_both is fine
+    assert "8.0 times the cost at the same pose error, 80.0 at" in str(chain_table(result).title)
+    assert ChainComparison([own], [coarse], None).ratio is None

@@ -124,6 +124,7 @@ def test_what_cannot_go_on_terminates_and_costs_the_rest():
         ({"delay": (0, 500)}, "delay = 500 is not usable"),
         ({"control_period": float("nan")}, "control_period = nan is not usable"),
         ({"duration": 0.0}, "duration = 0.0 is not usable"),
+        ({"threads": 0}, "threads = 0 is not usable"),
         ({"start_spread": (2.0, 0.0, 0.0)}, "start_spread = 2.0 is not usable"),
     ],
 )

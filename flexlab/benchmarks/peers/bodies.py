@@ -5,7 +5,7 @@ two links of its own, hinged to ground, to each other and to the carrier. A mode
 by Vᵀh and Vᵀg alone: a symmetric mode (g_k = 0) is exactly a mass h_k² that slides across the carrier by η/h_k, an
 antisymmetric one (h_k = 0) a rotor of inertia g_k² that turns by η/g_k, and what is left of the payload's m and I
 stays with the carrier. Only the antisymmetric modes' part of ηᵀη in A_θθ is missing, 1e-9 of the payload's inertia here.
-That is the smallest model with this motion: a chain of segments would need more unknowns and smaller steps.
+That is the smallest model with this motion: a chain of segments (`mujoco_chain`) needs more unknowns and smaller steps.
 """
 
 from dataclasses import dataclass
@@ -109,8 +109,12 @@ def _link(scenario: Scenario, number: int) -> Body:
 
 def _carrier(scenario: Scenario, middle: float, h: np.ndarray, g: np.ndarray) -> Body:
     """Both last links and the part of the payload that moves with no mode."""
-    payload, wrist = scenario.payload, _link(scenario, 2)
+    payload, links = scenario.payload, bare_carrier(scenario)
     m, inertia = payload.linear_density * payload.length, payload.linear_density * payload.length**3 / 12
-    offset = middle - wrist.center
-    mass = m - float(h @ h) + 2 * wrist.mass
-    return Body(mass, inertia - float(g @ g) + 2 * (wrist.inertia + wrist.mass * offset**2), middle)
+    return Body(m - float(h @ h) + links.mass, inertia - float(g @ g) + links.inertia, middle)
+
+
+def bare_carrier(scenario: Scenario) -> Body:
+    """Both last links as one body, without the payload."""
+    wrist, middle = _link(scenario, 2), scenario.left_arm.link_length[2] + scenario.payload.length / 2
+    return Body(2 * wrist.mass, 2 * (wrist.inertia + wrist.mass * (middle - wrist.center) ** 2), middle)

@@ -84,3 +84,23 @@ def rk4_loop(mj_forward: Any) -> Any:
             rows[i, 3:] = position[3:-2]
 
     return run
+
+
+def held_loop(mj_step: Any) -> Any:
+    """The loop of a digital controller: torques are held, and the memory takes an explicit Euler step, for a whole tick."""
+
+    @numba.njit(error_model="numpy")
+    def run(model, data, position, velocity, acceleration, force, system, ws, geometry, dt, steps, rows):
+        memory, tau, motion = np.zeros(3), np.zeros((2, 3)), np.zeros((2, 3))
+        for i in range(len(rows) + 1):
+            set_torques(system, ws, geometry, i * steps * dt, position, velocity, memory, force, tau, motion)
+            if i > 0:
+                rows[i - 1, :3] = motion[0]
+                rows[i - 1, 3:] = position[3:-2]
+            if i < len(rows):
+                for a in range(3):
+                    memory[a] += steps * dt * ws.memory_rate[a]
+                for _ in range(steps):
+                    mj_step(model, data)
+
+    return run

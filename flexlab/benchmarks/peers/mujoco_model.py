@@ -58,33 +58,46 @@ def simulate_mujoco(world: World, integrator: str, steps_per_tick: int, ticks: i
 
 def model_text(bodies: Bodies, integrator: str, step: float) -> str:
     """The model in MuJoCo's XML."""
+    on_carrier = "".join(_mode_text(bodies, number) for number in range(len(bodies.modes)))
+    return document(bodies, bodies.carrier, on_carrier, f"<tendon>{_dampers(bodies)}</tendon>", integrator, step)
+
+
+def document(
+    bodies: Bodies, carrier: Body, on_carrier: str, sections: str, integrator: str, step: float, solver: str = "PGS"
+) -> str:
+    """Arms and carrier in MuJoCo's XML with what moves on the carrier; sections: tendons or equalities of the beam."""
     first, second = bodies.link_length
     wrist = f'<site name="wrist" pos="{second!r} 0 0"/>'
     other_wrist = f'<site name="other_wrist" pos="{2 * bodies.middle!r} 0 0"/>'
-    on_carrier = other_wrist + "".join(_mode_text(bodies, number) for number in range(len(bodies.modes)))
-    carrier = _hinged(bodies.carrier, second, on_carrier)
+    whole = hinged(carrier, second, other_wrist + on_carrier)
     arms = [
-        _hinged(bodies.links[0], base, _hinged(bodies.links[1], first, inner))
-        for base, inner in zip(bodies.bases, (carrier, wrist), strict=True)
+        hinged(bodies.links[0], base, hinged(bodies.links[1], first, inner))
+        for base, inner in zip(bodies.bases, (whole, wrist), strict=True)
     ]
-    rate = 1 / (EQUALITY_STEPS * step)
     return f"""<mujoco>
 <compiler angle="radian"/>
-<option timestep="{step!r}" integrator="{integrator}" gravity="0 0 0" solver="PGS" jacobian="dense" tolerance="1e-14">
+<option timestep="{step!r}" integrator="{integrator}" gravity="0 0 0" solver="{solver}" jacobian="dense"
+  tolerance="1e-14">
   <flag contact="disable" refsafe="disable" island="disable" warmstart="disable" sensor="disable" limit="disable"
     frictionloss="disable" actuation="disable"/>
 </option>
 <worldbody>{"".join(arms)}</worldbody>
-<tendon>{_dampers(bodies)}</tendon>
-<equality>
-  <connect site1="wrist" site2="other_wrist" solref="{-(rate**2)!r} {-2 * rate!r}" solimp="0.9999 0.9999 0.001 0.5 2"/>
-</equality>
+{sections}
+<equality>{connected("wrist", "other_wrist", step)}</equality>
 </mujoco>"""
 
 
-def _hinged(body: Body, at: float | tuple[float, float], inner: str) -> str:
+def connected(site: str, other: str, step: float) -> str:
+    """Two sites held together, as stiffly as MuJoCo allows."""
+    rate = 1 / (EQUALITY_STEPS * step)
+    hold = f'solref="{-(rate**2)!r} {-2 * rate!r}" solimp="0.9999 0.9999 0.001 0.5 2"'
+    return f'<connect site1="{site}" site2="{other}" {hold}/>'
+
+
+def hinged(body: Body, at: float | tuple[float, float], inner: str, joint: str = "<joint/>") -> str:
+    """A body on a joint at `at`, m along the one that holds it, with what it holds itself."""
     x, y = at if isinstance(at, tuple) else (at, 0.0)
-    return f'<body pos="{x!r} {y!r} 0"><joint/>{_inertial(body.mass, body.inertia, body.center)}{inner}</body>'
+    return f'<body pos="{x!r} {y!r} 0">{joint}{_inertial(body.mass, body.inertia, body.center)}{inner}</body>'
 
 
 def _inertial(mass: float, inertia: float, center: float) -> str:
@@ -113,10 +126,11 @@ def _dampers(bodies: Bodies) -> str:
 @cache
 def _loop(rk4: bool) -> Any:
     """The compiled loop around a C function of (model, data)."""
-    return rk4_loop(_c_function("mj_forward")) if rk4 else step_loop(_c_function("mj_step"))
+    return rk4_loop(c_function("mj_forward")) if rk4 else step_loop(c_function("mj_step"))
 
 
-def _c_function(name: str) -> Any:
+def c_function(name: str) -> Any:
+    """A function of (model, data) in MuJoCo's library. Raises `StudyError` where that is not found."""
     import mujoco  # type: ignore[import-not-found]  # An extra.
 
     folder = Path(mujoco.__file__).parent

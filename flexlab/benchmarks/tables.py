@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 MEGABYTE = 1e6
 
+WHOLE = 1e3
+"""ms from which decimals say nothing."""
+
 
 def paper_table(costs: list[PaperCost]) -> "Table":
     """The paper's run."""
@@ -111,6 +114,8 @@ def memory_table(memory: Memory) -> "Table":
 
 def peers_table(result: PeerComparison) -> "Table":
     """Other engines on the same system."""
+    from rich.markup import escape
+
     title = f"Other engines on the same arms, beam modes and law (other motion: not within {SAME_POSE:g})"
     table = _table(title, ("engine", "setting", "step", "pose error", "deflection", "ms per s"))
     for row in (result.own, *result.rows):
@@ -119,25 +124,30 @@ def peers_table(result: PeerComparison) -> "Table":
         style = "bold" if row in (result.own, result.fastest) else None
         table.add_row(row.engine, row.setting, _step(row.step), *errors, cost, style=style)
     for engine, reason in result.missing.items():
-        table.add_row(engine, reason)
+        table.add_row(engine, escape(reason))
     return table
 
 
 def chain_table(result: ChainComparison) -> "Table":
-    """The environment's beam and MuJoCo's chains; the environment's and the cheapest chains that are as exact are bold."""
-    dearer = "" if result.ratio is None else f": {result.ratio:.1f} times the cost at the same pose error"
+    """The environment's beam and MuJoCo's chains (parts: elements, segments); steps/s of an environment on one core.
+
+    Bold: the environment's own and the cheapest chains that are as exact.
+    """
+    from rich.markup import escape
+
+    dearer = "" if result.missing is None else f"; MuJoCo is {escape(result.missing)}"
+    if result.ratio is not None:
+        dearer = f": {result.ratio:.1f} times the cost at the same pose error"
     if result.ratio_in_both is not None:
         dearer += f", {result.ratio_in_both:.1f} at the same deflection error too"
-    headings = ("beam", "setting", "step", "pose error", "deflection", "ms per s", "env. steps/s, one core")
+    headings = ("engine", "parts", "setting", "step", "pose error", "midspan error", "ms per s", "steps/s")
     table = _table(f"The environment's beam and chains of rigid segments{dearer}", headings)
+    table.columns[2].no_wrap = True
     for row in (*result.own, *result.chains):
-        beam = f"{row.engine}, {row.parts} " + ("elements" if row in result.own else "segments")
         style = "bold" if row in (result.own[0], result.equal, result.equal_in_both) else None
         errors = _error(row.pose_error), _error(row.deflection_error)
-        cost = f"{row.ms_per_second:.1f}", f"{row.environment_rate:.0f}"
-        table.add_row(beam, row.integrator, _step(row.step), *errors, *cost, style=style)
-    if result.missing is not None:
-        table.add_row("MuJoCo", result.missing)
+        cost = f"{row.ms_per_second:.{1 if row.ms_per_second < WHOLE else 0}f}", f"{row.environment_rate:.0f}"
+        table.add_row(row.engine, str(row.parts), row.integrator, _step(row.step), *errors, *cost, style=style)
     return table
 
 

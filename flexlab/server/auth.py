@@ -219,7 +219,10 @@ def _sign_in(request: web.Request, cookie: str, token: str) -> web.Response:
     return answer
 
 
-OPENS_WITH_TOKEN = "This lab opens with a token: use the whole address that you were given (the terminal shows it), or enter the token."
+OPENS_WITH_TOKEN = (
+    "This lab opens with a token: use the whole address that you were given (the terminal shows it), "
+    "or enter the token."
+)
 
 
 def ask_for_token(request: web.Request, sentence: str = OPENS_WITH_TOKEN) -> web.Response:

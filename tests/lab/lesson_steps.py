@@ -119,7 +119,8 @@ UPDATES = 25
 """Of the readouts: guide and explanations look at every tenth, and an explanation comes when it was found twice."""
 FOLLOW = """async (count) => {
   const read = () => document.querySelector(".fl-grid")?.textContent;
-  for (let last = read(); count > 0; await new Promise((done) => setTimeout(done, 40))) {
+  const stopped = () => [...document.querySelectorAll(".fl-title")].some((title) => title.textContent === "Stopped");
+  for (let last = read(); count > 0 && !stopped(); await new Promise((done) => setTimeout(done, 40))) {
     if (read() !== last) count -= 1;
     last = read(); } }"""
 WAITS = ("let ", "wait", "Wait", "Let", "after", "beyond")

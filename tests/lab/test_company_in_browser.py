@@ -80,9 +80,10 @@ def test_nothing_is_clipped_on_a_phone_that_begins_dark(chromium: Browser, page:
         all_is_on_the_screen(phone, "390x844", ("dark", "light"))
         for name in ("Motion", "Guide"):
             heading = phone.page.get_by_role("button", name=f"Expand panel {name}", exact=True)
-            box = heading.bounding_box()
+            box, below = heading.bounding_box(), phone.page.get_by_text("simulation time t").bounding_box()
             assert box is not None
-            assert box["y"] < phone.page.get_by_text("simulation time t").bounding_box()["y"], f"{name} is found"
+            assert below is not None
+            assert box["y"] < below["y"], f"{name} is found"
             heading.click()
         phone.wait_for_text("Mid-span deflection, true size")
         wait_until(lambda: phone.page.evaluate(OVERFLOWING) == [], "nor is anything cut beside open plots", 20)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import compiled, pluggable
 from flexlab.physics.arm import joint_torques
 from flexlab.physics.dynamics import configure_arms, set_momenta
 from flexlab.physics.plant import ETA, Plant
@@ -117,7 +117,7 @@ def begin_worlds(plant, variants, worlds, start, desired, ws):
         seen[9] = seen[10] = 0.0
 
 
-@compiled
+@pluggable
 def step_worlds(
     system,
     sampling,
@@ -138,6 +138,7 @@ def step_worlds(
     """Move the worlds that do not pause by one control period under actions (worlds, 3 or 3 per arm), N and N·m.
 
     `limits` (3,): largest joint torques; `noise` (8,): standard deviations of e, ė, hᵀq̇ and gᵀq̇; `level`, `first`: 0, False.
+    Returns 0.
     """
     plant, arm_count = system.plant, len(system.plant.arms)
     for w in range(len(worlds.tick)):
@@ -195,3 +196,4 @@ def step_worlds(
             seen[9 + a] = moment
         cost += ((row[MIDSPAN] - row[QUASI_STATIC]) / VIBRATION_SCALE) ** 2 + EFFORT * effort
         worlds.reward[w] = -period * min(cost, WORST)
+    return np.int64(0)

@@ -1,16 +1,17 @@
 """A fixed number of worlds that move together: what they share, what differs, and the threads that move them."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor
+import weakref
 from typing import Any
 
 import numpy as np
 
 from flexlab.api import named_scenario
-from flexlab.compiled import entry_point
+from flexlab.compiled import PLAIN_PYTHON, entry_point
 from flexlab.errors import StudyError
 from flexlab.gym_environment.kernels import OBSERVED, Variants, Worlds, begin_worlds, step_worlds
 from flexlab.gym_environment.settings import WRENCH, Settings
+from flexlab.gym_environment.standing_threads import StandingThreads
 from flexlab.physics.plant import Workspace
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, build_assembly
@@ -62,8 +63,14 @@ class WorldBatch:
             (slice(low, high), Worlds(*(array[low:high] for array in self.state)), new_workspace(first.system))
             for low, high in zip(edges[:-1], edges[1:], strict=True)
         ]
-        self._pool = ThreadPoolExecutor(threads - 1, thread_name_prefix="flexlab-gym") if threads > 1 else None
-        self._move = entry_point(step_worlds, *self._arguments(*self._parts[0], np.zeros((count, self.action_size))))
+        self._actions = np.zeros((count, self.action_size))
+        parts = [self._arguments(*part) for part in self._parts]
+        kernel = entry_point(step_worlds, *parts[0])
+        self._move = self._move_alone = lambda: [kernel(*part) for part in parts]
+        self._end_threads = lambda: None
+        if threads > 1 and not PLAIN_PYTHON:
+            standing = StandingThreads(step_worlds, parts)
+            self._move, self._end_threads = standing.run, weakref.finalize(self, standing.close)
 
     @property
     def action_size(self) -> int:
@@ -83,19 +90,14 @@ class WorldBatch:
 
     def step(self, actions: np.ndarray) -> None:
         """Move the worlds that do not pause under actions (count, numbers), on all threads; then none pauses."""
-        others = [self._pool.submit(self._step, *part, actions) for part in self._parts[1:]] if self._pool else []
-        self._step(*self._parts[0], actions)
-        for other in others:
-            other.result()
+        self._actions[:] = actions
+        self._move()
         self.state.pause[:] = False
 
-    def _step(self, place: slice, worlds: Worlds, ws: Workspace, actions: np.ndarray) -> None:
-        self._move(*self._arguments(place, worlds, ws, actions))
-
-    def _arguments(self, place: slice, worlds: Worlds, ws: Workspace, actions: np.ndarray) -> tuple[Any, ...]:
+    def _arguments(self, place: slice, worlds: Worlds, ws: Workspace) -> tuple[Any, ...]:
         settings = self.settings
         return (
-            self._system, self._sampling, self._watch, self._variants, worlds, actions[place], settings.action == WRENCH,
+            self._system, self._sampling, self._watch, self._variants, worlds, self._actions[place], settings.action == WRENCH,
             self._limits, self._noise, settings.control_period, settings.ticks, self._bend_limit, 0, False, ws,
         )  # fmt: skip
 
@@ -105,8 +107,8 @@ class WorldBatch:
 
     def close(self) -> None:
         """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._move = self._move_alone
+        self._end_threads()
 
 
 def _base(settings: Settings) -> Scenario:

@@ -151,7 +151,7 @@ def measure(elements: int | None) -> None:
 
 def main() -> None:
     """For the paper's beam, then for each number of elements."""
-    for elements in [*map(int, sys.argv[1:])]:
+    for elements in [None, *map(int, sys.argv[1:])]:
         measure(elements)
 
 

@@ -26,7 +26,7 @@ CAMERA = {
 
 def widget(session: Session, label: str) -> Any:
     """The server's handle of the widget with a label."""
-    handles = session.server.gui._gui_input_handle_from_uuid.values()
+    handles = list(session.server.gui._gui_input_handle_from_uuid.values())
     return next(handle for handle in handles if getattr(handle._impl.props, "label", None) == label)
 
 

@@ -25,6 +25,10 @@ def session(lasting_session: Session) -> Session:
     return lasting_session
 
 
+def _is_upload_button(handle: Any) -> bool:
+    return getattr(handle._impl.props, "label", None) == "Open a file"
+
+
 def upload_button(session: Session) -> str:
     return widget(session, "Open a file")._impl.uuid
 
@@ -144,7 +148,7 @@ def test_marks_of_forms_are_not_kept_for_those_who_come_later(session: Session) 
 
 
 def test_acknowledgements_go_with_the_uploads_that_they_were_for(session: Session) -> None:
-    buffer = session.server._websock_server._broadcast_buffer
+    buffer, handles = session.server._websock_server._broadcast_buffer, session.server.gui._gui_input_handle_from_uuid
 
     def kept() -> int:
         messages = list(buffer.message_from_id.values())
@@ -154,7 +158,9 @@ def test_acknowledgements_go_with_the_uploads_that_they_were_for(session: Sessio
         for number in range(8):
             button = upload_button(session)
             browser.send(start(session, f"t{number}", part_count=0, size_bytes=0))
-            wait_until(lambda known=button: upload_button(session) != known, "the file was taken", 20)
+            # One button goes before the next one comes.
+            wait_until(lambda known=button: known not in handles, "the file was taken", 20)
+            wait_until(lambda: any(_is_upload_button(each) for each in list(handles.values())), "the next may come", 20)
         assert 1 <= kept() <= 5
     wait_until(lambda: kept() == 0, "with the browser the last one goes", 20)
 

@@ -129,7 +129,7 @@ def _serving_on(
         return original(handler, sock=plug, process_request=look, **options)
 
     with _OPENING:
-        websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]
+        websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]  # A class there, a function here.
         try:
             yield
         finally:

@@ -161,7 +161,7 @@ class Scenario(Part):
                 part = vars(self).get(name)
                 if type(part) not in _whole_parts or None in own:
                     return None
-                parts[name] = _with_fields(part, own)  # type: ignore[arg-type]
+                parts[name] = _with_fields(part, own)  # type: ignore[arg-type]  # A part, as its type says; no name is None.
                 if parts[name] is None:
                     return None
             return self.model_copy(update=parts)._fits_together()

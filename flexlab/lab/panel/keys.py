@@ -40,8 +40,8 @@ def add_keys(gui: viser.GuiApi, lab_state: LabState, keys: list[Key]) -> None:
         command = gui.add_command(
             key.label,
             description=key.words,
-            hotkey=key.key,  # type: ignore[arg-type]
-            modifier=key.modifier,  # type: ignore[arg-type]
+            hotkey=key.key,  # type: ignore[arg-type]  # As above.
+            modifier=key.modifier,  # type: ignore[arg-type]  # As above.
         )
         command.on_trigger(handler(lab_state, key.action))
 

@@ -41,10 +41,8 @@ class Variants(NamedTuple):
     """(variants, n_q, n_m)."""
     compliance: np.ndarray
     """(variants, 2)."""
-    operators: np.ndarray
-    """Of `Etdrk4`, (variants, 5, …)."""
-    flow: np.ndarray
-    """Of `Etdrk4`, (variants, 15, …)."""
+    etdrk4: Etdrk4
+    """Each array with an axis (variants,) before its own."""
     step_count: np.ndarray
     """Integration steps per control period, (variants,)."""
 
@@ -150,6 +148,8 @@ def step_worlds(
             variants.kappa[v], variants.V[v], variants.compliance[v], plant.pull,
         )  # fmt: skip
         moving = System(own, system.control, system.trajectory, held)
+        all_etdrk4 = variants.etdrk4
+        etdrk4 = Etdrk4(all_etdrk4.operators[v], all_etdrk4.forced[v], all_etdrk4.soft_modes[v], all_etdrk4.flow[v])
         code = configure_arms(own, y[0:3], ws.seen, ws.fault)
         c, s, effort = ws.seen.trig[0], ws.seen.trig[1], 0.0
         for i in range(arm_count):
@@ -170,8 +170,8 @@ def step_worlds(
         tick = worlds.tick[w]
         if code == 0:
             _, code = advance(
-                moving, sampling, Etdrk4(variants.operators[v], variants.flow[v]), None, None, watch, level, bend_limit,
-                0.0, tick, period, variants.step_count[v], y, worlds.good[w], ws, worlds.row[w], first,
+                moving, sampling, etdrk4, None, None, watch, level, bend_limit, 0.0, tick, period,
+                variants.step_count[v], y, worlds.good[w], ws, worlds.row[w], first,
             )  # fmt: skip
         worlds.tick[w] = tick + 1
         worlds.over[w] = tick + 1 >= ticks

@@ -16,6 +16,7 @@ from flexlab.physics.plant import Workspace
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.closed_loop import new_workspace, state_length
+from flexlab.sim.integrators.scheme import Etdrk4
 from flexlab.sim.row_layout import row_length
 from flexlab.sim.signals import MIDSPAN
 from flexlab.sim.target import desired_at
@@ -136,8 +137,7 @@ def _stack(assemblies: list[Assembly]) -> Variants:
     plants = [assembly.system.plant for assembly in assemblies]
     return Variants(
         *(np.stack([getattr(plant, name) for plant in plants]) for name in Variants._fields[:5]),
-        operators=np.stack([scheme.operators for scheme in schemes if scheme is not None]),
-        flow=np.stack([scheme.flow for scheme in schemes if scheme is not None]),
+        etdrk4=Etdrk4(*map(np.stack, zip(*(scheme for scheme in schemes if scheme is not None), strict=True))),
         step_count=np.array([assembly.step_count for assembly in assemblies]),
     )
 

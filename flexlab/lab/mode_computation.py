@@ -5,6 +5,8 @@ So a fine mesh holds up neither picture nor controls.
 
 import logging
 import threading
+import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,6 +16,13 @@ from flexlab.control.conditions import Condition
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.geometry import deflection_at
+
+REST = 0.3
+"""s without a change of the scenario after which its modes are computed at once."""
+
+PAUSE_SHARE = 9
+"""Until then, as while a slider is dragged: how much longer than a computation the pause after it is. The picture needs the
+processor more."""
 
 PEAK_POINTS = 101
 """Places along the beam at which its largest deflection is sought."""
@@ -28,12 +37,14 @@ def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
 
 
 class ModeStudy:
-    """Holds the newest finished result. `ask` as often as you like: one computation runs at a time."""
+    """Holds the newest finished result. `ask` again and again: one computation runs at a time, few while answers would be old."""
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._lock, self._clock = threading.Lock(), clock
         self._thread: threading.Thread | None = None
         self._asked: Scenario | None = None
+        self._wanted: Scenario | None = None
+        self._wanted_since = self._not_before = float("-inf")
         self.result: Modes | None = None
         """Modes of the scenario last computed; None before the first."""
         self.problem = ""
@@ -43,10 +54,15 @@ class ModeStudy:
         self._background: Background | None = None
 
     def ask(self, scenario: Scenario) -> None:
-        """Have the modes of `scenario` computed, unless they are or are being computed."""
+        """Have the modes of `scenario` computed, unless they are or are being computed, or too many were just now."""
         with self._lock:
+            now, key = self._clock(), _key(scenario)
+            if self._wanted is None or _key(self._wanted) != key:
+                self._wanted, self._wanted_since = scenario, now
             busy = self._thread is not None and self._thread.is_alive()
-            if busy or (self._asked is not None and _key(self._asked) == _key(scenario)):
+            if busy or (self._asked is not None and _key(self._asked) == key):
+                return
+            if now < self._not_before and now - self._wanted_since < REST:
                 return
             self._asked = scenario
             self._thread = threading.Thread(target=self._compute, args=(scenario,), name="flexlab-modes", daemon=True)
@@ -65,6 +81,7 @@ class ModeStudy:
             thread.join()
 
     def _compute(self, scenario: Scenario) -> None:
+        begun = self._clock()
         try:
             self._background = found = Background.of(scenario)
             self.conditions, self.result, self.problem = found.conditions, found.modes, ""
@@ -73,6 +90,8 @@ class ModeStudy:
         except Exception as error:
             log.exception("modes failed")
             self.problem = f"The modes could not be computed ({type(error).__name__}: {error})."
+        now = self._clock()
+        self._not_before = now + PAUSE_SHARE * (now - begun)
 
 
 def _key(scenario: Scenario) -> tuple:

@@ -108,6 +108,8 @@ class Workspace(NamedTuple):
     """At the pose a sampled controller measures: views of `measured`."""
     u: np.ndarray
     """Arm inputs, (arms, 3): a view of `truth`."""
+    u_before: np.ndarray
+    """The same as a step's last stage had them: before a sampled controller or a kink of the path changed them, (arms, 3)."""
     hand: np.ndarray
     """What a hand on a link adds to the arm's input, 𝒥-transformed as u is, (arms, 3)."""
     tau: np.ndarray
@@ -172,6 +174,7 @@ def make_workspace(arm_count: int, mode_count: int, memory_size: int = 3, signal
         arm=terms(truth),
         seen=terms(measured),
         u=truth.view(np.ndarray)["u"][0, :arm_count],
+        u_before=np.zeros((arm_count, 3)),
         hand=np.zeros((arm_count, 3)),
         tau=np.zeros(3),
         velocity=np.zeros(3),

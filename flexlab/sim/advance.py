@@ -112,7 +112,8 @@ def advance(
                     if j == 0:
                         since = ETA + 2 * n + TICKS
                         y[since] = y[since] + 1 if y[since] >= 1 else 1.0
-                        meet_acceleration(system.plant, etdrk4.flow, y, ws)
+                        jumps = system.control.sampled or system.trajectory.inside > 0
+                        meet_acceleration(system.plant, etdrk4.flow, ws.u_before if jumps else ws.u, y, ws)
             if j == 0:
                 if code == 0 and row >= 0:
                     known = flows and np.isfinite(true_rate[0])

@@ -44,6 +44,11 @@ class Pacing:
         self.anchor(wall, time)
         self._history.clear()
 
+    def pass_on(self, time_before: float, time: float) -> None:
+        """Let a world that stands at `time` go on for one that stood at `time_before`: what was due still is."""
+        self._origin += time - time_before
+        self._history = deque((wall, past + time - time_before) for wall, past in self._history)
+
     def target(self, wall: float) -> float:
         """Simulation time that should be reached at `wall`."""
         return self._origin + (wall - self._wall) * self.speed if self.runs else self._origin

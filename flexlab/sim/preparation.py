@@ -1,6 +1,7 @@
 """Slow derivations beside the running world: modes and matrix functions of fine meshes, on a thread of their own."""
 
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 
 from flexlab.scenario import Scenario
@@ -43,8 +44,9 @@ class Preparation:
         return self._current
 
     def start(self, group: tuple[Command, ...], scenario: Scenario, known: Assembly, attempt: int) -> None:
-        """Derive the assembly of `scenario` for a group of commands."""
-        self._current = Prepared(group, self._executor.submit(build_assembly, scenario, TICK, [known]), attempt)
+        """Derive the assembly of `scenario` for a group of commands; nothing once this is stopped."""
+        with suppress(RuntimeError):  # What an executor says that takes no more, at whatever instant it was stopped.
+            self._current = Prepared(group, self._executor.submit(build_assembly, scenario, TICK, [known]), attempt)
 
     def take(self) -> Prepared | None:
         """The finished derivation, if there is one: it is then the caller's."""

@@ -2,8 +2,11 @@
 
 import numpy as np
 
-from flexlab.physics.beam import GAUSS_POINTS, shape_row
+from flexlab.physics.beam import GAUSS_POINTS, gauss_rule
 from flexlab.scenario import Payload
+from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.build import payload_row
+from flexlab.sim.geometry import shape_functions
 
 
 def project_beam(old: Payload, new: Payload, M_q: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -12,23 +15,16 @@ def project_beam(old: Payload, new: Payload, M_q: np.ndarray, q: np.ndarray) -> 
     M_q: mass matrix of the new mesh. A mesh of one pinned element, whose shape cannot always meet that condition, gets it
     as well where its mid-span can move at all.
     """
-    load = np.zeros(len(M_q))
     cells = np.union1d(*(np.linspace(-p.length / 2, p.length / 2, p.element_count + 1) for p in (old, new)))
-    points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-    for low, high in zip(cells[:-1], cells[1:], strict=True):
-        for point, weight in zip(points, weights, strict=True):
-            s = (low + high) / 2 + point * (high - low) / 2
-            scale = new.linear_density * weight * (high - low) / 2
-            load += scale * (row(old, s) @ q) * row(new, s)
-    projected = np.linalg.solve(M_q, load)
-    middle = row(new, 0.0)
-    correction = np.linalg.solve(M_q, middle)
+    points, weights = gauss_rule(GAUSS_POINTS)
+    middles, halves = (cells[1:] + cells[:-1]) / 2, np.diff(cells) / 2
+    s = (middles[:, None] + np.outer(halves, points)).ravel()
+    w = shape_functions(old, s) @ q
+    load = (new.linear_density * np.outer(halves, weights).ravel() * w) @ shape_functions(new, s)
+    middle = payload_row(new, 0.0)
+    with one_blas_thread():  # The bits of a factorisation depend on their number.
+        projected, correction = np.linalg.solve(M_q, np.stack([load, middle], axis=1)).T
     give = middle @ correction
     if give > 0:
-        projected += correction * (row(old, 0.0) @ q - middle @ projected) / give
+        projected += correction * (payload_row(old, 0.0) @ q - middle @ projected) / give
     return projected
-
-
-def row(payload: Payload, s: float) -> np.ndarray:
-    """N(s) of a payload, (n_q,)."""
-    return shape_row(s, payload.length, payload.element_count, payload.boundary)

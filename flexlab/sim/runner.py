@@ -1,5 +1,6 @@
 """The simulation thread: paces a `World` by an injected clock, drains commands, publishes snapshots, feeds consumers."""
 
+import sys
 import threading
 import time
 from collections import deque
@@ -13,6 +14,7 @@ from flexlab.control.own_path import with_table
 from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, Unprepared
+from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.command_queue import MOST_STEPS, MOST_WAITING, CommandQueue, begins_run, merged_changes, overlap
 from flexlab.sim.command_text import command_text
 from flexlab.sim.commands import (
@@ -46,6 +48,14 @@ FRAME_BUDGET = 0.03
 
 IDLE_PERIOD = 0.25
 """Wall seconds between two rounds while time stands and nobody asks for anything: a lab that waits costs next to nothing."""
+
+DRAG_PAUSE = 0.5
+"""Wall seconds after a run began within which a change that begins another one is one more value of a dragged slider: such a run
+waits for nobody."""
+
+SWITCH_INTERVAL = 1e-3
+"""Seconds after which Python takes its lock from a thread that does not give it up: of its usual 5 ms, which the simulation
+would wait after every block of ticks, a frame of a derivation beside it has room for three."""
 
 STOP_PERIOD = 0.02
 """Wall seconds between two reminders that the thread is to stop."""
@@ -83,6 +93,7 @@ class Runner:
         self._frame_end = float("inf")
         self._steps_left = 0
         self._pace_warning = ""
+        self._began = float("-inf")
         self._hold_starts, self._released = hold_starts, 0
         self._stopping = threading.Event()
         self._news = threading.Event()
@@ -118,7 +129,7 @@ class Runner:
         while self._thread is not None and self._thread.is_alive():
             self._world.interrupt()
             self._thread.join(STOP_PERIOD)
-        self._end()
+        self._end(self._final_status())
 
     def submit(self, command: Command) -> int:
         """Queue a command; it takes effect at the head of the runner's next frame. Invalid ones become error events.
@@ -170,6 +181,12 @@ class Runner:
         return not (self._world.status.failed or self._stopping.is_set()) and self._clock() <= self._frame_end
 
     def _loop(self) -> None:
+        sys.setswitchinterval(SWITCH_INTERVAL)
+        # For the drawing's products as well: a library's idle thread spins, and of a fine mesh took a core of its own.
+        with one_blas_thread():
+            self._rounds()
+
+    def _rounds(self) -> None:
         next_frame = self._clock()
         while not self._stopping.is_set():
             self._news.clear()
@@ -258,7 +275,7 @@ class Runner:
         if origin is not None:
             world.restore(origin.state)
         self._report(event)
-        self._end()
+        self._end(self._final_status())
         self._begin(world, name)
         if origin is not None:
             self._report(replace(event, time=world.time))
@@ -291,8 +308,8 @@ class Runner:
 
     def _change(self, command: ChangeScenario | Pull | Tap, known: tuple[Assembly, ...], at_once: bool) -> None:
         """Let the world take on a change; a restart or another beam structure begins a new run."""
-        world = self._world
-        event = Event(world.time, command_text(command), command)
+        world, time_before, final = self._world, self._world.time, self._final_status()
+        event = Event(time_before, command_text(command), command)
         begins_anew = world.apply(command, known, at_once)
         if isinstance(command, ChangeScenario):  # What is recorded must need no code of a person's own.
             complete = with_table(command.changes, world.scenario.trajectory)
@@ -301,8 +318,8 @@ class Runner:
         self._report(event)
         self._block.forget()
         if begins_anew:
-            self._end()
-            self._begin(world, self._name)
+            self._end(final)
+            self._begin(world, self._name, time_before)
         else:
             self._latest = world.observe()
             self._announce_pace()
@@ -342,18 +359,28 @@ class Runner:
             self._steps_left = 0
         self._pacing.restart(self._clock(), self._world.time)
 
-    def _begin(self, world: World, name: str) -> None:
-        """Make `world` the current run and tell the consumers, its present sample included."""
-        self._world, self._name, self._steps_left = world, name, 0
-        self._start_time, self._pacing.waiting = world.time, self._hold_starts and world.tick == 0
+    def _begin(self, world: World, name: str, time_before: float | None = None) -> None:
+        """Make `world` the current run and tell the consumers, its present sample included.
+
+        `time_before`: where the run stood that a change made it of; time then passes as it did, and only the first of several
+        such changes is waited for.
+        """
+        self._world, self._name, self._steps_left, wall = world, name, 0, self._clock()
+        dragged = time_before is not None and wall - self._began < DRAG_PAUSE
+        self._start_time, self._began = world.time, wall
+        waited = self._pacing.waiting
+        self._pacing.waiting = self._hold_starts and world.tick == 0 and not dragged
         self._block.forget()
-        self._runs.note(self._clock())
+        self._runs.note(wall)
         self._run_number += 1
         self._dropped = 0
         self._events.clear()
         self._history = History(world.row_length, len(world.scenario.arms), own_signals(world.scenario))
         self._latest = self._previous = world.observe()
-        self._pacing.restart(self._clock(), world.time)
+        if time_before is None or waited or self._pacing.waiting:
+            self._pacing.restart(self._clock(), world.time)
+        else:
+            self._pacing.pass_on(time_before, world.time)
         for consumer in self._consumers:
             consumer.begin_run(self._run_number, name, world.scenario, world.state())
         if world.status.failed:
@@ -370,11 +397,14 @@ class Runner:
             self._report(Event(self._world.time, warning, level="warning"))
         self._pace_warning = warning
 
-    def _end(self) -> None:
-        status = self._world.status
-        if not status.failed:
-            text = f"Ended at t = {self._world.time:.3f} s. {self._world.accuracy_warning}".rstrip()
-            status = Status("finished", text, self._world.time)
+    def _final_status(self) -> Status:
+        """The status that the run has if it ends now."""
+        world = self._world
+        if world.status.failed:
+            return world.status
+        return Status("finished", f"Ended at t = {world.time:.3f} s. {world.accuracy_warning}".rstrip(), world.time)
+
+    def _end(self, status: Status) -> None:
         for consumer in self._consumers:
             consumer.end_run(self._run_number, status)
 

@@ -22,7 +22,7 @@ from flexlab.sim.closed_loop import System, scratch_workspace
 from flexlab.sim.integrators.etdrk4 import Functions, beam_operators, block_functions
 from flexlab.sim.integrators.generalized_alpha import effective_inverse
 from flexlab.sim.integrators.rk4 import STABILITY_LIMIT
-from flexlab.sim.integrators.scheme import ORDER, Etdrk4, GeneralizedAlpha, Scheme
+from flexlab.sim.integrators.scheme import ORDER, GeneralizedAlpha, Scheme
 
 REFERENCE_STEP = 1e-3
 REFERENCE_ERROR = {"rk4": 6e-8, "etdrk4": 3e-8, "generalized-alpha": 6e-6}
@@ -47,6 +47,13 @@ CONTROLLED_STEP = 2e-5
 COUPLING_LIMIT, COUPLED_STEP = 0.1, 1e-5
 """Longest step times the rate at which light arms give way to the beam's modes, the part of the beam that etdrk4 does not
 propagate exactly, for the default accuracy; never asked for below the second number, s: there, only the highest modes gain."""
+
+FADING_LIMIT = 0.5
+"""`COUPLING_LIMIT` of modes that ring no longer than `FADED`: of a smooth motion they show their quasi-static bending, and what
+follows a start or a change has shorter steps (`step_levels`)."""
+
+FADED = 2.5e-4
+"""s: what rings as long counts for exp(-1) of what rings for ever."""
 
 STABLE_COUPLING = 1.0
 """Longest step times that rate with which etdrk4 is stable, with a margin of two."""
@@ -80,13 +87,15 @@ class Rates(NamedTuple):
     """Of the beam's fastest mode, 1/s."""
     coupling: float
     """Norm of the modes' coupling through grips that give way, 1/s."""
+    lasting: float
+    """The same of modes that ring on, 1/s."""
 
 
 def find_rates(beam: Beam, system: System, trajectory: Trajectory, free_rate: float) -> Rates:
     """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s."""
     desired = desired_poses(system, trajectory)
-    gives, coupling = giving_way(system, beam, desired)
-    return Rates(desired, free_rate * math.sqrt(1 + gives), coupling)
+    gives, coupling, lasting = giving_way(system, beam, desired)
+    return Rates(desired, free_rate * math.sqrt(1 + gives), coupling, lasting)
 
 
 def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
@@ -134,18 +143,27 @@ def free_beam_rate(beam: Beam) -> float:
     return fastest
 
 
-def giving_way(system: System, beam: Beam, desired: np.ndarray) -> tuple[float, float]:
-    """What grips that give way, at the inertias S of desired poses (k, 3), do to the beam, for C = (h, g): 1 and 1/s.
+def giving_way(system: System, beam: Beam, desired: np.ndarray) -> tuple[float, float, float]:
+    """What grips that give way, at the inertias S of desired poses (k, 3), do to the beam, for C = (h, g): 1, 1/s and 1/s.
 
     They add C S⁻¹Cᵀ to the inverse mass, and with it at most its largest eigenvalue to ω². And they couple the modes with the
-    norm of the largest eigenvalue of S⁻¹(CᵀΩC).
+    norm of the largest eigenvalue of S⁻¹(CᵀΩC): of all modes, and of those that ring on.
     """
-    loads = system.plant.modal[: G + 1]
-    (hh, hg), (_, gg) = (loads * beam.modes.omega) @ loads.T
-    forms, found = np.stack([_in_pose(*system.plant.kappa), _in_pose(hh, hg, gg)]), np.zeros(2)
-    largest_ratios_at(system.plant, desired, forms, scratch_workspace(system), found)
-    gives, coupling = map(float, found)
-    return gives, coupling
+    loads, omega = system.plant.modal[: G + 1], beam.modes.omega
+    forms = [_in_pose(*system.plant.kappa)]
+    for weight in (omega, omega * np.exp(-FADED * ring_decay(beam))):
+        (hh, hg), (_, gg) = (loads * weight) @ loads.T
+        forms.append(_in_pose(hh, hg, gg))
+    found = np.zeros(len(forms))
+    largest_ratios_at(system.plant, desired, np.stack(forms), scratch_workspace(system), found)
+    gives, coupling, lasting = map(float, found)
+    return gives, coupling, lasting
+
+
+def ring_decay(beam: Beam) -> np.ndarray:
+    """Rate at which each mode's slower part fades with its own damping alone, 1/s, (n_m,)."""
+    half = beam.modes.D.diagonal() / 2
+    return half - np.sqrt(np.maximum(half**2 - beam.modes.omega**2, 0.0))
 
 
 @compiled
@@ -194,11 +212,11 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     stable = STABILITY_LIMIT / beam_speed if integrator == "rk4" else math.inf
     if simulation.step is None:
         ease = (simulation.accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
-        coupling, fades = rates.coupling, float(beam.modes.D.diagonal().max()) / 2 > RINGING_DECAY
-        limit = COUPLING_LIMIT if fades else RINGING_LIMIT
-        coupled = (
-            max(min(COUPLED_STEP, STABLE_COUPLING / coupling), ease * limit / coupling) if coupling > 0 else math.inf
-        )
+        fades = float(beam.modes.D.diagonal().max()) / 2 > RINGING_DECAY
+        coupled, coupling = math.inf, rates.coupling
+        if coupling > 0:
+            lasting = (COUPLING_LIMIT if fades else RINGING_LIMIT) / max(rates.lasting, 1e-9 * coupling)
+            coupled = max(min(COUPLED_STEP, STABLE_COUPLING / coupling), ease * min(lasting, FADING_LIMIT / coupling))
         if integrator == "rk4":
             stable = min(RESOLVED * stable, RESOLVED_ANGLE / float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]))
         step = min(stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
@@ -283,7 +301,7 @@ def build_scheme(integrator: str, beam: Beam, dt: float, known: Sequence[Sequenc
     if integrator == "etdrk4":
         linear = (modes.omega, modes.D, modes.block_start)
         functions = known or [block[:2] for block in block_functions(*linear, dt)]
-        return Scheme(etdrk4=Etdrk4(*beam_operators(*linear, loads, dt, functions)))
+        return Scheme(etdrk4=beam_operators(*linear, loads, dt, functions))
     if integrator == "generalized-alpha":
         inverse = effective_inverse(modes.omega, modes.D, modes.block_start, dt)
         return Scheme(generalized_alpha=GeneralizedAlpha(inverse, loads @ inverse))

@@ -1,6 +1,7 @@
 """The mode table says which loop its poles are of, marks what grows, and shows the margins."""
 
 import re
+import threading
 
 import pytest
 
@@ -44,13 +45,41 @@ def test_a_loop_without_rest_point_says_so_and_keeps_the_beams_modes():
 
 @pytest.mark.parametrize("change", [{"controller.control_period": 2e-3}, {"gravity": 5.0}])
 def test_the_study_follows_the_scenario(change: dict):
-    study, scenario = ModeStudy(), load_preset("paper")
+    now = 0.0
+    study, scenario = ModeStudy(lambda: now), load_preset("paper")
     study.ask(scenario)
     study.stop()
     before = study.result
+    now = 0.1
     study.ask(scenario.replace(change))
     study.stop()
     assert study.problem == ""
     assert study.result is not before
     assert study.result is not None
     assert study.result.disk_margin is not None
+
+
+def test_while_a_slider_is_dragged_the_study_leaves_the_processor_to_the_picture():
+    """A computation of 0.1 s among values every 0.05 s: one a second; when the slider rests, its last value, soon."""
+    now, computed = 0.0, []
+
+    def clock() -> float:
+        nonlocal now
+        if threading.current_thread().name == "flexlab-modes":  # Asked at its beginning and its end.
+            now += 0.1 * (len(computed) % 2)
+            computed.append(now)
+        return now
+
+    study, scenario = ModeStudy(clock), load_preset("paper")
+    for value in range(66):
+        now = max(now, 0.05 * value)
+        study.ask(scenario.replace({"payload.bending_stiffness": 100.0 + value}))
+        study.stop()
+    assert computed[::2] == pytest.approx([0.0, 1.0, 2.0, 3.0], abs=0.21)
+    before = study.result
+    for value in (100.0, 100.0, 100.0, 100.0):
+        study.ask(scenario.replace({"payload.bending_stiffness": value}))
+        study.stop()
+        now += 0.11
+    assert study.result is not before
+    assert study.background(scenario) is not None

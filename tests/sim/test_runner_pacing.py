@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlab.presets import load_preset
-from flexlab.sim.commands import LoadScenario, Pause, Play, Reset, SetSpeed, StepOnce
+from flexlab.sim.commands import ChangeScenario, LoadScenario, Pause, Play, Reset, SetSpeed, StepOnce
 from flexlab.sim.pacing import BACKLOG_LIMIT
 
 
@@ -196,3 +196,36 @@ def test_a_person_need_not_wait(live, command, plays: bool):
     assert time_of(snapshot) == pytest.approx(
         0.1 if plays else 0.003 if isinstance(command, StepOnce) else 0.0, abs=0.02
     )
+
+
+def test_dragging_the_mesh_loses_no_time(live):
+    """Every value begins a run in which time goes on: after a second of them a second has passed."""
+    stage = live()
+    stage.play(0.5)
+    before = time_of(stage.runner.snapshot)
+    for frame in range(60):
+        change = [ChangeScenario({"payload.element_count": 3 + frame // 3 % 4})] if frame % 3 == 0 else []
+        snapshot = stage.frame(1 / 60, *change)
+    assert snapshot.run_number > 15
+    assert time_of(snapshot) - before == pytest.approx(1.0, abs=0.0021)
+    assert snapshot.actual_speed == pytest.approx(1.0, rel=0.03)
+
+
+def test_dragging_the_length_waits_for_its_first_value_only(live):
+    """Every value begins a run at t = 0. The first is looked at before it goes on; of the others each goes on at once."""
+    stage = live(hold_starts=True)
+    stage.runner.release(1)
+    stage.play(1.0)
+    simulated = []
+    for value in range(20):
+        snapshot = stage.frame(1 / 60, ChangeScenario({"payload.length": 0.5 - 0.001 * (value + 1)}))
+        assert snapshot.run_number == value + 2
+        assert snapshot.waiting == (value == 0)
+        if value == 0:
+            stage.runner.release(2)
+        stage.frame()
+        simulated.append(time_of(stage.frame()))
+    assert simulated[1:] == pytest.approx([0.05] * 19, abs=0.0021)
+    ends = [status.text for _, status in stage.keeper.ends]
+    assert ends[0] == "Ended at t = 0.983 s."
+    assert all(text.startswith("Ended at t = 0.0") and text != "Ended at t = 0.000 s." for text in ends[2:])

@@ -15,7 +15,8 @@ whatever the stiffness of a mode: no mode is too fast for it. It is not the defe
 comes from the new state that the integrator finds.
 
 Where a sample is taken, b gets the quadratic part q (6 (s/h)² - 6 s/h + 1) with which it ends at the acceleration that the
-sample's own rates give: fast damped modes follow the present acceleration, and a line through a step ends beside it.
+sample's own rates give: fast damped modes follow the present acceleration, and a line through a step ends beside it. Where the
+inputs jump at that very instant, it is the acceleration that they gave until then.
 """
 
 import numpy as np
@@ -124,8 +125,11 @@ def end_flow(plant, flow, dt, free, y, ws):
 
 
 @inlined
-def meet_acceleration(plant, flow, y, ws):
-    """Give the noted η̇ the curved part of b, after `end_flow` of the same instant."""
+def meet_acceleration(plant, flow, u, y, ws):
+    """Give the noted η̇ the curved part of b, after `end_flow` of the same instant; u (arms, 3): the inputs up to it.
+
+    A mode as fast as the step has followed those, and not what a controller asks for from this instant on.
+    """
     n = plant.modal.shape[1]
     b, rate, x_ddot, across = (
         y[ETA + 2 * n : ETA + 2 * n + 2],
@@ -133,10 +137,13 @@ def meet_acceleration(plant, flow, y, ws):
         ws.stage[8, 0:3],
         ws.stage[8, 3:6],
     )
-    if not np.isfinite(rate[0]):
+    fast = 0.0
+    for k in range(n):
+        fast += flow[FAST, k]
+    if fast == 0 or not np.isfinite(rate[0]):
         return
     c, s = ws.arm.trig[0], ws.arm.trig[1]
-    acceleration(plant, y, rate, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
+    acceleration(plant, y, rate, ws.w_bar[0], ws.beam_rate[0], u, ws, x_ddot)
     missed, missed_turn = c * x_ddot[1] - s * x_ddot[0] + plant.gravity * c - b[0], x_ddot[2] - b[1]
     hh = hg = gh = gg = 0.0
     for k in range(n):

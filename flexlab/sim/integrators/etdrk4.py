@@ -9,7 +9,8 @@ same formulas with φ_k(0) = 1/k!. With L the linear part and N the rest:
     c = e^{hL} y + h φ1(hL) N1 + 2h φ2(hL) (N3 - N1)
     y⁺ = e^{hL} y + h φ1(hL) N1 + h φ2(hL) (-3N1 + 2N2 + 2N3 - N4) + 4h φ3(hL) (N1 - N2 - N3 + N4)
 
-and e^{hL} y + h φ1(hL) N1 = e^{hL/2} a + ½h φ1(½hL) N1, which saves two matrix functions.
+and e^{hL} y + h φ1(hL) N1 = e^{hL/2} a + ½h φ1(½hL) N1, which saves two matrix functions. Of a beam whose damping couples many
+modes only e^{hL/2} is a dense matrix; for the others see `forcing`.
 """
 
 from collections.abc import Sequence
@@ -18,12 +19,14 @@ from functools import cache
 import numpy as np
 
 from flexlab.compiled import inlined, inlined_sums
+from flexlab.physics.dynamics import beam_is_held
 from flexlab.physics.plant import ETA, memory_start
 from flexlab.sim.integrators.beam_flow import MIDDLE, begin_flow, flow_rows, note_grips
-from flexlab.sim.integrators.scheme import STATE
+from flexlab.sim.integrators.forcing import add_forced, factor_rates, forced_columns, is_factored, soft_modes
+from flexlab.sim.integrators.scheme import STATE, Etdrk4
 
-HALF_EXP, HALF_PHI1, HALF_PHI2, PHI2, PHI3 = range(5)
-"""e^{hL/2}, ½h φ1(½hL), h φ2(½hL), h φ2(hL), h φ3(hL): rows of `Etdrk4.operators`."""
+HALF_PHI1, HALF_PHI2, PHI2, PHI3, HALF_EXP = range(5)
+"""½h φ1(½hL), h φ2(½hL), h φ2(hL), h φ3(hL), the rows of `Etdrk4.forced`; with e^{hL/2} those of `Etdrk4.operators`."""
 
 FREE = 7
 """Row of `Workspace.stage` that after a step holds e^{hL} y + h φ1(hL) N1: the beam had nothing changed for it."""
@@ -96,27 +99,46 @@ def beam_operators(
     loads: np.ndarray,
     dt: float,
     functions_at: Sequence[Sequence[Functions]],
-) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix functions of the beam's linear part for step dt, as `Etdrk4.operators`, and `Etdrk4.flow`.
+) -> Etdrk4:
+    """The matrix functions of the beam's linear part for step dt.
 
     loads: Vᵀh and Vᵀg, (2, n_m); functions_at: of each block those of `block_functions` for dt and dt/2.
     """
-    pieces, flows = [], []
+    whole, forced, flows, factored = [], [], [], is_factored(block_start)
     for low, high, (full, half) in zip(block_start[:-1], block_start[1:], functions_at, strict=True):
-        own, D = omega[low:high], damping[low:high, low:high]
+        own, D, load = omega[low:high], damping[low:high, low:high], loads[:, low:high]
         scale = np.concatenate([own, np.ones(high - low)])
         exp_half, phi1_half, phi2_half, _ = half
-        functions = (exp_half, dt / 2 * phi1_half, dt * phi2_half, dt * full[2], dt * full[3])
-        pieces.append(np.stack([(F * scale / scale[:, None]).ravel() for F in functions]))
-        flows.append(flow_rows(own, D, loads[:, low:high], full, dt))
+        of_rates = (dt / 2 * phi1_half, dt * phi2_half, dt * full[2], dt * full[3])
+        exp_half, *of_rates = [F * scale / scale[:, None] for F in (exp_half, *of_rates)]
+        if factored:
+            forced.append(np.stack([forced_columns(F, D, load).ravel() for F in of_rates]))
+        whole.append(np.stack([F.ravel() for F in ([] if factored else of_rates) + [exp_half]]))
+        flows.append(flow_rows(own, D, load, full, dt))
     flow = np.concatenate(flows, axis=1) if np.any(damping) else np.zeros((len(flows[0]), 0))
-    return np.ascontiguousarray(np.concatenate(pieces, axis=1)), np.ascontiguousarray(flow)
+    return Etdrk4(
+        np.ascontiguousarray(np.concatenate(whole, axis=1)),
+        np.ascontiguousarray(np.concatenate(forced, axis=1)) if factored else np.zeros((HALF_EXP, 0)),
+        soft_modes(omega, block_start) if factored else np.zeros(0, np.int64),
+        np.ascontiguousarray(flow),
+    )
 
 
 @inlined_sums
 def add_product(block_start, n, operator, z, out):
     """out += operator z on the beam's part (η, π) of two states, block by block."""
     # Slices, not offsets: only for them does the compiler know that no index is negative, and use its vector units.
+    if len(block_start) == n + 1:  # No mode is coupled with another.
+        eta, pi, on_eta, on_pi = (
+            z[ETA : ETA + n],
+            z[ETA + n : ETA + 2 * n],
+            out[ETA : ETA + n],
+            out[ETA + n : ETA + 2 * n],
+        )
+        for k in range(n):
+            on_eta[k] += operator[4 * k] * eta[k] + operator[4 * k + 1] * pi[k]
+            on_pi[k] += operator[4 * k + 2] * eta[k] + operator[4 * k + 3] * pi[k]
+        return
     at = 0
     for block in range(len(block_start) - 1):
         low, k = ETA + block_start[block], block_start[block + 1] - block_start[block]
@@ -151,55 +173,72 @@ def classical_stage(low, high, stage, dt, y, ws):
 
 
 @inlined
-def next_stage(starts, n, operators, stage, dt, y, ws):
+def add_rates(plant, etdrk4, function, z, out):
+    """out += the matrix function of this name times rates z, on the beam's part of two states."""
+    n = plant.modal.shape[1]
+    if etdrk4.forced.shape[1] > 0:
+        add_forced(plant.block_start, n, etdrk4.forced[function], etdrk4.soft_modes, beam_is_held(plant), z, out)
+    else:
+        add_product(plant.block_start, n, etdrk4.operators[function], z, out)
+
+
+@inlined
+def next_stage(plant, etdrk4, stage, y, ws):
     """From N1..N(stage + 1) in ws.stage, the beam's next stage in ws.stage[STATE], or after the last one the new y.
 
     ws.stage[4] keeps a, ws.stage[FREE] e^{hL} y + h φ1(hL) N1.
     """
-    end = ETA + 2 * n
+    n = plant.modal.shape[1]
+    end, half_exp = ETA + 2 * n, etdrk4.operators[len(etdrk4.operators) - 1]
     N1, N2, N3, N4 = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3]
     a, z, d, whole = ws.stage[4], ws.stage[STATE], ws.stage[6], ws.stage[FREE]
+    if etdrk4.forced.shape[1] > 0:
+        factor_rates(plant, ws, ws.stage[stage])
     if stage == 0:
         for i in range(ETA, end):
             whole[i] = 0.0
-        add_product(starts, n, operators[HALF_PHI1], N1, whole)
+        add_rates(plant, etdrk4, HALF_PHI1, N1, whole)
         for i in range(ETA, end):
             a[i] = whole[i]
-        add_product(starts, n, operators[HALF_EXP], y, a)
-        add_product(starts, n, operators[HALF_EXP], a, whole)
+        add_product(plant.block_start, n, half_exp, y, a)
+        add_product(plant.block_start, n, half_exp, a, whole)
         for i in range(ETA, end):
             z[i] = a[i]
     elif stage == 1:
         for i in range(ETA, end):
             d[i] = N2[i] - N1[i]
             z[i] = a[i]
-        add_product(starts, n, operators[HALF_PHI2], d, z)
+        add_rates(plant, etdrk4, HALF_PHI2, d, z)
     elif stage == 2:
         for i in range(ETA, end):
             d[i] = 2 * (N3[i] - N1[i])
             z[i] = whole[i]
-        add_product(starts, n, operators[PHI2], d, z)
+        add_rates(plant, etdrk4, PHI2, d, z)
     else:
         for i in range(ETA, end):
             y[i] = whole[i]
             d[i] = 2 * (N2[i] + N3[i]) - 3 * N1[i] - N4[i]
             z[i] = 4 * (N1[i] - N2[i] - N3[i] + N4[i])
-        add_product(starts, n, operators[PHI2], d, y)
-        add_product(starts, n, operators[PHI3], z, y)
+        add_rates(plant, etdrk4, PHI2, d, y)
+        add_rates(plant, etdrk4, PHI3, z, y)
 
 
 @inlined
-def etdrk4_stage(system, operators, stage, dt, y, ws):
+def etdrk4_stage(system, etdrk4, stage, dt, y, ws):
     """`take_stage` of this method: the rates of stage k stand in ws.stage[k].
 
     What `beam_flow.end_flow` needs stays in the workspace.
     """
-    starts, n, memory = system.plant.block_start, system.plant.modal.shape[1], memory_start(system.plant)
+    memory = memory_start(system.plant)
     if stage == 0:
         begin_flow(system.plant, y, ws)
     elif stage == 2:
         note_grips(system.plant, ws, MIDDLE)
+    elif stage == 3:
+        for i in range(len(ws.u)):
+            for a in range(3):
+                ws.u_before[i, a] = ws.u[i, a]
     for part in range(2):
         low, high = (0, ETA) if part == 0 else (memory, memory + system.control.memory_size)
         classical_stage(low, high, stage, dt, y, ws)
-    next_stage(starts, n, operators, stage, dt, y, ws)
+    next_stage(system.plant, etdrk4, stage, y, ws)

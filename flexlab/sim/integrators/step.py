@@ -44,7 +44,7 @@ def take_stage(system, etdrk4, generalized_alpha, rk4, stage, dt, y, ws):
     """
     code = 0
     if etdrk4 is not None:
-        etdrk4_stage(system, etdrk4.operators, stage, dt, y, ws)
+        etdrk4_stage(system, etdrk4, stage, dt, y, ws)
     if generalized_alpha is not None:
         code = generalized_alpha_stage(system, generalized_alpha, stage, dt, y, ws)
     if rk4 is not None:

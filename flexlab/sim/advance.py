@@ -6,7 +6,7 @@ from flexlab.compiled import compiled, inlined
 from flexlab.physics.arm import NOT_A_NUMBER
 from flexlab.physics.plant import BEND, DISSIPATED, ETA
 from flexlab.sim.closed_loop import law_places, rates
-from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration
+from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration, note_beginning
 from flexlab.sim.integrators.etdrk4 import FREE
 from flexlab.sim.integrators.scheme import STATE
 from flexlab.sim.integrators.step import rates_row, stage_count, stage_instant, take_stage
@@ -107,13 +107,17 @@ def advance(
         )
         if stage == 0:
             if etdrk4 is not None:
+                last = j == step_count - 1
                 if code == 0 and flows and stepped:
                     end_flow(system.plant, etdrk4.flow, dt, ws.stage[FREE], y, ws)
                     if j == 0:
                         since = ETA + 2 * n + TICKS
                         y[since] = y[since] + 1 if y[since] >= 1 else 1.0
+                    if j == 0 or last:
                         jumps = system.control.sampled or system.trajectory.inside > 0
                         meet_acceleration(system.plant, etdrk4.flow, ws.u_before if jumps else ws.u, y, ws)
+                if code == 0 and flows and (j == 0 or last):
+                    note_beginning(system.plant, etdrk4.flow, last, y, ws)
             if j == 0:
                 if code == 0 and row >= 0:
                     known = flows and np.isfinite(true_rate[0])

@@ -132,7 +132,7 @@ def load_loop(
 
 def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequence[Assembly]) -> tuple[System, Rates]:
     """Plant, law and path, with motors off until a sampled controller first acts."""
-    plant = control = trajectory = rates = arms = None
+    plant = control = trajectory = rates = arms = forms = None
     for old in known:
         if same_target(old.scenario, scenario):
             trajectory = old.system.trajectory
@@ -143,14 +143,14 @@ def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequenc
             if old.scenario.controller == scenario.controller and _same_constants(old.scenario, scenario):
                 control = old.system.control
             plant = old.system.plant._replace(gravity=scenario.gravity)
-            rates = old.rates if trajectory is not None else None
+            rates, forms = old.rates if trajectory is not None else None, old.rates.forms
     system = System(
         plant or build_plant(scenario, beam, arms),
         control or build_control(scenario, beam),
         trajectory or build_trajectory(scenario),
         np.zeros((len(scenario.arms), 3)),
     )
-    return system, rates or find_rates(beam, system, scenario.trajectory, free_rate)
+    return system, rates or find_rates(beam, system, scenario.trajectory, free_rate, forms)
 
 
 def _same_constants(one: Scenario, other: Scenario) -> bool:

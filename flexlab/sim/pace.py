@@ -22,7 +22,7 @@ class StepCost(NamedTuple):
 
 
 STEP_COSTS = {
-    "etdrk4": StepCost(2.5e-6, 5e-8, 2e-9),
+    "etdrk4": StepCost(2.5e-6, 8e-8, 2e-9),
     "rk4": StepCost(2.5e-6, 6e-8, 2e-9),
     "generalized-alpha": StepCost(3.5e-6, 2e-7, 4e-9),
 }

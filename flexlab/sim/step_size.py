@@ -48,7 +48,7 @@ COUPLING_LIMIT, COUPLED_STEP = 0.1, 1e-5
 """Longest step times the rate at which light arms give way to the beam's modes, the part of the beam that etdrk4 does not
 propagate exactly, for the default accuracy; never asked for below the second number, s: there, only the highest modes gain."""
 
-FADING_LIMIT = 0.5
+FADING_LIMIT = 0.3
 """`COUPLING_LIMIT` of modes that ring no longer than `FADED`: of a smooth motion they show their quasi-static bending, and what
 follows a start or a change has shorter steps (`step_levels`)."""
 
@@ -89,13 +89,17 @@ class Rates(NamedTuple):
     """Norm of the modes' coupling through grips that give way, 1/s."""
     lasting: float
     """The same of modes that ring on, 1/s."""
+    forms: np.ndarray
+    """As `coupling_forms` of the beam, (3, 3, 3)."""
 
 
-def find_rates(beam: Beam, system: System, trajectory: Trajectory, free_rate: float) -> Rates:
-    """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s."""
-    desired = desired_poses(system, trajectory)
-    gives, coupling, lasting = giving_way(system, beam, desired)
-    return Rates(desired, free_rate * math.sqrt(1 + gives), coupling, lasting)
+def find_rates(
+    beam: Beam, system: System, trajectory: Trajectory, free_rate: float, forms: np.ndarray | None = None
+) -> Rates:
+    """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s; `forms`: if they are known."""
+    desired, forms = desired_poses(system, trajectory), coupling_forms(system, beam) if forms is None else forms
+    gives, coupling, lasting = giving_way(system, desired, forms)
+    return Rates(desired, free_rate * math.sqrt(1 + gives), coupling, lasting, forms)
 
 
 def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
@@ -143,21 +147,26 @@ def free_beam_rate(beam: Beam) -> float:
     return fastest
 
 
-def giving_way(system: System, beam: Beam, desired: np.ndarray) -> tuple[float, float, float]:
-    """What grips that give way, at the inertias S of desired poses (k, 3), do to the beam, for C = (h, g): 1, 1/s and 1/s.
+def giving_way(system: System, desired: np.ndarray, forms: np.ndarray) -> tuple[float, float, float]:
+    """What grips that give way, at the inertias S of desired poses (k, 3), do to the beam: 1, 1/s and 1/s.
 
     They add C S⁻¹Cᵀ to the inverse mass, and with it at most its largest eigenvalue to ω². And they couple the modes with the
-    norm of the largest eigenvalue of S⁻¹(CᵀΩC): of all modes, and of those that ring on.
+    norm of the largest eigenvalue of S⁻¹(CᵀΩC): of all modes, and of those that ring on. `forms`: of `coupling_forms`.
     """
+    found = np.zeros(len(forms))
+    largest_ratios_at(system.plant, desired, forms, scratch_workspace(system), found)
+    gives, coupling, lasting = map(float, found)
+    return gives, coupling, lasting
+
+
+def coupling_forms(system: System, beam: Beam) -> np.ndarray:
+    """CᵀC and CᵀΩC for C = (h, g), the latter of all modes and of those that ring on, over the pose, (3, 3, 3)."""
     loads, omega = system.plant.modal[: G + 1], beam.modes.omega
     forms = [_in_pose(*system.plant.kappa)]
     for weight in (omega, omega * np.exp(-FADED * ring_decay(beam))):
         (hh, hg), (_, gg) = (loads * weight) @ loads.T
         forms.append(_in_pose(hh, hg, gg))
-    found = np.zeros(len(forms))
-    largest_ratios_at(system.plant, desired, np.stack(forms), scratch_workspace(system), found)
-    gives, coupling, lasting = map(float, found)
-    return gives, coupling, lasting
+    return np.stack(forms)
 
 
 def ring_decay(beam: Beam) -> np.ndarray:

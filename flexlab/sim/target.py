@@ -34,10 +34,11 @@ def _kinks(path: Trajectory, motion: DesiredMotion) -> np.ndarray:
     A copy of a path that moves at once jumps where its time has come.
     """
     own = [time_of(instant, motion.ramp) for instant in path.kinks]
+    if len(motion.impulses) == 0:
+        return np.array(sorted({instant for instant in own if instant > 0}), float)
     if motion.ramp == 0 and np.any(poses(motion._replace(plain=True), [0.0])[0, 1:]):
         own.append(0.0)
-    delays = motion.impulses[:, 1] if len(motion.impulses) else np.zeros(1)
-    found = np.unique(np.add.outer(delays, np.array(own, float)))
+    found = np.unique(np.add.outer(motion.impulses[:, 1], np.array(own, float)))
     return found[found > 0]
 
 

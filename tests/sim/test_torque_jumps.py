@@ -32,7 +32,7 @@ def force_error(changes: dict[str, Any], ticks: int) -> np.ndarray:
 def test_force_is_right_at_control_instants(elements: int, damping: dict[str, Any], period: float):
     """It was off by 3e-5 to 2e-4 of its peak there, and by 5e-7 between them."""
     changes = {"payload.element_count": elements, "payload.damping": damping, "controller.control_period": period}
-    assert force_error(changes, 120).max() < 5e-6
+    assert force_error(changes, 120).max() < 2e-6
 
 
 @pytest.mark.parametrize(("elements", "coefficient"), [(8, 0.1), (16, 1.0)])

@@ -14,9 +14,9 @@ the order of Simpson's rule). With η* = Ω⁻²(f - C b) and E(s) = ½|η̇|² 
 whatever the stiffness of a mode: no mode is too fast for it. It is not the defect of the balance of energies: nothing in it
 comes from the new state that the integrator finds.
 
-Where a sample is taken, b gets the quadratic part q (6 (s/h)² - 6 s/h + 1) with which it ends at the acceleration that the
-sample's own rates give: fast damped modes follow the present acceleration, and a line through a step ends beside it. Where the
-inputs jump at that very instant, it is the acceleration that they gave until then.
+Where a sample is taken, b is the parabola that keeps its mean and begins and ends at the accelerations that the rates at these
+instants give: a fast damped mode's η̇ follows the slope of b, which the velocity in the middle tells to first order only. Where
+the inputs jump at that very instant, b ends at the acceleration that they gave until then.
 """
 
 import numpy as np
@@ -25,11 +25,11 @@ from flexlab.compiled import inlined
 from flexlab.physics.dynamics import acceleration, beam_is_held, solve_symmetric
 from flexlab.physics.plant import DISSIPATED, ETA, OMEGA2, G, H
 
-ROWS = 15
+ROWS = 19
 """Rows of `Etdrk4.flow`: for lateral, then angular b: η and η̇ at the step's end under b = 1, then under b = s."""
-DAMPED, CURVED, CURVED_FORCE, FAST = 8, 10, 12, 14
-"""Further rows, two each: DΩ⁻²h and DΩ⁻²g; η̇ at the step's end under b = 6 (s/h)² - 6 s/h + 1, and D times that, both for
-fast modes only. Last: 1 for a fast mode, else 0."""
+DAMPED, BEGUN, BEGUN_FORCE, MET, MET_FORCE, FAST = 8, 10, 12, 14, 16, 18
+"""Further rows, two each: DΩ⁻²h and DΩ⁻²g; of fast modes only, η̇ at the step's end under the parabola that changes the mean of b
+by nothing, its beginning by 1 and its end by nothing, and D times that; the same for the end. Last: 1 for a fast mode, else 0."""
 
 FAST_DAMPING = 3.0
 """Step times D of a mode from which on the flow knows its η̇ better than the integrator, which has the higher order."""
@@ -41,20 +41,24 @@ SAVED = 9
 """Row of `Workspace.stage` that keeps η, η̇ and f of a step's beginning, and at its end the grips' motion."""
 START, MIDDLE = -6, -3
 """Where in that row v2, ω and the part of b that is no derivative, ω v1 + gravity cos θ, stand for these instants."""
+BEGINNING, LINE = -8, -10
+"""Where in that row b of the beginning of a tick's last step stands, not a number where it is not known, and what a line
+through the step gives for it."""
 
 
 def flow_rows(
     omega: np.ndarray, damping: np.ndarray, loads: np.ndarray, phi: tuple[np.ndarray, ...], dt: float
 ) -> np.ndarray:
-    """Part of `Etdrk4.flow` (15, k) of one block: its ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
+    """Part of `Etdrk4.flow` (19, k) of one block: its ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
     k = len(omega)
     rows = np.zeros((ROWS, k))
     _, phi1, phi2, phi3 = phi
     rows[FAST] = dt * damping.diagonal() > FAST_DAMPING
-    curved = dt * (12 * phi3 - 6 * phi2 + phi1)
+    straight, curved = dt * (2 * phi2 - phi1), dt * (12 * phi3 - 6 * phi2 + phi1)
     for direction, load in enumerate(loads):
-        rows[CURVED + direction] = rows[FAST] * (curved[k:, k:] @ -load)
-        rows[CURVED_FORCE + direction] = damping @ rows[CURVED + direction]
+        for row, function in ((BEGUN, curved - straight), (MET, curved + straight)):
+            rows[row + direction] = rows[FAST] * (function[k:, k:] @ -load) / 2
+            rows[row + 2 + direction] = damping @ rows[row + direction]
         for power, function in enumerate((dt * phi1, dt**2 * phi2)):
             answer = function[:, k:] @ -load
             rows[4 * direction + 2 * power] = answer[:k] / omega
@@ -106,6 +110,7 @@ def end_flow(plant, flow, dt, free, y, ws):
     turn_slope = 4 * (kept[START + 1] - 2 * kept[MIDDLE + 1] + w) / dt**2
     b[0], b[1] = lateral + dt / 2 * lateral_slope + kept[START + 2], turn + dt / 2 * turn_slope
     lateral, turn = lateral - dt / 2 * lateral_slope, turn - dt / 2 * turn_slope
+    kept[LINE], kept[LINE + 1] = lateral + kept[START + 2], turn
     loss = 0.0
     for k in range(n):
         h, g, stiffness = plant.modal[H, k], plant.modal[G, k], plant.modal[OMEGA2, k]
@@ -125,31 +130,62 @@ def end_flow(plant, flow, dt, free, y, ws):
 
 
 @inlined
+def has_fast_modes(flow):
+    """Whether a mode is damped faster than the step."""
+    fast = 0.0
+    for k in range(flow.shape[1]):
+        fast += flow[FAST, k]
+    return fast > 0
+
+
+@inlined
+def present_b(plant, u, y, ws, b):
+    """Fill b (2,) from the acceleration that the noted η̇ and inputs u (arms, 3) give, after `find_state` of y."""
+    n = plant.modal.shape[1]
+    x_ddot, c, s = ws.stage[8, 0:3], ws.arm.trig[0], ws.arm.trig[1]
+    acceleration(plant, y, y[ETA + 2 * n + 3 : ETA + 3 * n + 3], ws.w_bar[0], ws.beam_rate[0], u, ws, x_ddot)
+    b[0], b[1] = c * x_ddot[1] - s * x_ddot[0] + plant.gravity * c, x_ddot[2]
+
+
+@inlined
+def note_beginning(plant, flow, last, y, ws):
+    """Keep b of the beginning of a tick's `last` step, where the modes' true rates are known; of another one nothing."""
+    n, b = plant.modal.shape[1], ws.stage[SAVED, BEGINNING : BEGINNING + 2]
+    b[0] = np.nan
+    if last and has_fast_modes(flow) and np.isfinite(y[ETA + 2 * n + 3]):
+        present_b(plant, ws.u, y, ws, b)
+
+
+@inlined
 def meet_acceleration(plant, flow, u, y, ws):
-    """Give the noted η̇ the curved part of b, after `end_flow` of the same instant; u (arms, 3): the inputs up to it.
+    """Let b end at the present acceleration in the noted η̇, after `end_flow`; u (arms, 3): the inputs up to this instant.
 
     A mode as fast as the step has followed those, and not what a controller asks for from this instant on.
     """
     n = plant.modal.shape[1]
-    b, rate, x_ddot, across = (
+    b, rate, found, across = (
         y[ETA + 2 * n : ETA + 2 * n + 2],
         y[ETA + 2 * n + 3 : ETA + 3 * n + 3],
-        ws.stage[8, 0:3],
+        ws.stage[8, 6:8],
         ws.stage[8, 3:6],
     )
-    fast = 0.0
-    for k in range(n):
-        fast += flow[FAST, k]
-    if fast == 0 or not np.isfinite(rate[0]):
+    if not has_fast_modes(flow) or not np.isfinite(rate[0]):
         return
+    begun, unknown = ws.stage[SAVED, BEGINNING : BEGINNING + 2], 1.0
+    if np.isfinite(begun[0]):
+        early, early_turn, unknown = begun[0] - ws.stage[SAVED, LINE], begun[1] - ws.stage[SAVED, LINE + 1], 0.0
+        for k in range(n):
+            rate[k] += early * flow[BEGUN, k] + early_turn * flow[BEGUN + 1, k]
     c, s = ws.arm.trig[0], ws.arm.trig[1]
-    acceleration(plant, y, rate, ws.w_bar[0], ws.beam_rate[0], u, ws, x_ddot)
-    missed, missed_turn = c * x_ddot[1] - s * x_ddot[0] + plant.gravity * c - b[0], x_ddot[2] - b[1]
+    present_b(plant, u, y, ws, found)
+    missed, missed_turn = found[0] - b[0], found[1] - b[1]
     hh = hg = gh = gg = 0.0
     for k in range(n):
-        h, g, on_h, on_g = plant.modal[H, k], plant.modal[G, k], flow[CURVED_FORCE, k], flow[CURVED_FORCE + 1, k]
+        h, g = plant.modal[H, k], plant.modal[G, k]
+        on_h = flow[MET_FORCE, k] + unknown * flow[BEGUN_FORCE, k]
+        on_g = flow[MET_FORCE + 1, k] + unknown * flow[BEGUN_FORCE + 1, k]
         hh, hg, gh, gg = hh + h * on_h, hg + h * on_g, gh + g * on_h, gg + g * on_g
-    # What a unit of q changes of the acceleration itself, through the force Dη̇ on the grips: S⁻¹ of (h, g)ᵀ(Dη̇).
+    # What a unit more at the end changes of the acceleration itself, through the force Dη̇ on the grips: S⁻¹ of (h, g)ᵀ(Dη̇).
     across[0], across[1], across[2] = -s, c, 0.0
     solve_symmetric(ws.S, across)
     W_hh, W_gh = c * across[1] - s * across[0], across[2]
@@ -159,6 +195,10 @@ def meet_acceleration(plant, flow, u, y, ws):
     m00, m01 = 1 - W_hh * hh - W_gh * gh, -W_hh * hg - W_gh * gg
     m10, m11 = -W_gh * hh - W_gg * gh, 1 - W_gh * hg - W_gg * gg
     determinant = m00 * m11 - m01 * m10
-    q, q_turn = (m11 * missed - m01 * missed_turn) / determinant, (m00 * missed_turn - m10 * missed) / determinant
+    late, late_turn = (
+        (m11 * missed - m01 * missed_turn) / determinant,
+        (m00 * missed_turn - m10 * missed) / determinant,
+    )
     for k in range(n):
-        rate[k] += q * flow[CURVED, k] + q_turn * flow[CURVED + 1, k]
+        rate[k] += late * (flow[MET, k] + unknown * flow[BEGUN, k])
+        rate[k] += late_turn * (flow[MET + 1, k] + unknown * flow[BEGUN + 1, k])

@@ -26,7 +26,7 @@ class Etdrk4(NamedTuple):
     soft_modes: np.ndarray
     """As `forcing.soft_modes`, (blocks,); none where few modes are coupled."""
     flow: np.ndarray
-    """Of a damped beam the rows of `beam_flow`, (15, n_m); (15, 0) where nothing is damped."""
+    """Of a damped beam the rows of `beam_flow`, (19, n_m); (19, 0) where nothing is damped."""
 
 
 class GeneralizedAlpha(NamedTuple):

@@ -1,12 +1,14 @@
 """Slow derivations beside the running world: modes and matrix functions of fine meshes, on a thread of their own."""
 
+from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, build_assembly
-from flexlab.sim.commands import ChangeScenario, Command
+from flexlab.sim.command_queue import begins_run, overlap
+from flexlab.sim.commands import ChangeScenario, Command, LoadScenario
 from flexlab.sim.snapshot import TICK
 
 ATTEMPTS = 2
@@ -42,6 +44,20 @@ class Preparation:
     def current(self) -> Prepared | None:
         """What is being derived, or waits to be taken on."""
         return self._current
+
+    def comes_before(self, command: Command) -> bool:
+        """Whether a command is meant for what is being prepared: all that follows a new run, a new run after a change."""
+        if self._current is None or isinstance(command, LoadScenario):
+            return False
+        return begins_run(command) or not self._current.is_change
+
+    def touches(self, changes: Sequence[ChangeScenario]) -> bool:
+        """Whether changes set something that a change which is being prepared, or waits to be, sets as well."""
+        if self._current is None:
+            return False
+        before = [old for old in (*self._current.group, *self.later) if isinstance(old, ChangeScenario)]
+        paths = [path for old in before for path in old.changes]
+        return any(overlap(path, other) for new in changes for path in new.changes for other in paths)
 
     def start(self, group: tuple[Command, ...], scenario: Scenario, known: Assembly, attempt: int) -> None:
         """Derive the assembly of `scenario` for a group of commands; nothing once this is stopped."""

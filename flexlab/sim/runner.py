@@ -3,19 +3,16 @@
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-
-import numpy as np
 
 from flexlab.control.own_path import with_table
 from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, Unprepared
 from flexlab.sim.blas import one_blas_thread
-from flexlab.sim.command_queue import MOST_STEPS, MOST_WAITING, CommandQueue, begins_run, merged_changes, overlap
+from flexlab.sim.command_queue import MOST_STEPS, MOST_WAITING, CommandQueue, merged_changes
 from flexlab.sim.command_text import command_text
 from flexlab.sim.commands import (
     ChangeScenario,
@@ -30,12 +27,11 @@ from flexlab.sim.commands import (
     Tap,
 )
 from flexlab.sim.consumer import Consumer
-from flexlab.sim.history import History
 from flexlab.sim.interpolation import interpolate
+from flexlab.sim.live_run import LiveRun
 from flexlab.sim.pacing import FASTEST, SLOWEST, BlockSize, Pacing, RunRate
 from flexlab.sim.preparation import ATTEMPTS, Preparation
-from flexlab.sim.samples import Samples, Status
-from flexlab.sim.signals import own_signals
+from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Event, Snapshot
 from flexlab.sim.world import World
 from flexlab.sim.world_state import Origin
@@ -60,9 +56,6 @@ would wait after every block of ticks, a frame of a derivation beside it has roo
 STOP_PERIOD = 0.02
 """Wall seconds between two reminders that the thread is to stop."""
 
-EVENTS_KEPT = 200
-"""Newest events that a snapshot carries."""
-
 
 class Runner:
     """Owns the world and its thread. `submit` may be called from any thread; nobody else touches the world."""
@@ -85,22 +78,19 @@ class Runner:
         derivations run in `executor`, or on a thread of the runner's own. With `hold_starts` every run waits at t = 0 until
         it is released, or played.
         """
-        self._consumers = list(consumers)
+        self._run = LiveRun(consumers)
         self._clock, self._sleep = clock, sleep
         self._commands = CommandQueue()
         self._preparation = Preparation(executor)
         self._block, self._runs = BlockSize(), RunRate()
         self._frame_end = float("inf")
         self._steps_left = 0
-        self._pace_warning = ""
         self._began = float("-inf")
         self._hold_starts, self._released = hold_starts, 0
         self._stopping = threading.Event()
         self._news = threading.Event()
         self._thread: threading.Thread | None = None
-        self._run_number = 0
-        self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
-        self._dropped = self._answered = 0
+        self._answered = 0
         self._pacing = Pacing()
         self._pacing.playing = playing
         world = World(scenario if origin is not None else scenario.anew())
@@ -109,13 +99,13 @@ class Runner:
         self._begin(world, name)
         if origin is not None:
             command = LoadScenario(scenario, name, origin)
-            self._report(Event(world.time, command_text(command), command))
+            self._run.note(command)
         self._publish(self._clock())
 
     def start(self) -> None:
         """Start the thread."""
         self._thread = threading.Thread(target=self._loop, name="flexlab-simulation", daemon=True)
-        self._pacing.restart(self._clock(), self._world.time)
+        self._pacing.restart(self._clock(), self._run.world.time)
         self._thread.start()
 
     def stop(self) -> None:
@@ -127,9 +117,9 @@ class Runner:
         self._preparation.stop()
         # Again and again: the thread may just have begun to work on another world.
         while self._thread is not None and self._thread.is_alive():
-            self._world.interrupt()
+            self._run.world.interrupt()
             self._thread.join(STOP_PERIOD)
-        self._end(self._final_status())
+        self._run.end(self._run.final_status())
 
     def submit(self, command: Command) -> int:
         """Queue a command; it takes effect at the head of the runner's next frame. Invalid ones become error events.
@@ -140,7 +130,7 @@ class Runner:
         number = self._commands.put(command)
         self._news.set()
         if isinstance(command, (LoadScenario, Reset)):
-            self._world.interrupt()  # What it still computes, nobody will see.
+            self._run.world.interrupt()  # What it still computes, nobody will see.
         return number
 
     def release(self, run_number: int) -> None:
@@ -155,7 +145,7 @@ class Runner:
 
     def recent(self, seconds: float) -> Samples:
         """The last `seconds` of the current run at full rate (at most 30 s), for plots. A copy, any thread."""
-        return self._history.recent(seconds)
+        return self._run.history.recent(seconds)
 
     def frame(self) -> None:
         """One round: commands, then the ticks that are due, then a snapshot. The thread's body; tests call it alone."""
@@ -165,20 +155,20 @@ class Runner:
         self._frame_end = self._clock() + FRAME_BUDGET  # Whatever the commands cost, time goes on.
         if stepping and self._steps_left:
             self._work_off_steps()
-        if self._pacing.waiting and self._released == self._run_number:
+        if self._pacing.waiting and self._released == self._run.number:
             self._pacing.waiting = False
-            self._pacing.restart(self._clock(), self._world.time)
-        run, due = self._run_number, self._pacing.due_ticks(self._clock(), self._world.tick)
-        while due > 0 and self._may_go_on() and self._pacing.playing and run == self._run_number:
+            self._pacing.restart(self._clock(), self._run.world.time)
+        run, due = self._run.number, self._pacing.due_ticks(self._clock(), self._run.world.tick)
+        while due > 0 and self._may_go_on() and self._pacing.playing and run == self._run.number:
             due -= self._advance(due)
             self._drain()
         wall = self._clock()
-        self._pacing.note(wall, self._world.time)
+        self._pacing.note(wall, self._run.world.time)
         self._publish(wall)
 
     def _may_go_on(self) -> bool:
         """Whether the frame has time left, and the run as well."""
-        return not (self._world.status.failed or self._stopping.is_set()) and self._clock() <= self._frame_end
+        return not (self._run.world.status.failed or self._stopping.is_set()) and self._clock() <= self._frame_end
 
     def _loop(self) -> None:
         sys.setswitchinterval(SWITCH_INTERVAL)
@@ -207,7 +197,7 @@ class Runner:
         refused = self._commands.refused()
         if refused:
             text = f"{refused} commands were left out: more than {MOST_WAITING} came at once. Give them more slowly."
-            self._report(Event(self._world.time, text, level="error"))
+            self._run.say(text, "error")
         prepared = self._preparation.take()
         if prepared is not None:
             self._try(prepared.group, prepared.future.result, prepared.attempt)
@@ -221,16 +211,9 @@ class Runner:
         groups = self._commands.take(new_runs=free and self._runs.allowed(self._clock()))
         while groups:
             self._try(groups.pop(0))
-            if groups and self._must_wait(groups[0][0]):
+            if groups and self._preparation.comes_before(groups[0][0]):
                 self._commands.put_back(groups)
                 return
-
-    def _must_wait(self, command: Command) -> bool:
-        """Whether a command is meant for what is still being prepared: all that follows a new run, a new run after a change."""
-        current = self._preparation.current
-        if current is None or isinstance(command, LoadScenario):
-            return False
-        return begins_run(command) or not current.is_change
 
     def _try(self, group: tuple[Command, ...], derived: Callable[[], Assembly] | None = None, attempt: int = 0) -> None:
         """Carry out a group of `command_queue.grouped`; what cannot be is an event, what takes long is prepared first."""
@@ -238,12 +221,12 @@ class Runner:
             known = () if derived is None else (derived(),)
             self._carry_out(group, known, at_once=attempt < ATTEMPTS)
         except Unprepared as need:
-            self._preparation.start(group, need.scenario, self._world.assembly, attempt + 1)
+            self._preparation.start(group, need.scenario, self._run.world.assembly, attempt + 1)
         except FlexlabError as error:
-            self._report(Event(self._world.time, " ".join(str(error).split("\n")), level="error"))
+            self._run.say(" ".join(str(error).split("\n")), "error")
         except Exception as error:  # A command nobody foresaw must not end everybody's lab; nor pass in silence.
             what = f"{type(group[0]).__name__} could not be carried out ({type(error).__name__}: {error})."
-            self._report(Event(self._world.time, f"{what} Nothing was changed by it.", level="error"))
+            self._run.say(f"{what} Nothing was changed by it.", "error")
 
     def _carry_out(self, group: tuple[Command, ...], known: tuple[Assembly, ...], at_once: bool) -> None:
         command = group[0]
@@ -255,7 +238,7 @@ class Runner:
             self._load(command, known, at_once)
         elif isinstance(command, (Play, Pause)):
             self._play(isinstance(command, Play), self._clock())
-            self._report(Event(self._world.time, command_text(command), command))
+            self._run.note(command)
         elif isinstance(command, SetSpeed):
             self._set_speed(command, self._clock())
         else:
@@ -263,8 +246,8 @@ class Runner:
 
     def _load(self, command: LoadScenario | Reset, known: tuple[Assembly, ...], at_once: bool) -> None:
         """Begin a run of another scenario, one that goes on from an earlier one's state, or the same anew; it says so."""
-        old, origin = self._world, None
-        scenario, name = old.scenario, self._name
+        old, origin = self._run.world, None
+        scenario, name = old.scenario, self._run.name
         if isinstance(command, LoadScenario):
             self._preparation.drop()
             scenario, name, origin = command.scenario, command.name, command.origin
@@ -274,16 +257,16 @@ class Runner:
         world = World(scenario, TICK, (old.assembly, *known), at_once)
         if origin is not None:
             world.restore(origin.state)
-        self._report(event)
-        self._end(self._final_status())
+        self._run.report(event)
+        self._run.end(self._run.final_status())
         self._begin(world, name)
         if origin is not None:
-            self._report(replace(event, time=world.time))
+            self._run.report(replace(event, time=world.time))
 
     def _change_scenario(self, changes: Sequence[ChangeScenario], known: tuple[Assembly, ...], at_once: bool) -> None:
         """Let the world take on changes as one, or those that it can if not all are valid."""
         preparation = self._preparation
-        if preparation.current is not None and self._touches_prepared(changes):
+        if preparation.touches(changes):
             preparation.later.extend(changes)
             return
         whole = changes[0] if len(changes) == 1 else ChangeScenario(merged_changes(one.changes for one in changes))
@@ -299,55 +282,47 @@ class Runner:
             for one in changes:
                 self._try((one,))
 
-    def _touches_prepared(self, changes: Sequence[ChangeScenario]) -> bool:
-        """Whether changes set something that a change which is being prepared, or waits to be, sets as well."""
-        current = self._preparation.current
-        before = [*(current.group if current is not None else ()), *self._preparation.later]
-        paths = [path for old in before if isinstance(old, ChangeScenario) for path in old.changes]
-        return any(overlap(path, other) for new in changes for path in new.changes for other in paths)
-
     def _change(self, command: ChangeScenario | Pull | Tap, known: tuple[Assembly, ...], at_once: bool) -> None:
         """Let the world take on a change; a restart or another beam structure begins a new run."""
-        world, time_before, final = self._world, self._world.time, self._final_status()
+        world, time_before, final = self._run.world, self._run.world.time, self._run.final_status()
         event = Event(time_before, command_text(command), command)
         begins_anew = world.apply(command, known, at_once)
         if isinstance(command, ChangeScenario):  # What is recorded must need no code of a person's own.
             complete = with_table(command.changes, world.scenario.trajectory)
             if complete != command.changes:
                 event = replace(event, command=replace(command, changes=complete))
-        self._report(event)
+        self._run.report(event)
         self._block.forget()
         if begins_anew:
-            self._end(final)
-            self._begin(world, self._name, time_before)
+            self._run.end(final)
+            self._begin(world, self._run.name, time_before)
         else:
-            self._latest = world.observe()
-            self._announce_pace()
+            self._run.take_on_change()
 
     def _play(self, playing: bool, wall: float) -> None:
-        if playing and self._world.status.failed:
-            raise FlexlabError(f"This run has stopped: {self._world.status.text} Reset, or load another preset.")
+        if playing and self._run.world.status.failed:
+            raise FlexlabError(f"This run has stopped: {self._run.world.status.text} Reset, or load another preset.")
         self._steps_left = 0
         if self._pacing.playing or not playing:
             self._pacing.waiting = False  # Who presses play on a run that only waits does not want to wait.
         self._pacing.playing = playing
-        self._pacing.restart(wall, self._world.time)
+        self._pacing.restart(wall, self._run.world.time)
 
     def _set_speed(self, command: SetSpeed, wall: float) -> None:
         if not SLOWEST <= command.speed <= FASTEST:
             raise FlexlabError(
                 f"Speed = {command.speed:g} is outside 1/256 to {FASTEST:g} times real time: choose within it."
             )
-        time_now = min(self._pacing.target(wall), self._world.time + TICK)
+        time_now = min(self._pacing.target(wall), self._run.world.time + TICK)
         self._pacing.speed = command.speed
         self._pacing.restart(wall, time_now)
-        self._report(Event(self._world.time, command_text(command), command))
+        self._run.note(command)
 
     def _step(self, command: StepOnce) -> None:
         if not 1 <= command.ticks <= MOST_STEPS:
             raise FlexlabError(f"Steps = {command.ticks} is outside 1 to {MOST_STEPS}: choose within it.")
         self._pacing.playing = self._pacing.waiting = False
-        self._report(Event(self._world.time, command_text(command), command))
+        self._run.note(command)
         self._steps_left = command.ticks
         self._work_off_steps()
 
@@ -355,117 +330,67 @@ class Runner:
         """Do single steps that are left, as far as the frame's time goes; the next frame goes on."""
         while self._steps_left and self._may_go_on():
             self._steps_left -= self._advance(self._steps_left)
-        if self._world.status.failed:
+        if self._run.world.status.failed:
             self._steps_left = 0
-        self._pacing.restart(self._clock(), self._world.time)
+        self._pacing.restart(self._clock(), self._run.world.time)
 
     def _begin(self, world: World, name: str, time_before: float | None = None) -> None:
-        """Make `world` the current run and tell the consumers, its present sample included.
+        """Make `world` the current run.
 
         `time_before`: where the run stood that a change made it of; time then passes as it did, and only the first of several
         such changes is waited for.
         """
-        self._world, self._name, self._steps_left, wall = world, name, 0, self._clock()
+        wall, waited = self._clock(), self._pacing.waiting
         dragged = time_before is not None and wall - self._began < DRAG_PAUSE
-        self._start_time, self._began = world.time, wall
-        waited = self._pacing.waiting
+        self._began, self._steps_left = wall, 0
         self._pacing.waiting = self._hold_starts and world.tick == 0 and not dragged
         self._block.forget()
         self._runs.note(wall)
-        self._run_number += 1
-        self._dropped = 0
-        self._events.clear()
-        self._history = History(world.row_length, len(world.scenario.arms), own_signals(world.scenario))
-        self._latest = self._previous = world.observe()
+        self._run.begin(world, name)
         if time_before is None or waited or self._pacing.waiting:
             self._pacing.restart(self._clock(), world.time)
         else:
             self._pacing.pass_on(time_before, world.time)
-        for consumer in self._consumers:
-            consumer.begin_run(self._run_number, name, world.scenario, world.state())
         if world.status.failed:
             self._fail()
-        else:
-            self._hand_out(world.observe_rows())
-            self._pace_warning = ""
-            self._announce_pace()
-
-    def _announce_pace(self) -> None:
-        """Say, once, that the run is slower than real time, before anybody waits for it."""
-        warning, before = self._world.pace_warning, self._pace_warning
-        if warning and not before:
-            self._report(Event(self._world.time, warning, level="warning"))
-        self._pace_warning = warning
-
-    def _final_status(self) -> Status:
-        """The status that the run has if it ends now."""
-        world = self._world
-        if world.status.failed:
-            return world.status
-        return Status("finished", f"Ended at t = {world.time:.3f} s. {world.accuracy_warning}".rstrip(), world.time)
-
-    def _end(self, status: Status) -> None:
-        for consumer in self._consumers:
-            consumer.end_run(self._run_number, status)
 
     def _fail(self) -> None:
         self._pacing.playing = False
-        self._report(Event(self._world.time, self._world.status.text, level="error"))
+        self._run.say(self._run.world.status.text, "error")
 
     def _advance(self, most: int) -> int:
         """Move by a block of up to `most` ticks, as long as commands may wait; returns the ticks done."""
-        ticks, begun, warned = self._block.ticks(most), self._clock(), self._world.accuracy_warning
-        rows = self._world.advance_rows(ticks)
-        self._block.note(len(rows), self._clock() - begun)
-        self._hand_out(rows)
-        if self._world.accuracy_warning != warned:
-            self._report(Event(self._world.time, self._world.accuracy_warning, level="warning"))
-        self._announce_pace()
-        if self._world.status.failed:
+        begun = self._clock()
+        done = self._run.advance(self._block.ticks(most), self._pacing.actual_speed())
+        self._block.note(done, self._clock() - begun)
+        if self._run.world.status.failed:
             self._fail()
-        return len(rows)
-
-    def _hand_out(self, rows: np.ndarray) -> None:
-        """Samples to history, snapshot and consumers."""
-        if len(rows) == 0:
-            return
-        self._history.append(rows, own_signals(self._world.scenario))
-        samples = self._world.to_samples(rows)
-        self._previous = samples.slice(len(rows) - 2, len(rows) - 1) if len(rows) > 1 else self._latest
-        self._latest = samples.slice(len(rows) - 1, len(rows))
-        speed = self._pacing.actual_speed()
-        for consumer in self._consumers:
-            self._dropped += consumer.take_samples(self._run_number, samples, speed)
-
-    def _report(self, event: Event) -> None:
-        self._events.append(event)
-        for consumer in self._consumers:
-            consumer.take_event(self._run_number, event)
+        return done
 
     def _publish(self, wall: float) -> None:
-        world, latest = self._world, self._latest
+        run, world, latest = self._run, self._run.world, self._run.latest
         come = self._commands.count
         if self._commands.is_empty and self._preparation.current is None:
             self._answered = come
         # Drawn one tick late, so that in slow motion there is always a sample on either side to draw between.
         fraction = (self._pacing.target(wall) - float(latest.time[0])) / TICK if self._pacing.runs else 1.0
         self._snapshot = Snapshot(
-            run_number=self._run_number,
-            name=self._name,
+            run_number=run.number,
+            name=run.name,
             scenario=world.scenario,
             status=world.status,
             playing=self._pacing.playing,
             latest=latest,
-            display=interpolate(self._previous, latest, min(max(fraction, 0.0), 1.0)),
+            display=interpolate(run.previous, latest, min(max(fraction, 0.0), 1.0)),
             target_speed=self._pacing.speed,
             actual_speed=self._pacing.actual_speed(),
             too_slow=self._pacing.too_slow(wall),
-            dropped_samples=self._dropped,
+            dropped_samples=run.dropped,
             first_frequency=world.first_frequency,
-            events=tuple(self._events),
-            start_time=self._start_time,
+            events=tuple(run.events),
+            start_time=run.start_time,
             waiting=self._pacing.waiting,
             accuracy_warning=world.accuracy_warning,
-            pace_warning=self._pace_warning,
+            pace_warning=run.pace_warning,
             answered=self._answered,
         )

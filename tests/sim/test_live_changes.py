@@ -195,13 +195,13 @@ def test_an_interrupted_tick_leaves_no_trace(same_bits):
 def test_long_steps_are_done_in_rounds(live):
     """A clock that moves while the engine works: each round does its share, and all ticks are done exactly once."""
     stage = live(playing=False)
-    fill = stage.runner._world.fill
+    fill = stage.runner._run.world.fill
 
     def slow(rows):
         stage.now += 1e-3 * len(rows)
         return fill(rows)
 
-    stage.runner._world.fill = slow
+    stage.runner._run.world.fill = slow
     snapshot = stage.frame(0.02, StepOnce(200))
     assert 0 < float(snapshot.latest.time[0]) < 0.06
     for _ in range(30):

@@ -1,0 +1,112 @@
+"""The run that is going on: its world, its newest samples, what has happened in it, and the consumers that follow it."""
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexlab.sim.command_text import command_text
+from flexlab.sim.commands import Command
+from flexlab.sim.consumer import Consumer
+from flexlab.sim.history import History
+from flexlab.sim.samples import Samples, Status
+from flexlab.sim.signals import own_signals
+from flexlab.sim.snapshot import Event
+from flexlab.sim.world import World
+
+EVENTS_KEPT = 200
+"""Newest events that a snapshot carries."""
+
+
+class LiveRun:
+    """One run after another, each from `begin` to `end`. Not thread-safe: belongs to the runner; `history` may be read."""
+
+    world: World
+    name: str
+    history: History
+    latest: Samples
+    """The newest sample (N = 1)."""
+    previous: Samples
+    """The one before it, to draw between."""
+    start_time: float
+    """Simulation time at which the run began, s."""
+
+    def __init__(self, consumers: Sequence[Consumer]):
+        self._consumers = list(consumers)
+        self.number = 0
+        self.events: deque[Event] = deque(maxlen=EVENTS_KEPT)
+        self.dropped = 0
+        """Samples that consumers could not take."""
+        self.pace_warning = ""
+
+    def begin(self, world: World, name: str) -> None:
+        """Make `world` the current run and tell the consumers, its present sample included."""
+        self.world, self.name, self.start_time = world, name, world.time
+        self.number += 1
+        self.dropped, self.pace_warning = 0, ""
+        self.events.clear()
+        self.history = History(world.row_length, len(world.scenario.arms), own_signals(world.scenario))
+        self.latest = self.previous = world.observe()
+        for consumer in self._consumers:
+            consumer.begin_run(self.number, name, world.scenario, world.state())
+        if not world.status.failed:
+            self._hand_out(world.observe_rows(), 0.0)
+            self._announce_pace()
+
+    def end(self, status: Status) -> None:
+        """Tell the consumers how it ended."""
+        for consumer in self._consumers:
+            consumer.end_run(self.number, status)
+
+    def final_status(self) -> Status:
+        """The status that the run has if it ends now."""
+        world = self.world
+        if world.status.failed:
+            return world.status
+        return Status("finished", f"Ended at t = {world.time:.3f} s. {world.accuracy_warning}".rstrip(), world.time)
+
+    def advance(self, ticks: int, speed: float) -> int:
+        """Move by up to `ticks` and hand out the samples; returns the ticks done. `speed`: simulated over wall time."""
+        warned = self.world.accuracy_warning
+        rows = self.world.advance_rows(ticks)
+        self._hand_out(rows, speed)
+        if self.world.accuracy_warning != warned:
+            self.say(self.world.accuracy_warning, "warning")
+        self._announce_pace()
+        return len(rows)
+
+    def take_on_change(self) -> None:
+        """The world has changed at this instant: what is drawn changes, no sample is added."""
+        self.latest = self.world.observe()
+        self._announce_pace()
+
+    def report(self, event: Event) -> None:
+        """Note what happened and tell the consumers."""
+        self.events.append(event)
+        for consumer in self._consumers:
+            consumer.take_event(self.number, event)
+
+    def note(self, command: Command) -> None:
+        """Report a command that took effect at the present instant."""
+        self.report(Event(self.world.time, command_text(command), command))
+
+    def say(self, text: str, level: str) -> None:
+        """Report a sentence at the present instant."""
+        self.report(Event(self.world.time, text, level=level))
+
+    def _announce_pace(self) -> None:
+        """Say, once, that the run is slower than real time, before anybody waits for it."""
+        warning, before = self.world.pace_warning, self.pace_warning
+        if warning and not before:
+            self.say(warning, "warning")
+        self.pace_warning = warning
+
+    def _hand_out(self, rows: np.ndarray, speed: float) -> None:
+        if len(rows) == 0:
+            return
+        self.history.append(rows, own_signals(self.world.scenario))
+        samples = self.world.to_samples(rows)
+        self.previous = samples.slice(len(rows) - 2, len(rows) - 1) if len(rows) > 1 else self.latest
+        self.latest = samples.slice(len(rows) - 1, len(rows))
+        for consumer in self._consumers:
+            self.dropped += consumer.take_samples(self.number, samples, speed)

@@ -16,6 +16,7 @@ from flexlab.quantities import describe
 from flexlab.scenario import Scenario
 from flexlab.scenario.payload import HELD_COORDINATES, Payload
 from flexlab.sim.pace import seconds_per_second
+from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
 
 DURATION = 0.3
@@ -106,8 +107,9 @@ def judge(seed: int, longest_reference: float = LONGEST_REFERENCE) -> Judgement:
     both = min(len(run.time), len(exact.time))
     if world.status.failed and not reference.status.failed:
         complaints.append(f"stopped alone: {world.status.text}")
-    peak = float(np.abs(exact.internal_force[:both]).max())
-    force = float(np.abs(run.internal_force[:both] - exact.internal_force[:both]).max()) / (peak or 1.0)
+    forces = [force_of(scenario, samples)[:both] for samples in (run, exact)]
+    peak = float(np.abs(forces[1]).max())
+    force = float(np.abs(forces[0] - forces[1]).max()) / (peak or 1.0)
     pose = float(np.abs(run.pose[:both] - exact.pose[:both]).max())
     if not world.accuracy_warning and not reference.status.failed and force > FORCE_BOUND:
         complaints.append(f"force off by {force:.1e} of its peak")
@@ -119,6 +121,11 @@ def judge(seed: int, longest_reference: float = LONGEST_REFERENCE) -> Judgement:
         f"{world.accuracy_warning and 'inaccurate'} {world.status.text[:40]}"
     )
     return Judgement(text, tuple(complaints), took > 1 and not warned)
+
+
+def force_of(scenario: Scenario, samples: Samples) -> np.ndarray:
+    """The internal forces, (N, arms, 3), or of one arm, which has none, the moving force (N, 3)."""
+    return samples.moving_force if len(scenario.arms) == 1 else samples.internal_force
 
 
 def pace_after_the_start(world: World) -> tuple[float, str]:

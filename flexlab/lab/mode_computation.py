@@ -21,8 +21,8 @@ REST = 0.3
 """s without a change of the scenario after which its modes are computed at once."""
 
 PAUSE_SHARE = 9
-"""Until then, as while a slider is dragged: how much longer than a computation the pause after it is. The picture needs the
-processor more."""
+"""How many times as long as a computation the pause after it is while changes go on, as when a slider is dragged: the picture
+needs the processor more."""
 
 PEAK_POINTS = 101
 """Places along the beam at which its largest deflection is sought."""
@@ -37,7 +37,7 @@ def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
 
 
 class ModeStudy:
-    """Holds the newest finished result. `ask` again and again: one computation runs at a time, few while answers would be old."""
+    """Holds the newest finished result. `ask` again and again: one computation runs at a time, and few while changes go on."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._lock, self._clock = threading.Lock(), clock
@@ -72,6 +72,11 @@ class ModeStudy:
         """What explanations need to know of `scenario` before they look at a run; None while it is not computed."""
         found = self._background
         return found if found is not None and _key(found.scenario) == _key(scenario) else None
+
+    def modes_of(self, payload: Payload) -> Modes | None:
+        """The newest modes if they are of this payload."""
+        found = self._background
+        return found.modes if found is not None and found.scenario.payload == payload else None
 
     def stop(self) -> None:
         """Wait for a computation that is under way."""

@@ -109,7 +109,7 @@ class Workspace(NamedTuple):
     u: np.ndarray
     """Arm inputs, (arms, 3): a view of `truth`."""
     u_before: np.ndarray
-    """The same as a step's last stage had them: before a sampled controller or a kink of the path changed them, (arms, 3)."""
+    """The same at the last stage of an etdrk4 step: before a sampled controller or a kink of the path changed them, (arms, 3)."""
     hand: np.ndarray
     """What a hand on a link adds to the arm's input, 𝒥-transformed as u is, (arms, 3)."""
     tau: np.ndarray

@@ -113,6 +113,7 @@ def advance(
                     if j == 0:
                         since = ETA + 2 * n + TICKS
                         y[since] = y[since] + 1 if y[since] >= 1 else 1.0
+                    # Where a sample is taken, and where the step that leads to it begins.
                     if j == 0 or last:
                         jumps = system.control.sampled or system.trajectory.inside > 0
                         meet_acceleration(system.plant, etdrk4.flow, ws.u_before if jumps else ws.u, y, ws)

@@ -37,13 +37,13 @@ class LiveRun:
         self.events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self.dropped = 0
         """Samples that consumers could not take."""
-        self.pace_warning = ""
+        self.pace_warning = self._accuracy_warning = ""
 
     def begin(self, world: World, name: str) -> None:
         """Make `world` the current run and tell the consumers, its present sample included."""
         self.world, self.name, self.start_time = world, name, world.time
         self.number += 1
-        self.dropped, self.pace_warning = 0, ""
+        self.dropped, self.pace_warning, self._accuracy_warning = 0, "", world.accuracy_warning
         self.events.clear()
         self.history = History(world.row_length, len(world.scenario.arms), own_signals(world.scenario))
         self.latest = self.previous = world.observe()
@@ -65,15 +65,13 @@ class LiveRun:
             return world.status
         return Status("finished", f"Ended at t = {world.time:.3f} s. {world.accuracy_warning}".rstrip(), world.time)
 
-    def advance(self, ticks: int, speed: float) -> int:
-        """Move by up to `ticks` and hand out the samples; returns the ticks done. `speed`: simulated over wall time."""
-        warned = self.world.accuracy_warning
-        rows = self.world.advance_rows(ticks)
+    def take_rows(self, rows: np.ndarray, speed: float) -> None:
+        """Hand out the samples by which the world has moved, and say what it warns of. `speed`: simulated over wall time."""
         self._hand_out(rows, speed)
-        if self.world.accuracy_warning != warned:
-            self.say(self.world.accuracy_warning, "warning")
+        if self.world.accuracy_warning != self._accuracy_warning:
+            self._accuracy_warning = self.world.accuracy_warning
+            self.say(self._accuracy_warning, "warning")
         self._announce_pace()
-        return len(rows)
 
     def take_on_change(self) -> None:
         """The world has changed at this instant: what is drawn changes, no sample is added."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 
 from flexlab.scenario import Scenario
@@ -37,6 +36,7 @@ class Preparation:
         """With an `executor` the derivations run there."""
         self._executor = executor or ThreadPoolExecutor(1, thread_name_prefix="flexlab-preparation")
         self._current: Prepared | None = None
+        self._stopped = False
         self.later: list[ChangeScenario] = []
         """Changes that wait for the present derivation, to be derived together after it."""
 
@@ -45,7 +45,7 @@ class Preparation:
         """What is being derived, or waits to be taken on."""
         return self._current
 
-    def comes_before(self, command: Command) -> bool:
+    def must_wait(self, command: Command) -> bool:
         """Whether a command is meant for what is being prepared: all that follows a new run, a new run after a change."""
         if self._current is None or isinstance(command, LoadScenario):
             return False
@@ -61,8 +61,13 @@ class Preparation:
 
     def start(self, group: tuple[Command, ...], scenario: Scenario, known: Assembly, attempt: int) -> None:
         """Derive the assembly of `scenario` for a group of commands; nothing once this is stopped."""
-        with suppress(RuntimeError):  # What an executor says that takes no more, at whatever instant it was stopped.
-            self._current = Prepared(group, self._executor.submit(build_assembly, scenario, TICK, [known]), attempt)
+        try:
+            future = self._executor.submit(build_assembly, scenario, TICK, [known])
+        except RuntimeError:
+            if self._stopped:  # At whatever instant: nobody waits for it any more.
+                return
+            raise
+        self._current = Prepared(group, future, attempt)
 
     def take(self) -> Prepared | None:
         """The finished derivation, if there is one: it is then the caller's."""
@@ -77,4 +82,5 @@ class Preparation:
 
     def stop(self) -> None:
         """Begin nothing more; what runs ends by itself, within a second."""
+        self._stopped = True
         self._executor.shutdown(wait=False, cancel_futures=True)

@@ -46,12 +46,12 @@ IDLE_PERIOD = 0.25
 """Wall seconds between two rounds while time stands and nobody asks for anything: a lab that waits costs next to nothing."""
 
 DRAG_PAUSE = 0.5
-"""Wall seconds after a run began within which a change that begins another one is one more value of a dragged slider: such a run
+"""Wall seconds after a change that began a run within which another such change is one more value of a dragged slider: its run
 waits for nobody."""
 
 SWITCH_INTERVAL = 1e-3
-"""Seconds after which Python takes its lock from a thread that does not give it up: of its usual 5 ms, which the simulation
-would wait after every block of ticks, a frame of a derivation beside it has room for three."""
+"""Seconds after which Python takes its lock from a thread that computes without giving it up. The simulation may wait as long
+after every block of ticks, and of Python's usual 5 ms a frame has room for three."""
 
 STOP_PERIOD = 0.02
 """Wall seconds between two reminders that the thread is to stop."""
@@ -76,7 +76,7 @@ class Runner:
 
         With an `origin` the run goes on from there. Raises `FlexlabError` if its state is not one of this scenario. Slow
         derivations run in `executor`, or on a thread of the runner's own. With `hold_starts` every run waits at t = 0 until
-        it is released, or played.
+        it is released, or played; of a slider's values that each begin one, the first.
         """
         self._run = LiveRun(consumers)
         self._clock, self._sleep = clock, sleep
@@ -85,7 +85,7 @@ class Runner:
         self._block, self._runs = BlockSize(), RunRate()
         self._frame_end = float("inf")
         self._steps_left = 0
-        self._began = float("-inf")
+        self._changed_at = float("-inf")
         self._hold_starts, self._released = hold_starts, 0
         self._stopping = threading.Event()
         self._news = threading.Event()
@@ -171,10 +171,14 @@ class Runner:
         return not (self._run.world.status.failed or self._stopping.is_set()) and self._clock() <= self._frame_end
 
     def _loop(self) -> None:
-        sys.setswitchinterval(SWITCH_INTERVAL)
-        # For the drawing's products as well: a library's idle thread spins, and of a fine mesh took a core of its own.
-        with one_blas_thread():
-            self._rounds()
+        usual = sys.getswitchinterval()
+        sys.setswitchinterval(min(SWITCH_INTERVAL, usual))
+        try:
+            # For the drawing's products as well: a library's idle thread spins, and of a fine mesh took a core of its own.
+            with one_blas_thread():
+                self._rounds()
+        finally:
+            sys.setswitchinterval(usual)
 
     def _rounds(self) -> None:
         next_frame = self._clock()
@@ -211,17 +215,18 @@ class Runner:
         groups = self._commands.take(new_runs=free and self._runs.allowed(self._clock()))
         while groups:
             self._try(groups.pop(0))
-            if groups and self._preparation.comes_before(groups[0][0]):
+            if groups and self._preparation.must_wait(groups[0][0]):
                 self._commands.put_back(groups)
                 return
 
     def _try(self, group: tuple[Command, ...], derived: Callable[[], Assembly] | None = None, attempt: int = 0) -> None:
         """Carry out a group of `command_queue.grouped`; what cannot be is an event, what takes long is prepared first."""
         try:
-            known = () if derived is None else (derived(),)
-            self._carry_out(group, known, at_once=attempt < ATTEMPTS)
-        except Unprepared as need:
-            self._preparation.start(group, need.scenario, self._run.world.assembly, attempt + 1)
+            try:
+                known = () if derived is None else (derived(),)
+                self._carry_out(group, known, at_once=attempt < ATTEMPTS)
+            except Unprepared as need:
+                self._preparation.start(group, need.scenario, self._run.world.assembly, attempt + 1)
         except FlexlabError as error:
             self._run.say(" ".join(str(error).split("\n")), "error")
         except Exception as error:  # A command nobody foresaw must not end everybody's lab; nor pass in silence.
@@ -341,8 +346,10 @@ class Runner:
         such changes is waited for.
         """
         wall, waited = self._clock(), self._pacing.waiting
-        dragged = time_before is not None and wall - self._began < DRAG_PAUSE
-        self._began, self._steps_left = wall, 0
+        dragged = time_before is not None and wall - self._changed_at < DRAG_PAUSE
+        if time_before is not None:
+            self._changed_at = wall
+        self._steps_left = 0
         self._pacing.waiting = self._hold_starts and world.tick == 0 and not dragged
         self._block.forget()
         self._runs.note(wall)
@@ -360,12 +367,13 @@ class Runner:
 
     def _advance(self, most: int) -> int:
         """Move by a block of up to `most` ticks, as long as commands may wait; returns the ticks done."""
-        begun = self._clock()
-        done = self._run.advance(self._block.ticks(most), self._pacing.actual_speed())
-        self._block.note(done, self._clock() - begun)
+        ticks, begun = self._block.ticks(most), self._clock()
+        rows = self._run.world.advance_rows(ticks)
+        self._block.note(len(rows), self._clock() - begun)
+        self._run.take_rows(rows, self._pacing.actual_speed())
         if self._run.world.status.failed:
             self._fail()
-        return done
+        return len(rows)
 
     def _publish(self, wall: float) -> None:
         run, world, latest = self._run, self._run.world, self._run.latest

@@ -66,6 +66,8 @@ def test_a_gain_slider_sets_all_three_and_adaptation_sets_one(page: LabPage) -> 
 
 def test_another_preset_starts_a_new_run_and_every_control_shows_it(page: LabPage) -> None:
     run = page.snapshot.run_number
+    page.press("Pause")  # In a run that goes on, the exaggeration soon follows what the beam does.
+    wait_until(lambda: not page.snapshot.playing, "the run stands")
     page.choose("Preset", "soft-beam")
     wait_until(lambda: page.snapshot.run_number > run, "a new run")
     assert page.snapshot.scenario == load_preset("soft-beam")
@@ -73,6 +75,8 @@ def test_another_preset_starts_a_new_run_and_every_control_shows_it(page: LabPag
     page.wait_for_text(load_preset("soft-beam").title)
     wait_until(lambda: page.box(EI).input_value() == "1.27", "the EI box shows the preset's value")
     page.wait_for_text("1 × true size")
+    page.press("Play")
+    wait_until(lambda: page.snapshot.playing, "the run goes on")
 
 
 def test_one_arm_can_be_shown(page: LabPage) -> None:

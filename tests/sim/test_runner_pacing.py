@@ -229,3 +229,28 @@ def test_dragging_the_length_waits_for_its_first_value_only(live):
     ends = [status.text for _, status in stage.keeper.ends]
     assert ends[0] == "Ended at t = 0.983 s."
     assert all(text.startswith("Ended at t = 0.0") and text != "Ended at t = 0.000 s." for text in ends[2:])
+
+
+def test_a_change_right_after_a_reset_still_waits(live):
+    """Nobody has seen that run: only among values of one drag does one wait for the others."""
+    stage = live(hold_starts=True)
+    stage.runner.release(1)
+    stage.play(1.0)
+    stage.frame(1 / 60, Reset())
+    snapshot = stage.frame(1 / 60, ChangeScenario({"payload.length": 0.48}))
+    assert (snapshot.run_number, snapshot.waiting) == (3, True)
+
+
+def test_a_consumer_that_takes_its_time_does_not_slow_the_run(live):
+    """6 ms for every block of samples, as where a lock is waited for: blocks grow, and real time is kept."""
+    stage = live()
+
+    def slow(samples) -> None:
+        stage.now += 0.006
+
+    stage.keeper.on_block = slow
+    start, wall = time_of(stage.runner.snapshot), stage.now
+    while stage.now < wall + 2:
+        snapshot = stage.frame()
+    assert time_of(snapshot) - start == pytest.approx(stage.now - wall, abs=0.06)
+    assert not snapshot.too_slow

@@ -32,6 +32,7 @@ LOOKED_BACK = 0.5
 """Time over which the present vibration is judged, s."""
 LEAST_VIBRATION = 1e-6
 """Vibration below which there is nothing to enlarge, m."""
+STILL_COMPUTED = "The modes are still being computed: try again in a moment."
 
 
 class ModePanel:
@@ -70,7 +71,7 @@ class ModePanel:
         """Index of the chosen mode; raises `LabError` if this mesh has no such mode."""
         result, index = self._study.result, int(self._choice.value) - 1
         if result is None:
-            raise LabError("The modes are still being computed: try again in a moment.")
+            raise LabError(STILL_COMPUTED)
         if index >= len(result.frequency):
             count = len(result.frequency)
             raise LabError(f"Mode {index + 1} needs a finer mesh: this one has {count} modes. Give it more elements.")
@@ -112,8 +113,10 @@ class ModePanel:
         self._enlarge(size)
 
     def _start_in(self, index: int) -> None:
-        result, scenario = self._study.result, self._lab_state.intended
-        assert result is not None
+        scenario = self._lab_state.intended
+        result = self._study.modes_of(scenario.payload)
+        if result is None or index >= len(result.frequency):
+            raise LabError(STILL_COMPUTED)
         shape = result.shape[:, index]
         size = START_SIZE * scenario.payload.length
         start = tuple(float(value) for value in shape * size / peak_deflection(scenario.payload, shape))

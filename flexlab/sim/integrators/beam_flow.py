@@ -16,7 +16,8 @@ comes from the new state that the integrator finds.
 
 Where a sample is taken, b is the parabola that keeps its mean and begins and ends at the accelerations that the rates at these
 instants give: a fast damped mode's η̇ follows the slope of b, which the velocity in the middle tells to first order only. Where
-the inputs jump at that very instant, b ends at the acceleration that they gave until then.
+the inputs jump at that very instant, b ends at the acceleration that they gave until then. Where its beginning is not known,
+as after a start, the parabola misses the line by as much at both ends.
 """
 
 import numpy as np
@@ -42,8 +43,8 @@ SAVED = 9
 START, MIDDLE = -6, -3
 """Where in that row v2, ω and the part of b that is no derivative, ω v1 + gravity cos θ, stand for these instants."""
 BEGINNING, LINE = -8, -10
-"""Where in that row b of the beginning of a tick's last step stands, not a number where it is not known, and what a line
-through the step gives for it."""
+"""Where in that row two things stand for the beginning of a tick's last step: b, not a number where it is not known; and what
+the line through the step gives for it."""
 
 
 def flow_rows(

@@ -26,7 +26,7 @@ from flexlab.sim.integrators.forcing import add_forced, factor_rates, forced_col
 from flexlab.sim.integrators.scheme import STATE, Etdrk4
 
 HALF_PHI1, HALF_PHI2, PHI2, PHI3, HALF_EXP = range(5)
-"""½h φ1(½hL), h φ2(½hL), h φ2(hL), h φ3(hL), the rows of `Etdrk4.forced`; with e^{hL/2} those of `Etdrk4.operators`."""
+"""½h φ1(½hL), h φ2(½hL), h φ2(hL), h φ3(hL), e^{hL/2}: rows of `Etdrk4.operators`, or all but the last of `Etdrk4.forced`."""
 
 FREE = 7
 """Row of `Workspace.stage` that after a step holds e^{hL} y + h φ1(hL) N1: the beam had nothing changed for it."""
@@ -100,7 +100,7 @@ def beam_operators(
     dt: float,
     functions_at: Sequence[Sequence[Functions]],
 ) -> Etdrk4:
-    """The matrix functions of the beam's linear part for step dt.
+    """The matrix functions of the beam's linear part for step dt, and what `beam_flow` needs of it.
 
     loads: Vᵀh and Vᵀg, (2, n_m); functions_at: of each block those of `block_functions` for dt and dt/2.
     """
@@ -186,7 +186,8 @@ def add_rates(plant, etdrk4, function, z, out):
 def next_stage(plant, etdrk4, stage, y, ws):
     """From N1..N(stage + 1) in ws.stage, the beam's next stage in ws.stage[STATE], or after the last one the new y.
 
-    ws.stage[4] keeps a, ws.stage[FREE] e^{hL} y + h φ1(hL) N1.
+    ws.stage[4] keeps a, ws.stage[FREE] e^{hL} y + h φ1(hL) N1. Of a beam with `forced` functions the rates are replaced by what
+    they are made of.
     """
     n = plant.modal.shape[1]
     end, half_exp = ETA + 2 * n, etdrk4.operators[len(etdrk4.operators) - 1]

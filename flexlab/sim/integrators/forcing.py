@@ -17,7 +17,7 @@ FEWEST_COUPLED = 16
 """Modes that damping couples from which on this pays: with fewer, whole matrices are as fast."""
 
 STIFF_MODE = 3e5
-"""rad/s. Of stiffer modes rotation takes under a billionth of the stiffness, at 10 rad/s, and it is left to them."""
+"""rad/s. Of stiffer modes rotation takes about a billionth of the stiffness, at 10 rad/s: that is left out."""
 
 COMMON = 3
 """Fixed forces: lateral and angular velocity of the grips, and their lift ω v1 + gravity cos θ."""

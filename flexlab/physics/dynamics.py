@@ -179,7 +179,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     """Fill ẋ, Ṗ, η̇, π̇ and the powers of dy, after `find_velocities`, C̄_i and the inputs u (arms, 3) are known.
 
     `whole`: the complete derivative. Otherwise without the beam's linear part, (η̇, π̇) - (π, -Ω²η - Dπ), and without the
-    loss, unless a hand holds the beam: along the linear flow it has a closed form.
+    loss, which no sum over stages tells of modes that are damped faster than the step.
     """
     n = plant.modal.shape[1]
     c, s = ws.arm.trig[0], ws.arm.trig[1]
@@ -200,7 +200,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
 
     lift = w * v1 + g * c
     dissipation = 0.0
-    if whole or beam_is_held(plant):
+    if whole:
         damping_force(plant, ws.eta_dot, ws.damping_force)
         for k in range(n):
             dissipation += ws.eta_dot[k] * ws.damping_force[k]

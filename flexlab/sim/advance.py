@@ -4,7 +4,9 @@ import numpy as np
 
 from flexlab.compiled import compiled, inlined
 from flexlab.physics.arm import NOT_A_NUMBER
-from flexlab.physics.plant import BEND, DISSIPATED, ETA
+from flexlab.physics.dynamics import beam_is_held
+from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
+from flexlab.physics.plant import BEND, DISSIPATED, ETA, WORK
 from flexlab.sim.closed_loop import law_places, rates
 from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration, note_beginning
 from flexlab.sim.integrators.etdrk4 import FREE
@@ -38,6 +40,13 @@ def diverged(system, y):
         if not abs(y[i]) < RUNAWAY:
             return True
     return False
+
+
+@inlined
+def energy_beyond_work(plant, y, ws):
+    """Energy of arms and payload less the work done on them, J, after `find_state` of y: what it loses is dissipated."""
+    stored = kinetic_energy(y, ws.velocity, ws.eta_dot) + elastic_energy(plant, y)
+    return stored + gravity_energy(plant, ws.arm, y, ws.w_bar[0]) - y[WORK]
 
 
 @inlined
@@ -91,7 +100,7 @@ def advance(
     done = j = stage = np.int64(0)
     n = system.plant.modal.shape[1]
     true_rate = y[ETA + 2 * n + 3 : ETA + 3 * n + 3]
-    flows, stepped, whole = False, False, True
+    flows, stepped, whole, unspent = False, False, True, 0.0
     if etdrk4 is not None:
         flows, whole = etdrk4.flow.shape[1] > 0, False
     while True:
@@ -108,6 +117,10 @@ def advance(
         if stage == 0:
             if etdrk4 is not None:
                 last = j == step_count - 1
+                if code == 0 and flows and beam_is_held(system.plant):
+                    before, unspent = unspent, energy_beyond_work(system.plant, y, ws)
+                    if stepped:
+                        y[DISSIPATED] += before - unspent
                 if code == 0 and flows and stepped:
                     end_flow(system.plant, etdrk4.flow, dt, ws.stage[FREE], y, ws)
                     if j == 0:

@@ -12,7 +12,8 @@ the order of Simpson's rule). With η* = Ω⁻²(f - C b) and E(s) = ½|η̇|² 
     ∫η̇ᵀDη̇ ds = E(0) - E(h) - b1ᵀCᵀΩ⁻²(Δη̇ + DΔη),
 
 whatever the stiffness of a mode: no mode is too fast for it. It is not the defect of the balance of energies: nothing in it
-comes from the new state that the integrator finds.
+comes from the new state that the integrator finds. Only while a hand holds the beam, whose force is not among these, the loss is
+that defect (`sim.advance`).
 
 Where a sample is taken, b is the parabola that keeps its mean and begins and ends at the accelerations that the rates at these
 instants give: a fast damped mode's η̇ follows the slope of b, which the velocity in the middle tells to first order only. Where

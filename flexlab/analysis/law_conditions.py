@@ -12,7 +12,7 @@ from flexlab.sim.assembly import build_system
 from flexlab.sim.build import build_beam
 from flexlab.sim.closed_loop import new_workspace
 from flexlab.sim.law_memory import complete_input
-from flexlab.sim.step_size import control_rate, desired_poses
+from flexlab.sim.step_rates import control_rate, desired_poses
 
 INSTANTS = 32
 """At which the desired motion is looked at, over its slowest period."""

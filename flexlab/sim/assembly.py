@@ -21,7 +21,8 @@ from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.sampled_control import Sampling, is_loaded, with_kernel
 from flexlab.sim.step_levels import StepLevels, StepWatch
-from flexlab.sim.step_size import Rates, choose_step, find_rates, free_beam_rate, steps_per_tick
+from flexlab.sim.step_rates import Rates, find_rates, free_beam_rate
+from flexlab.sim.step_size import choose_step, steps_per_tick
 from flexlab.sim.target import build_trajectory, same_target
 
 LIGHT_ELEMENTS = 8

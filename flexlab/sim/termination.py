@@ -11,7 +11,7 @@ from flexlab.sim.advance import BENT
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.sampled_control import Sampling, gaussian
 from flexlab.sim.samples import Status
-from flexlab.sim.step_size import control_rate
+from flexlab.sim.step_rates import control_rate
 
 DEFLECTION_LIMIT = 1.0
 """Deflection at mid-span, or of a free end, over length at which a run stops: the linear beam model has lost all meaning

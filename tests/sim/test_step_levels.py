@@ -5,6 +5,7 @@ import pytest
 
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset
+from flexlab.sim.step_size import STABLE_COUPLING
 from flexlab.sim.world import World
 
 FAST_ADAPTATION = {
@@ -47,3 +48,23 @@ def test_a_step_far_below_real_time_is_refused(integrator: str):
         changes |= {"left_arm.link_mass": (0.01, 0.01, 0.01), "right_arm.link_mass": (0.01, 0.01, 0.01)}
     with pytest.raises(ScenarioError, match=r"would need a step of .* below the 1e-07 s"):
         World(load_preset("paper").replace(changes))
+
+
+@pytest.mark.parametrize("accuracy", [1e-10, 1e-8, 1e-6, 1e-4])
+@pytest.mark.parametrize(
+    ("preset", "elements", "stiffness", "damping"),
+    [
+        ("paper", 16, 1e5, {"kind": "nodal", "coefficient": 0.6}),
+        ("paper", 16, 1e5, {"kind": "stiffness", "coefficient": 1e-4}),
+        ("paper", 24, 1e4, {"kind": "modal", "ratio": 0.05}),
+        ("paper", 8, 1e6, {"kind": "modal", "ratio": 0.0}),
+        ("single-arm", 8, 1e4, {"kind": "nodal", "coefficient": 0.1}),
+    ],
+)
+def test_however_coarse_the_accuracy_the_step_stays_stable(preset, elements, stiffness, damping, accuracy):
+    """Modes that fade at once were given up to six times the step that is known to be stable, and then were inaccurate."""
+    changes = {"payload.element_count": elements, "payload.bending_stiffness": stiffness, "payload.damping": damping}
+    world = World(load_preset(preset).replace({**changes, "simulation.accuracy": accuracy}))
+    assert world.assembly.levels.step * world.assembly.rates.coupling <= STABLE_COUPLING
+    world.advance(60)
+    assert not world.status.failed

@@ -1,0 +1,141 @@
+"""What bounds the step: how fast the law and the beam in its arms are, at the poses of the path."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlab.compiled import compiled
+from flexlab.control.law_kernels import fastest_control_rate
+from flexlab.control.motion import poses
+from flexlab.control.path import Trajectory
+from flexlab.control.rates import largest_form_ratio
+from flexlab.physics.dynamics import configure_arms, rigid_inertia
+from flexlab.physics.plant import G
+from flexlab.sim.build import Beam
+from flexlab.sim.closed_loop import System, scratch_workspace
+
+POSES_TRIED = 16
+"""Instants of the first period at which the inertia that the controller works against is looked at."""
+
+FADED = 2.5e-4
+"""s: what rings as long counts for exp(-1) of what rings for ever."""
+
+
+class Rates(NamedTuple):
+    """What bounds the step and no gain changes: inertias on the way, and the beam's rates with arms that give way."""
+
+    poses: np.ndarray
+    """`POSES_TRIED` desired poses, (k, 3)."""
+    beam: float
+    """Of the beam's fastest mode, 1/s."""
+    coupling: float
+    """Norm of the modes' coupling through grips that give way, 1/s."""
+    lasting: float
+    """The same of modes that ring on, 1/s."""
+    forms: np.ndarray
+    """As `coupling_forms` of the beam, (3, 3, 3)."""
+
+
+def find_rates(
+    beam: Beam, system: System, trajectory: Trajectory, free_rate: float, forms: np.ndarray | None = None
+) -> Rates:
+    """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s; `forms`: if they are known."""
+    desired, forms = desired_poses(system, trajectory), coupling_forms(system, beam) if forms is None else forms
+    gives, coupling, lasting = giving_way(system, desired, forms)
+    return Rates(desired, free_rate * math.sqrt(1 + gives), coupling, lasting, forms)
+
+
+def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
+    """`POSES_TRIED` desired poses of the first period, (k, 3)."""
+    times = trajectory.window[0] + np.arange(POSES_TRIED) * (trajectory.fastest_period / POSES_TRIED)
+    return np.ascontiguousarray(poses(system.trajectory, times)[:, 0])
+
+
+def control_rate(system: System, desired: np.ndarray) -> float:
+    """Fastest rate of the part of the closed loop that the law shapes, 1/s.
+
+    As the law says it, at rest at desired poses (k, 3) and with an empty memory.
+    """
+    memory = np.zeros(system.control.memory_size)
+    return fastest_rate_at(system.plant, system.control, desired, memory, scratch_workspace(system))
+
+
+@compiled
+def fastest_rate_at(plant, control, desired, memory, ws):
+    """The largest of the law's fastest rates, 1/s, at rest at those of the desired poses (k, 3) that the arms can take."""
+    now, fastest = ws.truth[0], 0.0
+    now.gravity = plant.gravity
+    for k in range(len(desired)):
+        if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
+            rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
+            for a in range(3):
+                now.x[a] = now.desired[0, a] = desired[k, a]
+                now.v[a] = 0.0
+            fastest = max(fastest, fastest_control_rate(control, now, memory, ws.S, plant.kappa))
+    return fastest
+
+
+def free_beam_rate(beam: Beam) -> float:
+    """Fastest rate of the beam with its grips held, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ)."""
+    omega, D, starts = beam.modes.omega, beam.modes.D, beam.modes.block_start
+    fastest = 0.0
+    for size in sorted(set(np.diff(starts).tolist())):
+        blocks = starts[:-1][np.diff(starts) == size]
+        L = np.zeros((len(blocks), 2 * size, 2 * size))
+        for block, low in zip(L, blocks, strict=True):
+            own = slice(low, low + size)
+            block[:size, size:], block[size:, :size] = np.diag(omega[own]), -np.diag(omega[own])
+            block[size:, size:] = -D[own, own]
+        fastest = max(fastest, float(np.max(np.abs(np.linalg.eigvals(L)))))
+    return fastest
+
+
+def giving_way(system: System, desired: np.ndarray, forms: np.ndarray) -> tuple[float, float, float]:
+    """What grips that give way, at the inertias S of desired poses (k, 3), do to the beam: 1, 1/s and 1/s.
+
+    They add C S⁻¹Cᵀ to the inverse mass, and with it at most its largest eigenvalue to ω². And they couple the modes with the
+    norm of the largest eigenvalue of S⁻¹(CᵀΩC): of all modes, and of those that ring on. `forms`: of `coupling_forms`.
+    """
+    found = np.zeros(len(forms))
+    largest_ratios_at(system.plant, desired, forms, scratch_workspace(system), found)
+    gives, coupling, lasting = map(float, found)
+    return gives, coupling, lasting
+
+
+def coupling_forms(system: System, beam: Beam) -> np.ndarray:
+    """CᵀC and CᵀΩC for C = (h, g), the latter of all modes and of those that ring on, over the pose, (3, 3, 3)."""
+    loads, omega = system.plant.modal[: G + 1], beam.modes.omega
+    forms = [_in_pose(*system.plant.kappa)]
+    for weight in (omega, omega * np.exp(-FADED * ring_decay(beam))):
+        (hh, hg), (_, gg) = (loads * weight) @ loads.T
+        forms.append(_in_pose(hh, hg, gg))
+    return np.stack(forms)
+
+
+def ring_decay(beam: Beam) -> np.ndarray:
+    """Rate at which each mode's slower part fades with its own damping alone, 1/s, (n_m,)."""
+    half = beam.modes.D.diagonal() / 2
+    return half - np.sqrt(np.maximum(half**2 - beam.modes.omega**2, 0.0))
+
+
+@compiled
+def largest_ratios_at(plant, desired, forms, ws, largest):
+    """Raise `largest` (m,) to the eigenvalues of S⁻¹ form, forms (m, 3, 3) ≥ 0, at those poses (k, 3) that the arms can take.
+
+    S is that of a straight beam.
+    """
+    scratch = ws.truth[0].scratch
+    for k in range(len(desired)):
+        if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
+            rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
+            for m in range(len(forms)):
+                for a in range(3):
+                    for b in range(3):
+                        scratch[a, b] = forms[m, a, b]
+                largest[m] = max(largest[m], largest_form_ratio(ws.S, scratch[0:3], scratch[3:6]))
+
+
+def _in_pose(hh: float, hg: float, gg: float) -> np.ndarray:
+    """A form in (lateral, angular) as one in (x, y, θ), (3, 3), for every angle: the lateral load counts on both axes."""
+    return np.array([[hh, 0, hg], [0, hh, hg], [hg, hg, gg]])

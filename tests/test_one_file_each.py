@@ -118,7 +118,7 @@ from flexlab.sim.world import World
 
 scenario = load_preset("paper").replace({"payload.damping.kind": "high-pass", "payload.damping.rate": 20.0})
 world = World(scenario)
-rates = world._assembly.system.plant.damping
+rates = world.system.plant.damping
 world.run(2)
 names = [entry.name for entry in entries(scenario, "payload")]
 schema = json.dumps(Scenario.model_json_schema())

@@ -56,7 +56,7 @@ def test_columns_are_those_of_the_lagrangian(seed: int):
     pose, rate, *_ = random_state(base, np.random.default_rng(seed))
     scenario = base.replace({"initial.pose": tuple(pose), "initial.pose_rate": tuple(rate)})
     world = World(scenario)
-    begin = outlook(scenario, world.system, 0.0, world.state().y, world._workspace, True)
+    begin = outlook(scenario, world.system, 0.0, world.state().y, world._motion.workspace, True)
     assert begin is not None
     now, gains, size = begin.now, begin.gains, PAYLOAD + 2 * LINKS
     slope, (x_d, v_d, a_d) = scenario.controller.sliding_slope, now.desired

@@ -118,7 +118,7 @@ def test_a_jump_of_the_torques_is_looked_at_and_block_sizes_change_nothing(monke
     parts = [pieces.advance(ticks).joint_torque for ticks in (7, 1, 92, 150, 230, 120)]
     assert looks == at_once
     assert np.array_equal(samples.joint_torque, np.concatenate(parts))
-    one, other = whole._estimate, pieces._estimate
+    one, other = whole._motion.estimate, pieces._motion.estimate
     assert all(map(np.array_equal, (*one._replace(seen=None), *one.seen), (*other._replace(seen=None), *other.seen)))
     torque_changes = np.abs(np.diff(samples.joint_torque, axis=0)).max(axis=(1, 2))
     kink = 101 + int(np.argmax(torque_changes[100:]))

@@ -1,0 +1,130 @@
+"""A change of the scenario in mid-run: the run goes on in another world, or begins anew."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexlab.errors import ScenarioError
+from flexlab.physics.dynamics import velocities_at
+from flexlab.physics.plant import ETA, noted_rates
+from flexlab.scenario import Scenario
+from flexlab.sim import accuracy, row_layout
+from flexlab.sim.assembly import Assembly, build_assembly
+from flexlab.sim.closed_loop import new_workspace, state_length
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.disturbance import set_pull_row
+from flexlab.sim.law_memory import adjust_memory, carry_memory, same_law, start_memory
+from flexlab.sim.motion import Motion, act_at_start, begin_motion, outlook_of, set_coordinates, to_modes
+from flexlab.sim.projection import project_beam
+from flexlab.sim.signals import own_signals
+from flexlab.sim.stepping import observe
+from flexlab.sim.target import change_path, equal_motions, go_on_from
+from flexlab.sim.workspace_check import check_trajectory, same_reach
+
+
+def take_on(motion: Motion, command: ChangeScenario, known: Sequence[Assembly], at_once: bool) -> tuple[Motion, bool]:
+    """The motion that goes on, the given one or another, and whether a new run begins.
+
+    Raises `ScenarioError`, or `Unprepared` as `build_assembly`; the motion is then what it was.
+    """
+    scenario = change_path(motion.scenario, command.changes, motion.time)
+    fault = None if same_reach(motion.scenario, scenario) else check_trajectory(scenario)
+    if fault is not None:
+        raise ScenarioError([("trajectory", fault.text)])
+    known = [motion.assembly, *known]
+    if not _goes_on(motion.scenario, scenario):
+        anew = begin_motion(scenario.anew(), motion.tick_period, known, at_once)
+        if anew.status.failed:
+            raise ScenarioError([("initial", anew.status.text)])
+        return anew, True
+    reshaped = not (_same_mesh(motion.scenario, scenario) and own_signals(motion.scenario) == own_signals(scenario))
+    assembly = build_assembly(scenario, motion.tick_period, known, at_once)
+    if command.keeps_target:
+        assembly = _go_on_from_target(motion, assembly)
+    _carry_over(motion, assembly)
+    return motion, reshaped
+
+
+def _go_on_from_target(motion: Motion, assembly: Assembly) -> Assembly:
+    """The assembly with a target that goes on from where it is."""
+    old = motion.assembly.system.trajectory
+    if equal_motions(old, assembly.system.trajectory):
+        return assembly
+    scenario, path = go_on_from(motion.scenario, old, assembly.scenario, assembly.system.trajectory, motion.time)
+    return assembly._replace(scenario=scenario, system=assembly.system._replace(trajectory=path))
+
+
+def _carry_over(motion: Motion, assembly: Assembly) -> None:
+    """Go on with a new assembly: coordinates and velocities stay, momenta follow."""
+    before, old, scenario = motion.scenario, motion.assembly, assembly.scenario
+    another_law, another_beam = not same_law(before, scenario), assembly.beam is not old.beam
+    rate, eta, eta_dot = _coordinates_in(motion, assembly)
+    starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
+    law_before = outlook_of(motion, False)
+    _carry_torques(motion, assembly, starts_sampling)
+    motion.scenario, motion.assembly, motion.level, motion.move = scenario, assembly, 0, None
+    motion.estimate = accuracy.disturbed(motion.estimate, assembly, motion.tick)
+    if another_beam:
+        assembly.system.plant.pull[:] = old.system.plant.pull
+        set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
+    kept: tuple[str, ...] = ()
+    if another_beam or another_law:
+        y = np.zeros(state_length(assembly.system))
+        y[:ETA] = motion.y[:ETA]
+        kept = carry_memory(before, old.system, motion.y, scenario, assembly.system, y)
+        motion.y, motion.workspace = y, new_workspace(assembly.system)
+    motion.workspace.desired_time[0] = np.nan
+    set_coordinates(motion, motion.y[:3].copy(), rate, eta, eta_dot)
+    law_now = outlook_of(motion, starts_sampling)
+    if another_law:
+        start_memory(scenario, assembly.system, law_now, motion.y, kept)
+    else:
+        adjust_memory(scenario, assembly.system, law_before, law_now, motion.y)
+    if starts_sampling:
+        act_at_start(motion)
+
+
+def _coordinates_in(motion: Motion, assembly: Assembly) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pose rate (3,), and modal coordinates and their rates in the beam of a new assembly."""
+    old, plant = motion.assembly, motion.assembly.system.plant
+    n = plant.modal.shape[1]
+    velocities_at(plant, motion.y, motion.workspace)
+    rate, eta_dot = motion.workspace.velocity.copy(), motion.workspace.eta_dot.copy()
+    if old.levels.scheme(0).notes_rates and np.isfinite(noted_rates(motion.y, n)[-1]):
+        eta_dot = noted_rates(motion.y, n).copy()  # the rates that the samples show
+    q, q_dot = plant.V @ motion.y[ETA : ETA + n], plant.V @ eta_dot
+    if not _same_mesh(motion.scenario, assembly.scenario):
+        meshes = motion.scenario.payload, assembly.scenario.payload, assembly.beam.matrices.M_q
+        q, q_dot = project_beam(*meshes, q), project_beam(*meshes, q_dot)
+    # The same arithmetic even where only a gain changed: the first recordings were made with it.
+    return rate, to_modes(assembly.beam, q), to_modes(assembly.beam, q_dot)
+
+
+def _carry_torques(motion: Motion, assembly: Assembly, starts_sampling: bool) -> None:
+    """Let a sampled controller hold on to the torques that act, and to those under way."""
+    held, old_line = motion.assembly.system.held_torque, motion.assembly.sampling.line
+    if starts_sampling:
+        row = np.zeros((1, motion.row_length))
+        observe(motion, row[0])
+        held = row_layout.rows_to_samples(row, len(motion.scenario.arms), own_signals(motion.scenario)).joint_torque[0]
+    assembly.system.held_torque[:] = assembly.sampling.line[:] = held
+    if not starts_sampling:
+        length = min(len(assembly.sampling.line), len(old_line))
+        assembly.sampling.line[-length:] = old_line[-length:]
+
+
+def same_motion(one: Scenario, other: Scenario) -> bool:
+    """Whether a run that goes from one scenario to the other is one motion, and only a law's own signals may differ."""
+    return _goes_on(one, other) and _same_mesh(one, other)
+
+
+def _goes_on(one: Scenario, other: Scenario) -> bool:
+    """Whether a run can go on from one scenario in the other: with another machine or another start it begins anew."""
+    same_arms = (one.left_arm, one.right_arm) == (other.left_arm, other.right_arm)
+    return same_arms and one.payload.length == other.payload.length and one.initial == other.initial
+
+
+def _same_mesh(one: Scenario, other: Scenario) -> bool:
+    """Whether beam coordinates mean the same in two scenarios."""
+    a, b = one.payload, other.payload
+    return (a.element_count, a.boundary) == (b.element_count, b.boundary)

@@ -12,7 +12,7 @@ from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, Unprepared
 from flexlab.sim.blas import one_blas_thread
-from flexlab.sim.command_queue import MOST_STEPS, MOST_WAITING, CommandQueue, merged_changes
+from flexlab.sim.command_queue import MOST_WAITING, CommandQueue, merged_changes
 from flexlab.sim.command_text import command_text
 from flexlab.sim.commands import (
     ChangeScenario,
@@ -23,13 +23,11 @@ from flexlab.sim.commands import (
     Pull,
     Reset,
     SetSpeed,
-    StepOnce,
     Tap,
 )
 from flexlab.sim.consumer import Consumer
 from flexlab.sim.interpolation import interpolate
-from flexlab.sim.live_run import LiveRun
-from flexlab.sim.pacing import FASTEST, SLOWEST, BlockSize, Pacing, RunRate
+from flexlab.sim.paced_run import PacedRun
 from flexlab.sim.preparation import ATTEMPTS, Preparation
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Event, Snapshot
@@ -39,15 +37,8 @@ from flexlab.sim.world_state import Origin
 FRAME = 1 / 60
 """Wall seconds per round of the runner, s: the rate of common screens."""
 
-FRAME_BUDGET = 0.03
-"""Wall seconds after which a round publishes what there is and leaves the rest to the next: a picture every 50 ms."""
-
 IDLE_PERIOD = 0.25
 """Wall seconds between two rounds while time stands and nobody asks for anything: a lab that waits costs next to nothing."""
-
-DRAG_PAUSE = 0.5
-"""Wall seconds after a change that began a run within which another such change is one more value of a dragged slider: its run
-waits for nobody."""
 
 SWITCH_INTERVAL = 1e-3
 """Seconds after which Python takes its lock from a thread that computes without giving it up. The simulation may wait as long
@@ -78,34 +69,27 @@ class Runner:
         derivations run in `executor`, or on a thread of the runner's own. With `hold_starts` every run waits at t = 0 until
         it is released, or played; of a slider's values that each begin one, the first.
         """
-        self._run = LiveRun(consumers)
         self._clock, self._sleep = clock, sleep
-        self._commands = CommandQueue()
-        self._preparation = Preparation(executor)
-        self._block, self._runs = BlockSize(), RunRate()
-        self._frame_end = float("inf")
-        self._steps_left = 0
-        self._changed_at = float("-inf")
-        self._hold_starts, self._released = hold_starts, 0
         self._stopping = threading.Event()
         self._news = threading.Event()
+        self._paced = PacedRun(consumers, clock, self._stopping, playing, hold_starts)
+        self._run, self._pacing = self._paced.live, self._paced.pacing
+        self._commands = CommandQueue()
+        self._preparation = Preparation(executor)
+        self._released = self._answered = 0
         self._thread: threading.Thread | None = None
-        self._answered = 0
-        self._pacing = Pacing()
-        self._pacing.playing = playing
         world = World(scenario if origin is not None else scenario.anew())
         if origin is not None:
             world.restore(origin.state)
-        self._begin(world, name)
+        self._paced.begin(world, name)
         if origin is not None:
-            command = LoadScenario(scenario, name, origin)
-            self._run.note(command)
+            self._run.note(LoadScenario(scenario, name, origin))
         self._publish(self._clock())
 
     def start(self) -> None:
         """Start the thread."""
         self._thread = threading.Thread(target=self._loop, name="flexlab-simulation", daemon=True)
-        self._pacing.restart(self._clock(), self._run.world.time)
+        self._paced.restart()
         self._thread.start()
 
     def stop(self) -> None:
@@ -149,26 +133,22 @@ class Runner:
 
     def frame(self) -> None:
         """One round: commands, then the ticks that are due, then a snapshot. The thread's body; tests call it alone."""
-        self._frame_end = self._clock() + FRAME_BUDGET
-        stepping = self._steps_left > 0
+        paced = self._paced
+        paced.open_frame()
+        stepping = paced.steps_left > 0
         self._drain()
-        self._frame_end = self._clock() + FRAME_BUDGET  # Whatever the commands cost, time goes on.
-        if stepping and self._steps_left:
-            self._work_off_steps()
-        if self._pacing.waiting and self._released == self._run.number:
-            self._pacing.waiting = False
-            self._pacing.restart(self._clock(), self._run.world.time)
+        paced.open_frame()  # Whatever the commands cost, time goes on.
+        if stepping and paced.steps_left:
+            paced.work_off_steps()
+        if self._released == self._run.number:
+            paced.release()
         run, due = self._run.number, self._pacing.due_ticks(self._clock(), self._run.world.tick)
-        while due > 0 and self._may_go_on() and self._pacing.playing and run == self._run.number:
-            due -= self._advance(due)
+        while due > 0 and paced.may_go_on and self._pacing.playing and run == self._run.number:
+            due -= paced.advance(due)
             self._drain()
         wall = self._clock()
         self._pacing.note(wall, self._run.world.time)
         self._publish(wall)
-
-    def _may_go_on(self) -> bool:
-        """Whether the frame has time left, and the run as well."""
-        return not (self._run.world.status.failed or self._stopping.is_set()) and self._clock() <= self._frame_end
 
     def _loop(self) -> None:
         usual = sys.getswitchinterval()
@@ -194,7 +174,7 @@ class Runner:
     @property
     def _is_idle(self) -> bool:
         """Whether the next round would find nothing to do unless somebody asks for something."""
-        works = self._pacing.runs or self._steps_left or self._preparation.current is not None
+        works = self._paced.is_busy or self._preparation.current is not None
         return not works and self._commands.is_empty
 
     def _drain(self) -> None:
@@ -212,7 +192,7 @@ class Runner:
         if current is not None and not current.is_change and not loads:
             return
         free = loads or current is None
-        groups = self._commands.take(new_runs=free and self._runs.allowed(self._clock()))
+        groups = self._commands.take(new_runs=free and self._paced.new_run_allowed)
         while groups:
             self._try(groups.pop(0))
             if groups and self._preparation.must_wait(groups[0][0]):
@@ -242,12 +222,15 @@ class Runner:
         elif isinstance(command, (Reset, LoadScenario)):
             self._load(command, known, at_once)
         elif isinstance(command, (Play, Pause)):
-            self._play(isinstance(command, Play), self._clock())
+            self._paced.play(isinstance(command, Play))
             self._run.note(command)
         elif isinstance(command, SetSpeed):
-            self._set_speed(command, self._clock())
+            self._paced.set_speed(command.speed)
+            self._run.note(command)
         else:
-            self._step(command)
+            self._paced.ask_for_steps(command.ticks)
+            self._run.note(command)
+            self._paced.work_off_steps()
 
     def _load(self, command: LoadScenario | Reset, known: tuple[Assembly, ...], at_once: bool) -> None:
         """Begin a run of another scenario, one that goes on from an earlier one's state, or the same anew; it says so."""
@@ -264,7 +247,7 @@ class Runner:
             world.restore(origin.state)
         self._run.report(event)
         self._run.end(self._run.final_status())
-        self._begin(world, name)
+        self._paced.begin(world, name)
         if origin is not None:
             self._run.report(replace(event, time=world.time))
 
@@ -297,83 +280,11 @@ class Runner:
             if complete != command.changes:
                 event = replace(event, command=replace(command, changes=complete))
         self._run.report(event)
-        self._block.forget()
         if begins_anew:
             self._run.end(final)
-            self._begin(world, self._run.name, time_before)
+            self._paced.begin(world, self._run.name, time_before)
         else:
-            self._run.take_on_change()
-
-    def _play(self, playing: bool, wall: float) -> None:
-        if playing and self._run.world.status.failed:
-            raise FlexlabError(f"This run has stopped: {self._run.world.status.text} Reset, or load another preset.")
-        self._steps_left = 0
-        if self._pacing.playing or not playing:
-            self._pacing.waiting = False  # Who presses play on a run that only waits does not want to wait.
-        self._pacing.playing = playing
-        self._pacing.restart(wall, self._run.world.time)
-
-    def _set_speed(self, command: SetSpeed, wall: float) -> None:
-        if not SLOWEST <= command.speed <= FASTEST:
-            raise FlexlabError(
-                f"Speed = {command.speed:g} is outside 1/256 to {FASTEST:g} times real time: choose within it."
-            )
-        time_now = min(self._pacing.target(wall), self._run.world.time + TICK)
-        self._pacing.speed = command.speed
-        self._pacing.restart(wall, time_now)
-        self._run.note(command)
-
-    def _step(self, command: StepOnce) -> None:
-        if not 1 <= command.ticks <= MOST_STEPS:
-            raise FlexlabError(f"Steps = {command.ticks} is outside 1 to {MOST_STEPS}: choose within it.")
-        self._pacing.playing = self._pacing.waiting = False
-        self._run.note(command)
-        self._steps_left = command.ticks
-        self._work_off_steps()
-
-    def _work_off_steps(self) -> None:
-        """Do single steps that are left, as far as the frame's time goes; the next frame goes on."""
-        while self._steps_left and self._may_go_on():
-            self._steps_left -= self._advance(self._steps_left)
-        if self._run.world.status.failed:
-            self._steps_left = 0
-        self._pacing.restart(self._clock(), self._run.world.time)
-
-    def _begin(self, world: World, name: str, time_before: float | None = None) -> None:
-        """Make `world` the current run.
-
-        `time_before`: where the run stood that a change made it of; time then passes as it did, and only the first of several
-        such changes is waited for.
-        """
-        wall, waited = self._clock(), self._pacing.waiting
-        dragged = time_before is not None and wall - self._changed_at < DRAG_PAUSE
-        if time_before is not None:
-            self._changed_at = wall
-        self._steps_left = 0
-        self._pacing.waiting = self._hold_starts and world.tick == 0 and not dragged
-        self._block.forget()
-        self._runs.note(wall)
-        self._run.begin(world, name)
-        if time_before is None or waited or self._pacing.waiting:
-            self._pacing.restart(self._clock(), world.time)
-        else:
-            self._pacing.pass_on(time_before, world.time)
-        if world.status.failed:
-            self._fail()
-
-    def _fail(self) -> None:
-        self._pacing.playing = False
-        self._run.say(self._run.world.status.text, "error")
-
-    def _advance(self, most: int) -> int:
-        """Move by a block of up to `most` ticks, as long as commands may wait; returns the ticks done."""
-        ticks, begun = self._block.ticks(most), self._clock()
-        rows = self._run.world.advance_rows(ticks)
-        self._block.note(len(rows), self._clock() - begun)
-        self._run.take_rows(rows, self._pacing.actual_speed())
-        if self._run.world.status.failed:
-            self._fail()
-        return len(rows)
+            self._paced.take_on_change()
 
     def _publish(self, wall: float) -> None:
         run, world, latest = self._run, self._run.world, self._run.latest

@@ -72,9 +72,9 @@ def test_presets_are_called_accurate(name: str):
 def test_the_runner_says_it_once_and_the_snapshot_keeps_it():
     runner = Runner(undamped(), playing=False, clock=lambda: 0.0)
     while not runner._run.world.accuracy_warning:
-        runner._advance(50)
+        runner._paced.advance(50)
     for _ in range(20):
-        runner._advance(50)
+        runner._paced.advance(50)
     runner._publish(0.0)
     told = [event for event in runner.snapshot.events if "no longer accurate" in event.text]
     assert len(told) == 1

@@ -44,10 +44,20 @@ SELDOM = f"""(() => {{
   window.cancelAnimationFrame = (number) => {{ waiting.delete(number); }};
 }})()"""
 
+UNDRAWN = """(() => {
+  if (location.pathname.startsWith('/viewer/')) return;
+  for (const call of ['Arrays', 'Elements', 'ArraysInstanced', 'ElementsInstanced'])
+    WebGL2RenderingContext.prototype[`draw${call}`] = () => {};
+})()"""
+"""Leaves the last step of each picture of the lab out, the pixels: they take a processor, and only rerun's viewer, and one test
+of the lab, are looked at."""
 
-def open_window(browser: Browser, width: int, height: int, **options: Any) -> BrowserContext:
-    """A browser's window of its own, px: no cookies yet, no page yet."""
+
+def open_window(browser: Browser, width: int, height: int, drawn: bool = PICTURES, **options: Any) -> BrowserContext:
+    """A browser's window of its own, px: no cookies yet, no page yet. `drawn`: somebody looks at the lab's scene."""
     context = browser.new_context(viewport={"width": width, "height": height}, **options)
     context.set_default_timeout(PATIENCE)
     context.add_init_script(SELDOM)
+    if not drawn:
+        context.add_init_script(UNDRAWN)
     return context

@@ -1,18 +1,45 @@
 """Seeing: exaggeration, strain, forces, camera, modes and plots, in a real browser."""
 
+import io
 import math
 
 import numpy as np
 import pytest
 from lab_page import SAME_PLACE, LabPage, wait_until
+from PIL import Image
+from playwright.sync_api import Browser
 
+from flexlab.lab import colors
+from flexlab.lab.session import Session
 from flexlab.lab.view_settings import PLOT_WINDOWS
 
+NEAR, STRONG = 20, 100
+"""px around a place in which something of its colour is to be seen; the saturation, 0..255, from which a pixel has one."""
 FACTOR = "Exaggeration of the deflection (×)"
 
 
 def node_shown(page: LabPage, name: str) -> bool:
     return page.page.evaluate(f"window.__viserMutable.nodeRefFromName['{name}']?.visible ?? false")
+
+
+def hues(page: LabPage, x: float, y: float) -> np.ndarray:
+    """Hues of strong colours around a place on the page, px; (N,), 0..255 once around."""
+    clip = {"x": x - NEAR, "y": y - NEAR, "width": 2.0 * NEAR, "height": 2.0 * NEAR}
+    image = Image.open(io.BytesIO(page.page.screenshot(clip=clip)))  # type: ignore[arg-type]
+    hue, saturation, _ = np.moveaxis(np.asarray(image.convert("HSV"), int), -1, 0)
+    return hue[saturation > STRONG]
+
+
+def test_arms_and_beam_are_drawn_each_in_its_colour_where_it_is(chromium: Browser, session: Session) -> None:
+    with LabPage(chromium, session, drawn=True) as page:
+        page.press("Pause")
+        page.catch_up()
+        scenario, beam = page.snapshot.scenario, page.beam_pixel()
+        places = [page.pixel(*arm.base, 0.0) for arm in scenario.arms] + [beam]
+        for place, color in zip(places, (*colors.ARMS, colors.BEAM), strict=True):
+            hue = np.asarray(Image.new("RGB", (1, 1), color).convert("HSV"), int)[0, 0, 0]
+            away = np.abs((hues(page, *place) - hue + 128) % 256 - 128)
+            assert np.count_nonzero(away < 8) > 10, color
 
 
 def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None:

@@ -1,4 +1,7 @@
-"""Windows of the tests' browser: as a person's, but drawn seldom, as a machine without a graphics card pays for each picture."""
+"""Windows of the tests' browser: as a person's, but drawn seldom, and the lab's pixels only where somebody looks at them.
+
+A machine without a graphics card pays for each picture.
+"""
 
 import os
 from typing import Any
@@ -20,7 +23,7 @@ cannot be looked at then."""
 PATIENCE = 90_000
 """ms that a page on a busy machine may take for anything."""
 PICTURES = bool(os.environ.get("FLEXLAB_PICTURES"))
-"""Whether somebody wants screenshots to look at: each costs a second of a processor."""
+"""Whether somebody wants screenshots to look at: each costs a second of a processor, and the lab is drawn for them."""
 REST = "(rests) => window.flexlabRest(rests)"
 """Has a page draw nothing (true) until it is to go on (false)."""
 SELDOM = f"""(() => {{

@@ -1,6 +1,7 @@
 """The scenario as a whole: its parts, what must fit together, and changes by path."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
@@ -167,6 +168,14 @@ class Scenario(Part):
             return self.model_copy(update=parts)._fits_together()
         except (ValidationError, PydanticCustomError):
             return None
+
+    def with_path(self, path: Trajectory) -> "Scenario":
+        """A copy with a path that was derived from another; raises `ScenarioError` if it is not valid."""
+        data = dict(path)
+        if type(path) in _whole_parts:
+            with suppress(ValidationError):
+                return self.model_copy(update={"trajectory": type(path).model_validate(data)})
+        return parse_scenario({**dict(self), "trajectory": data})
 
     def __reduce__(self) -> tuple[Any, ...]:
         # As plain data: models that are made for a law's parts have no name under which another process would find them.

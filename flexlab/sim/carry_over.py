@@ -1,6 +1,7 @@
-"""A change of the scenario in mid-run: the run goes on in another world, or begins anew."""
+"""A change of the scenario in mid-run: the run goes on with other constants, or begins anew."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,9 +24,9 @@ from flexlab.sim.workspace_check import check_trajectory, same_reach
 
 
 def take_on(motion: Motion, command: ChangeScenario, known: Sequence[Assembly], at_once: bool) -> tuple[Motion, bool]:
-    """The motion that goes on, the given one or another, and whether a new run begins.
+    """The motion that goes on from the given one, or begins anew, and whether a new run begins.
 
-    Raises `ScenarioError`, or `Unprepared` as `build_assembly`; the motion is then what it was.
+    Raises `ScenarioError`, or `Unprepared` as `build_assembly`. The given motion stays as it is, but for its scratch.
     """
     scenario = change_path(motion.scenario, command.changes, motion.time)
     fault = None if same_reach(motion.scenario, scenario) else check_trajectory(scenario)
@@ -41,8 +42,7 @@ def take_on(motion: Motion, command: ChangeScenario, known: Sequence[Assembly], 
     assembly = build_assembly(scenario, motion.tick_period, known, at_once)
     if command.keeps_target:
         assembly = _go_on_from_target(motion, assembly)
-    _carry_over(motion, assembly)
-    return motion, reshaped
+    return _carried_over(motion, assembly), reshaped
 
 
 def _go_on_from_target(motion: Motion, assembly: Assembly) -> Assembly:
@@ -54,8 +54,9 @@ def _go_on_from_target(motion: Motion, assembly: Assembly) -> Assembly:
     return assembly._replace(scenario=scenario, system=assembly.system._replace(trajectory=path))
 
 
-def _carry_over(motion: Motion, assembly: Assembly) -> None:
-    """Go on with a new assembly: coordinates and velocities stay, momenta follow."""
+def _carried_over(motion: Motion, assembly: Assembly) -> Motion:
+    """The motion with a new assembly: coordinates and velocities stay, momenta follow."""
+    motion = replace(motion, y=motion.y.copy())
     before, old, scenario = motion.scenario, motion.assembly, assembly.scenario
     another_law, another_beam = not same_law(before, scenario), assembly.beam is not old.beam
     rate, eta, eta_dot = _coordinates_in(motion, assembly)
@@ -82,6 +83,7 @@ def _carry_over(motion: Motion, assembly: Assembly) -> None:
         adjust_memory(scenario, assembly.system, law_before, law_now, motion.y)
     if starts_sampling:
         act_at_start(motion)
+    return motion
 
 
 def _coordinates_in(motion: Motion, assembly: Assembly) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

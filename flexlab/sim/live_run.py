@@ -19,7 +19,10 @@ EVENTS_KEPT = 200
 
 
 class LiveRun:
-    """One run after another, each from `begin` to `end`. Not thread-safe: belongs to the runner; `history` may be read."""
+    """One run after another, each from `begin` to `end`.
+
+    Not thread-safe: belongs to the simulation thread; `history` may be read.
+    """
 
     world: World
     name: str

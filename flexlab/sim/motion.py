@@ -34,11 +34,12 @@ class Motion:
     tick_period: float
     """s."""
     assembly: Assembly
-    """The scenario's constants."""
+    """What is derived from the scenario; the held torques, those under way and the hand in it change with time."""
     y: np.ndarray
-    """State of `physics.plant`, then the memory of law, observer and integrator."""
+    """State of `physics.plant`."""
     workspace: Workspace
-    """The kernels' scratch arrays; what they hold between two steps is a function of `y`."""
+    """The kernels' scratch arrays, and the flag by which another thread interrupts them. A change of the path voids the desired
+    motion that they remember."""
     estimate: accuracy.Estimate
     """What is known of the run's accuracy."""
     tick: int = 0

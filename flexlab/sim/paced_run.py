@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from flexlab.errors import FlexlabError
 from flexlab.sim.command_queue import MOST_STEPS
 from flexlab.sim.consumer import Consumer
+from flexlab.sim.interpolation import interpolate
 from flexlab.sim.live_run import LiveRun
 from flexlab.sim.pacing import FASTEST, SLOWEST, BlockSize, Pacing, RunRate
-from flexlab.sim.snapshot import TICK
+from flexlab.sim.snapshot import TICK, Snapshot
 from flexlab.sim.world import World
 
 FRAME_BUDGET = 0.03
@@ -20,7 +21,7 @@ waits for nobody."""
 
 
 class PacedRun:
-    """A `LiveRun` and its pace. Not thread-safe: belongs to the runner."""
+    """A `LiveRun` and its pace. Not thread-safe: belongs to the simulation thread."""
 
     def __init__(
         self,
@@ -140,6 +141,32 @@ class PacedRun:
         if self.live.world.status.failed:
             self._fail()
         return len(rows)
+
+    def snapshot(self, wall: float, answered: int) -> Snapshot:
+        """What is to be shown at `wall`, s; `answered` as in a `Snapshot`."""
+        run, world, latest = self.live, self.live.world, self.live.latest
+        # Drawn one tick late, so that in slow motion there is always a sample on either side to draw between.
+        fraction = (self.pacing.target(wall) - float(latest.time[0])) / TICK if self.pacing.runs else 1.0
+        return Snapshot(
+            run_number=run.number,
+            name=run.name,
+            scenario=world.scenario,
+            status=world.status,
+            playing=self.pacing.playing,
+            latest=latest,
+            display=interpolate(run.previous, latest, min(max(fraction, 0.0), 1.0)),
+            target_speed=self.pacing.speed,
+            actual_speed=self.pacing.actual_speed(),
+            too_slow=self.pacing.too_slow(wall),
+            dropped_samples=run.dropped,
+            first_frequency=world.first_frequency,
+            events=tuple(run.events),
+            start_time=run.start_time,
+            waiting=self.pacing.waiting,
+            accuracy_warning=world.accuracy_warning,
+            pace_warning=run.pace_warning,
+            answered=answered,
+        )
 
     def _fail(self) -> None:
         self.pacing.playing = False

@@ -23,7 +23,7 @@ SPEED_WINDOW = 1.0
 
 
 class Pacing:
-    """Target simulation time as a function of wall time, both in s. Not thread-safe: belongs to the runner."""
+    """Target simulation time as a function of wall time, both in s. Not thread-safe: belongs to the simulation thread."""
 
     def __init__(self, speed: float = 1.0):
         self.speed = speed

@@ -1,4 +1,4 @@
-"""The simulation thread: paces a `World` by an injected clock, drains commands, publishes snapshots, feeds consumers."""
+"""The simulation thread: drains commands, moves a `PacedRun` by an injected clock, publishes snapshots."""
 
 import sys
 import threading
@@ -26,7 +26,6 @@ from flexlab.sim.commands import (
     Tap,
 )
 from flexlab.sim.consumer import Consumer
-from flexlab.sim.interpolation import interpolate
 from flexlab.sim.paced_run import PacedRun
 from flexlab.sim.preparation import ATTEMPTS, Preparation
 from flexlab.sim.samples import Samples
@@ -287,29 +286,7 @@ class Runner:
             self._paced.take_on_change()
 
     def _publish(self, wall: float) -> None:
-        run, world, latest = self._run, self._run.world, self._run.latest
         come = self._commands.count
         if self._commands.is_empty and self._preparation.current is None:
             self._answered = come
-        # Drawn one tick late, so that in slow motion there is always a sample on either side to draw between.
-        fraction = (self._pacing.target(wall) - float(latest.time[0])) / TICK if self._pacing.runs else 1.0
-        self._snapshot = Snapshot(
-            run_number=run.number,
-            name=run.name,
-            scenario=world.scenario,
-            status=world.status,
-            playing=self._pacing.playing,
-            latest=latest,
-            display=interpolate(run.previous, latest, min(max(fraction, 0.0), 1.0)),
-            target_speed=self._pacing.speed,
-            actual_speed=self._pacing.actual_speed(),
-            too_slow=self._pacing.too_slow(wall),
-            dropped_samples=run.dropped,
-            first_frequency=world.first_frequency,
-            events=tuple(run.events),
-            start_time=run.start_time,
-            waiting=self._pacing.waiting,
-            accuracy_warning=world.accuracy_warning,
-            pace_warning=run.pace_warning,
-            answered=self._answered,
-        )
+        self._snapshot = self._paced.snapshot(wall, self._answered)

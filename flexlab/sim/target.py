@@ -70,14 +70,17 @@ def desired_at(trajectory: DesiredMotion, t: float) -> np.ndarray:
 
 
 def change_path(scenario: Scenario, changes: Mapping[str, Any], time: float) -> Scenario:
-    """The changed scenario, its path such that it begins close to the target at `time`, s, where it can."""
+    """The changed scenario, its path such that it begins close to the target at `time`, s, where it can.
+
+    Raises `ScenarioError` for what is not valid, a path that begins outside its allowed range included.
+    """
     changed = scenario.replace(changes)
     own = {path.removeprefix("trajectory."): value for path, value in changes.items() if path.startswith("trajectory.")}
     if not own or "trajectory" in changes:
         return changed
     old, new = scenario.trajectory, changed.trajectory
     kept = old.keeping(new, own, time) if type(old) is type(new) else new.taken_up(old, own, time)
-    return changed if kept is new else changed.model_copy(update={"trajectory": kept})
+    return changed if kept is new else changed.with_path(kept)
 
 
 def go_on_from(
@@ -85,16 +88,17 @@ def go_on_from(
 ) -> tuple[Scenario, DesiredMotion]:
     """The scenario and its desired motion with the transition that takes them on from `old_motion`, of `old`, at `time`, s.
 
-    A path of the same kind that begins where the target is needs none: a new frequency acts at once.
+    A path of the same kind that begins where the target is needs none: a new frequency acts at once. Raises `ScenarioError`
+    where more is left over than can be.
     """
     plain, motion = scenario.anew(), with_transition(motion, None)
     left = desired_at(old_motion, time) - desired_at(motion, time)
     if np.abs(left[0]).max() < CLOSE and plain.trajectory.kind == old.trajectory.kind:
         return plain, motion
     over: dict[str, Any] = dict(zip(("pose", "rate", "acceleration"), map(tuple, left.tolist()), strict=True))
-    transition = Transition(time=time, duration=TRANSITION_TIME, **over)
-    moved = plain.model_copy(update={"trajectory": plain.trajectory.model_copy(update={"transition": transition})})
-    return moved, with_transition(motion, transition)
+    over |= {"time": time, "duration": TRANSITION_TIME}
+    moved = plain.with_path(plain.trajectory.model_copy(update={"transition": over}))
+    return moved, with_transition(motion, moved.trajectory.transition)
 
 
 def equal_motions(one: DesiredMotion, other: DesiredMotion) -> bool:

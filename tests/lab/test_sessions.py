@@ -4,6 +4,7 @@ import ctypes
 import gc
 import os
 import socket
+import sys
 import threading
 import time
 
@@ -22,7 +23,7 @@ MANY = 25
 
 def kept_memory() -> int:
     """Resident bytes without what is freed but kept by the allocator, which differs by megabytes from time to time."""
-    if trim := getattr(ctypes.CDLL(None), "malloc_trim", None):
+    if sys.platform == "linux" and (trim := getattr(ctypes.CDLL(None), "malloc_trim", None)):
         trim(0)
     return psutil.Process(os.getpid()).memory_info().rss
 

@@ -199,3 +199,17 @@ def test_a_refused_change_leaves_the_world_as_it_was(changes: dict, same_bits):
     assert world.scenario == scenario
     assert world.tick == 37
     same_bits(world.run(30), untouched.run(30))
+
+
+@pytest.mark.parametrize("kind", ["hold", "rest-to-rest", "bang-bang"])
+@pytest.mark.parametrize("restart", [{}, {"left_arm.base": (-0.6, 0.0)}])
+def test_a_path_that_would_begin_outside_its_range_is_refused(kind: str, restart: dict, same_bits):
+    """Such a path is made of the target: nobody has checked it, and a recording of it could not be read."""
+    turned = {"trajectory.center": (0.0, 0.75, 6 * np.pi + 0.3), "trajectory.amplitude": (0.0, 0.0, 1.0)}
+    world, other = (World(load_preset("paper").replace(turned)) for _ in range(2))
+    world.advance(250)
+    with pytest.raises(ScenarioError, match=r"20\.1.* outside the allowed range -20 to 20"):
+        world.apply(ChangeScenario({"trajectory.kind": kind, **restart}))
+    assert world.scenario == other.scenario
+    other.advance(250)
+    same_bits(world.run(20), other.run(20))

@@ -135,6 +135,11 @@ class LabPage:
         self._close_notifications()
         wait_until(lambda: self.box(EI).input_value() == "100", "the page shows its stiffness")
 
+    def hold(self) -> None:
+        """Pause the simulation, and wait until it stands."""
+        self.press("Pause")
+        wait_until(lambda: not self.snapshot.playing, "the simulation holds")
+
     def catch_up(self) -> None:
         """Wait until the page draws what the lab has now.
 

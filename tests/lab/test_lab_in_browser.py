@@ -15,8 +15,7 @@ SINGLE = 2.0**-23
 def test_the_beam_moves_as_the_simulation_has_it(page: LabPage) -> None:
     first = page.beam_vertex()
     wait_until(lambda: math.dist(first, page.beam_vertex()) > 0.05, "the beam has moved 5 cm")
-    page.press("Pause")
-    wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    page.hold()
     x, y, _ = page.snapshot.display.pose[0]
 
     def stands_there() -> bool:
@@ -91,8 +90,7 @@ def test_one_arm_can_be_shown(page: LabPage) -> None:
 
 
 def test_pause_step_and_reset(page: LabPage) -> None:
-    page.press("Pause")
-    wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    page.hold()
     page.wait_for_text("Paused")
     held = float(page.snapshot.latest.time[0])
     page.press("Step")
@@ -161,8 +159,7 @@ def test_plots_follow_with_a_fixed_axis_and_their_units(page: LabPage) -> None:
 def test_a_plot_keeps_its_axis_where_it_is_empty(page: LabPage) -> None:
     page.key("r")
     wait_until(lambda: 0.2 < float(page.snapshot.latest.time[0]) < 3.5, "the plots are half full")
-    page.press("Pause")
-    wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    page.hold()
     zoom = """async () => { const plots = Object.values(window.__viserTestpoints.uplots).map((u) => u.chart);
       plots.forEach((plot) => plot.setScale('x', { min: 4.0, max: 4.9 }));
       await new Promise((done) => requestAnimationFrame(done));

@@ -28,8 +28,7 @@ def test_a_run_waits_for_its_picture_and_then_begins_by_itself(chromium: Browser
             run = page.snapshot.run_number
             page.choose("Preset", "smooth-start")
             wait_until(lambda: page.snapshot.run_number > run, "the preset chosen once more starts anew")
-            page.press("Pause")
-            wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+            page.hold()
             page.press("Reset")
             page.press("Play from t = 0 s")
             wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "the big button plays")

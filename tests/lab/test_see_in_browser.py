@@ -32,7 +32,7 @@ def hues(page: LabPage, x: float, y: float) -> np.ndarray:
 
 def test_arms_and_beam_are_drawn_each_in_its_colour_where_it_is(chromium: Browser, session: Session) -> None:
     with LabPage(chromium, session, drawn=True) as page:
-        page.press("Pause")
+        page.hold()
         page.catch_up()
         scenario, beam = page.snapshot.scenario, page.beam_pixel()
         places = [page.pixel(*arm.base, 0.0) for arm in scenario.arms] + [beam]
@@ -43,8 +43,7 @@ def test_arms_and_beam_are_drawn_each_in_its_colour_where_it_is(chromium: Browse
 
 
 def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None:
-    page.press("Pause")
-    wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    page.hold()
     run = page.snapshot.run_number
     page.open_tab("View")
     bends = {}

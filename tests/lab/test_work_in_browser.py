@@ -22,13 +22,16 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+PRESSES = 3
+"""Of a mouse's button, before it counts as lost: a browser with both processors full drops one now and then."""
+
+
 def stiffness(page: LabPage) -> float:
     return page.snapshot.scenario.payload.bending_stiffness
 
 
 def hold(page: LabPage) -> None:
-    page.press("Pause")
-    wait_until(lambda: not page.snapshot.playing, "the simulation holds")
+    page.hold()
     page.catch_up()
 
 
@@ -42,6 +45,10 @@ def upload(page: LabPage, file: Path) -> None:
 
 def pulls(page: LabPage) -> list[Pull]:
     return [event.command for event in page.snapshot.events if isinstance(event.command, Pull)]
+
+
+def tapped(page: LabPage) -> bool:
+    return any(isinstance(event.command, Tap) for event in page.snapshot.events)
 
 
 def test_dragging_the_beam_pulls_it_and_clicking_taps_it(page: LabPage) -> None:
@@ -64,9 +71,13 @@ def test_dragging_the_beam_pulls_it_and_clicking_taps_it(page: LabPage) -> None:
     wait_until(lambda: pulls(page)[-1].stiffness == 0, "the simulation lets go as well")
     assert abs(pulls(page)[0].position) < 0.05
     hold(page)
-    x, y = page.beam_pixel()
-    mouse.click(x, y)
-    wait_until(lambda: any(isinstance(event.command, Tap) for event in page.snapshot.events), "the beam is tapped")
+    for press in range(PRESSES):
+        mouse.click(*page.beam_pixel())
+        try:
+            wait_until(lambda: tapped(page), "the beam is tapped", PATIENCE / PRESSES)
+            break
+        except AssertionError:
+            assert press < PRESSES - 1
     page.open_tab("Events")
     page.wait_for_text("Let go of the beam")
     page.wait_for_text("Tap the beam")

@@ -1,7 +1,6 @@
 """The scenario as a whole: its parts, what must fit together, and changes by path."""
 
 from collections.abc import Mapping
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
@@ -160,22 +159,14 @@ class Scenario(Part):
         try:
             for name, own in _by_part(changes).items():
                 part = vars(self).get(name)
-                if type(part) not in _whole_parts or None in own:
+                if not isinstance(part, Part) or type(part) not in _whole_parts or None in own:
                     return None
-                parts[name] = _with_fields(part, own)  # type: ignore[arg-type]  # A part, as its type says; no name is None.
+                parts[name] = _with_fields(part, _named(own))
                 if parts[name] is None:
                     return None
             return self.model_copy(update=parts)._fits_together()
         except (ValidationError, PydanticCustomError):
             return None
-
-    def with_path(self, path: Trajectory) -> "Scenario":
-        """A copy with a path that was derived from another; raises `ScenarioError` if it is not valid."""
-        data = dict(path)
-        if type(path) in _whole_parts:
-            with suppress(ValidationError):
-                return self.model_copy(update={"trajectory": type(path).model_validate(data)})
-        return parse_scenario({**dict(self), "trajectory": data})
 
     def __reduce__(self) -> tuple[Any, ...]:
         # As plain data: models that are made for a law's parts have no name under which another process would find them.
@@ -230,6 +221,11 @@ def _by_part(changes: Mapping[str, Any]) -> dict[str, dict[str | None, Any]]:
     return grouped
 
 
+def _named(own: Mapping[str | None, Any]) -> dict[str, Any]:
+    """Those of a part's changes that are of its fields."""
+    return {name: value for name, value in own.items() if name is not None}
+
+
 def _with_fields(part: Part, changes: Mapping[str, Any]) -> Part | None:
     """A part with fields changed by dotted path, validated; None where its kind, or that of a part of it, changes."""
     data = dict(part)
@@ -240,7 +236,7 @@ def _with_fields(part: Part, changes: Mapping[str, Any]) -> Part | None:
         if None in own:
             data[name] = own[None]
             continue
-        data[name] = _with_fields(inner, own) if isinstance(inner, Part) else None  # type: ignore[arg-type]
+        data[name] = _with_fields(inner, _named(own)) if isinstance(inner, Part) else None
         if data[name] is None:
             return None
     return type(part).model_validate(data)

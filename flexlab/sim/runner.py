@@ -72,7 +72,7 @@ class Runner:
         self._stopping = threading.Event()
         self._news = threading.Event()
         self._paced = PacedRun(consumers, clock, self._stopping, playing, hold_starts)
-        self._run, self._pacing = self._paced.live, self._paced.pacing
+        self._run = self._paced.live
         self._commands = CommandQueue()
         self._preparation = Preparation(executor)
         self._released = self._answered = 0
@@ -141,12 +141,12 @@ class Runner:
             paced.work_off_steps()
         if self._released == self._run.number:
             paced.release()
-        run, due = self._run.number, self._pacing.due_ticks(self._clock(), self._run.world.tick)
-        while due > 0 and paced.may_go_on and self._pacing.playing and run == self._run.number:
+        run, due = self._run.number, paced.pacing.due_ticks(self._clock(), self._run.world.tick)
+        while due > 0 and paced.may_go_on and paced.pacing.playing and run == self._run.number:
             due -= paced.advance(due)
             self._drain()
         wall = self._clock()
-        self._pacing.note(wall, self._run.world.time)
+        paced.pacing.note(wall, self._run.world.time)
         self._publish(wall)
 
     def _loop(self) -> None:

@@ -80,7 +80,7 @@ def change_path(scenario: Scenario, changes: Mapping[str, Any], time: float) -> 
         return changed
     old, new = scenario.trajectory, changed.trajectory
     kept = old.keeping(new, own, time) if type(old) is type(new) else new.taken_up(old, own, time)
-    return changed if kept is new else changed.with_path(kept)
+    return changed if kept is new else changed.replace({"trajectory": dict(kept)})
 
 
 def go_on_from(
@@ -97,7 +97,7 @@ def go_on_from(
         return plain, motion
     over: dict[str, Any] = dict(zip(("pose", "rate", "acceleration"), map(tuple, left.tolist()), strict=True))
     over |= {"time": time, "duration": TRANSITION_TIME}
-    moved = plain.with_path(plain.trajectory.model_copy(update={"transition": over}))
+    moved = plain.replace({"trajectory": {**dict(plain.trajectory), "transition": over}})
     return moved, with_transition(motion, moved.trajectory.transition)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from lab_page import SAME_PLACE, LabPage, wait_until
 from PIL import Image
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, FloatRect
 
 from flexlab.lab import colors
 from flexlab.lab.session import Session
@@ -24,8 +24,8 @@ def node_shown(page: LabPage, name: str) -> bool:
 
 def hues(page: LabPage, x: float, y: float) -> np.ndarray:
     """Hues of strong colours around a place on the page, px; (N,), 0..255 once around."""
-    clip = {"x": x - NEAR, "y": y - NEAR, "width": 2.0 * NEAR, "height": 2.0 * NEAR}
-    image = Image.open(io.BytesIO(page.page.screenshot(clip=clip)))  # type: ignore[arg-type]
+    around = FloatRect(x=x - NEAR, y=y - NEAR, width=2 * NEAR, height=2 * NEAR)
+    image = Image.open(io.BytesIO(page.page.screenshot(clip=around)))
     hue, saturation, _ = np.moveaxis(np.asarray(image.convert("HSV"), int), -1, 0)
     return hue[saturation > STRONG]
 

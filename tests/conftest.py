@@ -19,6 +19,8 @@ from workers import is_of_browser, pytest_cmdline_main, pytest_xdist_make_schedu
 
 from flexlab.cli import main
 from flexlab.cli.console import notes, output
+from flexlab.control.law import LAWS
+from flexlab.control.path import PATHS
 
 __all__ = ["pytest_cmdline_main", "pytest_xdist_make_scheduler"]
 
@@ -26,6 +28,8 @@ settings.register_profile("flexlab", deadline=None)  # A busy machine takes its 
 settings.load_profile("flexlab")
 
 ROOT = Path(__file__).resolve().parent.parent
+
+REGISTRIES = LAWS, PATHS
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -42,6 +46,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if not is_of_browser(item.nodeid):
                 raise pytest.UsageError(f"{item.nodeid} drives a browser: its file's name has to end in _in_browser.py")
             item.add_marker("browser")
+
+
+@pytest.fixture(autouse=True)
+def _forget_own_kinds() -> Iterator[None]:
+    """Laws and paths that a test makes known are its own: others draw from all that there are."""
+    before = [set(registry.all()) for registry in REGISTRIES]
+    yield
+    for registry, known in zip(REGISTRIES, before, strict=True):
+        for kind in set(registry.all()) - known:
+            registry.forget(kind)
 
 
 @pytest.fixture(scope="session")

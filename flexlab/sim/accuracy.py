@@ -140,17 +140,16 @@ def is_due(estimate: Estimate, tick: int) -> bool:
     return since in LOOKS or (since > LOOKS[-1] and (since - LOOKS[-1]) % estimate.wait == 0)
 
 
-def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -> int | None:
-    """The level with which the tick from number `tick` on, gone with `level`, is redone; None: there is none.
+def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -> int:
+    """The level with which the tick from number `tick` on, gone with `level`, is redone.
 
-    The next one; but of modes that are damped faster than the step half of it knows little better than the whole, so that
-    just after a jump it is the level that a start would have had.
+    The next one, be it finer than any that is chosen; but of modes that are damped faster than the step half of it knows
+    little better than the whole, so that just after a jump it is the level that a start would have had.
     """
     watch = assembly.watch
-    finer = max(level + 1, watch.disturbed) if tick - estimate.disturbed in LOOKS[:3] else level + 1
-    if watch.most == 0:
-        return finer
-    return min(finer, watch.most) if level < watch.most else None
+    if tick - estimate.disturbed not in LOOKS[:3]:
+        return level + 1
+    return max(level + 1, min(watch.disturbed, watch.most or watch.disturbed))
 
 
 def redo_tick(

@@ -21,6 +21,13 @@ POSES_TRIED = 16
 FADED = 2.5e-4
 """s: what rings as long counts for exp(-1) of what rings for ever."""
 
+STABLE_CREEP = 1.0
+"""What grips may add at most to the inverse mass of modes that are damped faster than the step: such a mode follows what the
+grips did the stage before at once, so that from about 1.3 on each stage answers the last one with more than it got."""
+
+STEPS_TRIED = 2e-3 / 2.0 ** np.arange(0, 16, 0.5)
+"""Steps with which that is looked at, from the longest to less than the shortest that are chosen, s."""
+
 
 class Rates(NamedTuple):
     """What bounds the step and no gain changes: inertias on the way, and the beam's rates with arms that give way."""
@@ -33,6 +40,8 @@ class Rates(NamedTuple):
     """Norm of the modes' coupling through grips that give way, 1/s."""
     lasting: float
     """The same of modes that ring on, 1/s."""
+    overdamped: float
+    """Longest step with which modes that creep are stable in grips that give way, s."""
     forms: np.ndarray
     """As `coupling_forms` of the beam, (3, 3, 3)."""
 
@@ -43,7 +52,8 @@ def find_rates(
     """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s; `forms`: if they are known."""
     desired, forms = desired_poses(system, trajectory), coupling_forms(system, beam) if forms is None else forms
     gives, coupling, lasting = giving_way(system, desired, forms)
-    return Rates(desired, free_rate * math.sqrt(1 + gives), coupling, lasting, forms)
+    creeping = longest_creeping_step(system, desired, beam, gives)
+    return Rates(desired, free_rate * math.sqrt(1 + gives), coupling, lasting, creeping, forms)
 
 
 def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
@@ -101,6 +111,25 @@ def giving_way(system: System, desired: np.ndarray, forms: np.ndarray) -> tuple[
     largest_ratios_at(system.plant, desired, forms, scratch_workspace(system), found)
     gives, coupling, lasting = map(float, found)
     return gives, coupling, lasting
+
+
+def longest_creeping_step(system: System, desired: np.ndarray, beam: Beam, gives: float) -> float:
+    """Longest of `STEPS_TRIED` with which the modes that creep back, being overdamped, stay within `STABLE_CREEP`, s.
+
+    Infinite where all do; the shortest, which is not taken, where none does. `gives`: as `giving_way` has it, of all modes.
+    """
+    loads, D = system.plant.modal[: G + 1], beam.modes.D.diagonal()
+    creeps = beam.modes.omega < D / 2
+    if gives <= STABLE_CREEP or not creeps.any():
+        return math.inf
+    forms = []
+    for step in STEPS_TRIED:
+        (hh, hg), (_, gg) = (loads * (creeps * np.minimum(step * D, 1.0))) @ loads.T
+        forms.append(_in_pose(hh, hg, gg))
+    found = np.zeros(len(forms))
+    largest_ratios_at(system.plant, desired, np.stack(forms), scratch_workspace(system), found)
+    allowed = STEPS_TRIED[found <= STABLE_CREEP]
+    return math.inf if len(allowed) == len(STEPS_TRIED) else float(max(allowed, default=STEPS_TRIED[-1]))
 
 
 def coupling_forms(system: System, beam: Beam) -> np.ndarray:

@@ -62,8 +62,6 @@ def _look(motion: Motion, row: np.ndarray, start: WorldState) -> None:
     """Compare the tick from `start` on, whose sample is `row`, with the same tick redone with half the step."""
     assembly, tick, period = motion.assembly, motion.tick - 1, motion.tick_period
     finer = accuracy.finer_level(motion.estimate, assembly, tick, motion.level)
-    if finer is None:
-        return
     scratch = np.zeros((1, motion.row_length))
     again = accuracy.redo_tick(assembly, motion.move or advance, finer, start, period, scratch)
     if again is not None:

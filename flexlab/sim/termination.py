@@ -12,6 +12,7 @@ from flexlab.sim.assembly import Assembly
 from flexlab.sim.sampled_control import Sampling, gaussian
 from flexlab.sim.samples import Status
 from flexlab.sim.step_rates import control_rate
+from flexlab.sim.step_size import fades
 
 DEFLECTION_LIMIT = 1.0
 """Deflection at mid-span, or of a free end, over length at which a run stops: the linear beam model has lost all meaning
@@ -158,12 +159,29 @@ def runtime_fault(
             f"where the linear beam model means nothing. {kept} Reset with a stiffer beam, more damping or lower gains.",
             time,
         )
-    cure = "lower gains" if scenario.simulation.step is None else "lower gains or a shorter simulation.step"
-    return Status(
-        "diverged",
-        f"The computation diverged just after t = {time:.3f} s: a state is no longer a finite number. {kept} "
-        f"Reset with {cure}.",
-        time,
+    cause, cure = _what_grew(assembly)
+    text = f"The computation diverged just after t = {time:.3f} s: {cause}. {kept} Reset with {cure}."
+    return Status("diverged", text, time)
+
+
+def _what_grew(assembly: Assembly) -> tuple[str, str]:
+    """Why numbers ran away, as far as the steps tell, and what to do."""
+    step, given = assembly.levels.step, assembly.scenario.simulation.step is not None
+    explicit = assembly.levels.integrator == "rk4"
+    if not explicit and step > assembly.rates.overdamped:
+        return (
+            f"a step of {step:.2g} s is too long for modes that are damped faster than that, in arms that give way",
+            "simulation.step = null, a softer or less damped beam, or fewer elements",
+        )
+    if not explicit and not fades(assembly.beam) and step * float(assembly.beam.modes.omega.max(initial=0.0)) > 1:
+        cure = "some damping (payload.damping), fewer elements or lower gains"
+        return (
+            "errors of the steps grew in modes that nothing damps",
+            f"a shorter simulation.step, {cure}" if given else cure,
+        )
+    return (
+        "a state is no longer a finite number",
+        "lower gains or a shorter simulation.step" if given else "lower gains",
     )
 
 

@@ -137,7 +137,8 @@ class LabPage:
 
     def hold(self) -> None:
         """Pause the simulation, and wait until it stands."""
-        self.press("Pause")
+        wait_until(lambda: self.snapshot.playing, "the simulation runs")
+        self.key("Space")
         wait_until(lambda: not self.snapshot.playing, "the simulation holds")
 
     def catch_up(self) -> None:

@@ -19,7 +19,7 @@ SPEEDS = tuple(2.0**power for power in range(2, -9, -1))
 STEPS_PER_SECOND = 10.0
 """While the step button is held."""
 SAME_PRESS = 0.25
-"""Two requests to play or pause within this time are one, wall seconds."""
+"""A click on play or pause that follows its key within this time is the key's, wall seconds."""
 
 
 class Playback:
@@ -27,7 +27,7 @@ class Playback:
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState):
         self._lab_state = lab_state
-        self._toggled_at = -math.inf
+        self._key_at = -math.inf
         self._seen_speed = lab_state.snapshot.target_speed
         self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, hint="Hold or go on with simulation time")
         step = gui.add_button(
@@ -44,7 +44,7 @@ class Playback:
         self._speed = gui.add_dropdown(
             "Speed", tuple(self._speeds), initial_value=factor(1.0), hint="Simulated time per real time"
         )
-        self._play.on_click(handler(lab_state, lambda _: self.toggle()))
+        self._play.on_click(handler(lab_state, lambda _: self._clicked()))
         # Pressing steps once and holding goes on; a click handler beside it would step twice.
         step.on_hold(handler(lab_state, lambda _: self.step()), callback_hz=STEPS_PER_SECOND)
         reset.on_click(handler(lab_state, lambda _: self.reset()))
@@ -63,13 +63,17 @@ class Playback:
             self._seen_speed = snapshot.target_speed
             self._speed.value = shown
 
-    def toggle(self) -> None:
-        """Play or pause."""
-        now = time.monotonic()
-        # A space on the focused button is a key and a click at once in some browsers.
-        if now - self._toggled_at < SAME_PRESS:
-            return
-        self._toggled_at = now
+    def pressed_key(self) -> None:
+        """Play or pause, by the key."""
+        self._key_at = time.monotonic()
+        self._toggle()
+
+    def _clicked(self) -> None:
+        # A space on the focused button is a key and then a click in some browsers.
+        if time.monotonic() - self._key_at >= SAME_PRESS:
+            self._toggle()
+
+    def _toggle(self) -> None:
         self._lab_state.submit(Pause() if self._lab_state.playing else Play())
 
     def reset(self) -> None:

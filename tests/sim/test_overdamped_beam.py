@@ -1,0 +1,76 @@
+"""A beam whose modes creep back, in an arm that is lighter than what they move: each step must not outdo the one before."""
+
+import numpy as np
+import pytest
+
+from flexlab.errors import ScenarioError
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.step_size import SHORTEST_CHOSEN
+from flexlab.sim.world import World
+
+TICKS = 40
+"""Beyond those in which a start has shorter steps."""
+
+
+def stiff_beam(n: int, stiffness: float, damping: float, density: float) -> Scenario:
+    return load_preset("single-arm").replace(
+        {
+            "payload.element_count": n,
+            "payload.bending_stiffness": stiffness,
+            "payload.linear_density": density,
+            "payload.damping": {"kind": "stiffness", "coefficient": damping},
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("n", "stiffness", "damping", "density"),
+    [(2, 8.6e5, 5.8e-4, 6.0), (4, 9.2e5, 8.2e-4, 8.0), (8, 7.4e4, 1.4e-3, 3.5), (8, 1.1e5, 1.57e-3, 9.0)],
+)
+def test_modes_that_creep_do_not_blow_up_in_a_light_arm(n: int, stiffness: float, damping: float, density: float):
+    world = World(stiff_beam(n, stiffness, damping, density))
+    run = world.run(TICKS)
+    assert not world.status.failed, world.status.text
+    assert len(run.time) == TICKS + 1
+
+
+@pytest.mark.parametrize(
+    ("n", "stiffness", "damping", "density"), [(16, 3.1e5, 1.7e-3, 6.0), (32, 1.4e6, 7.4e-4, 10.0)]
+)
+def test_what_no_step_could_follow_is_refused(n: int, stiffness: float, damping: float, density: float):
+    with pytest.raises(ScenarioError, match="softer, lighter or less damped beam, or heavier links"):
+        World(stiff_beam(n, stiffness, damping, density))
+
+
+def test_a_given_step_that_is_too_long_for_them_is_named():
+    world = World(stiff_beam(8, 1.1e5, 1.57e-3, 9.0).replace({"simulation.step": 1e-5}))
+    world.run(TICKS)
+    assert world.status.failed
+    assert "too long for modes that are damped faster" in world.status.text
+    assert "simulation.step = null" in world.status.text
+
+
+def test_a_beam_that_nothing_damps_is_named_where_it_rings_ever_louder():
+    undamped = {"payload.damping": {"kind": "modal", "ratio": 0.0}, "simulation.step": 5e-5}
+    world = World(stiff_beam(16, 1e5, 0.0, 4.0).replace(undamped))
+    world.run(4000)
+    assert world.status.failed
+    assert "modes that nothing damps" in world.status.text
+
+
+def test_the_finest_step_is_looked_at_as_well():
+    scenario = stiff_beam(64, 3.5e5, 1.8e-3, 5.76)
+    world = World(scenario.replace({"simulation.step": SHORTEST_CHOSEN}))
+    world.run(12)
+    assert world.accuracy_warning
+
+
+@pytest.mark.parametrize("damping", [3e-4, 1e-3])
+def test_what_creeps_is_right_or_called_inaccurate(damping: float):
+    scenario = stiff_beam(8, 5e4, damping, 4.0)
+    world = World(scenario)
+    finer = World(scenario.replace({"simulation.step": max(world.step / 16, SHORTEST_CHOSEN)}))
+    run, exact = world.run(TICKS), finer.run(TICKS)
+    error = np.abs(run.moving_force - exact.moving_force).max()
+    assert world.accuracy_warning or error < 1e-4 * np.abs(exact.moving_force).max()

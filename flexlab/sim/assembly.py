@@ -20,9 +20,10 @@ from flexlab.sim.build import Beam, build_beam, build_control, build_plant
 from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.sampled_control import Sampling, is_loaded, with_kernel
+from flexlab.sim.step_growth import may_grow, steadiest
 from flexlab.sim.step_levels import StepLevels, StepWatch
 from flexlab.sim.step_rates import Rates, find_rates, free_beam_rate
-from flexlab.sim.step_size import choose_step, steps_per_tick
+from flexlab.sim.step_size import Count, choose_step, steps_per_tick
 from flexlab.sim.target import build_trajectory, same_target
 
 LIGHT_ELEMENTS = 8
@@ -54,10 +55,17 @@ class Assembly(NamedTuple):
     sampling: Sampling
     levels: StepLevels
     watch: StepWatch
-    step_count: int
-    """Integration steps per tick at level 0."""
+    steps: Count
+    """At level 0."""
+    asked: Count
+    """The same before errors that grow made them shorter."""
     bound: str
     """What the step was chosen by, as `step_size.Choice.bound`."""
+
+    @property
+    def step_count(self) -> int:
+        """Integration steps per tick at level 0."""
+        return self.steps.per_tick
 
 
 def build_assembly(
@@ -92,9 +100,17 @@ def _derive(
         free_rate = free_beam_rate(beam)
     system, rates = _close_loop(scenario, beam, free_rate, same_beam[:1] or known[:1])
     integrator, step, bound = choose_step(scenario, system, beam, rates)
-    count, per_control = steps_per_tick(scenario, tick_period, step)
-    dt = tick_period / count
-    if dt < FORCED * step and count > 1:
+    asked = steps = steps_per_tick(scenario, tick_period, step)
+    if integrator == "etdrk4" and bound != "given" and may_grow(beam, rates, asked.step):
+        alike = [old.steps for old in same_beam if old.rates is rates and old.asked == asked]
+        if at_once and not alike:
+            raise Unprepared(scenario)
+        if alike:
+            steps = alike[0]
+        else:
+            steps = steadiest(system, beam, rates, step, lambda most: steps_per_tick(scenario, tick_period, most))
+    dt = steps.step
+    if dt < FORCED * step and steps.per_tick > 1:
         bound = "period"
     fitting = [old.levels for old in same_beam if (old.levels.integrator, old.levels.step) == (integrator, dt)]
     if (at_once and not fitting) or (must_wait and integrator not in _loaded):
@@ -103,13 +119,13 @@ def _derive(
     watch = levels.watch(scenario.simulation.step is not None, scenario.simulation.accuracy)
     for level in range(watch.disturbed + 2):  # and the half step of `accuracy`
         levels.scheme(level)
-    sampling = _build_sampling(scenario, beam, per_control)
+    sampling = _build_sampling(scenario, beam, steps.per_control)
     if system.control.sampled:
         sampling = with_kernel(sampling, system)
     if integrator not in _loaded:
-        load_loop(system, sampling, levels.scheme(0), watch, tick_period, count)
+        load_loop(system, sampling, levels.scheme(0), watch, tick_period, steps.per_tick)
         _loaded.add(integrator)
-    return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, count, bound)
+    return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, steps, asked, bound)
 
 
 _loaded: set[str] = set()

@@ -154,14 +154,25 @@ def _accurate_step(integrator: str, accuracy: float, control_speed: float) -> fl
     return min(LONGEST_STEP, max(wish, SHORTEST_STEP), controlled)
 
 
-def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple[int, int]:
-    """Steps per sample and per control period (0: continuous), so that both lie on steps no longer than `step`.
+class Count(NamedTuple):
+    """How the periods are divided into steps."""
+
+    per_tick: int
+    per_control: int
+    """0: control is continuous."""
+    step: float
+    """s."""
+
+
+def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> Count:
+    """Steps per sample and per control period, so that both lie on steps no longer than `step`.
 
     Raises `ScenarioError` if the two periods have no common step worth taking.
     """
     control_period = scenario.controller.control_period
     if control_period is None:
-        return max(1, math.ceil(tick_period / step - 1e-9)), 0
+        count = max(1, math.ceil(tick_period / step - 1e-9))
+        return Count(count, 0, tick_period / count)
     tick, control = (Fraction(period).limit_denominator(10**9) for period in (tick_period, control_period))
     common = Fraction(math.gcd(tick.numerator * control.denominator, control.numerator * tick.denominator)) / (
         tick.denominator * control.denominator
@@ -177,7 +188,8 @@ def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> tuple
             ]
         )
     step_count = max(1, math.ceil(float(common) / step - 1e-9))
-    return int(tick / common) * step_count, int(control / common) * step_count
+    count = int(tick / common) * step_count
+    return Count(count, int(control / common) * step_count, tick_period / count)
 
 
 def build_scheme(integrator: str, beam: Beam, dt: float, known: Sequence[Sequence[Functions]] = ()) -> Scheme:

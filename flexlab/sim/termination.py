@@ -12,7 +12,7 @@ from flexlab.sim.assembly import Assembly
 from flexlab.sim.sampled_control import Sampling, gaussian
 from flexlab.sim.samples import Status
 from flexlab.sim.step_rates import control_rate
-from flexlab.sim.step_size import fades
+from flexlab.sim.step_size import STABLE_COUPLING, fades
 
 DEFLECTION_LIMIT = 1.0
 """Deflection at mid-span, or of a free end, over length at which a run stops: the linear beam model has lost all meaning
@@ -132,7 +132,8 @@ def runtime_fault(
     # A wrist that could not have come to its limit at ten times its speed, or that is faster than any arm, did not move
     # there: the numbers ran away.
     near = wrist_speed < FASTEST_WRIST and margin < 10 * wrist_speed * tick_period + longest * SINGULAR_SINE
-    if sampled and (is_unstable(scenario, assembly) or (code != BENT and not near)):
+    ran_away = code != BENT and not near and not _is_too_long(assembly)
+    if sampled and (is_unstable(scenario, assembly) or ran_away):
         name = {UNREACHABLE: "unreachable", SINGULAR: "singular"}.get(code, "diverged") if near else "diverged"
         delay = f" and an input delay of {law.input_delay} samples" if law.input_delay else ""
         return Status(
@@ -164,16 +165,24 @@ def runtime_fault(
     return Status("diverged", text, time)
 
 
+def _is_too_long(assembly: Assembly) -> bool:
+    """Whether a given step is longer than the beam in these arms allows: what grips that give way do is not propagated."""
+    if assembly.scenario.simulation.step is None or assembly.levels.integrator == "rk4":
+        return False
+    step, rates = assembly.levels.step, assembly.rates
+    return step > rates.overdamped or step * rates.coupling > STABLE_COUPLING
+
+
 def _what_grew(assembly: Assembly) -> tuple[str, str]:
     """Why numbers ran away, as far as the steps tell, and what to do."""
     step, given = assembly.levels.step, assembly.scenario.simulation.step is not None
-    explicit = assembly.levels.integrator == "rk4"
-    if not explicit and step > assembly.rates.overdamped:
+    if _is_too_long(assembly):
         return (
-            f"a step of {step:.2g} s is too long for modes that are damped faster than that, in arms that give way",
-            "simulation.step = null, a softer or less damped beam, or fewer elements",
+            f"steps of {step:.2g} s are too long for the modes of this beam, in arms that give way to them",
+            "simulation.step = null, a softer or lighter beam, or fewer elements",
         )
-    if not explicit and not fades(assembly.beam) and step * float(assembly.beam.modes.omega.max(initial=0.0)) > 1:
+    unresolved = assembly.levels.integrator != "rk4" and step * float(assembly.beam.modes.omega.max(initial=0.0)) > 1
+    if unresolved and not fades(assembly.beam):
         cure = "some damping (payload.damping), fewer elements or lower gains"
         return (
             "errors of the steps grew in modes that nothing damps",

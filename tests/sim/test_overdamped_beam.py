@@ -47,16 +47,8 @@ def test_a_given_step_that_is_too_long_for_them_is_named():
     world = World(stiff_beam(8, 1.1e5, 1.57e-3, 9.0).replace({"simulation.step": 1e-5}))
     world.run(TICKS)
     assert world.status.failed
-    assert "too long for modes that are damped faster" in world.status.text
+    assert "too long for the modes of this beam" in world.status.text
     assert "simulation.step = null" in world.status.text
-
-
-def test_a_beam_that_nothing_damps_is_named_where_it_rings_ever_louder():
-    undamped = {"payload.damping": {"kind": "modal", "ratio": 0.0}, "simulation.step": 5e-5}
-    world = World(stiff_beam(16, 1e5, 0.0, 4.0).replace(undamped))
-    world.run(4000)
-    assert world.status.failed
-    assert "modes that nothing damps" in world.status.text
 
 
 def test_the_finest_step_is_looked_at_as_well():

@@ -1,0 +1,119 @@
+"""How fast errors of etdrk4's steps grow in a beam that nothing damps, in arms that give way.
+
+The beam is propagated exactly, what its grips do is not. Where step times frequency of two modes add up to a multiple of 2π,
+or differ by one, each step pushes them in phase, and they ring louder without end. Such steps are narrow: one that is a few
+percent shorter is steady again.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from flexlab.physics.plant import G
+from flexlab.sim.build import Beam
+from flexlab.sim.closed_loop import System, scratch_workspace
+from flexlab.sim.integrators.etdrk4 import doubled, phi_functions
+from flexlab.sim.step_rates import Rates, largest_ratios_at
+from flexlab.sim.step_size import Count, fades
+
+STEADY_GROWTH = 0.1
+"""Rate of growth that is taken for none, 1/s: in a minute, errors of 1e-10 are still below 1e-7."""
+
+SPAN = 32.0
+"""s over which growth is measured: beats of modes then count for 0.02 1/s."""
+
+POSES_LOOKED_AT = 2
+"""Of those of the path, as the arms' inertia moves the steps that are not steady."""
+
+RESOLVING = 2.0
+"""Step times fastest rate of the beam below which no two modes come near 2π."""
+
+SHORTER, TRIES = 1.03, 6
+"""By how much each step that is tried is shorter than the one before, and how many are."""
+
+
+def may_grow(beam: Beam, rates: Rates, dt: float) -> bool:
+    """Whether errors of steps dt can grow, so that it is worth looking."""
+    return dt * rates.beam > RESOLVING and not fades(beam)
+
+
+def steadiest(system: System, beam: Beam, rates: Rates, step: float, counted: Callable[[float], Count]) -> Count:
+    """Of steps up to `step` the longest that is steady, or else the steadiest, as `counted` divides it into the periods."""
+    found: dict[Count, float] = {}
+    for k in range(TRIES):
+        now = counted(step / SHORTER**k)
+        if now not in found:
+            found[now] = growth_rate(system, beam, rates, now.step)
+        if found[now] <= STEADY_GROWTH:
+            return now
+    return min(found, key=lambda count: found[count])
+
+
+def growth_rate(system: System, beam: Beam, rates: Rates, dt: float) -> float:
+    """Rate at which errors of steps dt grow, 1/s, at rest: the largest of some poses of the path."""
+    ws, found = scratch_workspace(system), np.zeros(1)
+    fastest = -math.inf
+    for pose in rates.poses[:: len(rates.poses) // POSES_LOOKED_AT]:
+        largest_ratios_at(system.plant, pose[None], rates.forms[:1], ws, found)  # It leaves the inertia S there.
+        fastest = max(fastest, _growth(beam, _loads(system, float(pose[2])), ws.S, dt))
+    return fastest
+
+
+def _loads(system: System, theta: float) -> np.ndarray:
+    """What the modes' accelerations put on the pose, (3, n_m)."""
+    h, g = system.plant.modal[: G + 1]
+    return np.stack([-math.sin(theta) * h, math.cos(theta) * h, g])
+
+
+def _growth(beam: Beam, C: np.ndarray, S: np.ndarray, dt: float) -> float:
+    """The same with the loads C (3, n_m) at the inertia S (3, 3)."""
+    step = one_step(beam.modes.omega, beam.modes.D.diagonal(), C, S, dt)
+    doublings = max(1, round(math.log2(SPAN / dt)))
+    size = half = 0.0
+    for _ in range(doublings):
+        step = step @ step
+        norm = float(np.linalg.norm(step))
+        step /= norm
+        half, size = size, 2 * size + math.log(norm)
+    return (size - half) / (dt * 2.0 ** (doublings - 1))
+
+
+def one_step(omega: np.ndarray, damping: np.ndarray, C: np.ndarray, S: np.ndarray, dt: float) -> np.ndarray:
+    """The matrix of one step of etdrk4 on (ωη, π), (2 n_m, 2 n_m), as the formulas of `integrators.etdrk4`."""
+    n = len(omega)
+    z = np.zeros((n, 2, 2))
+    z[:, 0, 1], z[:, 1, 0], z[:, 1, 1] = omega * dt, -omega * dt, -damping * dt
+    half, whole = _halves(z)
+    force = np.concatenate([C * omega, C * damping], axis=1)
+    answer = np.concatenate([np.zeros((n, 3)), np.linalg.solve(S, C).T])
+
+    def rest(x: np.ndarray) -> np.ndarray:
+        return dt * -(answer @ (force @ x))
+
+    start = np.eye(2 * n)
+    N1 = rest(start)
+    a = half[0](start) + half[1](N1) / 2
+    N2 = rest(a)
+    N3 = rest(a + half[2](N2 - N1))
+    free = whole[0](start) + whole[1](N1)
+    N4 = rest(free + 2 * whole[2](N3 - N1))
+    return free + whole[2](-3 * N1 + 2 * N2 + 2 * N3 - N4) + 4 * whole[3](N1 - N2 - N3 + N4)
+
+
+Apply = Callable[[np.ndarray], np.ndarray]
+
+
+def _halves(z: np.ndarray) -> tuple[list[Apply], list[Apply]]:
+    """φ0 to φ3 of z/2 and of z, (n_m, 2, 2), as functions of matrices (2 n_m, m)."""
+    found = phi_functions(z / 2)[0]
+
+    def applied(F: np.ndarray) -> Apply:
+        def apply(x: np.ndarray) -> np.ndarray:
+            top, bottom = np.split(x, 2)
+            (tt, tb), (bt, bb) = F.transpose(1, 2, 0)[..., None]
+            return np.concatenate([tt * top + tb * bottom, bt * top + bb * bottom])
+
+        return apply
+
+    return [applied(F) for F in found], [applied(F) for F in doubled(*found)]

@@ -32,6 +32,9 @@ RESOLVING = 2.0
 SHORTER, TRIES = 1.03, 6
 """By how much each step that is tried is shorter than the one before, and how many are."""
 
+MANY_MODES, FEW_TRIES = 64, 2
+"""Modes from which on a look takes tens of milliseconds, so that only one pose is looked at, and as many steps."""
+
 
 def may_grow(beam: Beam, rates: Rates, dt: float) -> bool:
     """Whether errors of steps dt can grow, so that it is worth looking."""
@@ -41,7 +44,7 @@ def may_grow(beam: Beam, rates: Rates, dt: float) -> bool:
 def steadiest(system: System, beam: Beam, rates: Rates, step: float, counted: Callable[[float], Count]) -> Count:
     """Of steps up to `step` the longest that is steady, or else the steadiest, as `counted` divides it into the periods."""
     found: dict[Count, float] = {}
-    for k in range(TRIES):
+    for k in range(FEW_TRIES if len(beam.modes.omega) > MANY_MODES else TRIES):
         now = counted(step / SHORTER**k)
         if now not in found:
             found[now] = growth_rate(system, beam, rates, now.step)
@@ -53,8 +56,8 @@ def steadiest(system: System, beam: Beam, rates: Rates, step: float, counted: Ca
 def growth_rate(system: System, beam: Beam, rates: Rates, dt: float) -> float:
     """Rate at which errors of steps dt grow, 1/s, at rest: the largest of some poses of the path."""
     ws, found = scratch_workspace(system), np.zeros(1)
-    fastest = -math.inf
-    for pose in rates.poses[:: len(rates.poses) // POSES_LOOKED_AT]:
+    fastest, poses = -math.inf, 1 if len(beam.modes.omega) > MANY_MODES else POSES_LOOKED_AT
+    for pose in rates.poses[:: len(rates.poses) // poses]:
         largest_ratios_at(system.plant, pose[None], rates.forms[:1], ws, found)  # It leaves the inertia S there.
         fastest = max(fastest, _growth(beam, _loads(system, float(pose[2])), ws.S, dt))
     return fastest

@@ -54,12 +54,14 @@ def steadiest(system: System, beam: Beam, rates: Rates, step: float, counted: Ca
 
 
 def growth_rate(system: System, beam: Beam, rates: Rates, dt: float) -> float:
-    """Rate at which errors of steps dt grow, 1/s, at rest: the largest of some poses of the path."""
-    ws, found = scratch_workspace(system), np.zeros(1)
+    """Rate at which errors of steps dt grow, 1/s, at rest: the largest of some poses of the path that the arms can take."""
+    ws = scratch_workspace(system)
     fastest, poses = -math.inf, 1 if len(beam.modes.omega) > MANY_MODES else POSES_LOOKED_AT
     for pose in rates.poses[:: len(rates.poses) // poses]:
-        largest_ratios_at(system.plant, pose[None], rates.forms[:1], ws, found)  # It leaves the inertia S there.
-        fastest = max(fastest, _growth(beam, _loads(system, float(pose[2])), ws.S, dt))
+        gives = np.zeros(1)
+        largest_ratios_at(system.plant, pose[None], rates.forms[:1], ws, gives)  # It leaves the inertia S there.
+        if gives[0] > 0:
+            fastest = max(fastest, _growth(beam, _loads(system, float(pose[2])), ws.S, dt))
     return fastest
 
 

@@ -75,3 +75,8 @@ def test_what_grew_is_named():
     assert world.status.failed
     assert "errors of the steps grew in modes that nothing damps" in world.status.text
     assert "payload.damping" in world.status.text
+
+
+def test_a_path_out_of_reach_is_said_as_ever():
+    world = World(undamped(1e5).replace({"trajectory.center": (0.0, 3.0, 0.0)}))
+    assert world.status == "unreachable"

@@ -9,6 +9,7 @@ from playwright.sync_api import Browser, Error, Locator, TimeoutError
 from waiting import ARTIFACTS, PATIENCE
 from waiting import wait_until as wait_until
 
+from flexlab.lab.scene.beam_mesh import GRAB_SIDES
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Play, SetSpeed
@@ -49,16 +50,18 @@ MID_VERTEX = """() => {
   return found; }"""
 
 
-BEAM_PIXEL = """() => {
+BEAM_PIXEL = """(sides) => {
   const mutable = window.__viserMutable; let point = null;
   mutable.nodeRefFromName['/grab'].traverse((node) => {
     const position = node.geometry?.attributes?.position;
     if (!position || point) return;
+    // The ring at mid-span: of a bent beam, the middle of all vertices is beside it.
+    const first = (position.count - sides) / 2;
     let [x, y, z] = [0, 0, 0];
-    for (let i = 0; i < position.count; i++) {
+    for (let i = first; i < first + sides; i++) {
       x += position.getX(i); y += position.getY(i); z += position.getZ(i); }
     const center = mutable.camera.position.clone();
-    point = center.set(x / position.count, y / position.count, z / position.count).applyMatrix4(node.matrixWorld); });
+    point = center.set(x / sides, y / sides, z / sides).applyMatrix4(node.matrixWorld); });
   point.project(mutable.camera);
   const box = mutable.canvas.getBoundingClientRect();
   return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height]; }"""
@@ -230,7 +233,7 @@ class LabPage:
 
     def beam_pixel(self) -> list[float]:
         """Where the middle of the drawn beam is on the page, px."""
-        return self.page.evaluate(BEAM_PIXEL)
+        return self.page.evaluate(BEAM_PIXEL, GRAB_SIDES)
 
     def label(self, name: str) -> str:
         """What the lab has a label in the scene say, empty while it is hidden; to the page its letters are a picture."""

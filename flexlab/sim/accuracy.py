@@ -144,7 +144,8 @@ def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -
     """The level with which the tick from number `tick` on, gone with `level`, is redone.
 
     The next one, be it finer than any that is chosen; but of modes that are damped faster than the step half of it knows
-    little better than the whole, so that just after a jump it is the level that a start would have had.
+    little better than the whole, so that just after a jump it is as fine as steps after a start are, or would be if a longer
+    one were not given.
     """
     watch = assembly.watch
     if tick - estimate.disturbed not in LOOKS[:3]:

@@ -35,6 +35,10 @@ FORCED = 0.4
 steps alone leaves more than half."""
 
 
+MUCH_SHORTER = 1.25
+"""Step asked for over step taken from which on errors that would grow are what makes it short."""
+
+
 class Unprepared(Exception):
     """A world was asked to take on at once what takes long to derive; `scenario` is what to derive it for."""
 
@@ -58,7 +62,7 @@ class Assembly(NamedTuple):
     steps: Count
     """At level 0."""
     asked: Count
-    """The same before errors that grow made them shorter."""
+    """The same before they were made shorter so that errors do not grow."""
     bound: str
     """What the step was chosen by, as `step_size.Choice.bound`."""
 
@@ -102,15 +106,20 @@ def _derive(
     integrator, step, bound = choose_step(scenario, system, beam, rates)
     asked = steps = steps_per_tick(scenario, tick_period, step)
     if integrator == "etdrk4" and bound != "given" and may_grow(beam, rates, asked.step):
-        alike = [old.steps for old in same_beam if old.rates is rates and old.asked == asked]
+        alike = [old.steps for old in same_beam if _grows_alike(old, scenario, asked)]
         if at_once and not alike:
             raise Unprepared(scenario)
         if alike:
             steps = alike[0]
         else:
-            steps = steadiest(system, beam, rates, step, lambda most: steps_per_tick(scenario, tick_period, most))
+            pose = np.array(scenario.trajectory.middle)
+            steps = steadiest(
+                system, beam, rates, pose, asked, lambda most: steps_per_tick(scenario, tick_period, most)
+            )
+        if steps.step < asked.step / MUCH_SHORTER:
+            bound = "growth"
     dt = steps.step
-    if dt < FORCED * step and steps.per_tick > 1:
+    if asked.step < FORCED * step and asked.per_tick > 1:
         bound = "period"
     fitting = [old.levels for old in same_beam if (old.levels.integrator, old.levels.step) == (integrator, dt)]
     if (at_once and not fitting) or (must_wait and integrator not in _loaded):
@@ -126,6 +135,13 @@ def _derive(
         load_loop(system, sampling, levels.scheme(0), watch, tick_period, steps.per_tick)
         _loaded.add(integrator)
     return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, steps, asked, bound)
+
+
+def _grows_alike(old: Assembly, scenario: Scenario, asked: Count) -> bool:
+    """Whether errors of the steps asked for grow as they did with the same beam before: all that counts is the same."""
+    same_pose = old.scenario.trajectory.middle == scenario.trajectory.middle
+    same_period = old.scenario.controller.control_period == scenario.controller.control_period
+    return old.asked == asked and same_pose and same_period and old.scenario.arms == scenario.arms
 
 
 _loaded: set[str] = set()

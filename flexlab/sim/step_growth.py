@@ -1,8 +1,8 @@
-"""How fast errors of etdrk4's steps grow in a beam that nothing damps, in arms that give way.
+"""How fast errors of etdrk4's steps grow in a beam that next to nothing damps, in arms that give way.
 
 The beam is propagated exactly, what its grips do is not. Where step times frequency of two modes add up to a multiple of 2π,
-or differ by one, each step pushes them in phase, and they ring louder without end. Such steps are narrow: one that is a few
-percent shorter is steady again.
+or differ by one, each step pushes them in phase, and they ring louder without end. Strong ones are narrow: a step that is a few
+percent shorter avoids them. What is left of them all needs a step that is half as long, or a third.
 """
 
 import math
@@ -11,11 +11,12 @@ from collections.abc import Callable
 import numpy as np
 
 from flexlab.physics.plant import G
+from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import System, scratch_workspace
 from flexlab.sim.integrators.etdrk4 import doubled, phi_functions
 from flexlab.sim.step_rates import Rates, largest_ratios_at
-from flexlab.sim.step_size import Count, fades
+from flexlab.sim.step_size import Count
 
 STEADY_GROWTH = 0.1
 """Rate of growth that is taken for none, 1/s: in a minute, errors of 1e-10 are still below 1e-7."""
@@ -23,46 +24,54 @@ STEADY_GROWTH = 0.1
 SPAN = 32.0
 """s over which growth is measured: beats of modes then count for 0.02 1/s."""
 
-POSES_LOOKED_AT = 2
-"""Of those of the path, as the arms' inertia moves the steps that are not steady."""
-
 RESOLVING = 2.0
 """Step times fastest rate of the beam below which no two modes come near 2π."""
 
-SHORTER, TRIES = 1.03, 6
-"""By how much each step that is tried is shorter than the one before, and how many are."""
+UNRESOLVED, BARELY_DAMPED = 1.0, 100.0
+"""Step times frequency from which on a mode that decays more slowly than the second number, 1/s, may grow: what pushes modes
+pushes none harder than a few hundred 1/s, and both of a pair."""
+
+SHORTER = (1.0, 1.03, 1.06, 1.09, 1.13, 1.16, 1.5, 2.0, 3.0)
+"""By how much the steps that are tried are shorter than the one that was asked for."""
 
 MANY_MODES, FEW_TRIES = 64, 2
-"""Modes from which on a look takes tens of milliseconds, so that only one pose is looked at, and as many steps."""
+"""Modes from which on a look takes tens of milliseconds, and how many steps are then tried: where a slider is dragged, somebody
+waits for them."""
 
 
 def may_grow(beam: Beam, rates: Rates, dt: float) -> bool:
     """Whether errors of steps dt can grow, so that it is worth looking."""
-    return dt * rates.beam > RESOLVING and not fades(beam)
+    if dt * rates.beam < RESOLVING:
+        return False
+    barely = beam.modes.D.diagonal() < 2 * BARELY_DAMPED
+    return bool(np.any(barely & (beam.modes.omega * dt > UNRESOLVED)))
 
 
-def steadiest(system: System, beam: Beam, rates: Rates, step: float, counted: Callable[[float], Count]) -> Count:
-    """Of steps up to `step` the longest that is steady, or else the steadiest, as `counted` divides it into the periods."""
+def steadiest(
+    system: System, beam: Beam, rates: Rates, pose: np.ndarray, asked: Count, counted: Callable[[float], Count]
+) -> Count:
+    """Of the step `asked` for and shorter ones, as `counted` divides them into the periods, the longest that is steady.
+
+    If none is, the one whose errors grow most slowly. `pose` (3,): as of `growth_rate`.
+    """
     found: dict[Count, float] = {}
-    for k in range(FEW_TRIES if len(beam.modes.omega) > MANY_MODES else TRIES):
-        now = counted(step / SHORTER**k)
+    for factor in SHORTER[: FEW_TRIES if len(beam.modes.omega) >= MANY_MODES else None]:
+        now = counted(asked.step / factor)
         if now not in found:
-            found[now] = growth_rate(system, beam, rates, now.step)
-        if found[now] <= STEADY_GROWTH:
+            found[now] = growth_rate(system, beam, rates, pose, now.step)
+        if not found[now] > STEADY_GROWTH:
             return now
     return min(found, key=lambda count: found[count])
 
 
-def growth_rate(system: System, beam: Beam, rates: Rates, dt: float) -> float:
-    """Rate at which errors of steps dt grow, 1/s, at rest: the largest of some poses of the path that the arms can take."""
-    ws = scratch_workspace(system)
-    fastest, poses = -math.inf, 1 if len(beam.modes.omega) > MANY_MODES else POSES_LOOKED_AT
-    for pose in rates.poses[:: len(rates.poses) // poses]:
-        gives = np.zeros(1)
-        largest_ratios_at(system.plant, pose[None], rates.forms[:1], ws, gives)  # It leaves the inertia S there.
-        if gives[0] > 0:
-            fastest = max(fastest, _growth(beam, _loads(system, float(pose[2])), ws.S, dt))
-    return fastest
+def growth_rate(system: System, beam: Beam, rates: Rates, pose: np.ndarray, dt: float) -> float:
+    """Rate at which errors of steps dt grow at rest at a pose (3,), 1/s; -inf at one that the arms cannot take."""
+    ws, taken = scratch_workspace(system), np.zeros(1)
+    largest_ratios_at(system.plant, pose[None], rates.forms[:1], ws, taken)  # It leaves the inertia S there.
+    if taken[0] <= 0:
+        return -math.inf
+    with one_blas_thread():
+        return _growth(beam, _loads(system, float(pose[2])), ws.S, dt)
 
 
 def _loads(system: System, theta: float) -> np.ndarray:
@@ -72,7 +81,7 @@ def _loads(system: System, theta: float) -> np.ndarray:
 
 
 def _growth(beam: Beam, C: np.ndarray, S: np.ndarray, dt: float) -> float:
-    """The same with the loads C (3, n_m) at the inertia S (3, 3)."""
+    """Rate at which errors of steps dt grow, 1/s, with the modes' loads C (3, n_m) on the inertia S (3, 3)."""
     step = one_step(beam.modes.omega, beam.modes.D.diagonal(), C, S, dt)
     doublings = max(1, round(math.log2(SPAN / dt)))
     size = half = 0.0
@@ -89,7 +98,7 @@ def one_step(omega: np.ndarray, damping: np.ndarray, C: np.ndarray, S: np.ndarra
     n = len(omega)
     z = np.zeros((n, 2, 2))
     z[:, 0, 1], z[:, 1, 0], z[:, 1, 1] = omega * dt, -omega * dt, -damping * dt
-    half, whole = _halves(z)
+    half, whole = _phi_of_half_and_whole(z)
     force = np.concatenate([C * omega, C * damping], axis=1)
     answer = np.concatenate([np.zeros((n, 3)), np.linalg.solve(S, C).T])
 
@@ -109,7 +118,7 @@ def one_step(omega: np.ndarray, damping: np.ndarray, C: np.ndarray, S: np.ndarra
 Apply = Callable[[np.ndarray], np.ndarray]
 
 
-def _halves(z: np.ndarray) -> tuple[list[Apply], list[Apply]]:
+def _phi_of_half_and_whole(z: np.ndarray) -> tuple[list[Apply], list[Apply]]:
     """φ0 to φ3 of z/2 and of z, (n_m, 2, 2), as functions of matrices (2 n_m, m)."""
     found = phi_functions(z / 2)[0]
 

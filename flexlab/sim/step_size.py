@@ -73,7 +73,8 @@ class Choice(NamedTuple):
     step: float
     """The longest, s."""
     bound: str
-    """What it was chosen by: "beam", "law", "given" or, in `steps_per_tick`, "period"."""
+    """What it was chosen by: "beam", "creep" (`Rates.overdamped`), "law" or "given"; once it is divided into the periods also
+    "period" or "growth" (`step_growth`)."""
 
 
 def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) -> Choice:
@@ -90,18 +91,18 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     stable = STABILITY_LIMIT / beam_speed if integrator == "rk4" else math.inf
     if simulation.step is None:
         ease = (simulation.accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
+        fades = float(beam.modes.D.diagonal().max()) / 2 > RINGING_DECAY
         coupled, coupling = math.inf, rates.coupling
         if coupling > 0:
-            lasting = (COUPLING_LIMIT if fades(beam) else RINGING_LIMIT) / max(rates.lasting, 1e-9 * coupling)
+            lasting = (COUPLING_LIMIT if fades else RINGING_LIMIT) / max(rates.lasting, 1e-9 * coupling)
             accurate = max(COUPLED_STEP, ease * min(lasting, FADING_LIMIT / coupling))
             coupled = min(STABLE_COUPLING / coupling, accurate)
         if integrator == "rk4":
             stable = min(RESOLVED * stable, RESOLVED_ANGLE / float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]))
-        else:
-            stable = rates.overdamped
-        step = min(stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
-        bound = "beam" if step == min(stable, coupled) else "law"
-        _refuse_tiny(step, integrator, "creep" if step == rates.overdamped else bound)
+        creeping = rates.overdamped if integrator == "etdrk4" else math.inf
+        step = min(creeping, stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
+        bound = "creep" if step == creeping else "beam" if step == min(stable, coupled) else "law"
+        _refuse_tiny(step, integrator, bound)
         return Choice(integrator, step, bound)
     if simulation.step > stable:
         raise ScenarioError(
@@ -116,27 +117,23 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     return Choice(integrator, simulation.step, "given")
 
 
-def fades(beam: Beam) -> bool:
-    """Whether any mode of the beam decays, so that errors of the steps do not all add up."""
-    return float(beam.modes.D.diagonal().max(initial=0.0)) / 2 > RINGING_DECAY
-
-
 def _refuse_tiny(step: float, integrator: str, bound: str) -> None:
-    """Raise `ScenarioError` for a step that nobody would live to see the end of; `bound`: as `Choice`, or "creep"."""
+    """Raise `ScenarioError` for a step that nobody would live to see the end of; `bound`: as of `Choice`."""
     if step >= SHORTEST_CHOSEN:
         return
-    cause, cure, own_step = "the controller's gains", "Lower the gains", ", or set simulation.step yourself"
-    if bound == "beam":
+    need = f"would need a step of {step:.2g} s with {integrator}, below the {SHORTEST_CHOSEN:g} s that is allowed"
+    if bound == "creep":
+        cause = "this beam, strongly damped and heavy for arms that give way to it,"
+        need = f"would need steps below the {SHORTEST_CHOSEN:g} s that are allowed with {integrator}"
+        cure = "Choose a softer, lighter or less damped beam, fewer elements, or heavier links"
+    elif bound == "beam":
         cause, cure = "the beam's fastest mode in these arms", "Choose a softer or less damped beam or fewer elements"
-    elif bound == "creep":
-        cause = "this beam, damped faster than any step and too heavy for the arm that gives way to it,"
-        cure, own_step = "Choose a softer, lighter or less damped beam, or heavier links", ""
-    if integrator != "etdrk4":
-        cure += ", or the integrator auto"
-    needs = (
-        f"{cause} would need a step of {step:.2g} s with {integrator}, below the {SHORTEST_CHOSEN:g} s that is allowed"
-    )
-    raise ScenarioError([("simulation.step", f"simulation.step = null: {needs}. {cure}{own_step}.")])
+    else:
+        cause, cure = "the controller's gains", "Lower the gains"
+    if bound != "creep":
+        other = "" if integrator == "etdrk4" else ", or the integrator auto"
+        cure += f"{other}, or set simulation.step yourself"
+    raise ScenarioError([("simulation.step", f"simulation.step = null: {cause} {need}. {cure}.")])
 
 
 def control_limits(integrator: str, accuracy: float) -> tuple[float, float]:

@@ -11,8 +11,9 @@ from flexlab.sim.advance import BENT
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.sampled_control import Sampling, gaussian
 from flexlab.sim.samples import Status
+from flexlab.sim.step_growth import growth_rate, may_grow
 from flexlab.sim.step_rates import control_rate
-from flexlab.sim.step_size import STABLE_COUPLING, fades
+from flexlab.sim.step_size import STABLE_COUPLING
 
 DEFLECTION_LIMIT = 1.0
 """Deflection at mid-span, or of a free end, over length at which a run stops: the linear beam model has lost all meaning
@@ -21,6 +22,13 @@ long before."""
 
 FASTEST_WRIST = 100.0
 """m/s: ten times what the fastest robot arms reach; beyond it a computation has diverged, whatever pose it is in."""
+
+
+UNSTABLE_COUPLING = 2 * STABLE_COUPLING
+"""Step times `Rates.coupling` from which on etdrk4 is unstable, about."""
+
+LOUDER = 10.0
+"""Growth times time from which on errors are what a run diverged of: 1e-10 of the motion have become 1e-6 of it."""
 
 
 def arm_name(scenario: Scenario, index: int) -> str:
@@ -132,8 +140,9 @@ def runtime_fault(
     # A wrist that could not have come to its limit at ten times its speed, or that is faster than any arm, did not move
     # there: the numbers ran away.
     near = wrist_speed < FASTEST_WRIST and margin < 10 * wrist_speed * tick_period + longest * SINGULAR_SINE
-    ran_away = code != BENT and not near and not _is_too_long(assembly)
-    if sampled and (is_unstable(scenario, assembly) or ran_away):
+    too_long = _is_too_long(assembly)
+    near = near and not too_long
+    if sampled and (is_unstable(scenario, assembly) or (code != BENT and not near and not too_long)):
         name = {UNREACHABLE: "unreachable", SINGULAR: "singular"}.get(code, "diverged") if near else "diverged"
         delay = f" and an input delay of {law.input_delay} samples" if law.input_delay else ""
         return Status(
@@ -160,32 +169,40 @@ def runtime_fault(
             f"where the linear beam model means nothing. {kept} Reset with a stiffer beam, more damping or lower gains.",
             time,
         )
-    cause, cure = _what_grew(assembly)
+    cause, cure = _what_grew(assembly, time)
     text = f"The computation diverged just after t = {time:.3f} s: {cause}. {kept} Reset with {cure}."
     return Status("diverged", text, time)
 
 
 def _is_too_long(assembly: Assembly) -> bool:
     """Whether a given step is longer than the beam in these arms allows: what grips that give way do is not propagated."""
-    if assembly.scenario.simulation.step is None or assembly.levels.integrator == "rk4":
+    if assembly.scenario.simulation.step is None or assembly.levels.integrator != "etdrk4":
         return False
     step, rates = assembly.levels.step, assembly.rates
-    return step > rates.overdamped or step * rates.coupling > STABLE_COUPLING
+    return step > rates.overdamped or step * rates.coupling > UNSTABLE_COUPLING
 
 
-def _what_grew(assembly: Assembly) -> tuple[str, str]:
-    """Why numbers ran away, as far as the steps tell, and what to do."""
+def _grew(assembly: Assembly, time: float) -> bool:
+    """Whether errors of the steps had the time to ring louder and louder, in modes that next to nothing damps."""
+    scenario, step = assembly.scenario, assembly.levels.step
+    if assembly.levels.integrator != "etdrk4" or not may_grow(assembly.beam, assembly.rates, step):
+        return False
+    middle = np.array(scenario.trajectory.middle)
+    return growth_rate(assembly.system, assembly.beam, assembly.rates, middle, step) * time > LOUDER
+
+
+def _what_grew(assembly: Assembly, time: float) -> tuple[str, str]:
+    """Why numbers ran away by `time`, s, as far as the steps tell, and what to do."""
     step, given = assembly.levels.step, assembly.scenario.simulation.step is not None
     if _is_too_long(assembly):
         return (
             f"steps of {step:.2g} s are too long for the modes of this beam, in arms that give way to them",
-            "simulation.step = null, a softer or lighter beam, or fewer elements",
+            "simulation.step = null, a softer, lighter or less damped beam, or fewer elements",
         )
-    unresolved = assembly.levels.integrator != "rk4" and step * float(assembly.beam.modes.omega.max(initial=0.0)) > 1
-    if unresolved and not fades(assembly.beam):
-        cure = "some damping (payload.damping), fewer elements or lower gains"
+    if _grew(assembly, time):
+        cure = "some damping (payload.damping), fewer elements or a softer beam"
         return (
-            "errors of the steps grew in modes that nothing damps",
+            "errors of the steps grew in modes that next to nothing damps",
             f"a shorter simulation.step, {cure}" if given else cure,
         )
     return (

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from http_client import PATIENCE, wait_until
-from playwright.sync_api import Browser, Locator, expect
+from playwright.sync_api import Browser, Locator, TimeoutError
 from test_server_in_browser import MILLI, SCENE, picture, wait_for_plots, window
 
 from flexlab.recording.reader import read_recording
@@ -19,15 +19,16 @@ SEEN = 10
 """s in which a box shows that it was chosen."""
 
 
-def press_until(what: Locator, key: str, see: Callable[[], None]) -> None:
-    """Press a key, and again as a person does if nothing comes of it: Chromium loses keys as it clears a page away."""
-    for left in reversed(range(PRESSES)):
-        what.press(key, timeout=MILLI * PATIENCE)
+def press_until(what: Locator, key: str, seen: Locator, patience: float) -> None:
+    """Press a key until something is seen, as a person does: Chromium loses keys while it clears a page away. `patience`: s."""
+    for _ in range(PRESSES):
         try:
-            return see()
-        except AssertionError:
-            if not left:
-                raise
+            what.press(key, timeout=MILLI * PATIENCE)
+            return seen.wait_for(timeout=MILLI * patience)
+        except TimeoutError:
+            if seen.is_visible():  # It took longer than that, and what was pressed is gone.
+                return None
+    return seen.wait_for(timeout=MILLI * PATIENCE)
 
 
 def test_from_the_start_page_to_an_imported_run(
@@ -55,10 +56,10 @@ def test_from_the_start_page_to_an_imported_run(
         wait_until(lambda: page.evaluate(PAINTED), "the page's first picture")
         for run in (live.stem, recorded.stem):
             box = page.locator(f"input[value='{run}']")
-            press_until(box, "Space", lambda box=box: expect(box).to_be_checked(timeout=MILLI * SEEN))
+            press_until(box, "Space", page.locator(f"input[value='{run}']:checked"), SEEN)
         picture(page, "way-runs")
         heading = page.get_by_role("heading", name="Comparison")
-        press_until(compare, "Enter", lambda: expect(heading).to_be_visible(timeout=MILLI * PATIENCE / 2))
+        press_until(compare, "Enter", heading, PATIENCE / 2)
         wait_for_plots(page, "way-compare")
 
         # From here on nobody looks at the viewer, which would take all of a machine without a graphics card.

@@ -6,6 +6,7 @@ import pytest
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
+from flexlab.sim.accuracy import LOOKS
 from flexlab.sim.step_size import SHORTEST_CHOSEN
 from flexlab.sim.world import World
 
@@ -39,7 +40,7 @@ def test_modes_that_creep_do_not_blow_up_in_a_light_arm(n: int, stiffness: float
     ("n", "stiffness", "damping", "density"), [(16, 3.1e5, 1.7e-3, 6.0), (32, 1.4e6, 7.4e-4, 10.0)]
 )
 def test_what_no_step_could_follow_is_refused(n: int, stiffness: float, damping: float, density: float):
-    with pytest.raises(ScenarioError, match="softer, lighter or less damped beam, or heavier links"):
+    with pytest.raises(ScenarioError, match="less damped beam, fewer elements, or heavier links"):
         World(stiff_beam(n, stiffness, damping, density))
 
 
@@ -51,11 +52,26 @@ def test_a_given_step_that_is_too_long_for_them_is_named():
     assert "simulation.step = null" in world.status.text
 
 
-def test_the_finest_step_is_looked_at_as_well():
-    scenario = stiff_beam(64, 3.5e5, 1.8e-3, 5.76)
-    world = World(scenario.replace({"simulation.step": SHORTEST_CHOSEN}))
+def test_the_finest_level_is_compared_with_a_finer_one_as_well():
+    world = World(stiff_beam(8, 7.4e4, 1.4e-3, 3.5))
+    finest = world.assembly.watch.most
+    assert finest == 3
     world.run(12)
-    assert world.accuracy_warning
+    assert world.step == pytest.approx(world.assembly.steps.step / 2**finest)
+    assert world._motion.estimate.looked == LOOKS[4]
+
+
+def test_the_implicit_integrator_keeps_its_steps():
+    scenario = stiff_beam(16, 3.1e5, 1.7e-3, 6.0).replace({"simulation.integrator": "generalized-alpha"})
+    world = World(scenario)
+    world.run(5)
+    assert not world.status.failed
+
+
+def test_a_slow_run_says_what_makes_it_slow():
+    said = World(stiff_beam(8, 1.1e5, 1.57e-3, 9.0)).pace_warning
+    assert "strongly damped and heavy for these arms" in said
+    assert "less damping" in said
 
 
 @pytest.mark.parametrize("damping", [3e-4, 1e-3])

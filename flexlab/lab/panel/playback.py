@@ -20,6 +20,8 @@ STEPS_PER_SECOND = 10.0
 """While the step button is held."""
 SAME_PRESS = 0.25
 """A click on play or pause that follows its key within this time is the key's, wall seconds."""
+KEY_REPEATS = 0.1
+"""The same of a key that follows itself: somebody holds it, wall seconds."""
 
 
 class Playback:
@@ -65,8 +67,10 @@ class Playback:
 
     def pressed_key(self) -> None:
         """Play or pause, by the key."""
-        self._key_at = time.monotonic()
-        self._toggle()
+        now, last = time.monotonic(), self._key_at
+        self._key_at = now
+        if now - last >= KEY_REPEATS:
+            self._toggle()
 
     def _clicked(self) -> None:
         # A space on the focused button is a key and then a click in some browsers.

@@ -21,6 +21,7 @@ LAYERS = {
     "html_table": 0,
     "boundaries": 0,
     "registry": 0,
+    "lapack": 0,
     "numba_internals": 0,
     "physics": 1,
     "own_laws": 2,

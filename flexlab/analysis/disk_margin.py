@@ -6,13 +6,14 @@ torques may be multiplied by complex factors (1 + δ/2)/(1 - δ/2), |δ| < α, a
 diagonal scalings where each has its own, so that α is never too large.
 """
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import schur, solve_triangular
+from scipy.linalg import solve_triangular
 
 from flexlab.analysis.linearization import Linearization
 from flexlab.analysis.loop_poles import NEUTRAL, beam_scale, held_plant, kept_memory
+from flexlab.lapack import complex_schur
 
 GRID = 300
 """Frequencies at which the loop is looked at, besides those around its poles."""
@@ -92,7 +93,7 @@ def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
     controller, law, torques = linear.probe.original.controller, linear.law, linear.torque_count
     period, kept, scale = controller.control_period, kept_memory(linear), beam_scale(linear)
     A, B = held_plant(linear, period)
-    triangle, basis = cast(tuple[np.ndarray, np.ndarray], schur(A, output="complex"))
+    triangle, basis = complex_schur(A)
     force = basis.conj().T @ B
     answer = (law.motion[:torques] / scale) @ basis
     memory_in = (law.motion[torques + kept] / scale) @ basis

@@ -5,13 +5,13 @@ its equations under held joint torques; at an instant the law answers what it me
 way. An eigenvalue z of that map is the pole log(z)/T_c.
 """
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eig
 
 from flexlab.analysis.linearization import Linearization, first_order
 from flexlab.control.observers.believed_plant import hold
+from flexlab.lapack import eigenvectors
 
 DEADBEAT = 1e-5
 """|z| below which what a period leaves is rounding: such poles belong to torques that reach nothing any more."""
@@ -103,7 +103,7 @@ def loop_map(linear: Linearization) -> LoopMap:
 def find_poles(linear: Linearization) -> Poles:
     """Poles of the loop; of a sampled one without those whose torques are gone within a period."""
     loop = loop_map(linear)
-    value, left, right = cast(tuple[np.ndarray, ...], eig(loop.matrix, left=True, right=True))
+    value, left, right = eigenvectors(loop.matrix)
     share = _participation(left, right)
     groups = np.zeros((len(value), linear.probe.mode_count + 3))
     n = linear.probe.mode_count

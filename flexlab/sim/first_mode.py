@@ -2,14 +2,14 @@
 
 import contextlib
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eig
 
 from flexlab.control.motion import DesiredMotion
 from flexlab.control.path import build_motion
 from flexlab.errors import ScenarioError
+from flexlab.lapack import eigenvectors
 from flexlab.physics.plant import ETA, P, X
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
@@ -69,8 +69,7 @@ def _found(scenario: Scenario) -> Mode:
     parts = np.concatenate([np.arange(X, X + 3), ETA + np.arange(n), np.arange(P, P + 3), ETA + n + np.arange(n)])
     scale = np.concatenate([np.ones(3), beam.modes.omega, np.ones(3 + n)])
     matrix = _slopes(system, np.array(scenario.trajectory.middle), parts, scale)
-    found: Any = eig(matrix, left=True, right=True)
-    value, left, right = found
+    value, left, right = eigenvectors(matrix)
     product = np.abs(left.conj() * right)
     product /= np.maximum(product.sum(axis=0), np.finfo(float).tiny)
     share = product[3 : 3 + n].sum(axis=0) + product[6 + n :].sum(axis=0)

@@ -1,5 +1,6 @@
 """A sweep on a real Dask cluster: a scheduler and two workers, one of which is killed on the way."""
 
+import gc
 import os
 import re
 import subprocess
@@ -87,5 +88,8 @@ def test_a_cluster_that_cannot_be_used_is_said(scheduler: str, tmp_path: Path):
         with pytest.raises(StudyError, match="No Dask scheduler answers") as caught:
             flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "b", cluster=address)
         assert "\n" not in str(caught.value)
+        assert not [one for one in gc.get_objects() if type(one) is Client], (
+            "left to be collected while another is made"
+        )
     with pytest.raises(StudyError, match="give one of the two"):
         flexlab.sweep("paper", VARY, 0.1, workers=2, cluster=scheduler)

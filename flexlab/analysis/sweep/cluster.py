@@ -4,6 +4,7 @@ The table stays on this machine, and is the same, byte for byte: workers with an
 had in hand when it died is computed again elsewhere.
 """
 
+import gc
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -62,10 +63,12 @@ def _connected(distributed: Any, address: str) -> Any:
         return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise StudyError(
-            f"No Dask scheduler answers at {address!r:.60} ({reason:.120}): start one with dask scheduler, "
-            "and workers with dask worker and its address."
-        ) from None
+    # A client that found nobody closes itself when it is collected. It waits for ever if that is while another one is made.
+    gc.collect()
+    raise StudyError(
+        f"No Dask scheduler answers at {address!r:.60} ({reason:.120}): start one with dask scheduler, "
+        "and workers with dask worker and its address."
+    )
 
 
 def _workers(client: Any, address: str) -> dict[str, int]:

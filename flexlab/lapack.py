@@ -1,0 +1,81 @@
+"""LAPACK without Python's global lock: a fine mesh's decompositions, which take a tenth of a second, hold nothing up.
+
+scipy's wrappers keep the lock while they compute. Its LAPACK is also there as plain C functions, and ctypes gives the lock back
+while one runs. Decompositions for which numpy is enough need none of this: it gives the lock back itself.
+"""
+
+import ctypes
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from scipy.linalg import cython_lapack
+
+
+@cache
+def _routine(name: str, count: int) -> Callable[..., None]:
+    """LAPACK's routine with so many arguments, all of them pointers."""
+    capsule: Any = cython_lapack.__pyx_capi__[name]
+    api = ctypes.pythonapi
+    name_of = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", api))
+    pointer_of = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(("PyCapsule_GetPointer", api))
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * count)(pointer_of(capsule, name_of(capsule)))
+
+
+def _call(name: str, *arguments: bytes | int | np.ndarray | None) -> None:
+    """Call a routine: letters and numbers by reference, as Fortran wants them. Raises `LinAlgError` if it finds nothing."""
+    info = ctypes.c_int()
+    held = [
+        ctypes.c_char(one) if isinstance(one, bytes) else ctypes.c_int(one) if isinstance(one, int) else one
+        for one in arguments
+    ]
+    pointers = [
+        one if one is None else one.ctypes.data if isinstance(one, np.ndarray) else ctypes.addressof(one)
+        for one in held
+    ]
+    _routine(name, len(held) + 1)(*pointers, ctypes.addressof(info))
+    if info.value != 0:
+        raise np.linalg.LinAlgError(f"LAPACK's {name} found no result ({info.value})")
+
+
+def _with_workspace(name: str, dtype: type, before: tuple, after: tuple) -> None:
+    """Call a routine with the workspace that it asks for, between its other arguments."""
+    asked = np.empty(1, dtype)
+    _call(name, *before, asked, -1, *after)
+    work = np.empty(max(1, int(asked[0].real)), dtype)
+    _call(name, *before, work, len(work), *after)
+
+
+def complex_schur(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Upper triangular T and unitary Z with A = Z T Zᴴ, both (n, n) and complex, as `scipy.linalg.schur`."""
+    n = len(_square(A))
+    T, Z = np.array(A, dtype=complex, order="F"), np.empty((n, n), complex, order="F")
+    values, moduli = np.empty(n, complex), np.empty(n)
+    _with_workspace("zgees", complex, (b"V", b"N", None, n, T, n, 0, values, Z, n), (moduli, None))
+    return T, Z
+
+
+def eigenvectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Eigenvalues (n,) of a real matrix (n, n), its left and its right eigenvectors as columns: as `scipy.linalg.eig`."""
+    n = len(_square(A))
+    scratch, real, imaginary = np.array(A, dtype=float, order="F"), np.empty(n), np.empty(n)
+    left, right = np.empty((n, n), order="F"), np.empty((n, n), order="F")
+    _with_workspace("dgeev", float, (b"V", b"V", n, scratch, n, real, imaginary, left, n, right, n), ())
+    return real + 1j * imaginary, _paired(left, imaginary), _paired(right, imaginary)
+
+
+def _square(A: np.ndarray) -> np.ndarray:
+    """The matrix; raises ValueError if it is empty, not square or not finite, on which LAPACK would write where it must not."""
+    if A.ndim != 2 or A.shape[0] != A.shape[1] or A.shape[0] == 0 or not np.isfinite(A).all():
+        raise ValueError(f"a square matrix of finite numbers is needed, not one of shape {A.shape}")
+    return A
+
+
+def _paired(vectors: np.ndarray, imaginary: np.ndarray) -> np.ndarray:
+    """Complex columns: LAPACK gives real and imaginary part of a conjugate pair's vectors in two neighbouring ones."""
+    found = vectors.astype(complex)
+    first = np.flatnonzero(imaginary > 0)
+    found[:, first] += 1j * vectors[:, first + 1]
+    found[:, first + 1] = found[:, first].conj()
+    return found

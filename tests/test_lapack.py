@@ -1,0 +1,60 @@
+"""Decompositions without the global lock: what scipy finds, and others go on meanwhile."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from flexlab.lapack import complex_schur, eigenvectors
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 10, 70])
+def test_schur_form(n: int):
+    A = np.random.default_rng(n).normal(size=(n, n))
+    T, Z = complex_schur(A)
+    assert np.abs(Z @ T @ Z.conj().T - A).max() < 1e-13 * n
+    assert np.abs(Z.conj().T @ Z - np.eye(n)).max() < 1e-13 * n
+    assert np.array_equal(T, np.triu(T))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 10, 70])
+def test_eigenvectors_are_scipy_s(n: int):
+    A = np.random.default_rng(n).normal(size=(n, n))
+    for ours, theirs in zip(eigenvectors(A), scipy.linalg.eig(A, left=True, right=True), strict=True):
+        assert np.abs(ours - theirs).max() < 1e-12
+
+
+def test_a_matrix_with_double_eigenvalues_and_pure_pairs():
+    A = np.array([[0.0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 3], [0, 0, -3, 0]])
+    values, left, right = eigenvectors(A)
+    assert sorted(values.imag) == pytest.approx([-3, 0, 0, 3])
+    assert np.abs(A @ right - right * values).max() < 1e-14
+    assert np.abs(left.conj().T @ A - values[:, None] * left.conj().T).max() < 1e-14
+
+
+@pytest.mark.parametrize("A", [np.zeros((2, 3)), np.zeros((0, 0)), np.array([[np.nan]])])
+def test_what_is_no_matrix_is_refused(A: np.ndarray):
+    for decompose in (complex_schur, eigenvectors):
+        with pytest.raises(ValueError, match="square matrix of finite numbers"):
+            decompose(A)
+
+
+@pytest.mark.parametrize("decompose", [complex_schur, eigenvectors])
+def test_others_go_on_meanwhile(decompose):
+    """Where the lock is kept, nobody counts until the decomposition is over."""
+    A = np.random.default_rng(0).normal(size=(400, 400))
+    over = threading.Event()
+
+    def work() -> None:
+        decompose(A)
+        over.set()
+
+    thread, looks = threading.Thread(target=work), 0
+    thread.start()
+    while not over.is_set():
+        time.sleep(1e-4)
+        looks += 1
+    thread.join()
+    assert looks > 20

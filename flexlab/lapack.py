@@ -51,8 +51,8 @@ def complex_schur(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Upper triangular T and unitary Z with A = Z T Zᴴ, both (n, n) and complex, as `scipy.linalg.schur`."""
     n = len(_square(A))
     T, Z = np.array(A, dtype=complex, order="F"), np.empty((n, n), complex, order="F")
-    values, moduli = np.empty(n, complex), np.empty(n)
-    _with_workspace("zgees", complex, (b"V", b"N", None, n, T, n, 0, values, Z, n), (moduli, None))
+    values, real_work = np.empty(n, complex), np.empty(n)
+    _with_workspace("zgees", complex, (b"V", b"N", None, n, T, n, 0, values, Z, n), (real_work, None))
     return T, Z
 
 

@@ -109,13 +109,7 @@ def _derive(
         alike = [old.steps for old in same_beam if _grows_alike(old, scenario, asked)]
         if at_once and not alike:
             raise Unprepared(scenario)
-        if alike:
-            steps = alike[0]
-        else:
-            pose = np.array(scenario.trajectory.middle)
-            steps = steadiest(
-                system, beam, rates, pose, asked, lambda most: steps_per_tick(scenario, tick_period, most)
-            )
+        steps = alike[0] if alike else _steady_steps(scenario, system, beam, rates, tick_period, asked)
         if steps.step < asked.step / MUCH_SHORTER:
             bound = "growth"
     dt = steps.step
@@ -137,11 +131,25 @@ def _derive(
     return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, steps, asked, bound)
 
 
+def _steady_steps(
+    scenario: Scenario, system: System, beam: Beam, rates: Rates, tick_period: float, asked: Count
+) -> Count:
+    """As `step_growth.steadiest`, at the middle of the path: a path that is changed in motion keeps it."""
+    pose = np.array(scenario.trajectory.middle)
+    return steadiest(system, beam, rates, pose, asked, lambda most: steps_per_tick(scenario, tick_period, most))
+
+
 def _grows_alike(old: Assembly, scenario: Scenario, asked: Count) -> bool:
-    """Whether errors of the steps asked for grow as they did with the same beam before: all that counts is the same."""
-    same_pose = old.scenario.trajectory.middle == scenario.trajectory.middle
-    same_period = old.scenario.controller.control_period == scenario.controller.control_period
-    return old.asked == asked and same_pose and same_period and old.scenario.arms == scenario.arms
+    """Whether the same beam's errors were looked at before, of the steps asked for, and all that counts is the same."""
+    before = old.scenario
+    return (
+        old.asked == asked
+        and old.levels.integrator == "etdrk4"
+        and before.simulation == scenario.simulation  # Steps that somebody gave were not looked at.
+        and before.trajectory.middle == scenario.trajectory.middle
+        and before.controller.control_period == scenario.controller.control_period
+        and before.arms == scenario.arms
+    )
 
 
 _loaded: set[str] = set()

@@ -122,17 +122,17 @@ def _refuse_tiny(step: float, integrator: str, bound: str) -> None:
     if step >= SHORTEST_CHOSEN:
         return
     need = f"would need a step of {step:.2g} s with {integrator}, below the {SHORTEST_CHOSEN:g} s that is allowed"
+    auto = "" if integrator == "etdrk4" else "or the integrator auto, "
     if bound == "creep":
-        cause = "this beam, strongly damped and heavy for arms that give way to it,"
+        # How short it would have to be was not looked for, and nobody can set one.
         need = f"would need steps below the {SHORTEST_CHOSEN:g} s that are allowed with {integrator}"
+        cause = "this beam, strongly damped and heavy for arms that give way to it,"
         cure = "Choose a softer, lighter or less damped beam, fewer elements, or heavier links"
     elif bound == "beam":
-        cause, cure = "the beam's fastest mode in these arms", "Choose a softer or less damped beam or fewer elements"
+        cause = "the beam's fastest mode in these arms"
+        cure = f"Choose a softer or less damped beam or fewer elements, {auto}or set simulation.step yourself"
     else:
-        cause, cure = "the controller's gains", "Lower the gains"
-    if bound != "creep":
-        other = "" if integrator == "etdrk4" else ", or the integrator auto"
-        cure += f"{other}, or set simulation.step yourself"
+        cause, cure = "the controller's gains", f"Lower the gains, {auto}or set simulation.step yourself"
     raise ScenarioError([("simulation.step", f"simulation.step = null: {cause} {need}. {cure}.")])
 
 

@@ -23,7 +23,6 @@ long before."""
 FASTEST_WRIST = 100.0
 """m/s: ten times what the fastest robot arms reach; beyond it a computation has diverged, whatever pose it is in."""
 
-
 UNSTABLE_COUPLING = 2 * STABLE_COUPLING
 """Step times `Rates.coupling` from which on etdrk4 is unstable, about."""
 

@@ -83,6 +83,13 @@ def test_steps_do_not_depend_on_what_was_known_before():
     assert world.assembly.steps == fresh.assembly.steps
 
 
+@pytest.mark.parametrize("before", [{"simulation.step": 1e-5}, {"simulation.integrator": "generalized-alpha"}])
+def test_steps_that_were_given_or_another_integrator_s_are_not_taken_for_steady_ones(before: dict):
+    world = World(undamped(2721.0).replace(before))
+    world.apply(ChangeScenario({"simulation.step": None, "simulation.integrator": "auto"}))
+    assert world.assembly.steps == World(undamped(2721.0)).assembly.steps
+
+
 def test_what_does_not_count_is_not_looked_at_again():
     world = World(undamped(2721.0))
     before = world.assembly.steps

@@ -1,12 +1,15 @@
 """Presets and scenario files: named experiments as JSON, read and written.
 
 A preset is a scenario file `<name>.json`: those of flexlab itself, and a person's own in a folder `presets` where they
-work. A name of flexlab's own always means flexlab's own file, so that "paper" is the paper everywhere.
+work. A name of flexlab's own always means flexlab's own file, so that "paper" is the paper everywhere. A file may leave out
+whatever has its default value, as flexlab's own do; `menu_order` says where a preset stands in menus.
 """
 
 import difflib
 import json
+import math
 import re
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -15,28 +18,11 @@ from flexlab.errors import PresetError, ScenarioError
 from flexlab.plain_text import visible
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.scenario.json_schema import REFERENCE
-from flexlab.scenario.scenario import SCHEMA_FIELD
+from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD, MENU_FIELD, SCHEMA_FIELD
 
 OWN_FOLDER = Path("presets")
 """A person's own presets, relative to the working directory."""
 
-LEARNING_ORDER = (
-    "paper",
-    "smooth-start",
-    "soft-beam",
-    "sudden-stop",
-    "stiff-beam",
-    "large-swing",
-    "slow-adaptation",
-    "fast-adaptation",
-    "weak-feedback",
-    "vibration-damping",
-    "composite",
-    "lqr",
-    "gravity",
-    "single-arm",
-)
-"""flexlab's own presets as a newcomer meets them: what rings, what does not, how soft, then the controller, then the rest."""
 
 _NUMBER_LIST = re.compile(r"\[\s+([^\[\]{}\"]*?)\s+\]")
 
@@ -46,10 +32,10 @@ class DuplicateField(ValueError):
 
 
 def preset_files(own: Path = OWN_FOLDER) -> dict[str, Path]:
-    """Name → file of every preset: flexlab's in learning order, then by name those of the person's folder `own`."""
-    files = {path.stem: path for folder in (own, presets_folder()) for path in folder.glob("*.json")}
-    place = {name: index for index, name in enumerate(LEARNING_ORDER)}
-    return {name: files[name] for name in sorted(files, key=lambda name: (place.get(name, len(place)), name))}
+    """Name → file of every preset: flexlab's own first, then those of the folder `own`, each by `menu_order`, then by name."""
+    ours = presets_folder()
+    files = {path.stem: path for folder in (own, ours) for path in folder.glob("*.json")}
+    return dict(sorted(files.items(), key=lambda item: (item[1].parent != ours, _menu_order(item[1]), item[0])))
 
 
 def preset_names(own: Path = OWN_FOLDER) -> list[str]:
@@ -98,9 +84,26 @@ def scenario_text(scenario: Scenario) -> str:
     """The JSON text of a scenario, as `save_scenario` writes it."""
     fields = _kind_first(scenario.model_dump(mode="json"))
     del fields["trajectory"]["transition"]  # Of a change in motion; a file begins a run anew.
-    data = {"title": fields.pop("title"), "watch": fields.pop("watch"), SCHEMA_FIELD: REFERENCE, **fields}
+    said = {"title": fields.pop("title"), "watch": fields.pop("watch")}
+    data = {**said, SCHEMA_FIELD: REFERENCE, FORMAT_FIELD: FORMAT, **fields}
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
     return _NUMBER_LIST.sub(lambda match: "[" + re.sub(r"\s+", " ", match[1]) + "]", text) + "\n"
+
+
+def _menu_order(path: Path) -> float:
+    """Where a preset stands in menus; at the end if its file does not say so."""
+    try:
+        return _read_menu_order(path, path.stat().st_mtime_ns)
+    except (OSError, PresetError):
+        return math.inf
+
+
+@lru_cache(maxsize=1024)
+def _read_menu_order(path: Path, changed: int) -> float:
+    """`_menu_order` of a file as it is since `changed`."""
+    data = _read_json(path)
+    order = data.get(MENU_FIELD) if isinstance(data, dict) else None
+    return order if type(order) is int else math.inf
 
 
 def _kind_first(data: Any) -> Any:

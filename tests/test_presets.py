@@ -2,8 +2,11 @@
 
 import json
 import math
+import os
 import pickle
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -12,7 +15,6 @@ from hypothesis import strategies as st
 from flexlab.assets import presets_folder
 from flexlab.errors import PresetError, ScenarioError
 from flexlab.presets import (
-    LEARNING_ORDER,
     find_scenario,
     load_preset,
     load_scenario_file,
@@ -20,7 +22,8 @@ from flexlab.presets import (
     save_scenario,
     scenario_text,
 )
-from flexlab.scenario import Scenario
+from flexlab.scenario import Scenario, parse_scenario
+from flexlab.scenario.scenario import FILE_FIELDS
 
 NAMES = sorted(path.stem for path in presets_folder().glob("*.json"))
 ASKED_FOR = {"paper", "smooth-start", "soft-beam", "stiff-beam", "large-swing", "slow-adaptation"}
@@ -30,12 +33,31 @@ def one_sentence(text: str) -> bool:
     return "\n" not in text and text[-1] in ".?" and ". " not in text
 
 
-def test_all_are_there_in_the_order_of_learning(tmp_path: Path):
+def stored(name: str) -> dict[str, Any]:
+    """What the file of a preset of flexlab holds."""
+    return json.loads((presets_folder() / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def test_all_are_there_in_the_order_of_their_files_and_then_ones_own(tmp_path: Path):
     assert set(NAMES) >= ASKED_FOR
-    assert set(LEARNING_ORDER) == set(NAMES)
-    for name in ("zebra", "a-first-try"):
-        save_scenario(load_preset("paper"), tmp_path / f"{name}.json")
-    assert preset_names(tmp_path) == [*LEARNING_ORDER, "a-first-try", "zebra"]
+    orders = {name: stored(name)["menu_order"] for name in NAMES}
+    assert len(set(orders.values())) == len(NAMES)
+    for name, order in (("zebra", None), ("a-first-try", None), ("late", 2), ("early", 1), ("no-number", "1")):
+        data = json.loads(scenario_text(load_preset("paper")))
+        (tmp_path / f"{name}.json").write_text(json.dumps(data | ({"menu_order": order} if order else {})))
+    (tmp_path / "broken.json").write_text("{")
+    own = ["early", "late", "a-first-try", "broken", "no-number", "zebra"]
+    assert preset_names(tmp_path) == [*sorted(NAMES, key=lambda name: orders[name]), *own]
+    assert load_preset("early", tmp_path) == load_preset("paper")
+
+
+def test_a_moved_preset_stands_at_its_new_place(tmp_path: Path):
+    for name, order in (("one", 1), ("two", 2)):
+        (tmp_path / f"{name}.json").write_text(json.dumps({"menu_order": order}))
+    assert preset_names(tmp_path)[-2:] == ["one", "two"]
+    (tmp_path / "one.json").write_text(json.dumps({"menu_order": 3}))
+    os.utime(tmp_path / "one.json", ns=(0, 0))
+    assert preset_names(tmp_path)[-2:] == ["two", "one"]
 
 
 def test_paper_is_the_default_scenario():
@@ -54,8 +76,31 @@ def test_a_preset_says_what_to_watch(name: str):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_preset_is_written_out_in_full(name: str):
-    assert (presets_folder() / f"{name}.json").read_text(encoding="utf-8") == scenario_text(load_preset(name))
+def test_a_preset_holds_what_differs_from_the_defaults_and_no_more(name: str):
+    def leaves(data: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+        for key, value in data.items():
+            yield from leaves(value, f"{path}{key}.") if isinstance(value, dict) else [(path + key, value)]
+
+    complete = load_preset(name)
+    for path, _ in leaves(stored(name)):
+        *parents, last = path.split(".")
+        if last in ("title", "watch", "kind", *FILE_FIELDS):
+            continue
+        data = part = stored(name)
+        for parent in parents:
+            part = part[parent]
+        del part[last]
+        try:
+            assert parse_scenario(data) != complete, f"{path} has its default value: leave it out"
+        except ScenarioError:
+            continue  # Not even valid without it.
+
+
+def test_a_file_of_a_later_format_is_refused_in_a_sentence(tmp_path: Path):
+    file = tmp_path / "later.json"
+    file.write_text('{"format": 99}')
+    with pytest.raises(ScenarioError, match=r"later\.json: format = 99 .*flexlab reads 1 to"):
+        load_scenario_file(file)
 
 
 def test_soft_beam_rings_at_five_hertz():

@@ -26,11 +26,20 @@ def command(
     as_json: Annotated[
         bool, tyro.conf.arg(name="json", help="List them as JSON, with all their fields.", help_behavior_hint="")
     ] = False,
+    schema: Annotated[
+        bool,
+        tyro.conf.arg(
+            help="Write presets/schema/scenario.json here: with it, editors check scenario files.",
+            help_behavior_hint="",
+        ),
+    ] = False,
 ) -> int:
     """List the presets: name, title and what to watch. Or print one, changed as you say: a new scenario file.
 
     A scenario file NAME.json in a folder `presets` where you work is a preset too.
     """
+    if schema:
+        return _write_schema()
     if preset:
         with loading():
             from flexlab.presets import scenario_text
@@ -58,6 +67,19 @@ def command(
     for sentence in unreadable:
         complain(sentence)
     return 2 if unreadable else 0
+
+
+def _write_schema() -> int:
+    with loading():
+        from flexlab.presets import OWN_FOLDER
+        from flexlab.scenario.json_schema import write_schema
+
+    try:
+        output().out(f"{write_schema(OWN_FOLDER)} is written: editors find it through a scenario file's $schema.")
+    except OSError as error:
+        complain(f"The schema cannot be written ({error.strerror}): work in a folder that you may write to.")
+        return 2
+    return 0
 
 
 def _print(presets: dict[str, tuple[str, str]]) -> None:

@@ -33,8 +33,11 @@ SMALLEST_STEP = 1e-7
 """Shortest integration step, s: below it rounding outweighs truncation for every integrator here."""
 
 
-SCHEMA_FIELD = "$schema"
-"""In a file: where editors find what a scenario may hold. No field of the scenario itself."""
+SCHEMA_FIELD, FORMAT_FIELD, MENU_FIELD = "$schema", "format", "menu_order"
+FILE_FIELDS: dict[str, type] = {SCHEMA_FIELD: str, FORMAT_FIELD: int, MENU_FIELD: int}
+"""What a file says of itself: where editors find its schema, its format, its place in menus. No fields of the scenario."""
+FORMAT = 1
+"""Newest format of scenario files. Older ones are read for ever; a file without the number is of format 1."""
 SAID = ("title", "watch")
 """Fields that are words about the rest."""
 COMMON_FIELDS = {
@@ -269,8 +272,7 @@ def parse_scenario(data: Any) -> Scenario:
     """A `Scenario` from plain data (a dict as read from JSON); raises `ScenarioError`, one sentence per problem."""
     if not isinstance(data, Mapping):
         raise ScenarioError([("", f"A scenario is a JSON object with named fields, not {type(data).__name__}.")])
-    if isinstance(data.get(SCHEMA_FIELD), str):
-        data = {name: value for name, value in data.items() if name != SCHEMA_FIELD}
+    data = _without_file_fields(data)
     try:
         return Scenario.model_validate(with_known_path(with_known_law(in_present_terms(data))))
     except ValidationError as error:
@@ -279,6 +281,17 @@ def parse_scenario(data: Any) -> Scenario:
         if len(found) > MOST_PROBLEMS:
             problems.append(("", f"{len(found) - MOST_PROBLEMS} more fields are wrong: mend these first."))
         raise ScenarioError(problems) from None
+
+
+def _without_file_fields(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A scenario's plain data alone. Raises `ScenarioError` for a format of a later flexlab."""
+    written = data.get(FORMAT_FIELD)
+    if type(written) is int and not 1 <= written <= FORMAT:
+        sentence = (
+            f"{FORMAT_FIELD} = {written} is not known here: flexlab reads 1 to {FORMAT}; a later version may read it."
+        )
+        raise ScenarioError([(FORMAT_FIELD, sentence)])
+    return {name: value for name, value in data.items() if type(value) is not FILE_FIELDS.get(name)}
 
 
 def _set(data: dict[str, Any], path: str, value: Any) -> bool:

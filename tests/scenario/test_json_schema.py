@@ -1,32 +1,34 @@
 """The schema with which editors help: in step with the fields, with every range, and named by the presets."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from flexlab.assets import presets_folder
 from flexlab.errors import ScenarioError
-from flexlab.presets import load_preset, load_scenario_file, preset_names, save_scenario
+from flexlab.presets import load_scenario_file, preset_names, save_scenario
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.scenario.json_schema import schema_file
+from flexlab.scenario.json_schema import REFERENCE
 
 
-def test_the_file_is_in_step_with_the_fields():
-    # In a process of its own: other tests add laws, which are fields too.
-    program = "from flexlab.scenario.json_schema import schema_text; import sys; sys.stdout.buffer.write(schema_text().encode())"
-    text = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True, timeout=120).stdout.decode()
-    assert schema_file().read_text(encoding="utf-8") == text, "write it anew: python -m flexlab.scenario.json_schema"
-
-
-@pytest.mark.parametrize("name", preset_names())
-def test_every_preset_names_the_schema_and_loads(name: str):
-    path = presets_folder() / f"{name}.json"
-    assert (path.parent / json.loads(path.read_text(encoding="utf-8"))["$schema"]) == schema_file()
-    assert load_scenario_file(path) == load_preset(name)
+def test_the_command_writes_the_schema_to_where_the_files_of_a_folder_look_for_it(flexlab_command, tmp_path: Path):
+    done = flexlab_command("presets", "--schema")
+    assert done.returncode == 0, done.stderr
+    assert "presets/schema/scenario.json is written" in done.stdout.replace("\\", "/")
+    file = tmp_path / "presets" / REFERENCE
+    schema = json.loads(file.read_text(encoding="utf-8"))
+    for name in preset_names():
+        data = json.loads((presets_folder() / f"{name}.json").read_text(encoding="utf-8"))
+        assert file.parent.parent / data["$schema"] == file
+        assert set(data) <= set(schema["properties"])
+    file.unlink()
+    file.parent.rmdir()
+    file.parent.write_text("in the way")
+    done = flexlab_command("presets", "--schema")
+    assert (done.returncode, "cannot be written" in done.stderr) == (2, True)
 
 
 def numbers(schema: Any, root: dict[str, Any], path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:

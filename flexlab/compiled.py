@@ -8,7 +8,7 @@ import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
@@ -16,12 +16,17 @@ from llvmlite import ir
 from numba.core import config
 from numba.extending import intrinsic
 
-from flexlab.numba_internals import Inlined, InlinedCompiler, QuickCache, QuickCompiler, fingerprint
-
 _settings: Any = config
 """Numba gives this module its names while the program runs."""
 PLAIN_PYTHON = bool(_settings.DISABLE_JIT)
 """Whether numba was told not to compile (NUMBA_DISABLE_JIT=1): then every kernel is the Python function that it is written as."""
+FIRST_KNOWN, FIRST_UNKNOWN = (0, 61), (0, 69)
+"""Versions of numba whose inside `flexlab.numba_internals` knows: from the first, below the second."""
+QUICK = FIRST_KNOWN <= numba.version_info.short < FIRST_UNKNOWN and not os.environ.get("FLEXLAB_PLAIN_NUMBA")
+"""Whether numba's compiler is hurried along; otherwise the first start takes longer, and all else is the same."""
+
+if TYPE_CHECKING or QUICK:
+    from flexlab.numba_internals import Inlined, InlinedCompiler, QuickCache, QuickCompiler, fingerprint
 
 _PACKAGE = Path(__file__).parent
 _KERNEL_ROOMS = ("physics", "control", "sim")
@@ -30,7 +35,7 @@ _COMPILING = ("compiled.py", "numba_internals.py", "registry.py")
 
 
 def _digest() -> str:
-    digest = hashlib.sha256(numba.__version__.encode())
+    digest = hashlib.sha256(f"{numba.__version__} {QUICK}".encode())
     for name in _COMPILING:
         digest.update((_PACKAGE / name).read_bytes())
     for room in _KERNEL_ROOMS:
@@ -59,7 +64,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
     Reference counting is off: a kernel that would allocate memory does not compile.
     """
-    return _compile(function, cache=True, pipeline_class=QuickCompiler)
+    return _compile(function, cache=True)
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -75,6 +80,8 @@ def inlined_sums(function: Callable[..., Any]) -> Callable[..., Any]:
 def _inline(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     if PLAIN_PYTHON:
         return function
+    if not QUICK:
+        return _compile(function, forceinline=True, **options)
     return Inlined(_compile(function, forceinline=True, pipeline_class=InlinedCompiler, **options))
 
 
@@ -83,15 +90,17 @@ def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:
 
     Its first argument is the record of its parameters. So the engine's loop is compiled once, whatever is chosen.
     """
-    return _compile(function, cache=True, no_cfunc_wrapper=False, pipeline_class=QuickCompiler)
+    return _compile(function, cache=True, no_cfunc_wrapper=False)
 
 
 def _compile(
     function: Callable[..., Any], cache: bool = False, no_cfunc_wrapper: bool = True, **options: Any
 ) -> Callable[..., Any]:
     # A person's own kernel may call what numba must have loaded first.
-    quick = cache and not PLAIN_PYTHON and function.__module__.startswith("flexlab.")
+    quick = QUICK and cache and not PLAIN_PYTHON and function.__module__.startswith("flexlab.")
     options |= {"cache": cache and not quick, "no_cfunc_wrapper": no_cfunc_wrapper}
+    if QUICK:
+        options.setdefault("pipeline_class", QuickCompiler)
     previous = _settings.CACHE_DIR
     _settings.CACHE_DIR = str(cache_folder())
     try:
@@ -103,7 +112,7 @@ def _compile(
         _settings.CACHE_DIR = previous
 
 
-_entry_points: dict[tuple[int, bytes], Callable[..., Any]] = {}
+_entry_points: dict[tuple[int, Any], Callable[..., Any]] = {}
 
 
 def entry_point(kernel: Any, *arguments: Any) -> Callable[..., Any]:
@@ -114,7 +123,7 @@ def entry_point(kernel: Any, *arguments: Any) -> Callable[..., Any]:
     """
     if PLAIN_PYTHON:
         return kernel
-    key = id(kernel), fingerprint(arguments)
+    key = id(kernel), fingerprint(arguments) if QUICK else tuple(numba.typeof(value) for value in arguments)
     if key not in _entry_points:
         _entry_points[key] = kernel.compile(tuple(numba.typeof(value) for value in arguments))
     return _entry_points[key]

@@ -60,14 +60,14 @@ def test_the_package_asks_for_what_it_imports_and_no_more(root: Path, project: d
     asked = {requirement_name(line) for line in project["dependencies"]}
     extras = [lines for name, lines in project["optional-dependencies"].items() if name != "test"]
     optional = {requirement_name(line) for lines in extras for line in lines} | FOR_TYPES
-    # viser, pydantic and numba bring these along as part of their own interface.
-    found = imported(root / "flexlab") - optional - {"pydantic-core", "llvmlite"}
+    # pydantic brings this along as part of its own interface.
+    found = imported(root / "flexlab") - optional - {"pydantic-core"}
     assert found == asked
 
 
 def test_the_tests_ask_for_what_they_import(root: Path, project: dict):
     asked = {requirement_name(line) for line in project["dependencies"] + project["optional-dependencies"]["test"]}
-    assert imported(root / "tests") - {"pydantic-core", "llvmlite"} <= asked
+    assert imported(root / "tests") - {"pydantic-core"} <= asked
     assert TOOLS <= asked
 
 

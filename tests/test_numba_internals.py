@@ -1,6 +1,9 @@
 """What flexlab uses of numba without its promise is still there, and is left as it was found."""
 
 import gc
+import os
+import subprocess
+import sys
 from typing import NamedTuple
 
 import numba
@@ -132,3 +135,39 @@ def _total(numbers):
     for k in range(1, len(numbers)):
         result += numbers[k]
     return result
+
+
+UNKNOWN_NUMBA = """
+import numpy as np
+from flexlab.compiled import QUICK, call_number_kernel, compiled, entry_point, inlined, kernel_address, pluggable
+from numba import float64
+
+assert not QUICK
+parameters = np.dtype([("slope", "f8")])
+
+@inlined
+def twice(a):
+    return 2 * a
+
+@pluggable
+def line(record, a):
+    return record.slope * twice(a)
+
+@compiled
+def ask(address, given, a):
+    return twice(call_number_kernel(address, given, (a,)))
+
+address = kernel_address(line, parameters, float64, returns=float64)
+given = np.array([3.0])
+arguments = address, given, 0.5
+print(ask(*arguments), entry_point(ask, *arguments)(*arguments))
+"""
+
+
+def test_a_version_of_numba_that_nobody_knows_compiles_in_its_own_way(tmp_path):
+    file = tmp_path / "program.py"  # Numba caches what stands in a file.
+    file.write_text(UNKNOWN_NUMBA)
+    circumstances = os.environ | {"FLEXLAB_PLAIN_NUMBA": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, file], env=circumstances, capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["6.0", "6.0"]

@@ -2,7 +2,6 @@
 
 import inspect
 import re
-import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,11 +12,9 @@ from flexlab.control.law import Law
 from flexlab.control.own_kinds import OwnKinds
 from flexlab.control.path import Path as DesiredPath
 from flexlab.errors import ScenarioError
+from flexlab.own_laws.class_text import class_text
 from flexlab.own_laws.declaration import Declaration
 from flexlab.own_paths.declaration import PathDeclaration
-
-HEADER = "import math\nimport flexlab\nimport numpy as np\nfrom flexlab import OwnLaw, OwnPath, gain, memory, option, readout"
-"""What the text of a class may take for granted, so that a recording can hold it."""
 
 K = TypeVar("K", bound=Law | DesiredPath)
 
@@ -141,13 +138,14 @@ class OwnFolder(Generic[K]):
             return False
 
     def _text_of(self, given: type) -> str:
-        """A class's own text after `HEADER`, with the line numbers of its file where there is room for the header."""
+        """Raises `ScenarioError`."""
+        if self.base not in given.__bases__:
+            what = f"The class {given.__name__} inherits from {self.base.__name__} through another class: inherit directly."
+            raise self._problem("source", what)
         try:
-            lines, first = inspect.getsourcelines(given)
-        except (OSError, TypeError):
+            return class_text(given)
+        except (OSError, TypeError, SyntaxError):
             what = (
                 f"The text of the class {given.__name__} cannot be found, which a recording needs: write it in a file."
             )
             raise self._problem("source", what) from None
-        above = HEADER.count("\n") + 1
-        return HEADER + "\n" * max(1, first - above) + textwrap.dedent("".join(lines))

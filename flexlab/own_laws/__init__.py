@@ -11,6 +11,6 @@
             e, e_dot = at.pose - at.desired_pose, at.pose_rate - at.desired_rate
             return at.weights + at.shared(-self.position_gain * e - self.velocity_gain * e_dot)
 
-`declaration` reads what a file declares without running it, `measurement` is what the law sees, `execution` runs it,
-`child` does so in a process of its own.
+`class_text` gives the text of a class, `declaration` reads what a file declares without running it, `measurement` is what the
+law sees, `execution` runs it, `child` does so in a process of its own.
 """

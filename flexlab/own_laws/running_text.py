@@ -1,6 +1,5 @@
 """Runs the text of a person's class: it becomes an object, and what it does wrong a sentence with file and line."""
 
-import linecache
 import sys
 import traceback
 from collections.abc import Callable
@@ -22,8 +21,6 @@ class RunningText:
     def __init__(self, source: str, file: str, name: str, line: int, what: str):
         """`name`, `line`: of the class; `what` it is, in sentences."""
         self._file, self._line, self._what = file, line, what
-        # Tracebacks then show the line's text, also of a text that came with a recording.
-        linecache.cache[file] = (len(source), None, source.splitlines(True), file)
         folder = str(Path(file).resolve().parent)
         if Path(file).exists() and folder not in sys.path:
             sys.path.append(folder)

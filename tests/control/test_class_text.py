@@ -1,0 +1,163 @@
+"""Laws and paths that are given as classes: their texts hold what they use of their files."""
+
+import importlib.util
+import linecache
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from own_law_text import forget_own_laws
+from own_path_text import forget_own_paths
+
+import flexlab
+from flexlab.analysis.replay import replay
+from flexlab.control import own_law_hosts as hosts
+from flexlab.errors import ScenarioError
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+
+TWO_OF_EACH = '''from __future__ import annotations
+from math import cos, pi
+import math as m
+from flexlab import OwnLaw, OwnPath, gain, option
+import numpy
+
+STIFFNESS = 2 * 10_000.0
+try:
+    from no_such_library import turned
+except ImportError:
+    turned = 2 * pi
+
+
+def error_of(at) -> numpy.ndarray:
+    return STIFFNESS * (at.pose - at.desired_pose)
+
+
+class One(OwnLaw):
+    """First."""
+
+    damping = gain(800.0, "N·s/m", low=0, high=1e5)
+
+    def act(self, at):
+        return at.weights - at.shared(error_of(at) + self.damping * (at.pose_rate - at.desired_rate))
+
+
+class Other(OwnLaw):
+    """Second."""
+
+    damping = gain(400.0, "N·s/m", low=0, high=1e5)
+
+    def act(self, at):
+        if at.time > 0.02:
+            raise RuntimeError("late")
+        return at.weights - at.shared(error_of(at) + self.damping * (at.pose_rate - at.desired_rate))
+
+
+class Round(OwnPath):
+    """Round."""
+
+    period = option(2.0, "s", low=1, high=9)
+
+    def position(self, t):
+        return 0.1 * m.sin(turned * t / self.period), 0.75 + 0.1 * cos(turned * t / self.period), 0.0
+
+
+class Back(OwnPath):
+    """Back and forth."""
+
+    period = 2.0
+
+    def position(self, t):
+        return 0.1 * m.sin(pi * t), 0.75, 0.0
+
+
+if __name__ == "__main__":
+    raise SystemExit("not to be run")
+'''
+
+
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    yield
+    forget_own_laws()
+    forget_own_paths()
+
+
+def module_of(text: str, file: Path) -> ModuleType:
+    file.write_text(text, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[file.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
+def test_several_classes_of_one_file_run_one_after_the_other(apart: bool, tmp_path: Path):
+    module = module_of(TWO_OF_EACH, tmp_path / "several_classes.py")
+    hosts.run_apart(apart)
+    for _ in range(2):
+        assert flexlab.simulate("paper", 0.01, law=module.One, path=module.Round).status == "finished"
+        assert flexlab.simulate("paper", 0.01, law=module.Other, path=module.Back).status == "finished"
+
+
+def test_a_line_of_the_file_is_the_line_of_the_text(tmp_path: Path):
+    module = module_of(TWO_OF_EACH, tmp_path / "lines_of_file.py")
+    run = flexlab.simulate("paper", 0.1, law=module.Other)
+    line = 1 + next(at for at, text in enumerate(TWO_OF_EACH.split("\n")) if "raise RuntimeError" in text)
+    source = run.scenario.controller.source
+    assert hosts.problem(source) == f"lines_of_file.py, line {line}: RuntimeError: late."
+    assert "class One" not in source
+    assert "not to be run" not in source
+
+
+def test_a_recording_of_a_class_needs_no_file(tmp_path: Path):
+    module = module_of(TWO_OF_EACH, tmp_path / "recorded_class.py")
+    run = flexlab.simulate("paper", 0.1, law=module.One, path=module.Round)
+    path = write_run(run, tmp_path, "own")
+    forget_own_laws()
+    forget_own_paths()
+    (tmp_path / "recorded_class.py").unlink()
+    recording = read_recording(path)
+    hosts.allow(recording.scenario.controller.source, "recorded_class.py")
+    assert replay(recording).identical
+
+
+def test_the_examples_of_the_readme_work_as_classes(root: Path, tmp_path: Path):
+    texts = re.findall(r"```python\n(.*?)```", (root / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    law = module_of(next(text for text in texts if "OwnLaw" in text), tmp_path / "law_of_readme.py")
+    path = module_of(next(text for text in texts if "OwnPath" in text), tmp_path / "path_of_readme.py")
+    run = flexlab.simulate("paper", 0.05, law=law.SoftPI, path=path.Eight)
+    assert run.status == "finished"
+    forget_own_paths()
+    file = flexlab.simulate("paper", 0.05, path=tmp_path / "path_of_readme.py")
+    np.testing.assert_array_equal(file.desired_pose, run.desired_pose)
+
+
+def test_names_of_another_cell_of_a_notebook_hold():
+    cells = (
+        "from math import pi\nimport numpy as numbers\nfrom scipy.linalg import solve\n"
+        "from flexlab import OwnPath\nWIDTH = 0.1\n",
+        "class InACell(OwnPath):\n    period = 2.0\n\n    def position(self, t):\n"
+        "        return WIDTH * float(solve([[1.0]], [numbers.sin(pi * t)])[0]), 0.75, 0.0\n",
+    )
+    notebook = ModuleType("a_notebook")
+    sys.modules["a_notebook"] = notebook
+    for number, cell in enumerate(cells):
+        name = f"<cell {number}>"
+        linecache.cache[name] = (len(cell), None, cell.splitlines(True), name)
+        notebook.__file__ = name
+        exec(compile(cell, name, "exec"), vars(notebook))
+    assert flexlab.simulate("paper", 0.01, path=notebook.InACell).status == "finished"
+
+
+def test_a_class_of_a_class_is_a_sentence(tmp_path: Path):
+    module = module_of(TWO_OF_EACH + "\n\nclass Third(Other):\n    pass\n", tmp_path / "third_class.py")
+    with pytest.raises(ScenarioError, match="Third inherits from OwnLaw through another class: inherit directly"):
+        flexlab.simulate("paper", 0.01, law=module.Third)

@@ -77,7 +77,7 @@ def _fill(folder: Path, source: Path, recording: Recording) -> None:
         for event in recording.events
         if event.command is not None
     ]
-    recorded = {name: value for name, value in recording.properties.items() if "version" in name or name == "machine"}
+    recorded = {name: recording.properties[name] for name in these_versions() if name in recording.properties}
     metrics = {**run_metrics(recording.samples).as_data(), "result_hash": result_hash(recording.samples)}
     documents = {
         "scenario.json": json.loads(scenario_text(recording.scenario)),

@@ -1,4 +1,8 @@
-"""Simulates a recorded run again from its start and its commands, and looks whether every bit is the same."""
+"""Simulates a recorded run again from its start and its commands, and looks whether it comes out again.
+
+Every bit has to be the same. Only where rounding errors may be others, a recording is compared with a tolerance instead: one
+that was made by another rule of arithmetic, or under a control law in Python, which computes with whatever the machine has.
+"""
 
 import math
 from collections import deque
@@ -10,18 +14,27 @@ import numpy as np
 from flexlab.control.own_law import OwnController
 from flexlab.control.own_path import OwnTrajectory
 from flexlab.errors import StudyError
-from flexlab.recording.documents import package_version
+from flexlab.recording.documents import these_versions
 from flexlab.recording.reader import Recording
-from flexlab.recording.store.formats import FORMAT
+from flexlab.recording.store.formats import ARITHMETIC, FORMAT
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
 from flexlab.sim.samples import MEASURED, Samples
-from flexlab.sim.signals import TABLE
+from flexlab.sim.signals import TABLE, known_signals
 from flexlab.sim.world import World
 from flexlab.sim.world_state import WorldState
 
 BLOCK_TICKS = 1000
 """Ticks simulated between two comparisons: a difference at the start of an hour is told at once."""
+
+TOLERANCE = 3e-7
+"""Largest difference that is put down to rounding, over the largest value of the signal in the run. Other kernels of BLAS and
+the C library make 1e-11 in a second of most laws, 2e-7 of those that solve a Riccati equation; a gain that is changed by
+one part in a million makes 4e-7 or more in one signal at least."""
+
+AT_REST = 1e-6
+"""The least that counts as a signal's largest value: in SI units, and over the largest value of all signals with its units,
+since the difference of two numbers has their rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -43,40 +56,68 @@ class Replay:
     compared: int
     """Samples that were compared."""
     difference: Difference | None
-    """None: all bits are the same."""
+    """Where the two first part; None: nowhere, to the last bit or within `TOLERANCE`."""
     text: str
-    """The finding in one sentence."""
+    """The finding in a sentence or two."""
+    deviation: float | None = None
+    """Largest difference over the signal's largest value, 1, where bits differ by rounding; None: they do not."""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the run came out again."""
+        return self.difference is None
 
     @property
     def identical(self) -> bool:
         """Whether every sample came out bit for bit."""
-        return self.difference is None
+        return self.agrees and self.deviation is None
 
 
 def replay(recording: Recording, blocks: Iterable[Samples] | None = None) -> Replay:
-    """Simulate the run again and compare every signal of every recorded sample bit for bit.
+    """Simulate the run again and compare every signal of every recorded sample.
 
     Of a recording of an older format: the signals that it has and that meant then what they mean today.
 
     `blocks`: the recorded samples in the order of time, where `recording` was read without them. Raises `StudyError` if the
     recording's commands cannot be carried out again.
     """
-    repetition, done = Repetition(recording), 0
+    repetition, done, why = Repetition(recording), 0, _why_rounded_otherwise(recording)
+    rounding = _Rounding(recording.compared) if why else None
     absent: frozenset[str] = frozenset()
     for block in (recording.samples,) if blocks is None else blocks:
         for first in range(0, len(block), BLOCK_TICKS):
             recorded = block.slice(first, first + BLOCK_TICKS)
             again = repetition.samples_until(float(recorded.time[-1]))
-            compared, difference = _compare(recorded, again, recording.compared)
+            compared, difference = _compare(recorded, again, recording.compared, rounding)
             done += compared
             absent |= recorded.absent
             if difference is not None:
-                return Replay(done, difference, _difference_text(recording, difference))
+                return Replay(done, difference, _difference_text(recording, difference, why))
             if compared < len(recorded):
                 late = float(recorded.time[compared])
                 difference = Difference(late, "time", late, np.nan)
                 return Replay(done, difference, f"The replay stopped at t = {late:g} s, before the recording's end.")
-    return Replay(done, None, f"All {done} samples came out again, bit for bit.{_left_out(recording, absent)}")
+    left_out = _left_out(recording, absent)
+    if rounding is None or rounding.same_bits:
+        return Replay(done, None, f"All {done} samples came out again, bit for bit.{left_out}")
+    difference = rounding.first_beyond()
+    if difference is not None:
+        return Replay(done, difference, _difference_text(recording, difference, why), rounding.deviation)
+    text = (
+        f"All {done} samples came out again within a tolerance of {TOLERANCE:g} of each signal's largest value, by at most "
+        f"{rounding.deviation:.1g} of it, and not bit for bit: {why}. It was recorded {_maker(recording)}; "
+        f"this is {_this_machine()}.{left_out}"
+    )
+    return Replay(done, None, text, rounding.deviation)
+
+
+def _why_rounded_otherwise(recording: Recording) -> str:
+    """Why bits may differ although nothing is wrong, as a clause; empty: they may not."""
+    if own_law_texts(recording):
+        return "its control law is Python code, which computes with what the machine has"
+    if recording.properties.get("arithmetic") != ARITHMETIC:
+        return "it was recorded before results were the same on every machine"
+    return ""
 
 
 def own_law_texts(recording: Recording) -> list[tuple[str, str]]:
@@ -135,21 +176,87 @@ class Repetition:
             yield world.advance(min(stop - world.tick, BLOCK_TICKS))
 
 
-def _compare(recorded: Samples, repeated: Iterable[Samples], compared: frozenset[str]) -> tuple[int, Difference | None]:
+def _compare(
+    recorded: Samples, repeated: Iterable[Samples], compared: frozenset[str], rounding: "_Rounding | None"
+) -> tuple[int, Difference | None]:
     """(how many samples were compared, the first difference); of what is repeated, what was not recorded is left out.
 
-    `compared`: the table's signals to look at; a law's own are all looked at.
+    `compared`: the table's signals to look at; a law's own are all looked at. With `rounding`, which is told of them,
+    differences of finite numbers are none.
     """
     done = 0
     for again in repeated:
         # A gap: samples dropped, a disk that was full.
         rows = np.searchsorted(recorded.time, again.time)
         there = (rows < len(recorded)) & (recorded.time[np.minimum(rows, len(recorded) - 1)] == again.time)
-        difference = _first_difference(recorded.take(rows[there]), again.take(there), compared)
+        one, other = recorded.take(rows[there]), again.take(there)
+        if rounding is not None:
+            other = rounding.noted(one, other)
+        difference = _first_difference(one, other, compared)
         done += int(np.count_nonzero(there))
         if difference is not None:
             return done, difference
     return done, None
+
+
+class _Rounding:
+    """How far a repetition is from its recording by rounding errors, over a whole run."""
+
+    def __init__(self, compared: frozenset[str]):
+        """`compared` as for `_compare`."""
+        self._compared = compared
+        self.same_bits = True
+        self._largest: dict[str, float] = {}
+        """Of each signal's recorded values."""
+        self._differences: dict[str, list[Difference]] = {}
+        """Of each signal, those that were larger than all before them: the first beyond any bound is one of these."""
+
+    def noted(self, recorded: Samples, again: Samples) -> Samples:
+        """Take note of all differences of finite numbers; returns `again` without them."""
+        without = {}
+        for name, one in recorded.signals().items():
+            other = again.signals().get(name)
+            left_out = name in TABLE and name not in self._compared
+            if left_out or other is None or one.shape != other.shape or not len(one):
+                continue
+            self.same_bits &= bool((_bits(one) == _bits(other)).all())
+            finite = np.isfinite(one) & np.isfinite(other)
+            without[name] = np.where(finite, one, other)
+            self._note(name, recorded.time, np.where(finite, one, 0.0), np.where(finite, other, 0.0))
+        return again.having(**without)
+
+    def _note(self, name: str, time: np.ndarray, one: np.ndarray, other: np.ndarray) -> None:
+        """Values (N, ...) of a signal at instants (N,), recorded and repeated."""
+        one, other = one.reshape(len(time), -1), other.reshape(len(time), -1)
+        self._largest[name] = max(self._largest.get(name, 0.0), float(np.abs(one).max(initial=0.0)))
+        kept = self._differences.setdefault(name, [])
+        most = np.abs(one - other).max(axis=1, initial=0.0)
+        before = np.maximum.accumulate([abs(kept[-1].recorded - kept[-1].replayed) if kept else 0.0, *most[:-1]])
+        for row in np.flatnonzero(most > before):
+            column = int(np.argmax(np.abs(one[row] - other[row])))
+            kept.append(Difference(float(time[row]), name, float(one[row, column]), float(other[row, column])))
+
+    def _shares(self) -> Iterator[tuple[float, Difference]]:
+        """Every noted difference with its share of the signal's largest value."""
+        of_units: dict[tuple[str, ...], float] = {}
+        units = {name: signal.units for name, signal in known_signals().items()}
+        for name, largest in self._largest.items():
+            key = units.get(name, (name,))
+            of_units[key] = max(largest, of_units.get(key, 0.0))
+        for name, differences in self._differences.items():
+            alike = of_units[units.get(name, (name,))]
+            largest = max(self._largest[name], AT_REST * alike, AT_REST)
+            yield from ((abs(one.recorded - one.replayed) / largest, one) for one in differences)
+
+    @property
+    def deviation(self) -> float:
+        """The largest share."""
+        return max((share for share, _ in self._shares()), default=0.0)
+
+    def first_beyond(self) -> Difference | None:
+        """The first difference beyond `TOLERANCE`."""
+        beyond = [one for share, one in self._shares() if share > TOLERANCE]
+        return min(beyond, key=lambda one: one.time, default=None)
 
 
 def recording_span(recording: Recording) -> tuple[float, float]:
@@ -241,11 +348,26 @@ def _bits(signal: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(flat).view(np.int64)
 
 
-def _difference_text(recording: Recording, difference: Difference) -> str:
-    made = recording.properties
+def _difference_text(recording: Recording, difference: Difference, why: str) -> str:
+    tolerance = f", beyond a tolerance of {TOLERANCE:g} of the signal's largest value" if why else ""
     return (
-        f"The replay differs first at t = {difference.time:g} s in {difference.signal}: recorded {difference.recorded!r}, "
-        f"now {difference.replayed!r}. It was recorded by flexlab {made.get('flexlab_version')} (format {recording.format}) "
-        f"with numpy {made.get('numpy_version')} on {made.get('machine')}; this is flexlab {package_version()} "
-        f"(format {FORMAT}) with numpy {np.__version__}."
+        f"The replay differs first at t = {difference.time:g} s in {difference.signal}{tolerance}: recorded "
+        f"{difference.recorded!r}, now {difference.replayed!r}. It was recorded {_maker(recording)}; this is {_this_machine()}."
+    )
+
+
+def _maker(recording: Recording) -> str:
+    """Who recorded a run: the end of a sentence."""
+    made = recording.properties
+    processor = made.get("processor", "an unknown processor")
+    return (
+        f"by flexlab {made.get('flexlab_version')} (format {recording.format}) with numpy {made.get('numpy_version')} "
+        f"on {made.get('machine')}, {processor}"
+    )
+
+
+def _this_machine() -> str:
+    here = these_versions()
+    return (
+        f"flexlab {here['flexlab_version']} (format {FORMAT}) with numpy {here['numpy_version']} on {here['processor']}"
     )

@@ -1,4 +1,4 @@
-"""`flexlab replay`: whether a recorded run comes out again, bit for bit."""
+"""`flexlab replay`: whether a recorded run comes out again."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -27,8 +27,9 @@ RunOwnLaw = Annotated[
 def command(run: Run = "newest", logs: Logs = LOGS, run_own_law: RunOwnLaw = False) -> int:
     """Simulate RUN, or an archive of one (.zip), again from its start and its commands, and compare every bit.
 
-    Says "bit for bit", or when and in which signal it first differs, and what recorded it. Exits with 0 if all is the same,
-    with 1 if not.
+    A run that was recorded before results were the same on every machine, or under a control law in Python, is compared
+    with a tolerance where bits differ. Says which of the two was done, or when and in which signal it first differs, and
+    what recorded it. Exits with 0 if the run came out again, with 1 if not.
     """
     from flexlab.recording.store.run_files import find_run
 
@@ -54,10 +55,10 @@ def _replay(path: Path, run_own_law: bool) -> int:
     warm_up(recording.scenario)
     found = replay(recording, _counted(read_blocks(path), recording.status.time))
     output().print(f"{path.stem}: {found.text}", markup=False, soft_wrap=True)
-    if found.compared == 0 and found.identical:
+    if found.compared == 0 and found.agrees:
         complain("The recording has no samples: there was nothing to compare.")
         return 1
-    return 0 if found.identical else 1
+    return 0 if found.agrees else 1
 
 
 def _allow(kind: str, source: str, allowed: bool) -> None:

@@ -5,12 +5,15 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+import llvmlite
+import llvmlite.binding
+import numba
 import numpy as np
 import rerun as rr
 
 from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, plot_signals
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.store.formats import FORMAT, OLDEST_READER
+from flexlab.recording.store.formats import ARITHMETIC, FORMAT, OLDEST_READER
 from flexlab.scenario import Scenario
 from flexlab.sim.signals import TABLE, own_signals
 
@@ -64,10 +67,14 @@ def run_properties(info: RunInfo) -> rr.AnyValues:
 def these_versions() -> dict[str, str]:
     """What computes samples here."""
     return {
+        "arithmetic": ARITHMETIC,
         "flexlab_version": package_version(),
         "numpy_version": np.__version__,
+        "numba_version": numba.__version__,
+        "llvmlite_version": llvmlite.__version__,
         "python_version": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
+        "processor": llvmlite.binding.get_host_cpu_name(),
     }
 
 

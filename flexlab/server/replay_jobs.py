@@ -50,11 +50,11 @@ class Replays:
             self._note(row, ReplayState(True, f"Replay: {100 * share:.0f} %"))
 
         try:
-            identical, text = await self._jobs.run(replay_run, row.path, on_progress=report)
+            agrees, text = await self._jobs.run(replay_run, row.path, on_progress=report)
         except FlexlabError as error:
             self._note(row, ReplayState(False, f"Not replayed: {error}", "bad"))
         else:
-            self._note(row, ReplayState(False, text, "good" if identical else "bad"))
+            self._note(row, ReplayState(False, text, "good" if agrees else "bad"))
 
     def _note(self, row: RunRow, state: ReplayState) -> None:
         self._states[_key(row)] = state

@@ -74,7 +74,7 @@ def _field_title(scenario: Scenario, path: str) -> str:
 
 
 def replay_run(path: Path, report: Callable[[float], None]) -> tuple[bool, str]:
-    """(whether every bit came out again, the finding as a sentence); `report` is told how far it is, 0 to 1."""
+    """(whether the run came out again, the finding as a sentence); `report` is told how far it is, 0 to 1."""
     _, last = recorded_span(path)
 
     def blocks() -> Iterator[Samples]:
@@ -83,7 +83,7 @@ def replay_run(path: Path, report: Callable[[float], None]) -> tuple[bool, str]:
             report(float(block.time[-1]) / last if last else 1.0)
 
     found = replay(read_recording(path, with_samples=False), blocks())
-    return found.identical, found.text
+    return found.agrees, found.text
 
 
 def choice_at(path: Path, time: float | None) -> Choice:

@@ -4,6 +4,7 @@ import re
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -111,6 +112,10 @@ def test_a_recording_holds_its_text_and_replays_only_when_allowed(tmp_path: Path
     recording = read_recording(path)
     assert recording.scenario.controller.source == PD
     assert replay(recording).identical
+    last_bits = recording.samples.having(joint_torque=recording.samples.joint_torque * (1 + 1e-15))
+    rounded = replay(replace(recording, samples=last_bits))
+    assert rounded.agrees
+    assert "its control law is Python code" in rounded.text
     forget_law("own-pd")
     hosts._allowed.clear()
     recording = read_recording(path)  # known again by its text alone, which did not run

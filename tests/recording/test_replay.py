@@ -8,7 +8,7 @@ import pytest
 from recording_helpers import assert_same_bits
 from rerun.chunk import RrdReader
 
-from flexlab.analysis.replay import replay, state_at
+from flexlab.analysis.replay import TOLERANCE, replay, state_at
 from flexlab.analysis.resume import resume
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import StudyError
@@ -16,6 +16,7 @@ from flexlab.presets import load_preset, preset_names
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.recorder import Recorder
+from flexlab.recording.store.formats import ARITHMETIC
 from flexlab.recording.store.run_files import list_runs
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
@@ -93,6 +94,53 @@ def test_a_single_flipped_bit_is_found_with_time_and_signal(recording: Recording
     assert (found.difference.time, found.difference.signal) == (0.123, "joint_torque")
     assert "differs first at t = 0.123 s in joint_torque" in found.text
     assert "recorded by flexlab" in found.text
+
+
+def older(recording: Recording) -> Recording:
+    """As it would have been recorded before results were the same on every machine."""
+    properties = {
+        name: value for name, value in recording.properties.items() if name not in ("arithmetic", "processor")
+    }
+    return replace(recording, properties=properties)
+
+
+def test_a_recording_says_by_which_rule_and_on_what_it_was_made(recording: Recording) -> None:
+    assert recording.properties["arithmetic"] == ARITHMETIC
+    names = ("processor", "machine", "flexlab_version", "numpy_version", "numba_version", "llvmlite_version")
+    assert all(recording.properties[name] for name in names)
+
+
+def test_an_older_recording_is_compared_with_a_tolerance_that_is_said(recording: Recording) -> None:
+    assert replay(older(recording)).identical
+    last_bits = recording.samples.joint_torque * (1 + 1e-15)
+    rounded = replace(recording, samples=recording.samples.having(joint_torque=last_bits))
+    assert not replay(rounded).agrees, "a recording of today's rule is the same bit for bit"
+    found = replay(older(rounded))
+    assert found.agrees
+    assert not found.identical
+    assert f"within a tolerance of {TOLERANCE:g} of each signal's largest value, by at most 1e-15 of it" in found.text
+    assert "recorded before results were the same on every machine" in found.text
+    assert "an unknown processor" in found.text
+
+
+def test_an_older_recording_is_told_from_one_of_a_slightly_other_gain(tmp_path: Path) -> None:
+    for preset in ("paper", "weak-feedback"):
+        scenario = load_preset(preset)
+        gain = scenario.controller.feedback_gain
+        made = read_recording(write_run(simulate(scenario, duration=0.5), tmp_path, preset))
+        other = replace(older(made), scenario=scenario.replace({"controller.feedback_gain": gain * (1 + 1e-6)}))
+        found = replay(other)
+        assert not found.agrees
+        assert found.difference is not None
+        assert f"beyond a tolerance of {TOLERANCE:g}" in found.text
+
+
+def test_a_hole_in_an_older_recording_is_no_rounding(recording: Recording) -> None:
+    pose = recording.samples.pose.copy()
+    pose[200, 1] = np.nan
+    found = replay(older(replace(recording, samples=recording.samples.having(pose=pose))))
+    assert found.difference is not None
+    assert (found.difference.time, found.difference.signal) == (0.2, "pose")
 
 
 def test_a_forgotten_command_is_found(recording: Recording) -> None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING or QUICK:
     from flexlab.numba_internals import Inlined, InlinedCompiler, QuickCache, QuickCompiler, fingerprint
 
 _PACKAGE = Path(__file__).parent
-_KERNEL_ROOMS = ("physics", "control", "sim")
+_KERNEL_ROOMS = ("numerics", "physics", "control", "sim")
 _COMPILING = ("compiled.py", "numba_internals.py", "registry.py")
 """Files that say how kernels are compiled and under which names they are found again."""
 

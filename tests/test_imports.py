@@ -23,27 +23,28 @@ LAYERS = {
     "registry": 0,
     "lapack": 0,
     "numba_internals": 0,
-    "physics": 1,
-    "own_laws": 2,
-    "own_paths": 2,
-    "control": 3,
-    "scenario": 4,
-    "presets": 4,
-    "guide": 4,
-    "sim": 5,
-    "recording": 6,
-    "lab": 6,
-    "analysis": 6,
-    "api": 7,
-    "leaderboard_api": 7,
-    "linear_api": 7,
-    "notebook": 7,
-    "gym_environment": 8,
-    "benchmarks": 8,
-    "": 7,  # flexlab/__init__.py, the names of the Python interface
-    "server": 8,
-    "cli": 9,
-    "__main__": 10,
+    "numerics": 1,
+    "physics": 2,
+    "own_laws": 3,
+    "own_paths": 3,
+    "control": 4,
+    "scenario": 5,
+    "presets": 5,
+    "guide": 5,
+    "sim": 6,
+    "recording": 7,
+    "lab": 7,
+    "analysis": 7,
+    "api": 8,
+    "leaderboard_api": 8,
+    "linear_api": 8,
+    "notebook": 8,
+    "gym_environment": 9,
+    "benchmarks": 9,
+    "": 8,  # flexlab/__init__.py, the names of the Python interface
+    "server": 9,
+    "cli": 10,
+    "__main__": 11,
 }
 CLOSED_ROOMS = {"recording", "lab"}
 """Neighbours that may not lean on each other: a screen works without a recorder and the other way round."""
@@ -57,7 +58,7 @@ HOMES = {
 }
 """The only rooms that import an outside library which shapes everything it touches."""
 
-FREE_OF_CONFIGURATION = {"physics"}
+FREE_OF_CONFIGURATION = {"numerics", "physics"}
 """Rooms that speak numbers only."""
 
 

@@ -50,7 +50,8 @@ log = limited(__name__)
 
 async def add_headers(request: web.Request, response: web.StreamResponse) -> None:
     """For `on_response_prepare`: whatever the answer is, it carries the security headers."""
-    for name, value in HEADERS.items():
+    # "Not modified" has none: a browser would put them in place of those with which it keeps the page.
+    for name, value in HEADERS.items() if response.status != 304 else ():
         response.headers.setdefault(name, value)
     response.headers.pop(hdrs.SERVER, None)
 

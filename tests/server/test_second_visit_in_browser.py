@@ -1,0 +1,154 @@
+"""Who comes back to a page sees it again: browsers keep pages, and ask whether what they kept still holds."""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+from urllib.parse import urlencode, urlsplit
+
+import pytest
+from browser_window import open_window
+from http_client import PATIENCE, ask, wait_until
+from playwright.sync_api import Browser, Locator
+
+from flexlab.presets import load_preset, preset_names
+from flexlab.server.app import build_app
+from flexlab.server.auth import HEADERS
+from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.scenario_links import encode_scenario
+from flexlab.server.settings import Settings
+
+NEVER_SINCE = "Fri, 01 Jan 2038 00:00:00 GMT"
+SWEEP = {
+    "scenario": encode_scenario(load_preset("paper")), "name": "paper", "kind": "sweep", "duration": "0.05",
+    "field1": "payload.bending_stiffness", "low1": "50", "high1": "100", "count1": "2", "field2": "",
+}  # fmt: skip
+LAB = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
+  && document.body.innerText.includes('Bending stiffness')"""
+VIEWER = "() => document.getElementById('viewer').contentDocument?.querySelector('canvas') != null"
+SHOWS = {
+    r"/": "() => document.querySelectorAll('.card').length > 10",
+    r"/lab/": LAB,
+    r"/runs": "() => document.querySelectorAll('#runs tbody tr').length > 1",
+    r"/runs/[^/]+": VIEWER,
+    r"/runs/[^/]+/delete": "() => document.querySelector('main form button') != null",
+    r"/compare": VIEWER,
+    r"/studies": "() => document.querySelector('main form select') != null",
+    r"/studies/\w+": "() => document.querySelectorAll('a.cell').length === 2",
+    r"/leaderboard": "() => document.querySelector('main form button') != null",
+    r"/teacher": "() => document.querySelector('#labs > *') != null",
+}
+"""What each kind of page shows when it is really there, by its path."""
+
+LINKS = """() => [...document.querySelectorAll("#server-bar a[href^='/'], header a, main a[href^='/']")]
+  .filter((link) => link.offsetParent && !link.hasAttribute('download')).map((link) => link.getAttribute('href'))"""
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Iterator[FrontServer]:
+    """A server with two recordings and a study."""
+    logs = tmp_path_factory.mktemp("visited")
+    for name in ("2025-12-30T12-00-00-one", "2025-12-31T12-00-00-two"):
+        (logs / f"{name}.rrd").write_bytes(recorded.read_bytes())
+    with open_front_server(Settings(logs=logs, port=0, shadows=False), load_preset("paper"), "paper") as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def study(server: FrontServer) -> str:
+    """The address of a finished sweep of two cells."""
+    form, kind = urlencode(SWEEP).encode(), "application/x-www-form-urlencoded"
+    address = ask(server.url, "/studies", "POST", form, Content_Type=kind).headers["Location"]
+    state = f"{address}/state"
+    wait_until(lambda: not json.loads(ask(server.url, state).text)["working"], "the study is done", 4 * PATIENCE)
+    return address
+
+
+def test_not_modified_leaves_the_headers_of_what_is_kept_alone(server: FrontServer, study: str):
+    run = "/runs/2025-12-30T12-00-00-one"
+    comparison = "/compare?run=2025-12-30T12-00-00-one&run=2025-12-31T12-00-00-two"
+    overlay = re.findall(r'data-recording="([^"]+)"', ask(server.url, comparison).text)[0]
+    asked_again = [
+        "/lab/", "/static/style.css", "/favicon.ico", "/assets/pictures/paper.svg", "/viewer/", "/viewer/re_viewer.js",
+        f"{run}.rrd", f"/pass/any{run.removeprefix('/runs')}.rrd", overlay, f"/pass/any{overlay}", f"{study}/cells.parquet",
+    ]  # fmt: skip
+    others = [
+        "/", "/lab", "/lab/paper", "/lab/paper/", "/s/none", "/s/none/", "/state/lab", "/state/s/none", "/live",
+        "/live/lab.rrd", "/pass/any/live/lab.rrd", comparison, "/leaderboard", "/leaderboard/state", "/leaderboard/none/B1.svg",
+        "/teacher", "/teacher/labs", "/runs", "/runs/", run, f"{run}/replay", f"{run}/export?format=csv", f"{run}/delete",
+        "/studies", study, f"{study}/state", f"{study}/data", f"{study}/cells/0",
+    ]  # fmt: skip
+    kept: list[str] = []
+    for address in asked_again + others:
+        first = ask(server.url, address)
+        again = ask(server.url, address, If_None_Match=first.headers["ETag"] or "*", If_Modified_Since=NEVER_SINCE)
+        if again.status == 304:
+            kept.append(address)
+            changed = {
+                name: again.headers[name] for name in HEADERS if again.headers[name] not in (None, first.headers[name])
+            }
+            assert changed == {}, address
+    assert kept == asked_again
+    visited = [urlsplit(address).path for address in asked_again + others]
+    routes = [route.resource for route in build_app(cast(Any, None)).router.routes() if route.method == "GET"]
+    infos = [resource.get_info() for resource in routes if resource is not None]
+    patterns = [re.escape(info["path"]) if "path" in info else info.get("pattern") for info in infos]
+    unvisited = [p for p in patterns if p is not None and not any(re.fullmatch(p, path) for path in visited)]
+    assert unvisited == [], "each route is asked"
+
+
+def test_every_page_shows_its_content_at_each_visit(plain_chromium: Browser, server: FrontServer, study: str):
+    context = open_window(plain_chromium, 1280, 800)
+    page = context.new_page()
+    broken: list[str] = []
+    page.on("pageerror", lambda error: broken.append(str(error)))
+    met: set[str] = set()
+    led: set[str] = set()
+
+    def shown() -> None:
+        path = urlsplit(page.url).path
+        (kind,) = [pattern for pattern in SHOWS if re.fullmatch(pattern, path)]
+        page.wait_for_function(SHOWS[kind])
+        met.add(kind)
+        led.update(urlsplit(to).path for to in page.evaluate(LINKS))
+
+    def follow(link: Locator) -> None:
+        before = page.url
+        link.first.click()
+        page.wait_for_url(lambda url: url != before)
+        shown()
+
+    def named(name: str) -> Locator:
+        return page.get_by_role("link", name=name, exact=True)
+
+    page.goto(server.url)
+    shown()
+    for _ in range(2):
+        follow(named("Open the lab"))
+        follow(named("Runs"))
+        for box in page.locator("#runs tbody input[type=checkbox]").all()[-2:]:
+            box.check()
+        follow(page.get_by_role("button", name="Compare"))
+        follow(page.locator(".compared a"))
+        page.locator("summary", has_text="Continue").click()
+        follow(page.get_by_role("button", name="Continue from here"))
+        for cell in range(2):
+            follow(named("Studies"))
+            follow(page.locator(f"main a[href='{study}']"))
+            follow(page.locator(f"a.cell[data-cell='{cell}']"))
+        page.reload()
+        shown()
+        follow(named("Studies"))
+        follow(named("Leaderboard of control laws"))
+        page.goto(f"{server.url}teacher")
+        shown()
+        follow(named("Runs"))
+        follow(named("Delete"))
+        follow(named("Keep it"))
+        follow(named("flexlab"))
+    context.close()
+    assert broken == []
+    assert met == set(SHOWS)
+    unmet = {path for path in led if not any(re.fullmatch(kind, path) for kind in SHOWS)}
+    assert unmet == {f"/lab/{name}" for name in preset_names()}, "these lead into the lab, as the studies' cells do"

@@ -15,7 +15,7 @@ from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import HAS_CLASS, button, render
-from flexlab.server.visitors import COOKIE_AGE, has_class, is_teacher
+from flexlab.server.visitors import COOKIE_AGE, has_class, is_teacher, keep_visitor, known_visitor_of
 from flexlab.sockets import LOOPBACK
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -77,7 +77,7 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
     except ConnectionError:
         raise  # The visitor has left; nobody is there to be told.
     except Exception as error:
-        log.exception("A page failed: %s %r", request.method, request.path)
+        log.exception("A page failed: %.20s %.200r", request.method, request.path)
         return message("That did not work", f"This page failed ({type(error).__name__}). The labs run on.", 500)
 
 
@@ -98,27 +98,22 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
     problem = _malformed(request) or _foreign(request, context)
     if problem:
         return refuse(request, *problem)
-    if context.pass_key is None or request.path.startswith(OPEN_TO_ALL) or has_pass(request):
+    if context.is_open or request.path.startswith(OPEN_TO_ALL) or has_pass(request):
         return await handler(request)
-    address = request.remote or ""
     if "token" in request.query and request.method in SAFE_METHODS and not is_websocket(request):
+        address = request.remote or ""
         if context.guesses.is_flooding(address):
             return refuse(request, 429, TOO_MANY)
-        for cookie, token in ((context.teacher_cookie, context.teacher_token), (context.token_cookie, context.token)):
+        for kind, token in (("teacher", context.teacher_token), ("token", context.token)):
             if token is not None and _same(request.query["token"], token):
-                return _sign_in(request, cookie, token)
+                return _sign_in(request, kind, token)
         await context.guesses.slow_down(address)
         return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
-    if is_teacher(request):
-        return await handler(request)
-    if request.cookies.get(context.teacher_cookie):
-        await context.guesses.slow_down(address)
+    # Cookies hold no token but a signature, which nobody finds by trying: a wrong one need not be held back.
     given = request.cookies.get(context.token_cookie, "")
-    if context.token is None or _same(given, context.token):
+    if is_teacher(request) or context.token is None or _same(given, context.signed("token", context.token)):
         return await handler(request)
-    if given:
-        await context.guesses.slow_down(address)
-    log.warning("Refused %s %.200r from %s: no token.", request.method, request.path, request.remote)
+    log.warning("Refused %.20s %.200r from %s: no token.", request.method, request.path, request.remote)
     return ask_for_token(request)
 
 
@@ -129,7 +124,7 @@ def is_websocket(request: web.Request) -> bool:
 
 def refuse(request: web.Request, status: int, sentence: str) -> web.Response:
     """A page that says why not; the person at the terminal is told too."""
-    log.warning("Refused %s %.200r from %s: %s", request.method, request.path, request.remote, sentence)
+    log.warning("Refused %.20s %.200r from %s: %.300s", request.method, request.path, request.remote, sentence)
     return message("Refused", sentence, status)
 
 
@@ -202,7 +197,7 @@ def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
     return None
 
 
-def _sign_in(request: web.Request, cookie: str, token: str) -> web.Response:
+def _sign_in(request: web.Request, kind: str, token: str) -> web.Response:
     """The token in the address becomes a cookie, and leaves the address bar."""
     # One slash only: an address that begins with two leads to another site.
     to = "/" + str(request.rel_url.without_query_params("token")).lstrip("/")
@@ -213,10 +208,17 @@ def _sign_in(request: web.Request, cookie: str, token: str) -> web.Response:
     else:
         answer = web.Response(status=303, headers={hdrs.LOCATION: to})
     secure = request.headers.get("X-Forwarded-Proto", request.scheme) == "https"
-    answer.set_cookie(cookie, token, max_age=COOKIE_AGE, httponly=True, samesite="Strict", path="/", secure=secure)
     context = context_of(request)
-    if cookie != context.teacher_cookie and context.teacher_cookie in request.cookies and not is_teacher(request):
-        answer.del_cookie(context.teacher_cookie)  # Of an earlier server: each of its pages would be held back.
+    answer.set_cookie(
+        context.teacher_cookie if kind == "teacher" else context.token_cookie,
+        context.signed(kind, token),
+        max_age=COOKIE_AGE,
+        httponly=True,
+        samesite="Strict",
+        path="/",
+        secure=secure,
+    )
+    keep_visitor(request, answer, known_visitor_of(request))
     return answer
 
 

@@ -31,9 +31,12 @@ PAUSE = 0.2
 """s without accepting when the system has no handle left."""
 OUT_OF_HANDLES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
+MALFORMED = "This is no proper request: send it again."
+
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 log = limited(__name__)
+limited("aiohttp.server")
 
 
 class Visit(web.RequestHandler):
@@ -84,6 +87,23 @@ class Visit(web.RequestHandler):
         waits = self.request is not None and self.request.can_read_body and not self.request.content.is_eof()
         time_taken = now - self.began
         return waits and time_taken > BODY_TIME and self.received - self.body_before < BODY_RATE * time_taken
+
+    def handle_error(
+        self,
+        request: web.BaseRequest,
+        status: int = 500,
+        exc: BaseException | None = None,
+        message: str | None = None,
+    ) -> web.StreamResponse:
+        """Refuse what is no request in one line that quotes nothing of it: its head may hold a token."""
+        if status >= 500:
+            return super().handle_error(request, status, exc, message)
+        log.warning("Refused what came from %s: no proper request (%s).", self.address, type(exc).__name__)
+        if request.writer.output_size > 0:
+            raise ConnectionError("A part of an answer is sent already.")
+        answer = web.Response(status=status, text=MALFORMED)
+        answer.force_close()
+        return answer
 
     def cut(self) -> None:
         """End it at once."""

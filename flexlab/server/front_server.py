@@ -36,6 +36,7 @@ from flexlab.server.proxy import inside_connector
 from flexlab.server.replay_jobs import Replays
 from flexlab.server.settings import SECRET_BYTES, WILDCARDS, Settings
 from flexlab.server.studies import Studies
+from flexlab.server.visitors import cookie_key
 from flexlab.server.workshop import Workshop
 from flexlab.sockets import listen
 
@@ -62,7 +63,9 @@ class FrontServer:
         self.teacher_token = teacher_token
         """The word of who may do everything; None: everybody may."""
         has_words = token is not None or teacher_token is not None
-        self._pass_key = secrets.token_urlsafe(SECRET_BYTES) if has_words else None
+        # Where each visitor has a lab of their own, others need its pass even without a token.
+        self._pass_key = secrets.token_urlsafe(SECRET_BYTES) if has_words or settings.private else None
+        self._cookie_key = cookie_key(settings.logs if has_words or settings.private else None)
         self._workshop = Workshop()
         self.workshop = self._workshop.path
         """For files that nobody keeps; gone when the server closes."""
@@ -148,7 +151,7 @@ class FrontServer:
                 self.port,
                 self.token,
                 self.teacher_token,
-                self.teacher_token or secrets.token_urlsafe(SECRET_BYTES),
+                self._cookie_key,
                 self._pass_key,
                 self.places,
                 inside,

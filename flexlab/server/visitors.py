@@ -1,7 +1,9 @@
 """Who a request comes from: the teacher or a visitor, what a visitor is called, and whose runs they may touch."""
 
 import asyncio
+import contextlib
 import hmac
+import os
 import secrets
 import unicodedata
 from collections.abc import Iterator
@@ -13,11 +15,15 @@ from urllib.parse import quote, unquote
 from aiohttp import web
 
 from flexlab.errors import LabError, RecordingError
+from flexlab.recording.store.notes import is_regular
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import RunRow, find_row, no_such_run, read_rows
 from flexlab.server.labs.run_owner import owner_word
 from flexlab.server.pages.page_context import Context, context_of
 
+KEY_FILE = ".flexlab-cookie-key"
+"""In the logs folder: whoever visited before a restart keeps their runs."""
+KEY_BYTES = 32
 VISITOR_BYTES = 18
 """Randomness of the cookie by which a visitor finds their own lab and runs again."""
 COOKIE_AGE = 30 * 24 * 3600
@@ -46,6 +52,27 @@ class Visitor:
         return owner_word(self.id)
 
 
+def cookie_key(logs: Path | None) -> bytes:
+    """The key that signs the cookies of all servers of these logs, made if need be; without logs, a new one."""
+    key = secrets.token_bytes(KEY_BYTES)
+    if logs is None:
+        return key
+    file = logs / KEY_FILE
+    draft = file.with_name(f"{KEY_FILE}-{secrets.token_hex(8)}")
+    with contextlib.suppress(OSError):  # Where nothing can be written a restart signs everybody out.
+        try:
+            if not is_regular(file):
+                with open(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as begun:
+                    begun.write(key)
+                with contextlib.suppress(FileExistsError):  # Another server was faster: its key holds.
+                    os.link(draft, file)
+        finally:
+            draft.unlink(missing_ok=True)
+        found = file.read_bytes() if is_regular(file) else b""
+        return found if len(found) == KEY_BYTES else key
+    return key
+
+
 def checked_name(text: str) -> str:
     """A name as it was typed, without spaces around it. Raises `LabError` for one that no page should show."""
     name = unicodedata.normalize("NFC", text).strip()
@@ -65,13 +92,24 @@ def visitor_of(request: web.Request) -> Visitor:
         name = checked_name(unquote(given, errors="strict"))
     except (LabError, UnicodeDecodeError):
         name = UNNAMED
-    return Visitor(request.cookies.get(context.visitor_cookie, ""), name, request.remote or "")
+    return Visitor(_issued(context, request.cookies.get(context.visitor_cookie, "")), name, request.remote or "")
+
+
+def _issued(context: Context, given: str) -> str:
+    """A visitor's id if this server gave it; else none: a made-up one would be a new visitor at every request."""
+    word, _, signature = given.rpartition(".")
+    wanted = context.signed("visitor", word)
+    return given if hmac.compare_digest(signature.encode("utf-8", "replace"), wanted.encode()) else ""
 
 
 def known_visitor_of(request: web.Request) -> Visitor:
     """Who asks, with an id made up for who has none; `keep_visitor` lets their browser keep it."""
     visitor = visitor_of(request)
-    return visitor if visitor.id else Visitor(secrets.token_urlsafe(VISITOR_BYTES), visitor.name, visitor.address)
+    if visitor.id:
+        return visitor
+    word = secrets.token_urlsafe(VISITOR_BYTES)
+    signature = context_of(request).signed("visitor", word)
+    return Visitor(f"{word}.{signature}", visitor.name, visitor.address)
 
 
 def keep_visitor(request: web.Request, answer: web.Response, visitor: Visitor) -> None:
@@ -102,7 +140,8 @@ def has_teacher_cookie(request: web.Request) -> bool:
     """Whether who asks has shown the teacher's token or, where there is none, opened the teacher's page."""
     context = context_of(request)
     given = request.cookies.get(context.teacher_cookie, "")
-    return hmac.compare_digest(given.encode("utf-8", "replace"), context.teacher_word.encode())
+    wanted = context.signed("teacher", context.teacher_token)
+    return hmac.compare_digest(given.encode("utf-8", "replace"), wanted.encode())
 
 
 def has_class(request: web.Request) -> bool:

@@ -15,7 +15,14 @@ from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import button
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
-from flexlab.server.visitors import Visitor, checked_name, has_teacher_cookie, keep_visitor, known_visitor_of
+from flexlab.server.visitors import (
+    Visitor,
+    checked_name,
+    has_teacher_cookie,
+    keep_visitor,
+    known_visitor_of,
+    visitor_of,
+)
 
 LINKED = "shared-scenario"
 """Name of the runs of a scenario that came by a link."""
@@ -85,7 +92,7 @@ async def _enter_by_link(request: web.Request, choice: Choice | None) -> web.Str
 def _running(request: web.Request) -> Lab | None:
     """The lab whose run a link would end."""
     context = context_of(request)
-    return context.places.of_visitor(request.cookies.get(context.visitor_cookie, ""))
+    return context.places.of_visitor(visitor_of(request).id)
 
 
 def _would_disturb(request: web.Request, choice: Choice, place: Lab) -> bool:
@@ -165,7 +172,7 @@ async def private_lab(request: web.Request) -> web.StreamResponse:
 
 
 def _visitor(request: web.Request) -> str:
-    return request.cookies.get(context_of(request).visitor_cookie, "")
+    return visitor_of(request).id
 
 
 def _own_place(request: web.Request) -> Lab | None:

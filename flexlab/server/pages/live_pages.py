@@ -12,6 +12,7 @@ from flexlab.server.labs.lab_provider import Lab
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import button
+from flexlab.server.visitors import visitor_of
 
 LOOK = 0.1
 """s between two looks for new data, which come five times a second."""
@@ -38,7 +39,7 @@ def live_name(lab: Lab) -> str:
 async def show(request: web.Request) -> web.Response:
     """The viewer on the data of the visitor's lab."""
     context = context_of(request)
-    lab = context.places.of_visitor(request.cookies.get(context.visitor_cookie, ""))
+    lab = context.places.of_visitor(visitor_of(request).id)
     if lab is None or lab.live is None:
         return message("No live data", NOT_SERVED, 404, button("/", "Start page"))
     source = f"{request.scheme}://{request.host}{recording_address(context, LIVE + live_name(lab))}"

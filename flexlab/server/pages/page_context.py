@@ -1,5 +1,6 @@
 """What the pages of one server share."""
 
+import hmac
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,6 +18,9 @@ from flexlab.server.settings import Settings
 from flexlab.server.studies import Studies
 from flexlab.server.token_guesses import Guesses
 
+SIGNATURE = 40
+"""Hexadecimal digits of a signature in a cookie."""
+
 
 @dataclass(frozen=True)
 class Context:
@@ -29,8 +33,8 @@ class Context:
     """The word that opens the server; None: it asks for none."""
     teacher_token: str | None
     """The word of who may do everything; None: everybody may."""
-    teacher_word: str
-    """That word; where there is none, one for the cookie of who has opened the teacher's page."""
+    cookie_key: bytes
+    """Which signs cookies; the same for every server of these logs, so that a restart signs nobody out."""
     pass_key: str | None
     """Which makes passes to single recordings; None: they need none."""
     places: LabProvider
@@ -49,6 +53,15 @@ class Context:
     """Wrong tokens of late."""
     watchers: list[web.Request] = field(default_factory=list[web.Request])
     """Requests for live data that are being answered."""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether everybody who reaches the server may come in."""
+        return self.token is None and self.teacher_token is None
+
+    def signed(self, kind: str, word: str | None) -> str:
+        """What a cookie of this kind holds for a word: nobody finds the word from it, and nobody guesses it."""
+        return hmac.new(self.cookie_key, f"{kind} {word or ''}".encode(), "sha256").hexdigest()[:SIGNATURE]
 
     @property
     def token_cookie(self) -> str:

@@ -54,7 +54,7 @@ def _now(request: web.Request, context: Context) -> str:
     if not context.places.is_private:
         return " ".join(map(_place_text, context.places.running()))
     running, most = len(context.places.running()), context.settings.max_sessions
-    mine = context.places.of_visitor(request.cookies.get(context.visitor_cookie, ""))
+    mine = context.places.of_visitor(visitor_of(request).id)
     new = " You get one of your own." if running < most else " You wait in line for one."
     own = f" Yours: {_place_text(mine)}" if mine is not None else new
     return f"{running} of {most} labs in use.{own}"

@@ -20,7 +20,7 @@ from flexlab.server.pages.study_form import LONGEST_RUN, MOST_CANDIDATES, MOST_C
 from flexlab.server.pages.templating import button
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
 from flexlab.server.studies import Study, SweepWish, TuningWish
-from flexlab.server.visitors import keep_visitor, known_visitor_of
+from flexlab.server.visitors import keep_visitor, known_visitor_of, visitor_of
 
 FROM_LAB = "lab"
 """What `?from=` says for the lab's present scenario."""
@@ -45,7 +45,7 @@ def add_study_pages(router: web.UrlDispatcher) -> None:
 def _visitor(request: web.Request) -> str:
     """Whose studies these are; all visitors of a shared lab share them as well."""
     context = context_of(request)
-    return request.cookies.get(context.visitor_cookie, "") if context.places.is_private else ""
+    return visitor_of(request).id if context.places.is_private else ""
 
 
 async def studies(request: web.Request) -> web.Response:
@@ -87,7 +87,7 @@ async def studies(request: web.Request) -> web.Response:
 def _lab_scenario(request: web.Request) -> tuple[str, Scenario] | None:
     """(name, scenario) of the visitor's lab as it is now."""
     context = context_of(request)
-    place = context.places.of_visitor(request.cookies.get(context.visitor_cookie, ""))
+    place = context.places.of_visitor(visitor_of(request).id)
     if place is None:
         return None
     status = place.status()

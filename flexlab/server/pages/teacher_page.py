@@ -47,7 +47,12 @@ async def teacher(request: web.Request) -> web.Response:
     if context.teacher_token is None:
         # Where everybody is the teacher, other people's labs open to who has been here, and to nobody by accident.
         answer.set_cookie(
-            context.teacher_cookie, context.teacher_word, max_age=COOKIE_AGE, httponly=True, samesite="Strict", path="/"
+            context.teacher_cookie,
+            context.signed("teacher", context.teacher_token),
+            max_age=COOKIE_AGE,
+            httponly=True,
+            samesite="Strict",
+            path="/",
         )
     return answer
 

@@ -1,0 +1,138 @@
+"""What is no proper request costs one short line of the log, which quotes nothing of it; tokens are not worn out by guesses."""
+
+import logging
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from http_client import ask, wait_until
+
+from flexlab.presets import load_preset
+from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.settings import Settings
+from flexlab.server.token_guesses import MOST_HELD, MOST_PENDING
+
+TOKEN = "a-token-for-tests"
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
+    """A server that asks for a token."""
+    settings = Settings(logs=tmp_path_factory.mktemp("guarded"), port=0, token=TOKEN, shadows=False)
+    with open_front_server(settings, load_preset("paper"), "paper") as opened:
+        yield opened
+
+
+def send(server: FrontServer, words: bytes) -> bytes:
+    """What comes back for these bytes."""
+    with socket.create_connection(("127.0.0.1", server.port), timeout=30) as plug:
+        plug.sendall(words)
+        return plug.recv(1 << 16)
+
+
+HEAD = b"Host: 127.0.0.1\r\n"
+MALFORMED = {
+    "no HTTP": b"\x00\xff\x1b[2J\r\n\r\n",
+    "a long cookie": b"GET / HTTP/1.1\r\n" + HEAD + b"Cookie: secret-of-the-class=" + b"x" * 8300 + b"\r\n\r\n",
+    "a long address": b"GET /secret-of-the-class" + b"x" * 9000 + b" HTTP/1.1\r\n" + HEAD + b"\r\n",
+    "a header without a name": b"GET / HTTP/1.1\r\n" + HEAD + b": secret-of-the-class\r\n\r\n",
+    "two lengths": b"POST / HTTP/1.1\r\n" + HEAD + b"Content-Length: 3\r\nContent-Length: 4\r\n\r\nabcd",
+    "a broken chunk": b"POST /name HTTP/1.1\r\n" + HEAD + b"Transfer-Encoding: chunked\r\n\r\nsecret\r\n",
+    "an odd version": b"GET / HTTP/9.secret-of-the-class\r\n" + HEAD + b"\r\n",
+    "a method that is none": b"SECRET-OF-THE-CLASS" * 300 + b" / HTTP/1.1\r\n" + HEAD + b"\r\n",
+}
+
+
+@pytest.mark.parametrize("kind", MALFORMED)
+def test_a_malformed_request_is_one_line_that_quotes_nothing(
+    guarded: FrontServer, kind: str, caplog: pytest.LogCaptureFixture
+):
+    caplog.set_level(logging.DEBUG)
+    answer = send(guarded, MALFORMED[kind])
+    assert answer.startswith((b"HTTP/1.1 4", b"HTTP/1.0 4")), answer[:100]
+    wait_until(lambda: caplog.records, "the log tells of it")
+    lines = [logging.Formatter().format(record) for record in caplog.records]
+    assert all("\n" not in line and len(line) < 300 for line in lines), lines
+    assert "secret" not in "".join(lines).lower()
+    assert not any(record.exc_info for record in caplog.records)
+    assert b"secret" not in answer.lower()
+
+
+def test_many_malformed_requests_do_not_fill_the_log(guarded: FrontServer, caplog: pytest.LogCaptureFixture):
+    for _ in range(400):
+        send(guarded, MALFORMED["no HTTP"])
+    assert 0 < len(caplog.records) < 300
+
+
+def test_a_long_address_is_cut_in_the_log(guarded: FrontServer, caplog: pytest.LogCaptureFixture):
+    ask(guarded.url, "/" + "y" * 7000)
+    ask(guarded.url, "/", "Y" * 7000)
+    ask(guarded.url, "/", Host="y" * 7000)
+    assert all(len(record.getMessage()) < 700 for record in caplog.records)
+
+
+def test_wrong_cookies_lock_nobody_out(guarded: FrontServer):
+    begun = time.monotonic()
+    for number in range(100):
+        cookies = {f"flexlab-{kind}-{guarded.port}": f"wrong-{number}" for kind in ("token", "teacher")}
+        assert ask(guarded.url, "/", cookies=cookies).status == 401
+    assert ask(guarded.url, f"/?token={TOKEN}").status == 303
+    assert time.monotonic() - begun < 20.0, "none was held back"
+
+
+def test_the_cookie_is_not_the_token(guarded: FrontServer):
+    signed_in = ask(guarded.url, f"/?token={TOKEN}")
+    assert TOKEN not in str(signed_in.headers.get_all("Set-Cookie"))
+    assert ask(guarded.url, "/", cookies=signed_in.cookies).status == 200
+    assert ask(guarded.url, "/", cookies={f"flexlab-token-{guarded.port}": TOKEN}).status == 401
+
+
+def test_whoever_signed_in_stays_so_after_a_restart(open_another: Callable[..., FrontServer]):
+    first = open_another(token=TOKEN)
+    cookies = ask(first.url, f"/?token={TOKEN}").cookies
+    first.close()
+    second = open_another(token=TOKEN, port=first.port)
+    assert ask(second.url, "/", cookies=cookies).status == 200
+
+
+def test_few_answers_are_held_back_at_once_and_members_come_in(open_another: Callable[..., FrontServer]):
+    server = open_another(token=TOKEN)
+    cookies = ask(server.url, f"/?token={TOKEN}").cookies
+    statuses: list[int] = []
+
+    def guess(number: int) -> None:
+        statuses.append(ask(server.url, f"/?token=wrong-{number}").status)
+
+    threads = [threading.Thread(target=guess, args=(number,)) for number in range(60)]
+    for thread in threads:
+        thread.start()
+    assert ask(server.url, "/", cookies=cookies).status == 200
+    for thread in threads:
+        thread.join()
+    assert statuses.count(429) >= 60 - 10 - 2 * MOST_PENDING, statuses
+    assert set(statuses) == {401, 429}
+    assert MOST_HELD >= MOST_PENDING
+    assert ask(server.url, f"/?token={TOKEN}").status == 303, "the right token passes as soon as nobody guesses"
+
+
+@pytest.mark.parametrize("forged", ["", "x", "visitor-of-somebody", "a" * 24 + "." + "0" * 32, "ä", "x" * 4000])
+def test_a_visitor_is_who_the_server_says(open_another: Callable[..., FrontServer], forged: str):
+    server = open_another(private=True, max_sessions=2)
+    answer = ask(server.url, "/lab/", cookies={f"flexlab-visitor-{server.port}": forged})
+    given = answer.cookies[f"flexlab-visitor-{server.port}"]
+    assert answer.status == 303
+    assert given != forged
+    assert server.places.of_visitor(forged) is None
+    again = ask(server.url, "/lab/", cookies=answer.cookies)
+    assert again.headers["Location"] == answer.headers["Location"]
+
+
+def test_the_key_of_cookies_is_for_its_owner_only(open_another: Callable[..., FrontServer], tmp_path: Path):
+    with ExitStack():
+        open_another(token=TOKEN)
+    (key,) = (tmp_path / "logs").glob(".*key*")
+    assert key.stat().st_mode & 0o077 == 0

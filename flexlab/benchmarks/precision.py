@@ -41,8 +41,8 @@ class WorkPoint:
 
     integrator: str
     elements: int
-    step: float
-    """s."""
+    step: float | None
+    """s; None: shorter than any that is allowed."""
     outcome: str
     """"measured"; or why there are no figures: "unstable" (refused), "diverged", "too slow" (not run)."""
     us_per_step: float | None = None
@@ -142,7 +142,11 @@ def _measured(integrator: str, elements: int, step: float, exact: Samples, repea
 
 def _longest_stable_rk4(elements: int, exact: Samples) -> WorkPoint:
     scenario = variant(elements, "rk4").replace({"simulation.accuracy": LOOSEST})
-    step, duration = World(scenario, SAMPLE_PERIOD).step, len(exact) * SAMPLE_PERIOD
+    duration = len(exact) * SAMPLE_PERIOD
+    try:
+        step = World(scenario, SAMPLE_PERIOD).step
+    except ScenarioError:
+        return WorkPoint("rk4", elements, None, "too slow")
     if duration / step * elements > MOST_WORK:
         return WorkPoint("rk4", elements, step, "too slow")
     return _point("rk4", elements, try_out(scenario, duration, 1), exact)

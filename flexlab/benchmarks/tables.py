@@ -12,6 +12,7 @@ from flexlab.benchmarks.report import Goal
 from flexlab.benchmarks.scaling import FIRST_FITTED, Scaling
 from flexlab.benchmarks.startup import Start, StartTimes
 from flexlab.benchmarks.workers import WorkerScaling
+from flexlab.scenario.scenario import SMALLEST_STEP
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -44,7 +45,8 @@ def precision_table(mesh: MeshPrecision) -> "Table":
 
 def _point_cells(point: WorkPoint) -> tuple[str, ...]:
     if point.ms_per_second is None or point.us_per_step is None:
-        return point.integrator, _step(point.step), point.outcome
+        shown = f"< {_step(SMALLEST_STEP)}" if point.step is None else _step(point.step)
+        return point.integrator, shown, point.outcome
     figures = f"{point.us_per_step:.2f}", f"{point.ms_per_second:.2f}"
     return point.integrator, _step(point.step), *figures, _error(point.pose_error), _error(point.deflection_error)
 

@@ -17,7 +17,7 @@ from flexlab.benchmarks.precision import ASKED_ERROR, GOALS, WorkPoint, mesh_pre
 from flexlab.benchmarks.report import Goal, Report, plain
 from flexlab.benchmarks.scaling import MESHES, fitted_exponent
 from flexlab.benchmarks.startup import run_probe
-from flexlab.benchmarks.tables import memory_table
+from flexlab.benchmarks.tables import memory_table, precision_table
 from flexlab.benchmarks.threads import ThreadWatch, time_in_queue
 from flexlab.benchmarks.workers import Round, WorkerScaling, locked_share
 from flexlab.errors import StudyError
@@ -92,12 +92,15 @@ def test_steps_that_are_unstable_are_rows_and_no_crash(coarse_mesh):
     assert rows(coarse_mesh, "rk4")[0].ms_per_second is None
 
 
-def test_a_step_so_short_that_it_takes_too_long_is_shown_and_not_run(monkeypatch):
+@pytest.mark.parametrize(("elements", "shown"), [(32, "0.48"), (64, "< 0.1 µs")])
+def test_a_step_so_short_that_it_takes_too_long_is_shown_and_not_run(monkeypatch, elements: int, shown: str):
     monkeypatch.setattr(precision, "STEPS", {"rk4": (1e-3,)})
-    points = mesh_precision(32, 0.05, 1).points
-    assert [point.outcome for point in points] == ["unstable", "too slow"]
-    assert points[-1].step < 1e-6
-    assert not points[-1].exact_enough
+    mesh = mesh_precision(elements, 0.05, 1)
+    assert [point.outcome for point in mesh.points] == ["unstable", "too slow"]
+    assert not mesh.points[-1].exact_enough
+    table = io.StringIO()
+    Console(file=table, width=160).print(precision_table(mesh))
+    assert shown in table.getvalue()
 
 
 def test_the_fastest_row_is_exact_enough(coarse_mesh):

@@ -7,16 +7,20 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import get_args
 
 import numpy as np
 import pytest
 from planted_errors import PLANTED, PlantedError, planted_text
 
-from flexlab.analysis.validation import Validation, beam_theory, mechanics, validate
+from flexlab.analysis.validation import Validation, beam_theory, mechanics, rival_laws, validate
 from flexlab.analysis.validation.check import above, below, close
 from flexlab.analysis.validation.mass_points import time_derivative
 from flexlab.analysis.validation.report import write_report
 from flexlab.analysis.validation.runs import Runs
+from flexlab.control.law import laws
+from flexlab.control.path import paths
+from flexlab.control.shapers import Shaper
 from flexlab.errors import StudyError
 from flexlab.physics import beam
 from flexlab.scenario.damping import NodalDamping
@@ -29,11 +33,23 @@ def validation() -> Validation:
 
 def test_every_statement_holds(validation: Validation):
     assert [check for check in validation.checks if not check.holds] == []
-    assert len(validation.checks) > 90
+    assert len(validation.checks) > 160
     assert list(validation.groups) == [
         "Section IV again", "The beam in closed form", "Mechanics of mass points", "Control law and internal force",
-        "Energy and convergence", "Theorems 1 and 2 along the run",
+        "Energy and convergence", "Theorems 1 and 2 along the run", "Every control law", "Paths and input shapers",
+        "The sampled loop and its sensors",
     ]  # fmt: skip
+
+
+def test_every_law_path_and_shaper_of_flexlab_has_a_statement(validation: Validation):
+    own = {*rival_laws.GAINS, "adaptive-sliding-mode", "lqr", "none"}
+    assert {kind for kind, law in laws().items() if law.kernel.__module__.startswith("flexlab.")} <= own
+    said = " ".join(check.statement for check in validation.checks)
+    assert [name for name in (*paths(), *get_args(Shaper)) if name != "none" and name not in said] == []
+
+
+def test_there_are_forty_errors_to_be_noticed():
+    assert len({error.name for error in PLANTED}) == len(PLANTED) >= 40
 
 
 def test_the_report_has_the_table_and_four_figures_and_needs_no_network(validation: Validation, tmp_path: Path):

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlab.analysis.internal_force import internal_force_eq_26
 from flexlab.analysis.validation.check import Check, below
-from flexlab.analysis.validation.mass_points import MassPoints, christoffel, slopes, time_derivative
+from flexlab.analysis.validation.mass_points import MassPoints, time_derivative
 from flexlab.analysis.validation.runs import FINE, Runs
 from flexlab.sim.samples import Run
 
@@ -57,18 +57,15 @@ def _of(run: Run) -> Iterator[Check]:
         float(np.abs(rates - wanted).max() / wanted.max()),
     )
 
-    straight = np.zeros(3 + run.beam_coordinates.shape[1])
     inputs, forces = [], []
     rows = range(0, len(run), EVERY)
     weight = np.array([0.0, scenario.payload.linear_density * scenario.payload.length * scenario.gravity, 0.0])
     for k in rows:
         x, v = run.pose[k], run.pose_rate[k]
-        straight[:3] = x
-        A = points.payload_inertia(straight)
-        rigid = A[:3, :3] - A[:3, 3:] @ np.linalg.solve(A[3:, 3:], A[3:, :3])
+        rigid = points.rigid_inertia(x)
         bound = b[k] @ np.array([1.0, x_size[k], v_size[k] ** 2])
         common = rigid @ r_dot[k] + weight - GAIN * s[k] - bound * s[k] / max(size[k], LAYER)
-        terms = [_arm(points, x, v, index) for index in range(2)]
+        terms = [points.arm_terms(x, v, index) for index in range(2)]
         inputs.append([M @ r_dot[k] + C @ r[k] + G + common / 2 for M, C, G in terms])
         pushes = [
             run.arm_input[k, index] - M @ run.pose_acceleration[k] - C @ v - G for index, (M, C, G) in enumerate(terms)
@@ -83,10 +80,3 @@ def _of(run: Run) -> Iterator[Check]:
     yield below("internal force by Eq. (26), without ẍ: difference as a part of u", 1e-9, float(both))
     cancel = np.abs(run.internal_force.sum(axis=1)).max() / np.abs(run.arm_input).max()
     yield below("F_1 + F_2 = 0: sum as a part of u", 1e-12, float(cancel))
-
-
-def _arm(points: MassPoints, x: np.ndarray, v: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M̄_i, C̄_i, Ḡ_i."""
-    C = christoffel(lambda at: points.arm_inertia(at, index), x, v)
-    G = slopes(lambda at: np.array(points.arm_potential(at, index)), x)
-    return points.arm_inertia(x, index), C, G

@@ -4,6 +4,8 @@ No mass matrix, Jacobian, Christoffel symbol or modal coordinate of the engine i
 complex steps, and all else follows from it and from potentials by differences.
 """
 
+from copy import copy
+
 import numpy as np
 
 from flexlab.scenario import Scenario
@@ -39,7 +41,9 @@ class MassPoints:
 
     def __init__(self, scenario: Scenario):
         payload = self._payload = scenario.payload
-        self._arms, self._gravity = scenario.arms, scenario.gravity
+        self._arms, self.gravity = scenario.arms, scenario.gravity
+        self._mass = np.array([arm.link_mass for arm in scenario.arms])
+        self._turning = np.array([arm.inertia for arm in scenario.arms])
         n, half = payload.element_count, payload.length / 2
         x, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         edges = np.linspace(-half, half, n + 1)
@@ -56,12 +60,36 @@ class MassPoints:
 
     def arm_inertia(self, x: np.ndarray, index: int) -> np.ndarray:
         """M̄_i(x) of one arm, (3, 3), Eq. (13)."""
-        arm = self._arms[index]
         J = _jacobian(lambda pose: self._links(pose, index), x)
         centers, directions = J[:, :3], J[:, 3:]
-        M = np.einsum("k,aki,akj->ij", np.array(arm.link_mass), centers, centers)
+        M = np.einsum("k,aki,akj->ij", self._mass[index], centers, centers)
         # |d(unit vector)| is the link's turn.
-        return M + np.einsum("k,aki,akj->ij", np.array(arm.inertia), directions, directions)
+        return M + np.einsum("k,aki,akj->ij", self._turning[index], directions, directions)
+
+    def arm_terms(self, x: np.ndarray, v: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """M̄_i, C̄_i, (3, 3), and Ḡ_i, (3,), of one arm."""
+        C = christoffel(lambda at: self.arm_inertia(at, index), x, v)
+        G = slopes(lambda at: np.array(self.arm_potential(at, index)), x)
+        return self.arm_inertia(x, index), C, G
+
+    def rigid_inertia(self, x: np.ndarray) -> np.ndarray:
+        """A11 - A12 A22⁻¹A21 of the straight payload, (3, 3)."""
+        A = self.payload_inertia(np.concatenate([x, np.zeros(self._N.shape[1])]))
+        return A[:3, :3] - A[:3, 3:] @ np.linalg.solve(A[3:, 3:], A[3:, :3])
+
+    def of_one_kilogram(self, index: int, link: int) -> "MassPoints":
+        """The same with one link of one arm as all of its mass: 1 kg, with that link's radius of gyration."""
+        alone = copy(self)
+        share = np.zeros_like(self._mass)
+        share[index, link] = 1 / self._mass[index, link]
+        alone._mass, alone._turning = self._mass * share, self._turning * share
+        return alone
+
+    def joint_angles(self, x: np.ndarray, index: int) -> np.ndarray:
+        """Relative joint angles of one arm, rad, (3,)."""
+        u = self._links(x, index)[:, 3:]
+        before = np.column_stack([[1.0, 0.0], u[:, 0], u[:, 1]])
+        return np.arctan2(before[0] * u[1] - before[1] * u[0], (before * u).sum(axis=0))
 
     def inertia(self, p: np.ndarray) -> np.ndarray:
         """Of everything, Eq. (16)."""
@@ -72,13 +100,13 @@ class MassPoints:
 
     def arm_potential(self, x: np.ndarray, index: int) -> float:
         """Weight of one arm, J."""
-        return self._gravity * float(np.array(self._arms[index].link_mass) @ self._links(x, index)[1, :3])
+        return self.gravity * float(self._mass[index] @ self._links(x, index)[1, :3])
 
     def potential(self, p: np.ndarray) -> float:
         """Weights and bending, J."""
         payload = self._payload
         bending = 0.5 * payload.bending_stiffness * float(self._weight @ (self._N2 @ p[3:]) ** 2)
-        weight = self._gravity * payload.linear_density * float(self._weight @ self._beam(p)[1])
+        weight = self.gravity * payload.linear_density * float(self._weight @ self._beam(p)[1])
         return bending + weight + sum(self.arm_potential(p[:3], index) for index in range(len(self._arms)))
 
     def _beam(self, p: np.ndarray) -> np.ndarray:

@@ -4,10 +4,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import eigh
 
 from flexlab.analysis.validation.check import Check, above, below
 from flexlab.analysis.validation.mass_points import MassPoints, christoffel, slopes, time_derivative
-from flexlab.analysis.validation.runs import FINE, Runs
+from flexlab.analysis.validation.runs import FINE, Runs, general
 from flexlab.physics.internal_force import payload_matrices
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Run
@@ -25,6 +26,7 @@ def checks(runs: Runs) -> Iterator[Check]:
     for run in (runs.general_pinned, runs.general):
         for check in _of(run):
             yield replace(check, statement=f"{run.scenario.payload.boundary}: {check.statement}")
+    yield from _dampings()
 
 
 def _of(run: Run) -> Iterator[Check]:
@@ -40,15 +42,7 @@ def _of(run: Run) -> Iterator[Check]:
     stored = run.elastic_energy[rows] + run.gravity_energy[rows]
     yield below("bending and weight store what mass points do: relative error", 1e-10, _relative(potential, stored))
 
-    momentum = np.array([points.inertia(p[k]) @ rate[k] for k in range(len(run))])
-    change = time_derivative(momentum, FINE)
-    residual, scale = [], np.abs(change).max(axis=0)
-    for k in rows:
-        kinetic = slopes(lambda at, v=rate[k]: np.array(0.5 * v @ points.inertia(at) @ v), p[k])
-        stored = slopes(lambda at: np.array(points.potential(at)), p[k])
-        force = np.concatenate([run.arm_input[k].sum(axis=0), -DAMPING * rate[k, 3:]])
-        residual.append(change[k - 2] - kinetic + stored - force)
-    error = np.abs(residual).max(axis=0) / scale
+    error = lagrange_residual(run, points, DAMPING * np.eye(p.shape[1] - 3))
     yield below("Lagrange's equations (16) hold for x0, y0, θ: relative residual", 1e-6, float(error[:3].max()))
     yield below("and for the beam's q: relative residual", 1e-6, float(error[3:].max()))
     motion = np.abs(time_derivative(run.pose_rate, FINE) - run.pose_acceleration[2:-2]).max()
@@ -59,6 +53,34 @@ def _of(run: Run) -> Iterator[Check]:
     joints = np.einsum("nij,nij->n", run.joint_torque[2:-2], turning)
     inputs = np.einsum("nij,nj->n", run.arm_input[2:-2], run.pose_rate[2:-2])
     yield below("joint torques give the power Σ τᵀθ̇ = Σ uᵀẋ: relative error", 1e-6, _relative(joints, inputs))
+
+
+def lagrange_residual(run: Run, points: MassPoints, D: np.ndarray) -> np.ndarray:
+    """Largest d(∂T/∂ṗ)/dt - ∂T/∂p + ∂V/∂p - (Σu, -D q̇) of each coordinate, as a part of its momentum's change, (3 + n_q,)."""
+    p, rate = np.hstack([run.pose, run.beam_coordinates]), np.hstack([run.pose_rate, run.beam_rates])
+    momentum = np.array([points.inertia(p[k]) @ rate[k] for k in range(len(run))])
+    change = time_derivative(momentum, FINE)
+    residual = []
+    for k in range(2, len(run) - 2, EVERY):
+        kinetic = slopes(lambda at, v=rate[k]: np.array(0.5 * v @ points.inertia(at) @ v), p[k])
+        stored = slopes(lambda at: np.array(points.potential(at)), p[k])
+        force = np.concatenate([run.arm_input[k].sum(axis=0), -D @ rate[k, 3:]])
+        residual.append(change[k - 2] - kinetic + stored - force)
+    return np.abs(residual).max(axis=0) / np.abs(change).max(axis=0)
+
+
+def _dampings() -> Iterator[Check]:
+    """The other kinds of damping: C = β K_F, and 2ζω of every mode, from matrices of mass points."""
+    for words, field, number in (("stiffness", "coefficient", 1e-5), ("modal", "ratio", 0.2)):
+        run = general(f"the run with {words} damping", payload__damping={"kind": words, field: number})
+        points, n = MassPoints(run.scenario), run.beam_rates.shape[1]
+        straight = np.concatenate([run.pose[0], np.zeros(n)])
+        K = slopes(lambda at, of=points: slopes(lambda q: np.array(of.potential(q)), at), straight)[3:, 3:]
+        M = points.payload_inertia(straight)[3:, 3:]
+        square, V = eigh(K, M)
+        D = number * K if words == "stiffness" else M @ V * (2 * number * np.sqrt(square)) @ V.T @ M
+        error = lagrange_residual(run, points, D)
+        yield below(f"{words} damping acts on the beam as it should: relative residual", 1e-6, float(error.max()))
 
 
 def _inertia(run: Run, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> Iterator[Check]:

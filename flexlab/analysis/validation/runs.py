@@ -1,6 +1,7 @@
 """The runs that validation looks at, each simulated once."""
 
 from functools import cached_property
+from typing import Any
 
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
@@ -47,7 +48,17 @@ class Runs:
 
 
 def _general(boundary: str, beam_coordinates: tuple[float, ...]) -> Run:
-    changes = {
+    return general(f"the general run ({boundary})", boundary, beam_coordinates)
+
+
+def general(
+    name: str,
+    boundary: str = "pinned-pinned",
+    beam_coordinates: tuple[float, ...] = (0.05, 0.006, -0.02, -0.03),
+    **changes: Any,
+) -> Run:
+    """3 ms of a fast, heavy, bent motion, with further changes (dots as double underlines). Raises `StudyError`."""
+    start = {
         "gravity": 9.81,
         "payload.boundary": boundary,
         "initial.pose": (0.06, 0.83, 0.21),
@@ -55,7 +66,12 @@ def _general(boundary: str, beam_coordinates: tuple[float, ...]) -> Run:
         "initial.beam_coordinates": beam_coordinates,
         "simulation.step": FINE,
     }
-    return _whole(f"the general run ({boundary})", simulate(load_preset("paper").replace(changes), 0.003, FINE))
+    return run_of(name, start | {path.replace("__", "."): value for path, value in changes.items()}, 0.003, FINE)
+
+
+def run_of(name: str, changes: dict[str, Any], duration: float, period: float) -> Run:
+    """A run of the paper's system with changes. Raises `StudyError` if it fails."""
+    return _whole(name, simulate(load_preset("paper").replace(changes), duration, period))
 
 
 def _whole(name: str, run: Run) -> Run:

@@ -35,16 +35,11 @@ def _theorem_2(runs: Runs) -> Iterator[Check]:
     run, points = runs.paper, MassPoints(runs.paper.scenario)
     rows = np.arange(0, round(1 / PERIOD), EVERY)
     bound, stored = [], []
-    straight = np.zeros(3 + run.beam_coordinates.shape[1])
     for k in rows:
         x, v, a, s = run.pose[k], run.pose_rate[k], run.pose_acceleration[k], run.sliding_variable[k]
-        straight[:3] = x
 
         def inertia(at: np.ndarray) -> np.ndarray:
-            moved = np.concatenate([at, np.zeros(len(straight) - 3)])
-            A = points.payload_inertia(moved)
-            rigid = A[:3, :3] - A[:3, 3:] @ np.linalg.solve(A[3:, 3:], A[3:, :3])
-            return rigid + points.arm_inertia(at, 0) + points.arm_inertia(at, 1)
+            return points.rigid_inertia(at) + points.arm_inertia(at, 0) + points.arm_inertia(at, 1)
 
         M, C = inertia(x), christoffel(inertia, x, v)
         disturbance = M @ a + C @ v - run.arm_input[k].sum(axis=0)

@@ -1,0 +1,207 @@
+"""Paths by their formulas and by what they promise, with smooth start, input shapers and the bending fed forward."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from flexlab.analysis.validation.check import Check, below, close
+from flexlab.analysis.validation.mass_points import MassPoints
+from flexlab.analysis.validation.runs import Runs, run_of
+from flexlab.control.motion import poses
+from flexlab.control.path import paths
+from flexlab.presets import load_preset
+from flexlab.sim.target import build_trajectory
+
+SUBJECT, PLACE = "Paths and input shapers", 7
+
+WINDOW = 1.6
+"""s of each path that are looked at."""
+STEP = 1e-4
+"""s, of differences along a path."""
+CLEAR = 4 * STEP
+"""s next to a jump of acceleration or jerk in which no differences are taken."""
+FREQUENCY, RATIO = 9.0, 0.06
+"""Hz and ζ of the mode for which shapers are made here."""
+VIBRATION = 0.05
+"""V of the extra-insensitive shaper."""
+RESIDUALS: dict[str, Callable[[float], float]] = {
+    "zv": lambda c: c,
+    "zvd": lambda c: c * c,
+    "ei-shaper": lambda c: (1 + VIBRATION) * c * c - VIBRATION,
+}
+"""Shaper → what it leaves of an ideal mode, of cos(π/2 · frequency of the mode / frequency of the shaper)."""
+
+OWN: dict[str, dict[str, Any]] = {
+    "sine": {"phase": (0.3, 0.0, -1.0), "frequency": (1.0, 0.7, 2.0), "amplitude": (0.1, 0.05, 0.2)},
+    "rest-to-rest": {"start": 0.2, "duration": 0.9, "to": (0.1, 0.85, 0.3)},
+    "bang-bang": {"start": 0.2, "duration": 0.9, "to": (0.1, 0.85, 0.3)},
+    "circle": {"phase": 0.4},
+    "figure-eight": {"phase": 0.4, "amplitude": (0.15, 0.1, 0.2)},
+}
+"""Path → fields that differ from their defaults."""
+
+
+def _line(share: Callable[[np.ndarray], np.ndarray]) -> Callable[[Any, np.ndarray], np.ndarray]:
+    def pose(path: Any, t: np.ndarray) -> np.ndarray:
+        first, last = np.array(getattr(path, "from")), np.array(path.to)
+        tau = np.clip((t - path.start) / path.duration, 0, 1)
+        return first + (last - first) * share(tau)[:, None]
+
+    return pose
+
+
+def _round(path: Any, t: np.ndarray, radii: np.ndarray, times: np.ndarray, quarter: np.ndarray) -> np.ndarray:
+    angle = 2 * np.pi * path.frequency * t + path.phase
+    return np.array(path.center) + radii * np.sin(angle[:, None] * times + quarter * np.pi / 2)
+
+
+POSES: dict[str, Callable[[Any, np.ndarray], np.ndarray]] = {
+    "sine": lambda path, t: (
+        np.array(path.center) + np.array(path.amplitude) * np.sin(2 * np.pi * np.outer(t, path.frequency) + path.phase)
+    ),
+    "rest-to-rest": _line(lambda tau: 10 * tau**3 - 15 * tau**4 + 6 * tau**5),
+    "bang-bang": _line(lambda tau: np.where(tau < 0.5, 2 * tau**2, 1 - 2 * (1 - tau) ** 2)),
+    "circle": lambda path, t: _round(
+        path, t, np.array([path.radius, path.radius, 0.0]), np.ones(3), np.array([1.0, 0.0, 0.0])
+    ),
+    "figure-eight": lambda path, t: _round(path, t, np.array(path.amplitude), np.array([1.0, 2.0, 1.0]), np.zeros(3)),
+    "hold": lambda path, t: np.tile(np.array(path.pose), (len(t), 1)),
+}
+"""Path → x_d at instants (N,), (N, 3)."""
+
+
+def checks(_: Runs) -> Iterator[Check]:
+    """Formulas, rates, waypoints and tables, smooth start, shapers, the bending fed forward."""
+    times = np.linspace(0.011, WINDOW - 0.01, 211)
+    for kind in paths():
+        if kind in POSES or kind in ("waypoints", "table"):
+            yield from _path(kind, times)
+    yield from _rates(
+        "a sine with smooth start and shaper", times, "sine", smooth_start=0.8, shaper="zvd", shaper_frequency=9.0
+    )
+    yield from _waypoints()
+    yield from _table()
+    yield from _smooth_start(times)
+    yield from _shapers(times)
+    yield from _fed_forward()
+
+
+def _motion(kind: str, **changes: Any) -> tuple[Any, Any]:
+    """The path of the paper's system and its target."""
+    scenario = load_preset("paper").replace({"trajectory": {"kind": kind, **OWN.get(kind, {}), **changes}})
+    return scenario.trajectory, build_trajectory(scenario)
+
+
+def _path(kind: str, times: np.ndarray) -> Iterator[Check]:
+    path, motion = _motion(kind)
+    found = poses(motion, times)
+    if kind in POSES:
+        error = float(np.abs(found[:, 0] - POSES[kind](path, times)).max())
+        yield below(f"{kind}: x_d by its formula: largest error, m, rad", 1e-13, error)
+    yield from _rates(kind, times, kind)
+
+
+def _rates(words: str, times: np.ndarray, kind: str, **changes: Any) -> Iterator[Check]:
+    """ẋ_d and ẍ_d against differences of x_d and ẋ_d, but for instants next to a jump."""
+    path, motion = _motion(kind, **changes)
+    found = poses(motion, times)
+    jumps = np.array([*path.kinks, *motion.kinks, np.inf])
+    clear = np.abs(times[:, None] - jumps).min(axis=1) > CLEAR
+    for order, name in ((1, "ẋ_d"), (2, "ẍ_d")):
+        before = poses(motion, (times[:, None] + STEP * np.array([-2, -1, 1, 2])).ravel())[:, order - 1]
+        a, b, c, d = np.moveaxis(before.reshape(len(times), 4, 3), 1, 0)
+        slope = (8 * (c - b) - (d - a)) / (12 * STEP)
+        error = np.abs(found[:, order] - slope)[clear].max() / max(float(np.abs(slope[clear]).max()), 1.0)
+        yield below(f"{words}: {name} is its rate of change: relative error", 1e-7, float(error))
+
+
+def _waypoints() -> Iterator[Check]:
+    path, motion = _motion("waypoints", velocity_limit=0.4, acceleration_limit=3.0, jerk_limit=40.0)
+    t = np.arange(0.0, float(path.end), 1e-3)
+    found = poses(motion, t)
+    passed = max(np.linalg.norm(found[:, 0] - np.array(point), axis=1).min() for point in path.points)
+    yield below("waypoints: passes every pose: farthest away, m, rad", 1e-9, float(passed))
+    for words, values, limit, unit in (
+        ("velocity", found[:, 1], 0.4, "m/s, rad/s"),
+        ("acceleration", found[:, 2], 3.0, "m/s², rad/s²"),
+        ("jerk", np.diff(found[:, 2], axis=0) / 1e-3, 40.0, "m/s³, rad/s³"),
+    ):
+        yield close(f"waypoints: largest {words} is its limit", limit, float(np.abs(values).max()), unit, relative=1e-6)
+
+
+def _table() -> Iterator[Check]:
+    rows = tuple(
+        (t, 0.1 * np.sin(3 * t), 0.75 + 0.05 * np.cos(4 * t), 0.2 * np.sin(2 * t)) for t in np.linspace(0, 1.5, 31)
+    )
+    _, motion = _motion("table", rows=rows)
+    given = np.array(rows)
+    yield below(
+        "table: the spline goes through its rows: largest error, m, rad",
+        1e-12,
+        float(np.abs(poses(motion, given[:, 0])[:, 0] - given[:, 1:]).max()),
+    )
+    ends = poses(motion, [0.0, 1.5])[:, 1:]
+    yield below("table: is at rest at both ends: largest rate and acceleration", 1e-9, float(np.abs(ends).max()))
+
+
+def _smooth_start(times: np.ndarray) -> Iterator[Check]:
+    ramp = 0.8
+    path, motion = _motion("sine", smooth_start=ramp)
+    x, weight = np.polynomial.legendre.leggauss(8)
+    reached = np.minimum(times, ramp)
+    tau = reached[:, None] * (1 + x) / 2 / ramp
+    along = (10 * tau**3 - 15 * tau**4 + 6 * tau**5) @ weight * reached / 2 + np.maximum(times - ramp, 0)
+    error = float(np.abs(poses(motion, times)[:, 0] - POSES["sine"](path, along)).max())
+    yield below(
+        "a smooth start goes along the path at a speed that grows as 10τ³ - 15τ⁴ + 6τ⁵: error, m, rad", 1e-13, error
+    )
+
+
+def _shapers(times: np.ndarray) -> Iterator[Check]:
+    root = np.sqrt(1 - RATIO**2)
+    k, half = np.exp(-RATIO * np.pi / root), 1 / (2 * FREQUENCY * root)
+    sizes = {
+        "zv": np.array([1, k]) / (1 + k),
+        "zvd": np.array([1, 2 * k, k * k]) / (1 + k) ** 2,
+        "ei-shaper": np.array([(1 + VIBRATION) / 4, (1 - VIBRATION) * k / 2, (1 + VIBRATION) * k * k / 4]),
+    }
+    for shaper, size in sizes.items():
+        path, motion = _motion("circle", shaper=shaper, shaper_frequency=FREQUENCY, shaper_damping=RATIO)
+        wanted = sum(
+            part * POSES["circle"](path, np.maximum(times - j * half, 0)) for j, part in enumerate(size / size.sum())
+        )
+        error = float(np.abs(poses(motion, times)[:, 0] - wanted).max())
+        yield below(f"{shaper}: x_d is Σ A_j x(t - t_j): largest error, m, rad", 1e-13, error)
+        for words, ratio in (("lower", np.sqrt(0.8)), ("higher", np.sqrt(1.2))):
+            statement = f"{shaper}: leaves of an undamped mode whose stiffness is 20 % {words}, as a part"
+            yield close(
+                statement, abs(RESIDUALS[shaper](np.cos(np.pi * ratio / 2))), _left(shaper, ratio), absolute=1e-9
+            )
+    scenario = load_preset("paper").replace({"trajectory.shaper": "zv"})
+    late = float(build_trajectory(scenario).impulses[1, 1])
+    yield close("a shaper is made for the closed loop's first mode, 45.5 Hz", 45.5, 0.5 / late, "Hz", relative=2e-3)
+
+
+def _left(shaper: str, ratio: float) -> float:
+    """Part of an undamped mode's ring that a shaper leaves, its frequency `ratio` times the shaper's."""
+    _, motion = _motion("circle", shaper=shaper, shaper_frequency=FREQUENCY, shaper_damping=0.0)
+    size, at = motion.impulses.T
+    return float(abs(np.sum(size * np.exp(2j * np.pi * FREQUENCY * ratio * at))))
+
+
+def _fed_forward() -> Iterator[Check]:
+    share, x = 0.7, (0.0, 0.75, 0.0)
+    # At t = 0 the paper's sine has no acceleration: another phase has.
+    later = {"trajectory.phase": (0.9, 0.9, 0.9), "initial.pose": x}
+    plain, fed = (
+        run_of("bending fed forward", {**later, "trajectory.bending_feedforward": part}, 2e-3, 1e-3)
+        for part in (0.0, share)
+    )
+    points = MassPoints(fed.scenario)
+    A = points.payload_inertia(np.array([*x, *np.zeros(fed.beam_coordinates.shape[1])]))[:3, :3]
+    acceleration = -0.2 * (2 * np.pi) ** 2 * np.sin(0.9) * np.ones(3)
+    wanted = share * (A - points.rigid_inertia(np.array(x))) @ acceleration
+    found = (fed.arm_input[0] - plain.arm_input[0]).sum(axis=0)
+    error = float(np.abs(found - wanted).max() / np.abs(wanted).max())
+    yield below("the bending's force fed forward is A12 A22⁻¹A21 ẍ_d: relative error", 1e-9, error)

@@ -1,0 +1,266 @@
+"""Every control law as its equation stands, with the arms and the payload of mass points, along a general motion.
+
+The controller believes in another payload than the true one, shares it unevenly and squeezes it, so that none of these is lost.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlab.analysis.validation.check import Check, below
+from flexlab.analysis.validation.control_law import desired
+from flexlab.analysis.validation.mass_points import MassPoints, slopes, time_derivative
+from flexlab.analysis.validation.runs import FINE, Runs, general
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Run
+
+SUBJECT, PLACE = "Every control law", 6
+
+EVERY = 75
+"""Of a run's samples, which are looked at."""
+COMMON = {
+    "controller__model__linear_density_factor": 1.3,
+    "controller__model__length_factor": 0.9,
+    "controller__load_share": 0.3,
+    "controller__wanted_internal_force": 15.0,
+}
+GAINS: dict[str, dict[str, Any]] = {
+    "sliding-mode": {"bound": 40.0},
+    "super-twisting": {},
+    "disturbance-observer": {},
+    "regressor-adaptive": {"initial_estimate_factor": 0.7},
+    "vibration-damping": {"lateral_vibration_gain": 80.0, "angular_vibration_gain": 500.0},
+    "composite": {"lateral_vibration_gain": 60.0, "angular_vibration_gain": 300.0},
+    "computed-torque": {},
+    "pd": {},
+    "joint-pd": {},
+}
+"""Law → fields that differ from their defaults."""
+STEP = 1e-4
+"""s, of differences along the path."""
+
+
+class Instant(NamedTuple):
+    """What a law sees at one sample, from mass points; arms first."""
+
+    law: Any
+    x: np.ndarray
+    v: np.ndarray
+    desired: tuple[np.ndarray, np.ndarray, np.ndarray]
+    """x_d, ẋ_d, ẍ_d, (3,)."""
+    points: MassPoints
+    believed: MassPoints
+    """Of the payload in which the controller believes."""
+    M: np.ndarray
+    C: np.ndarray
+    G: np.ndarray
+    A: np.ndarray
+    """Ā as the controller believes the payload, (3, 3)."""
+    weight: np.ndarray
+    """Of that payload, N, (3,)."""
+    share: np.ndarray
+    """Of the common part, by arm, (2,)."""
+    beam_rate: np.ndarray
+    """hᵀq̇, gᵀq̇, (2,)."""
+    squeeze: np.ndarray
+    """Wanted internal force by arm, N, (2, 3)."""
+
+    def surface(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """s, r, ṙ."""
+        slope = getattr(self.law, "sliding_slope", None) or self.law.slow.sliding_slope
+        x_d, v_d, a_d = self.desired
+        r = v_d - slope * (self.x - x_d)
+        return self.v - r, r, a_d - slope * (self.v - v_d)
+
+    def shared(self, acceleration: np.ndarray, rate: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Each arm its own part, and its share of payload inertia, weight and a common force, (2, 3)."""
+        common = self.A @ acceleration + self.weight + force
+        return self.M @ acceleration + self.C @ rate + self.G + self.share[:, None] * common
+
+    def momentum_rate(self, acceleration: np.ndarray) -> np.ndarray:
+        """d(Bẋ)/dt (3,) for ẍ (3,)."""
+        change = slopes(self.inertia, self.x)
+        return self.inertia(self.x) @ acceleration + np.einsum("kij,k,j->i", change, self.v, self.v)
+
+    def inertia(self, x: np.ndarray) -> np.ndarray:
+        """B = ΣM̄_i + Ā at another pose (3, 3)."""
+        return sum((self.points.arm_inertia(x, arm) for arm in range(2)), self.believed.rigid_inertia(x))
+
+
+Law = Callable[[Instant, np.ndarray], np.ndarray]
+"""u_i (2, 3) of what a law sees and of its memory."""
+
+
+def _sliding_mode(at: Instant, _: np.ndarray) -> np.ndarray:
+    s, r, r_dot = at.surface()
+    return at.shared(
+        r_dot, r, -at.law.feedback_gain * s - at.law.bound * s / max(np.linalg.norm(s), at.law.boundary_layer)
+    )
+
+
+def _super_twisting(at: Instant, w: np.ndarray) -> np.ndarray:
+    s, r, r_dot = at.surface()
+    root = np.sqrt(max(np.linalg.norm(s), at.law.boundary_layer))
+    return at.shared(r_dot, r, -at.law.proportional_gain * s / root + w)
+
+
+def _disturbance_observer(at: Instant, d_hat: np.ndarray) -> np.ndarray:
+    s, r, r_dot = at.surface()
+    return at.shared(r_dot, r, -at.law.feedback_gain * s - d_hat)
+
+
+def _regressor_adaptive(at: Instant, estimates: np.ndarray) -> np.ndarray:
+    s, r, r_dot = at.surface()
+    return regressor(at, r, r_dot) @ estimates - at.share[:, None] * at.law.feedback_gain * s
+
+
+def _adaptive(at: Instant, b_hat: np.ndarray, law: Any) -> np.ndarray:
+    s, r, r_dot = at.surface()
+    bound = b_hat @ np.array([1.0, np.linalg.norm(at.x), at.v @ at.v])
+    return at.shared(r_dot, r, -law.feedback_gain * s - bound * s / max(np.linalg.norm(s), law.boundary_layer))
+
+
+def _damped(at: Instant, slow: np.ndarray) -> np.ndarray:
+    lateral, turn = np.array([at.law.lateral_vibration_gain, at.law.angular_vibration_gain]) * at.beam_rate
+    push = np.array([-np.sin(at.x[2]) * lateral, np.cos(at.x[2]) * lateral, turn])
+    return slow + at.share[:, None] * (at.M.sum(axis=0) @ push)
+
+
+def _computed_torque(at: Instant, _: np.ndarray) -> np.ndarray:
+    x_d, v_d, a_d = at.desired
+    wanted = a_d - at.law.velocity_gain * (at.v - v_d) - at.law.position_gain * (at.x - x_d)
+    return at.shared(wanted, at.v, np.zeros(3))
+
+
+def _pd(at: Instant, _: np.ndarray) -> np.ndarray:
+    x_d, v_d, _ = at.desired
+    force = -np.array(at.law.velocity_gain) * (at.v - v_d) - np.array(at.law.position_gain) * (at.x - x_d)
+    return at.G + at.share[:, None] * (at.weight + force)
+
+
+def _joint_pd(at: Instant, _: np.ndarray) -> np.ndarray:
+    x_d, v_d, _ = at.desired
+    u = []
+    for arm in range(2):
+        J = slopes(lambda x, arm=arm: at.points.joint_angles(x, arm), at.x).T
+        J_d = slopes(lambda x, arm=arm: at.points.joint_angles(x, arm), x_d).T
+        error = at.points.joint_angles(at.x, arm) - at.points.joint_angles(x_d, arm)
+        tau = -np.array(at.law.position_gain) * error - np.array(at.law.velocity_gain) * (J @ at.v - J_d @ v_d)
+        u.append(J.T @ tau)
+    return np.array(u) + at.G + at.share[:, None] * at.weight
+
+
+LAWS: dict[str, Law] = {
+    "sliding-mode": _sliding_mode,
+    "super-twisting": _super_twisting,
+    "disturbance-observer": _disturbance_observer,
+    "regressor-adaptive": _regressor_adaptive,
+    "vibration-damping": lambda at, b_hat: _damped(at, _adaptive(at, b_hat, at.law)),
+    "composite": lambda at, b_hat: _damped(at, _adaptive(at, b_hat, at.law.slow)),
+    "computed-torque": _computed_torque,
+    "pd": _pd,
+    "joint-pd": _joint_pd,
+}
+MEMORY = {
+    "super-twisting": ("twisting_force",),
+    "disturbance-observer": ("disturbance_estimate",),
+    "regressor-adaptive": ("payload_mass_estimate", "payload_inertia_estimate", "link_mass_estimates"),
+    "vibration-damping": ("bound_estimates",),
+    "composite": ("bound_estimates",),
+}
+"""Law → signals that are its memory."""
+
+
+def regressor(at: Instant, r: np.ndarray, r_dot: np.ndarray) -> np.ndarray:
+    """Y by arm, (2, 3, 8): the payload's columns by the load share, a link's to its own arm."""
+    Y = np.zeros((2, 3, 8))
+    for arm in range(2):
+        Y[arm, :, 0] = at.share[arm] * np.array([r_dot[0], r_dot[1] + at.points.gravity, 0.0])
+        Y[arm, :, 1] = at.share[arm] * np.array([0.0, 0.0, r_dot[2]])
+        for link in range(3):
+            M, C, G = at.points.of_one_kilogram(arm, link).arm_terms(at.x, at.v, arm)
+            Y[arm, :, 2 + 3 * arm + link] = M @ r_dot + C @ r + G
+    return Y
+
+
+def checks(_: Runs) -> Iterator[Check]:
+    """Inputs of every law, and how its memory moves."""
+    for kind, gains in GAINS.items():
+        own = {f"controller__{name}": value for name, value in gains.items()}
+        run = general(f"the law {kind}", controller__kind=kind, **own, **COMMON)
+        rows = range(2, len(run) - 2, EVERY)
+        memory = _memory(run, kind)
+        seen = [instant(run, k) for k in rows]
+        wanted = [LAWS[kind](at, memory[k]) + at.squeeze for k, at in zip(rows, seen, strict=True)]
+        error = np.abs(np.array(wanted) - run.arm_input[rows]).max() / np.abs(run.arm_input).max()
+        yield below(f"{kind}: u_i, arm by arm: relative error", 1e-7, float(error))
+        if kind in MEMORY:
+            rates = time_derivative(memory, FINE)[::EVERY][: len(seen)]
+            wanted = np.array([_memory_rate(kind, at, run, k) for k, at in zip(rows, seen, strict=True)])
+            error = np.abs(rates - wanted).max(axis=0) / np.maximum(np.abs(wanted).max(axis=0), 1e-9)
+            yield below(f"{kind}: how its memory moves: relative error", 1e-5, float(error.max()))
+    yield below("regressor-adaptive starts with the given part of the truth: largest error, kg, kg·m²", 1e-12, _start())
+
+
+def _start() -> float:
+    run = general(
+        "the law regressor-adaptive", controller__kind="regressor-adaptive", controller__initial_estimate_factor=0.7
+    )
+    payload, arms = run.scenario.payload, run.scenario.arms
+    m = payload.linear_density * payload.length
+    truth = np.array([m, m * payload.length**2 / 12, *(mass for arm in arms for mass in arm.link_mass)])
+    return float(np.abs(_memory(run, "regressor-adaptive")[0] - 0.7 * truth).max())
+
+
+def _memory(run: Run, kind: str) -> np.ndarray:
+    """The law's memory, (N, numbers); of most laws none."""
+    parts = [getattr(run, name).reshape(len(run), -1) for name in MEMORY.get(kind, ())]
+    return np.hstack(parts) if parts else np.zeros((len(run), 0))
+
+
+def _memory_rate(kind: str, at: Instant, run: Run, k: int) -> np.ndarray:
+    """d(memory)/dt by the law's equation, at sample k."""
+    s, r, r_dot = at.surface()
+    size = float(np.linalg.norm(s))
+    if kind == "super-twisting":
+        return -at.law.integral_gain * s / max(size, at.law.boundary_layer)
+    if kind == "disturbance-observer":
+        known = np.einsum("iab,a->b", at.C, at.v) - at.G.sum(axis=0) - at.weight
+        missed = at.momentum_rate(run.pose_acceleration[k]) - run.arm_input[k].sum(axis=0) - known
+        return at.law.observer_gain * (missed - run.disturbance_estimate[k])
+    if kind == "regressor-adaptive":
+        law = at.law
+        rates = np.array([law.adaptation_gain_mass, law.adaptation_gain_inertia] + 6 * [law.adaptation_gain_links])
+        return -rates * (regressor(at, r, r_dot).sum(axis=0).T @ s)
+    law = at.law if kind == "vibration-damping" else at.law.slow
+    return size * np.array([1.0, np.linalg.norm(at.x), at.v @ at.v]) / np.array(law.adaptation)
+
+
+def instant(run: Run, k: int) -> Instant:
+    """What the law of a run sees at sample k."""
+    scenario = run.scenario
+    points, believed = MassPoints(scenario), MassPoints(_believed(scenario))
+    x, v, law = run.pose[k], run.pose_rate[k], scenario.controller
+    terms = [points.arm_terms(x, v, arm) for arm in range(2)]
+    M, C, G = (np.array(part) for part in zip(*terms, strict=True))
+    goal = desired(run.time[k : k + 1])
+    loads = points.payload_inertia(np.concatenate([[0.0, 0.0, 0.0], np.zeros(run.beam_rates.shape[1])]))[1:3, 3:]
+    along = np.array([np.cos(x[2]), np.sin(x[2]), 0.0]) * law.wanted_internal_force
+    payload = _believed(scenario).payload
+    return Instant(
+        law, x, v, (goal[0][0], goal[1][0], goal[2][0]), points, believed, M, C, G, believed.rigid_inertia(x),
+        np.array([0.0, payload.linear_density * payload.length * scenario.gravity, 0.0]),
+        np.array([law.load_share, 1 - law.load_share]), loads @ run.beam_rates[k], np.array([along, -along]),
+    )  # fmt: skip
+
+
+def _believed(scenario: Scenario) -> Scenario:
+    """The scenario with the payload in which its controller believes."""
+    model, payload = scenario.controller.model, scenario.payload
+    return scenario.replace(
+        {
+            "payload.linear_density": payload.linear_density * model.linear_density_factor,
+            "payload.length": payload.length * model.length_factor,
+        }
+    )

@@ -1,0 +1,256 @@
+"""The sampled loop: clock, delay, limits, noise, strain gauges, observer and regulator, each against an answer of its own."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm, solve_discrete_are
+
+from flexlab.analysis.modes import modes
+from flexlab.analysis.validation.check import Check, above, below, close
+from flexlab.analysis.validation.control_law import GAIN, LAYER, SLOPE, desired
+from flexlab.analysis.validation.mass_points import MassPoints, slopes
+from flexlab.analysis.validation.runs import Runs, run_of
+from flexlab.physics.strain_gauges import strain_rows
+from flexlab.presets import load_preset
+from flexlab.sim.samples import Run
+
+SUBJECT, PLACE = "The sampled loop and its sensors", 8
+
+PERIOD, DELAY = 1e-3, 2
+"""T_c, s, and input delay, samples, of the clocked run."""
+FINER = 4
+"""Samples of a run per control period."""
+LIMIT = (300.0, 150.0, 60.0)
+"""N·m."""
+MEASURED = 2000
+"""Control instants by which noise is judged: its deviation is known to 1.6 %."""
+SIGMA = (1e-4, 2e-4, 3e-4)
+"""Noise of x, y, θ, m, m, rad, and of their rates per second."""
+STRAIN = 1e-6
+CENTER = (0.0, 0.75, 0.0)
+GROWTH = 2.65
+"""1/s: of the 400 Hz mode under rate feedback k_v = 100 at 1 kHz, one sample late, of 8 undamped elements."""
+QUIET: dict[str, Any] = {"trajectory": {"kind": "hold", "pose": CENTER}, "controller.control_period": PERIOD}
+"""At rest, clocked."""
+BENT = (0.001, 0.00016, 0.0, -0.001)
+"""Start of the beam where the observer is looked at: half a sine, 0.16 mm high, so that the plant stays at its linear model."""
+
+
+def checks(runs: Runs) -> Iterator[Check]:
+    """The clock, torque limits, noise, gauges, observer, regulator, sampled poles."""
+    yield from _clock()
+    yield from _limits()
+    yield from _noise()
+    yield from _strain_noise()
+    yield from _gauges()
+    yield from _observer()
+    yield from _regulator()
+    changes = {
+        "payload.element_count": 8,
+        "payload.damping.coefficient": 0.0,
+        "controller": {"kind": "vibration-damping", "control_period": PERIOD, "input_delay": 1},
+    }
+    poles = modes(load_preset("paper").replace(changes)).poles
+    near = poles[np.abs(np.abs(poles.imag) / (2 * np.pi) - 400) < 5]
+    yield close(
+        "rate feedback one sample late feeds the 400 Hz mode: rate", GROWTH, float(near.real.max()), "1/s", 0.005
+    )
+
+
+def _torques(points: MassPoints, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Joint torques (2, 3) of arm inputs (2, 3): u = 𝒥ᵀτ."""
+    J = [slopes(lambda at, arm=arm: points.joint_angles(at, arm), x).T for arm in range(2)]
+    return np.array([np.linalg.solve(J[arm].T, u[arm]) for arm in range(2)])
+
+
+def _paper_law(points: MassPoints, run: Run, k: int, b_hat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """u_i (2, 3) and the rate of b̂ (3,) of Eqs. (23), (25) at sample k."""
+    x, v = run.pose[k], run.pose_rate[k]
+    goal, rate, acceleration = (part[0] for part in desired(run.time[k : k + 1]))
+    r, r_dot = rate - SLOPE * (x - goal), acceleration - SLOPE * (v - rate)
+    s = v - r
+    size, growth = np.linalg.norm(s), np.array([1.0, np.linalg.norm(x), v @ v])
+    common = points.rigid_inertia(x) @ r_dot - GAIN * s - b_hat @ growth * s / max(size, LAYER)
+    terms = [points.arm_terms(x, v, arm) for arm in range(2)]
+    return np.array([M @ r_dot + C @ r + G + common / 2 for M, C, G in terms]), size * growth / 10.0
+
+
+def _clock() -> Iterator[Check]:
+    changes = {"controller.control_period": PERIOD, "controller.input_delay": DELAY}
+    run = run_of("the clocked run", changes, 0.02, PERIOD / FINER)
+    points, instants = MassPoints(run.scenario), len(run) // FINER
+    held = run.joint_torque[: instants * FINER].reshape(instants, FINER, 2, 3)
+    scale = float(np.abs(held).max())
+    yield below(
+        "torques are held for a control period: largest change, as a part",
+        1e-9,
+        float(np.ptp(held, axis=1).max() / scale),
+    )
+    yield below(
+        f"until the first arrive, {DELAY} periods, motors are off, N·m", 1e-12, float(np.abs(held[:DELAY]).max())
+    )
+    errors, steps, b_hat = [], [], np.zeros(3)
+    for instant in range(instants - DELAY - 1):
+        k = instant * FINER
+        u, rate = _paper_law(points, run, k, b_hat)
+        errors.append(np.abs(_torques(points, run.pose[k], u) - held[instant + DELAY, -1]).max())
+        b_hat = b_hat + PERIOD * rate
+        steps.append(np.abs(run.bound_estimates[k + 1] - b_hat).max())
+    yield below(f"torques of an instant act {DELAY} periods later: largest error, as a part", 1e-8, max(errors) / scale)
+    yield below("b̂ advances by T_c times its rate: largest error, as a part", 1e-8, max(steps) / float(b_hat.max()))
+
+
+def _limits() -> Iterator[Check]:
+    run = run_of("the limited run", {"controller.torque_limit": LIMIT}, 0.01, 2.5e-4)
+    points, limit = MassPoints(run.scenario), np.array(LIMIT)
+    errors, clipped = [], 0
+    for k in range(len(run)):
+        u, _ = _paper_law(points, run, k, run.bound_estimates[k])
+        wanted = _torques(points, run.pose[k], u)
+        errors.append(np.abs(np.clip(wanted, -limit, limit) - run.joint_torque[k]).max())
+        clipped += int((np.abs(wanted) > limit).any())
+    yield below("torques are clipped to their limits: largest error, as a part", 1e-9, max(errors) / LIMIT[0])
+    yield above("instants at which one stands there", 5, clipped)
+
+
+def _noise() -> Iterator[Check]:
+    for words, sensor, gain in (("pose", "pose", "position_gain"), ("pose rate", "pose_rate", "velocity_gain")):
+        readings = {}
+        for seed in (1, 2):
+            gains = {"position_gain": 0.0, "velocity_gain": 0.0, gain: 1.0}
+            law = {"kind": "pd", **gains, "control_period": PERIOD, "sensor_noise": {sensor: SIGMA, "seed": seed}}
+            run = run_of("the noisy run", {**QUIET, "controller": law}, MEASURED * PERIOD, PERIOD)
+            readings[seed] = -run.arm_input.sum(axis=1)[1:]
+        noise = readings[1]
+        for name, sigma, found in zip("xyθ", SIGMA, noise.std(axis=0), strict=True):
+            yield close(
+                f"noise of {words}, {name}: deviation as a part of what is asked for",
+                1.0,
+                float(found / sigma),
+                absolute=0.06,
+            )
+        mean = np.abs(noise.mean(axis=0)) / SIGMA * np.sqrt(len(noise))
+        yield below(f"noise of {words}: mean, in its own standard errors", 4.5, float(mean.max()))
+        unit = noise / noise.std(axis=0)
+        yield below(
+            f"noise of {words}: correlation from instant to instant",
+            0.1,
+            float(np.abs((unit[1:] * unit[:-1]).mean(axis=0)).max()),
+        )
+        other = np.concatenate(
+            [
+                (unit * np.roll(unit, 1, axis=1)).mean(axis=0),
+                (unit * readings[2] / readings[2].std(axis=0)).mean(axis=0),
+            ]
+        )
+        yield below(
+            f"noise of {words}: correlation between coordinates and between seeds", 0.1, float(np.abs(other).max())
+        )
+
+
+def _strain_noise() -> Iterator[Check]:
+    """hᵀq̇ from gauges: of each, √2 σ W_j / T_c with W_j = (2/t) M(s_j) · quadrature weight, M the moment of the load ρ."""
+    gain = 1e-3
+    law = {
+        "kind": "composite", "slow": {"kind": "none"}, "lateral_vibration_gain": gain, "control_period": PERIOD,
+        "sensor_noise": {"strain": STRAIN},
+    }  # fmt: skip
+    run = run_of("the run with noisy gauges", {**QUIET, "controller": law}, MEASURED * PERIOD, PERIOD)
+    points = MassPoints(run.scenario)
+    inertia = sum(points.arm_inertia(np.array(CENTER), arm) for arm in range(2))
+    rates = np.linalg.solve(inertia, run.arm_input.sum(axis=1)[1:].T)[1] / gain
+    payload = run.scenario.payload
+    quarter = payload.length / 4
+    places = quarter * np.array([-1 - 1 / np.sqrt(3), -1 + 1 / np.sqrt(3), 1 - 1 / np.sqrt(3), 1 + 1 / np.sqrt(3)])
+    moment = payload.linear_density / 2 * (payload.length**2 / 4 - places**2)
+    weights = 2 / payload.thickness * moment * quarter
+    wanted = np.sqrt(2) * STRAIN * np.linalg.norm(weights) / PERIOD
+    yield close("noise of hᵀq̇ from gauges: deviation", wanted, float(rates.std()), "kg·m/s", relative=0.06)
+    unit = rates / rates.std()
+    yield close(
+        "and each reading enters twice, with both signs: correlation",
+        -0.5,
+        float((unit[1:] * unit[:-1]).mean()),
+        absolute=0.06,
+    )
+
+
+def _gauges() -> Iterator[Check]:
+    length, thickness, n = 0.5, 0.005, 32
+    places = np.array([-0.21, -0.08, 0.0, 0.13])
+    nodes = np.linspace(-length / 2, length / 2, n + 1)
+    wave = np.pi / length
+    sine, slope = np.cos(wave * nodes), -wave * np.sin(wave * nodes)
+    q = np.delete(np.stack([sine, slope], axis=1).ravel(), [0, 2 * n])
+    found = strain_rows(places, length, thickness, n, "pinned-pinned") @ q
+    wanted = thickness / 2 * wave**2 * np.cos(wave * places)
+    yield below(
+        "a gauge reads -½ t w''(s): relative error on half a sine", 2e-3, float(np.abs(found / wanted - 1).max())
+    )
+
+
+def _ringing(name: str, law: dict[str, Any]) -> Run:
+    changes = {"trajectory": {"kind": "hold", "pose": CENTER}, "initial.beam_coordinates": BENT}
+    return run_of(
+        name, {**changes, "controller": {"control_period": PERIOD, "input_delay": 1, **law}}, 0.06, PERIOD / FINER
+    )
+
+
+def _observer() -> Iterator[Check]:
+    """What the fast part asks for tells the estimate; the truth is that of the middle of the interval in which it acts."""
+    gain = 1.0
+    law = {
+        "kind": "composite",
+        "slow": {"kind": "none"},
+        "lateral_vibration_gain": gain,
+        "observer": {"kind": "kalman", "observer_modes": 4},
+    }
+    run = _ringing("the observed run", law)
+    points = MassPoints(run.scenario)
+    h = points.payload_inertia(np.zeros(3 + run.beam_rates.shape[1]))[1, 3:]
+    inertia = sum(points.arm_inertia(np.array(CENTER), arm) for arm in range(2))
+    rate = run.beam_rates @ h
+    # Held torques of instant k stand in the period that begins one later.
+    acting = np.arange(30, 58) * FINER + FINER // 2
+    told = np.linalg.solve(inertia, run.arm_input.sum(axis=1)[acting].T)[1] / gain
+    error = float(np.abs(told - rate[acting]).max() / np.abs(rate[acting]).max())
+    yield below(
+        "the Kalman observer tells hᵀq̇ at the middle of the interval in which its torque acts: relative error",
+        0.02,
+        error,
+    )
+
+
+def _regulator() -> Iterator[Check]:
+    """K from matrices of mass points, in nodal coordinates, by scipy's Riccati equation."""
+    law = {"kind": "lqr", "observer": {"kind": "kalman", "observer_modes": 4}}
+    run = _ringing("the regulated run", law)
+    settings, points = run.scenario.controller, MassPoints(run.scenario)
+    p = np.concatenate([CENTER, np.zeros(run.beam_rates.shape[1])])
+    M = points.inertia(p)
+    K = slopes(lambda at: slopes(lambda q: np.array(points.potential(q)), at), p)
+    K[:3], K[:, :3] = 0.0, 0.0
+    D = np.zeros_like(M)
+    D[3:, 3:] = 0.1 * np.eye(len(p) - 3)
+    n, beam = len(p), np.s_[3:]
+    B = np.vstack([np.zeros((n, 3)), np.linalg.inv(M)[:, :3]])
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+    over = expm(PERIOD * np.block([[A, B], [np.zeros((3, 2 * n + 3))]]))
+    Phi, Gamma = over[: 2 * n, : 2 * n], over[: 2 * n, 2 * n :]
+    Q = np.zeros((2 * n, 2 * n))
+    Q[:3, :3], Q[n : n + 3, n : n + 3] = np.diag(settings.pose_weight), np.diag(settings.pose_rate_weight)
+    Q[beam, beam][: n - 3, : n - 3] = settings.vibration_weight * K[beam, beam]
+    Q[n + 3 :, n + 3 :] = settings.vibration_weight * M[beam, beam]
+    R = np.diag(settings.force_weight)
+    P = solve_discrete_are(Phi, Gamma, Q, R)
+    gain = np.linalg.solve(R + Gamma.T @ P @ Gamma, Gamma.T @ P @ Phi)
+    state = np.hstack([run.pose - CENTER, run.beam_coordinates, run.pose_rate, run.beam_rates])
+    acting = np.arange(30, 58) * FINER
+    wanted, found = -state[acting] @ gain.T, run.arm_input.sum(axis=1)[acting + 1]
+    error = float(np.abs(found - wanted).max() / np.abs(wanted).max())
+    yield below(
+        "lqr asks for -K z of its own Riccati equation, z as it will be when the torques act: relative error",
+        0.02,
+        error,
+    )

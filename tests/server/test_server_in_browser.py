@@ -9,6 +9,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
+import pytest
 from browser_window import PICTURES, open_window
 from http_client import ARTIFACTS, PATIENCE, wait_until
 from PIL import Image
@@ -16,6 +17,7 @@ from playwright.sync_api import Browser, Locator, Page
 
 from flexlab.recording.recorded_plots import GREEN, VERMILION
 from flexlab.server.front_server import FrontServer
+from flexlab.server.labs.lab_provider import state_of
 
 SCENE = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > 2"""
@@ -101,6 +103,28 @@ def test_a_deep_link_shows_its_preset_and_the_page_tells_when_the_lab_is_gone(
         word = page.get_by_role("alert").filter(has_text=re.compile("The lab does not answer|closed"))
         word.wait_for(timeout=1000 * PATIENCE)
         picture(page, "server-gone")
+
+
+@pytest.mark.parametrize("private", [False, True])
+def test_a_page_joins_a_server_that_was_started_again(
+    plain_chromium: Browser, open_another: Callable[..., FrontServer], private: bool
+):
+    first = open_another(private=private)
+    with window(plain_chromium, f"{first.url}lab/?fixedDpr=0.5") as page:
+        page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
+        first.close()
+        word = page.locator(".server-word")
+        word.filter(has_text=re.compile("The lab does not answer|closed")).wait_for()
+        if not private:
+            # It may have been told that the lab is closed, too: a server that has no shared lab says so.
+            other = open_another(private=True, port=first.port)
+            word.filter(has_text="closed").wait_for()
+            other.close()
+        second = open_another(private=private, port=first.port)
+        wait_until(lambda: [lab.visitors for lab in second.places.running()] == [1], "the page is in the new lab")
+        page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
+        word.wait_for(state="hidden")
+        wait_until(lambda: state_of(second.places.running()[0]) == "running", "the new run goes on")
 
 
 def test_signing_in_by_the_printed_address(plain_chromium: Browser, open_another: Callable[..., FrontServer]):

@@ -204,7 +204,7 @@ async def private_state(request: web.Request) -> web.Response:
     if place is not None:
         return _state(request, place)
     sentence = context_of(request).places.ended(_visitor(request), request.match_info["lab"])
-    return web.json_response({"open": False, "sentence": sentence or NOT_YOURS})
+    return web.json_response({"open": False, "sentence": sentence or NOT_YOURS, "unknown": not sentence})
 
 
 def _state(request: web.Request, place: Lab) -> web.Response:

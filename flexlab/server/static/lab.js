@@ -24,19 +24,20 @@
   const link = (href, text) => element("a", { href, textContent: text });
   const button = (text, onclick) => element("button", { textContent: text, onclick });
   const live = Object.assign(link("", "Live data"), { hidden: true, target: "_blank", rel: "noopener" });
+  const GONE = "Runs are kept. This page goes on by itself when the lab is back.";
   let missed = 0;
-  let closed = false;
+  let opened = false;
   let sharing = false;
 
   async function look() {
-    if (closed || document.hidden) return;
-    let answer;
+    if (document.hidden) return;
+    let answer, state;
     try {
       answer = await fetch(stateAddress, { cache: "no-store" });
+      state = answer.ok ? await answer.json() : { open: false, sentence: `This lab is closed. ${GONE}` };
     } catch {
       missed += 1;
-      if (missed > 1) say("The lab does not answer: flexlab was closed, or the connection is gone. Runs are kept. " +
-        "This page goes on by itself when the lab is back.");
+      if (missed > 1) say(`The lab does not answer: flexlab was closed, or the connection is gone. ${GONE}`);
       return;
     }
     if (answer.status === 401) {
@@ -44,14 +45,15 @@
       return;
     }
     missed = 0;
-    const state = answer.ok ? await answer.json() : { open: false, sentence: "This lab is closed." };
     if (state.open) {
+      opened = true;
       if (!sharing) word.hidden = true;
       live.hidden = !state.live;
       if (state.live) live.href = state.live;
       return;
     }
-    closed = true;
+    // A server that was started again knows nothing of the labs before.
+    if (opened && state.unknown) location.replace("/lab/");
     say(state.sentence, link("/lab/", "Open a new lab"), link("/runs", "Runs"), link("/", "Start page"));
   }
 

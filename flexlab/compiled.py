@@ -69,20 +69,11 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """A kernel that only kernels call: always inlined, as handing over a whole system costs more than most of them."""
-    return _inline(function)
-
-
-def inlined_sums(function: Callable[..., Any]) -> Callable[..., Any]:
-    """As `inlined`, with sums in an order that suits vector units: the same machine still gives the same bits."""
-    return _inline(function, fastmath={"reassoc", "contract"})
-
-
-def _inline(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     if PLAIN_PYTHON:
         return function
     if not QUICK:
-        return _compile(function, forceinline=True, **options)
-    return Inlined(_compile(function, forceinline=True, pipeline_class=InlinedCompiler, **options))
+        return _compile(function, forceinline=True)
+    return Inlined(_compile(function, forceinline=True, pipeline_class=InlinedCompiler))
 
 
 def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:

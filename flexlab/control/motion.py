@@ -95,9 +95,9 @@ def _add_transition(transition, t, desired):
     u, T = (t - begin) / duration, duration
     w = 1 - u
     # Three quintics with one, and then no, initial value, slope or curvature; all of them end at zero in all three.
-    h, dh, ddh = w**3 * (1 + 3 * u + 6 * u * u), -30 * u * u * w * w, -60 * u * w * (1 - 2 * u)
-    k, dk, ddk = u * w**3 * (1 + 3 * u), w * w * (1 - 3 * u) * (1 + 5 * u), -12 * u * w * (3 - 5 * u)
-    c, dc, ddc = 0.5 * u * u * w**3, 0.5 * u * w * w * (2 - 5 * u), w * (1 - 8 * u + 10 * u * u)
+    h, dh, ddh = w * w * w * (1 + 3 * u + 6 * u * u), -30 * u * u * w * w, -60 * u * w * (1 - 2 * u)
+    k, dk, ddk = u * w * w * w * (1 + 3 * u), w * w * (1 - 3 * u) * (1 + 5 * u), -12 * u * w * (3 - 5 * u)
+    c, dc, ddc = 0.5 * u * u * w * w * w, 0.5 * u * w * w * (2 - 5 * u), w * (1 - 8 * u + 10 * u * u)
     for a in range(3):
         x, v, g = transition[2 + a], T * transition[5 + a], T * T * transition[8 + a]
         desired[0, a] += x * h + v * k + g * c

@@ -8,6 +8,11 @@ def three(value: float | tuple[float, ...]) -> tuple[float, ...]:
     return value if isinstance(value, tuple) else (value,) * 3
 
 
+def squared_rate(frequency: float) -> float:
+    """(2πf)², 1/s²."""
+    return (2 * np.pi * frequency) * (2 * np.pi * frequency)
+
+
 def kept_phase(phase: float, old: float, new: float, time: float) -> float:
     """The phase, rad, with which a new frequency, Hz, has at `time`, s, the angle that the old one had."""
     if old == new:

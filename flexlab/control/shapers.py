@@ -5,10 +5,13 @@ the motion ends where it would; it ends later by the last impulse's time. Singer
 112(1), 1990; Singhose, Seering & Singer, J. Mech. Design 116(2), 1994 (extra-insensitive).
 """
 
+import math
 from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
+
+from flexlab.numerics.elementary import exp
 
 Shaper = Literal["none", "zv", "zvd", "ei-shaper"]
 """By name: zero vibration, the same with zero derivative, extra-insensitive."""
@@ -27,8 +30,8 @@ _AMPLITUDES: dict[str, Callable[[float], list[float]]] = {
 
 def impulses(shaper: str, omega: float, zeta: float) -> np.ndarray:
     """A_j, 1, and t_j, s, of a shaper for a mode of ω rad/s and damping ratio ζ in [0, 1), (impulses, 2)."""
-    root = np.sqrt(1 - zeta * zeta)
-    amplitudes = np.array(_AMPLITUDES[shaper](float(np.exp(-zeta * np.pi / root))))
+    root = math.sqrt(1 - zeta * zeta)
+    amplitudes = np.array(_AMPLITUDES[shaper](float(exp(-zeta * np.pi / root))))
     times = np.arange(len(amplitudes)) * np.pi / (omega * root)
     return np.stack([amplitudes / amplitudes.sum(), times], axis=1) if len(amplitudes) else np.zeros((0, 2))
 

@@ -61,7 +61,7 @@ class StraightLine(Trajectory):
 
     def peak(self, factor: float) -> tuple[float, ...]:
         """factor · way / duration², (3,)."""
-        return tuple(factor * abs(b - a) / self.duration**2 for a, b in self._ends())
+        return tuple(factor * abs(b - a) / (self.duration * self.duration) for a, b in self._ends())
 
     def taken_up(self, old: Trajectory, given: Collection[str], time: float) -> Trajectory:
         """From where the target is to where the old path would be a quarter of its period later, now."""

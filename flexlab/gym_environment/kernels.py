@@ -166,7 +166,8 @@ def step_worlds(
                     line[place, i, joint] = line[place + 1, i, joint]
                 line[worlds.delay[w], i, joint] = ws.tau[joint]
                 held[i, joint] = line[0, i, joint]
-                effort += (held[i, joint] / limits[joint]) ** 2
+                share = held[i, joint] / limits[joint]
+                effort += share * share
         tick = worlds.tick[w]
         if code == 0:
             _, code = advance(
@@ -183,7 +184,8 @@ def step_worlds(
         scale, seed, instant = worlds.noise[w], worlds.seed[w], tick + 1
         for a in range(3):
             error, rate = y[a] - ws.desired[0, a], ws.velocity[a] - ws.desired[1, a]
-            cost += (error / (ANGLE_SCALE if a == 2 else POSITION_SCALE)) ** 2
+            scaled = error / (ANGLE_SCALE if a == 2 else POSITION_SCALE)
+            cost += scaled * scaled
             if scale > 0:
                 error += scale * noise[a] * gaussian(seed, instant, a)
                 rate += scale * noise[3 + a] * gaussian(seed, instant, 3 + a)
@@ -194,6 +196,7 @@ def step_worlds(
             if scale > 0:
                 moment += scale * noise[6 + a] * gaussian(seed, instant, 6 + a)
             seen[9 + a] = moment
-        cost += ((row[MIDSPAN] - row[QUASI_STATIC]) / VIBRATION_SCALE) ** 2 + EFFORT * effort
+        ringing = (row[MIDSPAN] - row[QUASI_STATIC]) / VIBRATION_SCALE
+        cost += ringing * ringing + EFFORT * effort
         worlds.reward[w] = -period * min(cost, WORST)
     return np.int64(0)

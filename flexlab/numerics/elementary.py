@@ -261,6 +261,20 @@ def log(x):
     return ((s * (half + (even + odd)) + k * LN2_REST) - half) + f + k * LN2
 
 
+@compiled
+def _fill_exponentials(x, found):
+    """found = eˣ, (n,)."""
+    for k in range(len(x)):
+        found[k] = exp(x[k])
+
+
+def exponentials(x: np.ndarray) -> np.ndarray:
+    """eˣ of every number of an array (n,)."""
+    found = np.empty(len(x))
+    _fill_exponentials(np.ascontiguousarray(x), found)
+    return found
+
+
 def each(function: Callable[[Any], float], values: ArrayLike) -> np.ndarray:
     """A function of this module of every number of an array: for what is computed before a run."""
     numbers = np.asarray(values, dtype=float)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import inlined
+from flexlab.numerics.elementary import atan2
 
 ARM = np.dtype(
     [
@@ -75,9 +76,9 @@ def arm_constants(
     record["base_x"], record["base_y"] = base
     record["l1"], record["l2"], record["elbow"] = l1, l2, elbow
     record["reach"], record["tip"] = side * (payload_length / 2 + l3), -side
-    record["mu_11"] = m1 * a1**2 + inertia[0] + (m2 + m3) * l1**2
-    record["mu_22"] = m2 * a2**2 + inertia[1] + m3 * l2**2
-    record["mu_33"] = m3 * a3**2 + inertia[2]
+    record["mu_11"] = m1 * a1 * a1 + inertia[0] + (m2 + m3) * l1 * l1
+    record["mu_22"] = m2 * a2 * a2 + inertia[1] + m3 * l2 * l2
+    record["mu_33"] = m3 * a3 * a3 + inertia[2]
     record["mu_12"] = (m2 * a2 + m3 * l2) * l1
     record["mu_13"] = m3 * a3 * l1
     record["mu_23"] = m3 * a3 * l2
@@ -190,8 +191,8 @@ def task_input(J, tau, u):
 @inlined
 def joint_angles(theta, arm, direction, angle):
     """Relative joint angles, rad (3,), after `arm_configuration`."""
-    alpha_1 = np.arctan2(direction[1], direction[0])
+    alpha_1 = atan2(direction[1], direction[0])
     c1, s1, c2, s2 = direction[0], direction[1], direction[2], direction[3]
     angle[0] = alpha_1
-    angle[1] = np.arctan2(c1 * s2 - s1 * c2, c1 * c2 + s1 * s2)
+    angle[1] = atan2(c1 * s2 - s1 * c2, c1 * c2 + s1 * s2)
     angle[2] = theta + (np.pi if arm.tip < 0 else 0.0) - alpha_1 - angle[1]

@@ -58,17 +58,17 @@ def shape_functions(xi: float | np.ndarray, length: float) -> np.ndarray:
     """Cubic Hermite functions on an element of `length` at local coordinates xi in [0, 1] (Eq. 4), (4,) or (4, N)."""
     return np.array(
         [
-            1 - 3 * xi**2 + 2 * xi**3,
-            length * (xi - 2 * xi**2 + xi**3),
-            3 * xi**2 - 2 * xi**3,
-            length * (xi**3 - xi**2),
+            1 - xi * xi * (3 - 2 * xi),
+            length * xi * (1 - xi) * (1 - xi),
+            xi * xi * (3 - 2 * xi),
+            length * xi * xi * (xi - 1),
         ]
     )
 
 
 def curvature_functions(xi: float, length: float) -> np.ndarray:
     """Second derivatives with respect to s of `shape_functions`, 1/m² and 1/m, (4,)."""
-    return np.array([12 * xi - 6, length * (6 * xi - 4), 6 - 12 * xi, length * (6 * xi - 2)]) / length**2
+    return np.array([12 * xi - 6, length * (6 * xi - 4), 6 - 12 * xi, length * (6 * xi - 2)]) / (length * length)
 
 
 @cache
@@ -101,7 +101,7 @@ def beam_matrices(length: float, rho: float, EI: float, element_count: int, boun
     """Assemble the finite-element integrals (Eqs. 5, 6) for n equal elements, exactly, by Gauss quadrature."""
     M_q, h, g = _inertia(length, rho, element_count, boundary)
     B = _curvature_rows(length, EI, element_count)[:, free_coordinates(element_count, boundary)]
-    return BeamMatrices(rho * length, rho * length**3 / 12, M_q.copy(), B.T @ B, h.copy(), g.copy(), B)
+    return BeamMatrices(rho * length, rho * length * length * length / 12, M_q.copy(), B.T @ B, h.copy(), g.copy(), B)
 
 
 @lru_cache(KNOWN_INERTIAS)

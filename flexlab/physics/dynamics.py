@@ -3,9 +3,8 @@
 Read beside the module docstring of `physics.plant`, which defines the state and the equations.
 """
 
-import numpy as np
-
-from flexlab.compiled import compiled, inlined, inlined_sums
+from flexlab.compiled import compiled, inlined
+from flexlab.numerics.elementary import sin_cos
 from flexlab.physics.arm import arm_configuration
 from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, PULL, WORK, G, H, P, X, hand_of
 
@@ -25,24 +24,24 @@ def solve_symmetric(S, b):
     b[0] = b[0] / d0 - l10 * b[1] - l20 * z2
 
 
-@inlined_sums
-def damping_force(plant, rate, force):
-    """force = D rate, block by block, (n_m,)."""
-    for block in range(len(plant.block_start) - 1):
-        low, high = plant.block_start[block], plant.block_start[block + 1]
-        own, result = rate[low:high], force[low:high]
-        for i in range(high - low):
-            row = plant.damping[low + i, low:high]
-            total = 0.0
-            for j in range(high - low):
-                total += row[j] * own[j]
-            result[i] = total
+@inlined
+def block_product(block_start, matrix, z, product):
+    """product = matrix z (n_m,) for a symmetric matrix, block by block."""
+    for k in range(len(z)):
+        product[k] = 0.0
+    for block in range(len(block_start) - 1):
+        low, high = block_start[block], block_start[block + 1]
+        own = product[low:high]
+        for j in range(low, high):
+            zj, column = z[j], matrix[j, low:high]
+            for i in range(high - low):
+                own[i] += zj * column[i]
 
 
 @inlined
 def configure_arms(plant, pose, terms, fault):
     """Fill cos θ, sin θ and 𝒥, M̄, Ḡ of every arm at a pose (3,); returns `arm.OK` or the fault of arm fault[0]."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    s, c = sin_cos(pose[2])
     terms.trig[0], terms.trig[1] = c, s
     for i in range(len(plant.arms)):
         code = arm_configuration(
@@ -201,7 +200,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     lift = w * v1 + g * c
     dissipation = 0.0
     if whole:
-        damping_force(plant, ws.eta_dot, ws.damping_force)
+        block_product(plant.block_start, plant.damping, ws.eta_dot, ws.damping_force)
         for k in range(n):
             dissipation += ws.eta_dot[k] * ws.damping_force[k]
     if whole:
@@ -246,7 +245,7 @@ def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
     c, s = ws.arm.trig[0], ws.arm.trig[1]
     v, g = ws.velocity, plant.gravity
     w = v[2]
-    damping_force(plant, beam_rate, ws.damping_force)
+    block_product(plant.block_start, plant.damping, beam_rate, ws.damping_force)
     f1 = f2 = pull_turn = 0.0
     for i in range(len(u)):
         for a in range(3):

@@ -1,8 +1,7 @@
 """What a motion bends, apart from what rings."""
 
-import numpy as np
-
 from flexlab.compiled import inlined
+from flexlab.numerics.elementary import sin_cos
 
 
 @inlined
@@ -12,6 +11,6 @@ def quasi_static_deflection(compliance, gravity, desired):
     `desired`: x_d, ẋ_d, ẍ_d (3, 3); `compliance` as in `Plant`. The actual acceleration would not do: it jumps when a motion
     starts or a hand taps, and the jump would pass for vibration.
     """
-    c, s = np.cos(desired[0, 2]), np.sin(desired[0, 2])
+    s, c = sin_cos(desired[0, 2])
     lateral = c * desired[2, 1] - s * desired[2, 0] + gravity * c
     return compliance[0] * lateral + compliance[1] * desired[2, 2]

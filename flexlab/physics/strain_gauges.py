@@ -33,4 +33,4 @@ def load_moments(beam: BeamMatrices, EI: float, thickness: float, weights: np.nd
     quadrature with `weights` over the gauges, and strains stand for the curvatures b'' and w''.
     """
     bent = np.linalg.solve(beam.K_F, np.stack([beam.h, beam.g], axis=1))
-    return (4 * EI / thickness**2) * (rows @ bent).T * weights
+    return (4 * EI / (thickness * thickness)) * (rows @ bent).T * weights

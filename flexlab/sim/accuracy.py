@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlab.numerics.elementary import exponentials
 from flexlab.physics.plant import ETA, G, H
 from flexlab.scenario import Scenario
 from flexlab.sim import row_layout
@@ -106,9 +107,9 @@ class Estimate(NamedTuple):
 def _ticks_kept(decay: np.ndarray, ticks: int, tick_period: float) -> np.ndarray:
     """How many ticks' errors are left of those of `ticks` where they decay at these rates, 1/s: at least the last one's."""
     span = max(ticks, 0) * tick_period
-    # Slower rates leave the same to nine digits.
-    rate = np.maximum(decay, 1e-9 / max(span, tick_period))
-    return np.maximum(-np.expm1(-rate * span) / (rate * tick_period), min(ticks, 1))
+    # Slower rates leave the same to six digits.
+    rate = np.maximum(decay, 1e-6 / max(span, tick_period))
+    return np.maximum((1 - exponentials(-rate * span)) / (rate * tick_period), min(ticks, 1))
 
 
 def nothing_yet(assembly: Assembly, tick: int) -> Estimate:
@@ -213,7 +214,7 @@ def note(
     since, ticks = tick - old.disturbed, tick - old.looked
     # Ticks between two looks did no worse than the worse of the two; but what a disturbance does, none before it did.
     between = old.rate if since == 0 else np.where(np.abs(old.rate) > np.abs(now), old.rate, now)
-    left = old.left * np.exp(-decay * (ticks * tick_period)) + now
+    left = old.left * exponentials(-decay * (ticks * tick_period)) + now
     if ticks > 1:
         left += between * _ticks_kept(decay, ticks - 1, tick_period)
     pose, force = map(max, (old.pose, old.force), _sizes(left))
@@ -223,7 +224,7 @@ def note(
     said = ""
     if since >= LOOKS[-1]:
         for wait in (CHECK_TICKS, CLOSE_TICKS):
-            ahead = left * np.exp(-decay * (wait * tick_period)) + now * _ticks_kept(decay, wait, tick_period)
+            ahead = left * exponentials(-decay * (wait * tick_period)) + now * _ticks_kept(decay, wait, tick_period)
             coming = map(max, (pose, force), _sizes(ahead))
             said, seen = _warning(*coming, seen, assembly.scenario, (tick + 1) * tick_period), seen._replace(wait=wait)
             if not said:
@@ -243,11 +244,16 @@ def _tick_errors(assembly: Assembly, row: np.ndarray, y: np.ndarray, again: Redo
     if difference > 0:
         differs = y[ETA : ETA + 2 * n] - again.y[ETA : ETA + 2 * n]
         # In a free ring, ω times η goes over into η̇ and back.
-        amplitude = np.hypot(omega * differs[:n], differs[n:])
-        ringing[:] = RINGING_SHARE * omega * np.hypot(modal[H], modal[G]) * amplitude
+        amplitude = _length(omega * differs[:n], differs[n:])
+        ringing[:] = RINGING_SHARE * omega * _length(modal[H], modal[G]) * amplitude
         # The force's difference is shared out by what each mode's difference in amplitude weighs in it.
         force[:] = difference / (float(ringing.sum()) or 1.0) * ringing
     return errors
+
+
+def _length(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """√(x² + y²), which the C library's hypot rounds in its own way."""
+    return np.sqrt(x * x + y * y)
 
 
 def _forces(rows: np.ndarray, assembly: Assembly) -> np.ndarray:

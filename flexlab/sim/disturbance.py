@@ -3,6 +3,7 @@
 import numpy as np
 
 from flexlab.errors import ScenarioError
+from flexlab.numerics.elementary import sin_cos
 from flexlab.physics.plant import ETA, NO_HAND, ON_BEAM, PULL, Hand, P, Plant, forget_rates
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam, payload_row
@@ -77,7 +78,7 @@ def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None
         _refuse(f"tap {axis}", value, "N·s", -MAX_IMPULSE, MAX_IMPULSE)
     n = len(beam.modes.omega)
     shape = beam.modes.V.T @ payload_row(payload, command.beam_position)
-    c, s = np.cos(y[2]), np.sin(y[2])
+    s, c = sin_cos(float(y[2]))
     along = c * command.impulse[0] + s * command.impulse[1]
     across = c * command.impulse[1] - s * command.impulse[0]
     deflection = float(shape @ y[ETA : ETA + n])

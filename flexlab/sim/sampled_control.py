@@ -13,6 +13,7 @@ from flexlab.compiled import call_whole_kernel, has_address, inlined, pluggable,
 from flexlab.control.bending_feedforward import feed_forward_bending
 from flexlab.control.law_kernels import control_law
 from flexlab.control.motion import desired_motion
+from flexlab.numerics.elementary import cos, log
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
 from flexlab.physics.plant import ETA
@@ -71,8 +72,8 @@ def gaussian(seed, instant, channel):
     first = mix(key + np.uint64(2 * channel + 1) * np.uint64(0x9E3779B97F4A7C15))
     second = mix(key + np.uint64(2 * channel + 2) * np.uint64(0x9E3779B97F4A7C15))
     scale = 1.0 / 9007199254740992.0
-    radius = np.sqrt(-2 * np.log((np.float64(first >> np.uint64(11)) + 0.5) * scale))
-    return radius * np.cos(2 * np.pi * np.float64(second >> np.uint64(11)) * scale)
+    radius = np.sqrt(-2 * log((np.float64(first >> np.uint64(11)) + 0.5) * scale))
+    return radius * cos(2 * np.pi * np.float64(second >> np.uint64(11)) * scale)
 
 
 @inlined

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from flexlab.numerics.elementary import log, sin_cos
 from flexlab.physics.plant import G
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam
@@ -77,19 +78,20 @@ def growth_rate(system: System, beam: Beam, rates: Rates, pose: np.ndarray, dt: 
 def _loads(system: System, theta: float) -> np.ndarray:
     """What the modes' accelerations put on the pose, (3, n_m)."""
     h, g = system.plant.modal[: G + 1]
-    return np.stack([-math.sin(theta) * h, math.cos(theta) * h, g])
+    sine, cosine = sin_cos(theta)
+    return np.stack([-sine * h, cosine * h, g])
 
 
 def _growth(beam: Beam, C: np.ndarray, S: np.ndarray, dt: float) -> float:
     """Rate at which errors of steps dt grow, 1/s, with the modes' loads C (3, n_m) on the inertia S (3, 3)."""
     step = one_step(beam.modes.omega, beam.modes.D.diagonal(), C, S, dt)
-    doublings = max(1, round(math.log2(SPAN / dt)))
+    doublings = max(1, round(log(SPAN / dt) / log(2.0)))
     size = half = 0.0
     for _ in range(doublings):
         step = step @ step
         norm = float(np.linalg.norm(step))
         step /= norm
-        half, size = size, 2 * size + math.log(norm)
+        half, size = size, 2 * size + log(norm)
     return (size - half) / (dt * 2.0 ** (doublings - 1))
 
 

@@ -57,8 +57,9 @@ def wanted_level(system, watch, y, ws):
             rate = fastest_control_rate(system.control, ws.truth[0], y[start:end], ws.S, system.plant.kappa)
         if rate > 0:
             longest = SLACK * min(watch.coarsest / rate, max(watch.wished / rate, CONTROLLED_STEP))
-            while level < watch.most and watch.step / 2.0**level > longest:
-                level += 1
+            step = watch.step
+            while level < watch.most and step > longest:
+                step, level = 0.5 * step, level + 1
         if watch.disturbed > 0:
             since, finer = y[ETA + 2 * system.plant.modal.shape[1] + TICKS], watch.disturbed
             while since >= DISTURBED_TICKS and finer > 0:
@@ -97,7 +98,7 @@ class StepLevels:
     def watch(self, fixed: bool, accuracy: float) -> StepWatch:
         """What chooses among them; `fixed`: nothing does, the step is given."""
         wished, coarsest = control_limits(self.integrator, accuracy)
-        most = 0 if fixed else max(0, math.floor(math.log2(self.step / SHORTEST_CHOSEN)))
+        most = 0 if fixed else max(0, math.frexp(self.step / SHORTEST_CHOSEN)[1] - 1)
         damped = self.step * self._beam.modes.D.diagonal().max() > NOTABLE_DAMPING
         disturbed = DISTURBED_LEVELS if damped and self.integrator == "etdrk4" else 0
         return StepWatch(self.step, most, wished, coarsest, disturbed)

@@ -10,6 +10,7 @@ from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.control.motion import poses
 from flexlab.control.path import Trajectory
 from flexlab.control.rates import largest_form_ratio
+from flexlab.numerics.elementary import exponentials
 from flexlab.physics.dynamics import configure_arms, rigid_inertia
 from flexlab.physics.plant import G
 from flexlab.sim.build import Beam
@@ -25,7 +26,7 @@ STABLE_CREEP = 1.0
 """What grips may add at most to the inverse mass of modes that are damped faster than the step: such a mode follows what the
 grips did the stage before at once, so that from about 1.3 on each stage answers the last one with more than it got."""
 
-STEPS_TRIED = 2e-3 / 2.0 ** np.arange(0, 16, 0.5)
+STEPS_TRIED = np.outer(2e-3 * np.ldexp(1.0, -np.arange(16)), [1.0, math.sqrt(0.5)]).ravel()
 """Steps with which that is looked at, from the longest to less than the shortest that are chosen, s."""
 
 
@@ -136,7 +137,7 @@ def coupling_forms(system: System, beam: Beam) -> np.ndarray:
     """CᵀC and CᵀΩC for C = (h, g), the latter of all modes and of those that ring on, over the pose, (3, 3, 3)."""
     loads, omega = system.plant.modal[: G + 1], beam.modes.omega
     forms = [_in_pose(*system.plant.kappa)]
-    for weight in (omega, omega * np.exp(-FADED * ring_decay(beam))):
+    for weight in (omega, omega * exponentials(-FADED * ring_decay(beam))):
         (hh, hg), (_, gg) = (loads * weight) @ loads.T
         forms.append(_in_pose(hh, hg, gg))
     return np.stack(forms)
@@ -145,7 +146,7 @@ def coupling_forms(system: System, beam: Beam) -> np.ndarray:
 def ring_decay(beam: Beam) -> np.ndarray:
     """Rate at which each mode's slower part fades with its own damping alone, 1/s, (n_m,)."""
     half = beam.modes.D.diagonal() / 2
-    return half - np.sqrt(np.maximum(half**2 - beam.modes.omega**2, 0.0))
+    return half - np.sqrt(np.maximum(half * half - beam.modes.omega * beam.modes.omega, 0.0))
 
 
 @compiled

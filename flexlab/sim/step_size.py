@@ -90,7 +90,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
         integrator = "rk4" if step * beam_speed < SOFT_BEAM else "etdrk4"
     stable = STABILITY_LIMIT / beam_speed if integrator == "rk4" else math.inf
     if simulation.step is None:
-        ease = (simulation.accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
+        ease = _root(simulation.accuracy / DEFAULT_ACCURACY, ORDER[integrator])
         fades = float(beam.modes.D.diagonal().max()) / 2 > RINGING_DECAY
         coupled, coupling = math.inf, rates.coupling
         if coupling > 0:
@@ -136,15 +136,21 @@ def _refuse_tiny(step: float, integrator: str, bound: str) -> None:
     raise ScenarioError([("simulation.step", f"simulation.step = null: {cause} {need}. {cure}.")])
 
 
+def _root(value: float, order: int) -> float:
+    """value^(1/order) for an order of 2 or 4, by roots that are the same everywhere."""
+    root = math.sqrt(value)
+    return math.sqrt(root) if order == 4 else root
+
+
 def control_limits(integrator: str, accuracy: float) -> tuple[float, float]:
     """Longest step times fastest closed-loop rate for a pose accuracy, m, and for any accuracy."""
-    ease = (accuracy / DEFAULT_ACCURACY) ** (1 / ORDER[integrator])
+    ease = _root(accuracy / DEFAULT_ACCURACY, ORDER[integrator])
     return CONTROL_LIMIT * ease, COARSEST_CONTROL_LIMIT
 
 
 def _accurate_step(integrator: str, accuracy: float, control_speed: float) -> float:
     """Longest step for a pose accuracy, m, that also resolves the closed loop's fastest rate, 1/s."""
-    wish = REFERENCE_STEP * (accuracy / REFERENCE_ERROR[integrator]) ** (1 / ORDER[integrator])
+    wish = REFERENCE_STEP * _root(accuracy / REFERENCE_ERROR[integrator], ORDER[integrator])
     period = 1 / max(control_speed, 1e-3 / LONGEST_STEP)
     wished, coarsest = control_limits(integrator, accuracy)
     controlled = min(coarsest * period, max(wished * period, CONTROLLED_STEP))

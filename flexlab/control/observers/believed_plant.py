@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from flexlab.errors import ScenarioError
+from flexlab.numerics.elementary import sin_cos
 from flexlab.physics.arm import ARM, arm_configuration, arm_constants
 from flexlab.physics.beam import beam_matrices, undamped_modes
 from flexlab.physics.strain_gauges import strain_rows
@@ -110,7 +111,7 @@ def _plant(
     omega, V = undamped_modes(beam)
     omega, V = omega[:mode_count], V[:, :mode_count]
     h, g = V.T @ beam.h, V.T @ beam.g
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    s, c = sin_cos(pose[2])
     mass, damping = np.eye(3 + mode_count), np.zeros((3 + mode_count,) * 2)
     mass[:3, :3] = np.diag([beam.m, beam.m, beam.I])
     for arm in arm_records(arms, payload.length):

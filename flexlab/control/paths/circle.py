@@ -7,7 +7,8 @@ import numpy as np
 
 from flexlab.compiled import pluggable
 from flexlab.control.path import Path, Trajectory
-from flexlab.control.phase import kept_phase
+from flexlab.control.phase import kept_phase, squared_rate
+from flexlab.numerics.elementary import sin_cos
 from flexlab.quantities import Number, Triple, quantity
 
 POINTS_PER_TURN = 200
@@ -50,7 +51,7 @@ class Circle(Trajectory):
     @property
     def peak_acceleration(self) -> tuple[float, ...]:
         """R (2πf)²."""
-        peak = self.radius * (2 * np.pi * self.frequency) ** 2
+        peak = self.radius * squared_rate(self.frequency)
         return peak, peak, 0.0
 
     def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
@@ -65,7 +66,8 @@ def circle(path, rows, t, desired):
     """The angle and its two derivatives."""
     rate = 2 * np.pi * path.frequency
     angle = rate * t + path.phase
-    x, y = path.radius * np.cos(angle), path.radius * np.sin(angle)
+    sine, cosine = sin_cos(angle)
+    x, y = path.radius * cosine, path.radius * sine
     desired[0, 0], desired[0, 1], desired[0, 2] = path.center[0] + x, path.center[1] + y, path.center[2]
     desired[1, 0], desired[1, 1], desired[1, 2] = -rate * y, rate * x, 0.0
     desired[2, 0], desired[2, 1], desired[2, 2] = -rate * rate * x, -rate * rate * y, 0.0

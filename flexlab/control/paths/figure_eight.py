@@ -7,7 +7,8 @@ import numpy as np
 
 from flexlab.compiled import pluggable
 from flexlab.control.path import Path, Trajectory
-from flexlab.control.phase import kept_phase
+from flexlab.control.phase import kept_phase, squared_rate
+from flexlab.numerics.elementary import sin_cos
 from flexlab.quantities import Number, Triple, quantity
 
 POINTS_PER_ROUND = 400
@@ -52,7 +53,7 @@ class FigureEight(Trajectory):
     @property
     def peak_acceleration(self) -> tuple[float, ...]:
         """A (2πf)², four times that in y."""
-        peak = (2 * np.pi * self.frequency) ** 2
+        peak = squared_rate(self.frequency)
         return tuple(abs(a) * peak * factor for a, factor in zip(self.amplitude, (1, 4, 1), strict=True))
 
     def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
@@ -69,9 +70,9 @@ def figure_eight(path, rows, t, desired):
     angle = rate * t + path.phase
     for a in range(3):
         times = 2.0 if a == 1 else 1.0
-        sine, own = np.sin(times * angle), times * rate
+        (sine, cosine), own = sin_cos(times * angle), times * rate
         desired[0, a] = path.center[a] + path.amplitude[a] * sine
-        desired[1, a] = path.amplitude[a] * own * np.cos(times * angle)
+        desired[1, a] = path.amplitude[a] * own * cosine
         desired[2, a] = -path.amplitude[a] * own * own * sine
 
 

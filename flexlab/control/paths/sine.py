@@ -7,7 +7,8 @@ import numpy as np
 
 from flexlab.compiled import pluggable
 from flexlab.control.path import Path, Trajectory
-from flexlab.control.phase import kept_phase, three
+from flexlab.control.phase import kept_phase, squared_rate, three
+from flexlab.numerics.elementary import sin_cos
 from flexlab.quantities import OneOrThree, Triple, quantity
 
 POINTS_PER_PERIOD = 200
@@ -71,7 +72,7 @@ class SineTrajectory(Trajectory):
     def peak_acceleration(self) -> tuple[float, ...]:
         """A (2πf)²."""
         both = zip(three(self.amplitude), three(self.frequency), strict=True)
-        return tuple(abs(a) * (2 * np.pi * f) ** 2 for a, f in both)
+        return tuple(abs(a) * squared_rate(f) for a, f in both)
 
     def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
         """A new frequency alone keeps the sine's argument, so that the target does not jump."""
@@ -96,7 +97,7 @@ def sine(path, rows, t, desired):
         # Equal motions in x, y and θ are the common case; a sine costs as much as an arm's mass matrix.
         if a == 0 or path.frequency[a] != path.frequency[0] or path.phase[a] != path.phase[0]:
             angle = rate * t + path.phase[a]
-            own_sine, own_cosine = np.sin(angle), np.cos(angle)
+            own_sine, own_cosine = sin_cos(angle)
             if a == 0:
                 sine, cosine = own_sine, own_cosine
         else:

@@ -87,8 +87,8 @@ def _from_1(samples: Samples, changes: Changes) -> Samples:
     found = np.empty(len(samples))
     for rows, scenario in changes.pieces(samples.time):
         trajectory = build_trajectory(scenario)
-        desired = np.stack([desired_at(trajectory, t) for t in samples.time[rows]], axis=-1)
-        found[rows] = quasi_static_deflection.py_func(_compliance(scenario), scenario.gravity, desired)
+        known = _compliance(scenario), scenario.gravity
+        found[rows] = [quasi_static_deflection(*known, desired_at(trajectory, t)) for t in samples.time[rows]]
     found.flags.writeable = False
     old = samples.signals().get("quasi_static_deflection")
     kept = {} if old is None else {OLD_QUASI_STATIC: old}

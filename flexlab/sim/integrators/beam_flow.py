@@ -61,11 +61,11 @@ def flow_rows(
         for row, function in ((BEGUN, curved - straight), (MET, curved + straight)):
             rows[row + direction] = rows[FAST] * (function[k:, k:] @ -load) / 2
             rows[row + 2 + direction] = damping @ rows[row + direction]
-        for power, function in enumerate((dt * phi1, dt**2 * phi2)):
+        for power, function in enumerate((dt * phi1, dt * dt * phi2)):
             answer = function[:, k:] @ -load
             rows[4 * direction + 2 * power] = answer[:k] / omega
             rows[4 * direction + 2 * power + 1] = answer[k:]
-        rows[DAMPED + direction] = damping @ (load / omega**2)
+        rows[DAMPED + direction] = damping @ (load / (omega * omega))
     return rows
 
 
@@ -107,9 +107,9 @@ def end_flow(plant, flow, dt, free, y, ws):
     v2, w, lift = c * v[1] - s * v[0], v[2], v[2] * (c * v[0] + s * v[1]) + plant.gravity * c
     first, middle, lift_0 = kept[START], kept[MIDDLE], kept[START + 2]
     lateral = (v2 - first) / dt + (lift + 4 * kept[MIDDLE + 2] - 5 * lift_0) / 6
-    lateral_slope = 4 * (first - 2 * middle + v2) / dt**2 + (lift - lift_0) / dt
+    lateral_slope = 4 * (first - 2 * middle + v2) / (dt * dt) + (lift - lift_0) / dt
     turn = (w - kept[START + 1]) / dt
-    turn_slope = 4 * (kept[START + 1] - 2 * kept[MIDDLE + 1] + w) / dt**2
+    turn_slope = 4 * (kept[START + 1] - 2 * kept[MIDDLE + 1] + w) / (dt * dt)
     b[0], b[1] = lateral + dt / 2 * lateral_slope + kept[START + 2], turn + dt / 2 * turn_slope
     lateral, turn = lateral - dt / 2 * lateral_slope, turn - dt / 2 * turn_slope
     kept[LINE], kept[LINE + 1] = lateral + kept[START + 2], turn

@@ -18,11 +18,19 @@ from functools import cache
 
 import numpy as np
 
-from flexlab.compiled import inlined, inlined_sums
+from flexlab.compiled import inlined
 from flexlab.physics.dynamics import beam_is_held
 from flexlab.physics.plant import ETA, memory_start
 from flexlab.sim.integrators.beam_flow import MIDDLE, begin_flow, flow_rows, note_grips
-from flexlab.sim.integrators.forcing import add_forced, factor_rates, forced_columns, is_factored, soft_modes
+from flexlab.sim.integrators.forcing import (
+    add_forced,
+    add_four,
+    add_two,
+    factor_rates,
+    forced_columns,
+    is_factored,
+    soft_modes,
+)
 from flexlab.sim.integrators.scheme import STATE, Etdrk4
 
 HALF_PHI1, HALF_PHI2, PHI2, PHI3, HALF_EXP = range(5)
@@ -113,7 +121,7 @@ def beam_operators(
         exp_half, *of_rates = [F * scale / scale[:, None] for F in (exp_half, *of_rates)]
         if factored:
             forced.append(np.stack([forced_columns(F, D, load).ravel() for F in of_rates]))
-        whole.append(np.stack([F.ravel() for F in ([] if factored else of_rates) + [exp_half]]))
+        whole.append(np.stack([F.T.ravel() for F in ([] if factored else of_rates) + [exp_half]]))
         flows.append(flow_rows(own, D, load, full, dt))
     flow = np.concatenate(flows, axis=1) if np.any(damping) else np.zeros((len(flows[0]), 0))
     return Etdrk4(
@@ -124,9 +132,9 @@ def beam_operators(
     )
 
 
-@inlined_sums
+@inlined
 def add_product(block_start, n, operator, z, out):
-    """out += operator z on the beam's part (η, π) of two states, block by block."""
+    """out += operator z on the beam's part (η, π) of two states, block by block, of which `operator` has all columns."""
     # Slices, not offsets: only for them does the compiler know that no index is negative, and use its vector units.
     if len(block_start) == n + 1:  # No mode is coupled with another.
         eta, pi, on_eta, on_pi = (
@@ -136,22 +144,21 @@ def add_product(block_start, n, operator, z, out):
             out[ETA + n : ETA + 2 * n],
         )
         for k in range(n):
-            on_eta[k] += operator[4 * k] * eta[k] + operator[4 * k + 1] * pi[k]
-            on_pi[k] += operator[4 * k + 2] * eta[k] + operator[4 * k + 3] * pi[k]
+            on_eta[k] += operator[4 * k] * eta[k] + operator[4 * k + 2] * pi[k]
+            on_pi[k] += operator[4 * k + 1] * eta[k] + operator[4 * k + 3] * pi[k]
         return
     at = 0
     for block in range(len(block_start) - 1):
         low, k = ETA + block_start[block], block_start[block + 1] - block_start[block]
         eta, pi = z[low : low + k], z[low + n : low + n + k]
-        for half in range(2):
-            target = out[low + half * n : low + half * n + k]
-            for i in range(k):
-                on_eta, on_pi = operator[at : at + k], operator[at + k : at + 2 * k]
-                total = 0.0
-                for j in range(k):
-                    total += on_eta[j] * eta[j] + on_pi[j] * pi[j]
-                target[i] += total
-                at += 2 * k
+        on_eta, on_pi = out[low : low + k], out[low + n : low + n + k]
+        of_eta, of_pi = operator[at : at + 2 * k * k], operator[at + 2 * k * k : at + 4 * k * k]
+        for j in range(0, k - 1, 2):
+            add_four(eta[j], eta[j + 1], of_eta[2 * k * j :], pi[j], pi[j + 1], of_pi[2 * k * j :], on_eta, on_pi)
+        if k % 2 == 1:
+            last = 2 * k * (k - 1)
+            add_two(eta[k - 1], of_eta[last:], pi[k - 1], of_pi[last:], on_eta, on_pi)
+        at += 4 * k * k
 
 
 @inlined

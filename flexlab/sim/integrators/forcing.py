@@ -54,6 +54,32 @@ def factor_rates(plant, ws, N):
 
 
 @inlined
+def add_two(a, column, b, other, on_eta, on_pi):
+    """Add two columns (2k,) times two numbers to η and π (k,)."""
+    k = len(on_eta)
+    first, second, third, fourth = column[:k], column[k : 2 * k], other[:k], other[k : 2 * k]
+    for i in range(k):
+        on_eta[i] += a * first[i] + b * third[i]
+    for i in range(k):
+        on_pi[i] += a * second[i] + b * fourth[i]
+
+
+@inlined
+def add_four(a, b, columns, c, d, others, on_eta, on_pi):
+    """Add four columns (2k,) times four numbers to η and π (k,); two columns each stand one behind the other.
+
+    No element meets another: however many of them a vector unit takes at once, the bits are the same.
+    """
+    k = len(on_eta)
+    a1, a2, b1, b2 = columns[:k], columns[k : 2 * k], columns[2 * k : 3 * k], columns[3 * k : 4 * k]
+    c1, c2, d1, d2 = others[:k], others[k : 2 * k], others[2 * k : 3 * k], others[3 * k : 4 * k]
+    for i in range(k):
+        on_eta[i] += (a * a1[i] + b * b1[i]) + (c * c1[i] + d * d1[i])
+    for i in range(k):
+        on_pi[i] += (a * a2[i] + b * b2[i]) + (c * c2[i] + d * d2[i])
+
+
+@inlined
 def add_forced(starts, n, forced, soft, hand_pulls, z, out):
     """out += φ N on the beam's part, of rates z as `factor_rates` leaves them; `forced`: `forced_columns`, block after block.
 
@@ -63,12 +89,26 @@ def add_forced(starts, n, forced, soft, hand_pulls, z, out):
     for block in range(len(starts) - 1):
         low, k = ETA + starts[block], starts[block + 1] - starts[block]
         on_eta, on_pi, force = out[low : low + k], out[low + n : low + n + k], z[low + n : low + n + k]
-        for column in range(COMMON + (k if hand_pulls else soft[block])):
-            scale = z[ETA + column] if column < COMMON else force[column - COMMON]
-            first = at + column * 2 * k
-            eta, pi = forced[first : first + k], forced[first + k : first + 2 * k]
-            for i in range(k):
-                on_eta[i] += scale * eta[i]
-            for i in range(k):
-                on_pi[i] += scale * pi[i]
-        at += (COMMON + k) * 2 * k
+        common, own = forced[at : at + 2 * COMMON * k], forced[at + 2 * COMMON * k : at + 2 * (COMMON + k) * k]
+        add_two(z[ETA], common, z[ETA + 1], common[2 * k :], on_eta, on_pi)
+        moved = k if hand_pulls else soft[block]
+        # The lift, and with it the first mode's force, so that the others go by fours.
+        add_two(z[ETA + 2], common[4 * k :], force[0], own, on_eta, on_pi)
+        j = 1
+        while j + 3 < moved:
+            add_four(
+                force[j],
+                force[j + 1],
+                own[2 * k * j :],
+                force[j + 2],
+                force[j + 3],
+                own[2 * k * (j + 2) :],
+                on_eta,
+                on_pi,
+            )
+            j += 4
+        while j < moved:
+            other = min(j + 1, moved - 1)
+            add_two(force[j], own[2 * k * j :], force[other] if other > j else 0.0, own[2 * k * other :], on_eta, on_pi)
+            j += 2
+        at += 2 * (COMMON + k) * k

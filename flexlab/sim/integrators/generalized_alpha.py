@@ -8,8 +8,8 @@ which belong to a slightly shifted instant, are carried at the end of the state.
 
 import numpy as np
 
-from flexlab.compiled import inlined, inlined_sums
-from flexlab.physics.dynamics import acceleration, set_momenta, solve_symmetric
+from flexlab.compiled import inlined
+from flexlab.physics.dynamics import acceleration, block_product, set_momenta, solve_symmetric
 from flexlab.physics.plant import ETA, WORK, G, H, X, memory_start
 from flexlab.sim.integrators.scheme import STATE
 
@@ -19,7 +19,7 @@ RHO = 0.8
 ALPHA_M = (2 * RHO - 1) / (RHO + 1)
 ALPHA_F = RHO / (RHO + 1)
 GAMMA = 0.5 - ALPHA_M + ALPHA_F
-BETA = 0.25 * (1 - ALPHA_M + ALPHA_F) ** 2
+BETA = 0.25 * (1 - ALPHA_M + ALPHA_F) * (1 - ALPHA_M + ALPHA_F)
 
 CORRECTIONS = 3
 """Rounds per step: the controller's terms contract by about Δt · its rate each, so that three leave less than the order."""
@@ -31,7 +31,7 @@ def effective_inverse(omega: np.ndarray, damping: np.ndarray, block_start: np.nd
     for low, high in zip(block_start[:-1], block_start[1:], strict=True):
         own = slice(low, high)
         stiffness = np.diag(omega[own] ** 2)
-        effective = (1 - ALPHA_F) * (GAMMA * dt * damping[own, own] + BETA * dt**2 * stiffness)
+        effective = (1 - ALPHA_F) * (GAMMA * dt * damping[own, own] + BETA * dt * dt * stiffness)
         inverse[own, own] = np.linalg.inv(effective + (1 - ALPHA_M) * np.eye(high - low))
     return inverse
 
@@ -54,20 +54,6 @@ def numerical_damping_ratio(omega: np.ndarray, dt: float) -> np.ndarray:
         decay, angle = -np.log(np.abs(leading)), np.abs(np.angle(leading))
         ratios.append(decay / np.hypot(decay, angle))
     return np.array(ratios)
-
-
-@inlined_sums
-def block_product(block_start, inverse, b, z):
-    """z = inverse b, block by block, (n_m,)."""
-    for block in range(len(block_start) - 1):
-        low, high = block_start[block], block_start[block + 1]
-        own, result = b[low:high], z[low:high]
-        for i in range(high - low):
-            row = inverse[low + i, low:high]
-            total = 0.0
-            for j in range(high - low):
-                total += row[j] * own[j]
-            result[i] = total
 
 
 @inlined

@@ -19,11 +19,8 @@ from flexlab.errors import FlexlabError
 _PICTURE = re.compile(r"^!\[([^\]]*)\]\(([\w./-]+\.svg)\)$", re.MULTILINE)
 _SYMBOLS = re.compile(r"^\[symbols: ([^\]]+)\]$", re.MULTILINE)
 _INDEXED = re.compile(r"^\| ([^|_`\s]+)_(\w+) \|", re.MULTILINE)
-_LESSON = re.compile(
-    r"---\n(?P<head>.*?)\n---\n(?P<question>.*?)"
-    r"(?:\n## Guess\n(?P<guess>.*?))?\n## Do\n(?P<steps>.*?)\n## Observe\n(?P<observe>.*)",
-    re.S,
-)
+HEAD_LINE, GUESS, DO, OBSERVE = "---", "## Guess", "## Do", "## Observe"
+"""Lines between the parts of a lesson."""
 _OPTION = re.compile(r"^- \[([ x])\] (.+)$", re.MULTILINE)
 
 
@@ -122,18 +119,16 @@ def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
     `pictures`: where pictures that it names lie; None: it has none, and no HTML either.
     """
     text = file.read_text(encoding="utf-8").replace("\r\n", "\n")
-    found = _LESSON.fullmatch(text)
-    if found is None:
-        raise LessonError(f"{file.name} is not a lesson: line {_first_missing(text)[0]}: {_first_missing(text)[1]}")
-    head = _head(file, found["head"])
-    fields = [found[name].strip() for name in ("question", "steps", "observe")]
+    parts = _parts(file, text)
+    head = _head(file, parts["head"])
+    fields = [parts[name].strip() for name in ("question", "steps", "observe")]
     show = without_html if pictures is None else lambda field: _complete(field, pictures)
     question, steps, observe = map(show, fields)
-    guess = found["guess"] or ""
+    guess = parts["guess"]
     options = _OPTION.findall(guess)
     right = [option for mark, option in options if mark == "x"]
     if guess and (len(right) != 1 or len(options) < 2):
-        line = text[: found.start("guess")].count("\n") + 1
+        line = text.split("\n").index(GUESS) + 2
         reason = "## Guess needs lines - [ ] with what can be guessed, and one line - [x] with what is right."
         raise LessonError(f"{file.name} is not a lesson: line {line}: {reason}")
     return Lesson(
@@ -174,19 +169,32 @@ def _head(file: Path, text: str) -> dict[str, str]:
     return head
 
 
-def _first_missing(text: str) -> tuple[int, str]:
-    """Line and reason why a text is no lesson."""
+def _parts(file: Path, text: str) -> dict[str, str]:
+    """Head, question, guess (may be empty), steps and observe. Raises `LessonError` with line and reason."""
     lines = text.split("\n")
-    if lines[0] != "---":
-        return 1, "a lesson begins with a line --- and its head."
-    if "---" not in lines[1:]:
-        return len(lines), "the head does not end: it needs a second line ---."
-    place = lines.index("---", 1)
-    for title in ("## Do", "## Observe"):
-        if title not in lines[place:]:
-            return len(lines), f"there is no line {title}: a lesson has ## Do and ## Observe, in this order."
-        place = lines.index(title, place)
-    return len(lines), "a part of it is empty."
+
+    def place(line: str, start: int, end: int | None = None) -> int:
+        found = range(start, len(lines) if end is None else end)
+        return next((number for number in found if lines[number] == line), -1)
+
+    def wrong(number: int, reason: str) -> LessonError:
+        return LessonError(f"{file.name} is not a lesson: line {number}: {reason}")
+
+    if lines[0] != HEAD_LINE:
+        raise wrong(1, "a lesson begins with a line --- and its head.")
+    second = place(HEAD_LINE, 1)
+    if second < 0:
+        raise wrong(len(lines), "the head does not end: it needs a second line ---.")
+    do = place(DO, second)
+    observe = place(OBSERVE, do)
+    for at, title in ((do, DO), (observe, OBSERVE)):
+        if at < 0:
+            raise wrong(len(lines), f"there is no line {title}: a lesson has ## Do and ## Observe, in this order.")
+    guess = place(GUESS, second, do)
+    ends = {"head": (1, second), "question": (second + 1, do if guess < 0 else guess)}
+    ends |= {"guess": (do, do) if guess < 0 else (guess + 1, do)}
+    ends |= {"steps": (do + 1, observe), "observe": (observe + 1, len(lines))}
+    return {name: "\n".join(lines[start:end]) for name, (start, end) in ends.items()}
 
 
 def _lesson(file: Path) -> Lesson:

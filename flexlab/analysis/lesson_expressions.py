@@ -98,6 +98,9 @@ def _check(node: ast.AST) -> None:
         parts = [node.operand]
     elif isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
         parts = [node.left, node.right]
+        for part in parts:
+            if isinstance(part, ast.Constant) and isinstance(part.value, str):
+                raise ExpressionError(f"{ast.unparse(node)[:60]}: a text can only be compared.")
     elif isinstance(node, ast.Compare) and all(type(op) in _COMPARISONS for op in node.ops):
         parts = [node.left, *node.comparators]
     elif isinstance(node, ast.Call):
@@ -167,6 +170,14 @@ def _path(node: ast.AST) -> str:
     return ".".join(names) if isinstance(node, ast.Name) and node.id == "scenario" and names else ""
 
 
+def _number(node: ast.AST, run: _Run) -> float:
+    """What is computed with: one number, as a text or a list times a number could be of any length."""
+    value = _value(node, run)
+    if not isinstance(value, (int, float)):
+        raise ExpressionError(f"{ast.unparse(node)[:60]} is not a number here.")
+    return float(value)
+
+
 def _value(node: ast.AST, run: _Run) -> Any:
     if isinstance(node, ast.Constant):
         return node.value
@@ -179,10 +190,9 @@ def _value(node: ast.AST, run: _Run) -> Any:
         combine = all if isinstance(node.op, ast.And) else any
         return combine(_value(part, run) for part in node.values)
     if isinstance(node, ast.UnaryOp):
-        value = _value(node.operand, run)
-        return not value if isinstance(node.op, ast.Not) else -value
+        return not _value(node.operand, run) if isinstance(node.op, ast.Not) else -_number(node.operand, run)
     if isinstance(node, ast.BinOp):
-        return _ARITHMETIC[type(node.op)](_value(node.left, run), _value(node.right, run))
+        return _ARITHMETIC[type(node.op)](_number(node.left, run), _number(node.right, run))
     if isinstance(node, ast.Compare):
         values = [_value(part, run) for part in (node.left, *node.comparators)]
         pairs = zip(node.ops, values, values[1:], strict=False)

@@ -123,3 +123,32 @@ def test_a_lesson_of_one_s_own_is_checked_in_the_lab(tmp_path: Path, monkeypatch
             return session.lab_state.lesson == "Stiffer: done"
 
         wait_until(done, "the check holds in the run that is shown", 20)
+
+
+@pytest.mark.parametrize("part", ["\n## Guess\n", "\n## Do\n", "\n## Observe\n", "\n---\n", "- [x] a\n", "<"])
+def test_a_long_lesson_of_repeated_parts_is_read_at_once(tmp_path: Path, part: str) -> None:
+    """A search that begins anew at each part takes 21 minutes for 101 kB."""
+    head, _, rest = EXAMPLE.partition("## Guess")
+    for text in (
+        head + part * (100_000 // len(part)),
+        EXAMPLE + part * (100_000 // len(part)),
+        head + part * 9000 + rest,
+    ):
+        write(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "'a' * 9999999999 == 'b'",
+        "scenario.title * 9999999999 == 'b'",
+        "9999999999 * scenario.trajectory.kind == 3",
+        "-scenario.trajectory.kind < 1",
+    ],
+)
+def test_a_check_computes_with_numbers_alone(tmp_path: Path, text: str) -> None:
+    own = write(tmp_path, EXAMPLE.replace("scenario.payload.bending_stiffness > 500 and t > 1", text))
+    if own.problem:
+        assert "a text can only be compared" in own.problem
+    else:
+        assert "is not a number here" in own.verdict(load_preset("paper"), SAMPLES).sentence

@@ -146,7 +146,8 @@ class LoopProbe:
         """Joint torques (arms · 3,) that the law computes at an instant, and what its memory changes by, (memory,).
 
         `desired`: x_d, ẋ_d, ẍ_d (3, 3). `line`: torques held until now and those on their way, N·m, (line, arms · 3), or
-        the same for all, (arms · 3,). The change is per control period; per second for a continuous law.
+        the same for all, (arms · 3,). The change is per control period; per second for a continuous law. Raises `StudyError`
+        for a law that fails.
         """
         self._sampling.line[:] = line.reshape(-1, self.arm_count, 3)
         aim(self.system, desired)
@@ -154,7 +155,12 @@ class LoopProbe:
         own = self._y[self._memory]
         own[:] = memory
         self._check(control_instant(self.system, self._sampling, 0, 0.0, self._y, self._workspace))
-        return self._sampling.line[-1].ravel().copy(), own - memory
+        torque, change = self._sampling.line[-1].ravel().copy(), own - memory
+        if not (np.isfinite(torque).all() and np.isfinite(change).all()):
+            settings = self.original.controller
+            said = law_of(settings).problem(settings) or "its torques or its memory are not finite numbers."
+            raise StudyError(f"The control law {settings.kind} fails where the payload is to rest: {said}")
+        return torque, change
 
     def task_inputs(self, motion: Motion) -> np.ndarray:
         """𝒥ᵀ of all arms: joint torques (arms · 3,) to the arms' inputs u_i (arms · 3,), (arms · 3, arms · 3)."""

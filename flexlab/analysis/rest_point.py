@@ -51,6 +51,7 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
     def balance(z: np.ndarray) -> np.ndarray:
         return _unbalance(probe, z, desired)
 
+    balance(start)  # A law that fails is told by its own sentence.
     frozen = _newton(balance, start, np.arange(3))
     if frozen is not None and _rests(balance(frozen)):
         return _rest_point(probe, frozen, desired, np.arange(0))

@@ -1,0 +1,43 @@
+"""A law that fails at its first instant: its own sentence comes out, whatever is asked of the run."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from subprocess import CompletedProcess
+
+import pytest
+from own_law_text import PD, forget_own_laws
+
+import flexlab
+from flexlab.errors import FlexlabError
+
+FAILS = PD.replace("        e, e_dot", '        raise RuntimeError("no such gain")\n        e, e_dot')
+LINE = 1 + next(number for number, line in enumerate(FAILS.split("\n")) if "raise" in line)
+SAID = f"fails.py, line {LINE}: RuntimeError: no such gain."
+
+
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    yield
+    forget_own_laws()
+
+
+@pytest.fixture
+def law(tmp_path: Path) -> Path:
+    (tmp_path / "fails.py").write_text(FAILS, encoding="utf-8")
+    return tmp_path / "fails.py"
+
+
+def test_the_command_says_it(law: Path, flexlab_command: Callable[..., CompletedProcess[str]]):
+    done = flexlab_command("run", "paper", "--law", str(law), "--duration", "0.1")
+    assert done.returncode == 1
+    assert SAID in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_studies_of_the_loop_say_it(law: Path):
+    run = flexlab.simulate("paper", 0.1, law=law)
+    assert SAID in run.status.text
+    assert SAID in flexlab.modes(run.scenario).note
+    with pytest.raises(FlexlabError, match=f"line {LINE}: RuntimeError"):
+        flexlab.linearize(run.scenario)
+    assert isinstance(run.explanations, (list, tuple))

@@ -1,6 +1,12 @@
 """Text from files and visitors as people may see it: every control character visible, none obeyed by a terminal or page."""
 
+import logging
 import re
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
 CONTROL_PICTURES = 0x2400
@@ -10,8 +16,12 @@ DELETE, DELETE_PICTURE = 0x7F, 0x2421
 _PICTURES = {code: CONTROL_PICTURES + code for code in range(0x20) if chr(code) not in "\t\n"} | {
     DELETE: DELETE_PICTURE
 }
-# Controls of the second kind, changes of the writing direction and lone surrogates have no pictures.
-_WITHOUT_PICTURE = re.compile("[\x80-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+# Without pictures: controls of the second kind, changes of the writing direction, other line ends, letters without width, tags,
+# and lone surrogates.
+_WITHOUT_PICTURE = re.compile(
+    "[\x80-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff\U000e0000-\U000e007f]"
+)
+_OBEYED = re.compile(f"\x7f|{_WITHOUT_PICTURE.pattern}")
 
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|mrad|rad|kg|micrometres|MB/min|%)\b|%)")
 
@@ -30,3 +40,37 @@ def visible(text: object, longest: int | None = None) -> str:
     if longest is not None and len(words) > longest:
         words = words[: longest - 1] + "…"
     return _WITHOUT_PICTURE.sub(REPLACEMENT, words.translate(_PICTURES))
+
+
+def visible_json(text: str) -> str:
+    """JSON that means the same, with the control characters that `json.dumps` leaves as they are written as escapes."""
+
+    def escape(found: re.Match[str]) -> str:
+        units = found[0].encode("utf-16-be", "surrogatepass")
+        return "".join(f"\\u{units[at : at + 2].hex()}" for at in range(0, len(units), 2))
+
+    return _OBEYED.sub(escape, text)
+
+
+def console(stderr: bool = False) -> "Console":
+    """A terminal on which every text is shown as `visible` has it, and none is markup, a name of an emoji or a link."""
+    from rich.console import Console
+    from rich.segment import Segment
+
+    class PlainConsole(Console):
+        def render_str(self, text: str, **options: Any) -> Any:
+            return super().render_str(visible(text), **options)
+
+        def render(self, renderable: Any, options: Any = None) -> Iterable[Segment]:
+            for part in super().render(renderable, options):
+                yield part if part.control else Segment(visible(part.text), part.style)
+
+    return PlainConsole(stderr=stderr, highlight=False, markup=False, emoji=False)
+
+
+class PlainFormatter(logging.Formatter):
+    """Lines of a log as `visible` has them."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line."""
+        return visible(super().format(record))

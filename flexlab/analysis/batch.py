@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from flexlab.errors import ScenarioError, StudyError
+from flexlab.plain_text import console
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.row_layout import empty_samples
@@ -53,11 +54,10 @@ def thread_count(workers: int | None) -> int:
 
 
 def _with_bar(results: Any, total: int) -> Any:
-    from rich.console import Console
     from rich.progress import track
 
-    console = Console(stderr=True)
-    return track(results, "simulating", total, console=console, transient=True, disable=not console.is_terminal)
+    notes = console(stderr=True)
+    return track(results, "simulating", total, console=notes, transient=True, disable=not notes.is_terminal)
 
 
 def _invalid(scenario: Scenario, reason: str) -> Run:

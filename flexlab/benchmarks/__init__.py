@@ -18,6 +18,7 @@ from flexlab.benchmarks.report import Report, plain
 from flexlab.benchmarks.scaling import mesh_scaling
 from flexlab.benchmarks.startup import start_times
 from flexlab.benchmarks.workers import worker_scaling
+from flexlab.plain_text import console
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
 
@@ -55,9 +56,7 @@ def run_bench(as_json: bool, quick: bool = False, peers: bool = False) -> None:
 
     quick: fewer and shorter measurements, no cold start. peers: also MuJoCo and Exudyn, as far as they are installed.
     """
-    from rich.console import Console
-
-    show = None if as_json else Console(highlight=False)
+    show = None if as_json else console()
     report = measure(QUICK if quick else FULL, peers, show)
     if as_json:
         print(json.dumps(plain(report), indent=2, ensure_ascii=False, allow_nan=False))
@@ -99,9 +98,7 @@ def _part(show: "Console | None", what: str, work: Callable[[], Result], table: 
     """Do one piece of the work under a spinner and show its table."""
     if show is None:
         return work()
-    from rich.console import Console
-
-    notes = Console(stderr=True, highlight=False)
+    notes = console(stderr=True)
     with notes.status(f"measuring: {what}") if notes.is_terminal else nullcontext():
         result = work()
     show.print(table(result))

@@ -16,6 +16,7 @@ from flexlab.scenario.scenario import SMALLEST_STEP
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text
 
 MEGABYTE = 1e6
 
@@ -116,8 +117,6 @@ def memory_table(memory: Memory) -> "Table":
 
 def peers_table(result: PeerComparison) -> "Table":
     """Other engines on the same system."""
-    from rich.markup import escape
-
     title = f"Other engines on the same arms, beam modes and law (other motion: not within {SAME_POSE:g})"
     table = _table(title, ("engine", "setting", "step", "pose error", "deflection", "ms per s"))
     for row in (result.own, *result.rows):
@@ -126,7 +125,7 @@ def peers_table(result: PeerComparison) -> "Table":
         style = "bold" if row in (result.own, result.fastest) else None
         table.add_row(row.engine, row.setting, _step(row.step), *errors, cost, style=style)
     for engine, reason in result.missing.items():
-        table.add_row(engine, escape(reason))
+        table.add_row(engine, reason)
     return table
 
 
@@ -135,9 +134,7 @@ def chain_table(result: ChainComparison) -> "Table":
 
     Bold: the environment's own and the cheapest chains that are as exact.
     """
-    from rich.markup import escape
-
-    dearer = "" if result.missing is None else f"; MuJoCo is {escape(result.missing)}"
+    dearer = "" if result.missing is None else f"; MuJoCo is {result.missing}"
     if result.ratio is not None:
         dearer = f": {result.ratio:.1f} times the cost at the same pose error"
     if result.ratio_in_both is not None:
@@ -177,8 +174,10 @@ def _table(title: str, headings: tuple[str, ...]) -> "Table":
     return table
 
 
-def _mark(good: bool) -> str:
-    return "[green]yes[/]" if good else "[red]no[/]"
+def _mark(good: bool) -> "Text":
+    from rich.text import Text
+
+    return Text("yes", "green") if good else Text("no", "red")
 
 
 def _step(step: float) -> str:

@@ -4,13 +4,18 @@ Each command is a module of this folder with a function `command`, loaded only w
 """
 
 import difflib
+import functools
 import importlib
+import io
+import logging
 import sys
 from collections.abc import Sequence
+from contextlib import redirect_stderr
 from typing import Any
 
-from flexlab.cli.console import complain
+from flexlab.cli.console import complain, notes
 from flexlab.errors import FlexlabError
+from flexlab.plain_text import PlainFormatter
 
 COMMANDS = (
     "lab",
@@ -41,6 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     reconfigure: Any = getattr(sys.stdout, "reconfigure", None)  # A test's stream has none.
     if reconfigure is not None:  # A name that is no text must not end a listing.
         reconfigure(errors="backslashreplace")
+    if logging.lastResort is not None:
+        logging.lastResort.setFormatter(PlainFormatter())
     try:
         sys.exit(_dispatch(words))
     except FlexlabError as error:
@@ -69,5 +76,18 @@ def _dispatch(words: list[str]) -> int:
 
     command = importlib.import_module(f"flexlab.cli.{name}_command").command
     prog = "flexlab" if words[:1] != [name] else f"flexlab {name}"
-    code = tyro.cli(command, prog=prog, args=rest, config=(tyro.conf.FlagCreatePairsOff,))
+
+    @functools.wraps(command)
+    def chosen(*words: Any, **options: Any) -> Any:
+        return lambda: command(*words, **options)
+
+    # What tyro complains about repeats words that may be names of files, as they are.
+    complaint = io.StringIO()
+    try:
+        with redirect_stderr(complaint):
+            run = tyro.cli(chosen, prog=prog, args=rest, config=(tyro.conf.FlagCreatePairsOff,))
+    finally:
+        if complaint.getvalue():
+            notes().print(complaint.getvalue(), end="", soft_wrap=True)
+    code = run()
     return EXIT_OK if code is None else code

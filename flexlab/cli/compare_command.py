@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from flexlab.cli.console import output
+from flexlab.cli.console import output, print_json
 from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort
 from flexlab.cli.showing import show_review
 from flexlab.errors import StudyError
@@ -58,11 +58,11 @@ def command(
     if as_json:
         from flexlab.analysis.comparison import compare
 
-        output().out(json.dumps(compare(paths).as_data(), indent=1, ensure_ascii=False))
+        print_json(json.dumps(compare(paths).as_data(), indent=1, ensure_ascii=False))
         return
     if save is not None:
         _print(compare_into(paths, save))
-        output().print(f"Written to {save}. Look at it with: flexlab review {save}", markup=False, soft_wrap=True)
+        output().print(f"Written to {save}. Look at it with: flexlab review {save}", soft_wrap=True)
         return
     with TemporaryDirectory(prefix="flexlab-") as folder:
         target = Path(folder) / "comparison.rrd"

@@ -50,7 +50,7 @@ def command(
         target.write_text(script, encoding="utf-8")
     except OSError as error:
         raise StudyError(f"{target} cannot be written ({error.strerror}): choose another home folder.") from None
-    output().print(str(target), markup=False, soft_wrap=True)
+    output().print(str(target), soft_wrap=True)
     note(then)
 
 

@@ -3,6 +3,8 @@
 from functools import cache
 from typing import TYPE_CHECKING
 
+from flexlab.plain_text import console, visible_json
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -10,24 +12,25 @@ if TYPE_CHECKING:
 @cache
 def output() -> "Console":
     """Results: tables, addresses."""
-    from rich.console import Console
-
-    return Console(highlight=False)
+    return console()
 
 
 @cache
 def notes() -> "Console":
     """Progress and notes; a separate stream, so that results can be piped."""
-    from rich.console import Console
-
-    return Console(stderr=True, highlight=False)
+    return console(stderr=True)
 
 
 def complain(sentence: str) -> None:
     """Show what went wrong, in red, on standard error."""
-    notes().print(sentence, style="red", markup=False, soft_wrap=True)
+    notes().print(sentence, style="red", soft_wrap=True)
 
 
 def note(sentence: str) -> None:
     """Say something in passing, on standard error."""
-    notes().print(sentence, markup=False, soft_wrap=True)
+    notes().print(sentence, soft_wrap=True)
+
+
+def print_json(text: str, end: str = "\n") -> None:
+    """Print JSON, the same data whatever its texts hold."""
+    output().out(visible_json(text), end=end)

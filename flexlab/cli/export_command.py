@@ -64,13 +64,13 @@ def command(
         folder = Path() if to is None else to.parent
         samples = read_range(path, start, end)
         for figure in paper_figures(samples, folder, [figures.lower()], name=path.stem):
-            output().print(str(figure), markup=False, soft_wrap=True)
+            output().print(str(figure), soft_wrap=True)
 
 
 def _say(file: Path) -> None:
     from flexlab.recording.store.run_index import size_text
 
-    output().print(f"{file}  {size_text(file.stat().st_size)}", markup=False, soft_wrap=True)
+    output().print(f"{file}  {size_text(file.stat().st_size)}", soft_wrap=True)
 
 
 def _write_whole(path: Path, to: Path) -> None:

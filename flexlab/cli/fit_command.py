@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import tyro
 
-from flexlab.cli.console import note, output
+from flexlab.cli.console import note, output, print_json
 from flexlab.cli.options import LOGS, Logs
 from flexlab.errors import StudyError
 
@@ -87,24 +87,19 @@ def command(
         plain: dict[str, Any] = {
             name: {**vars(value), "identifiable": value.identifiable} for name, value in rows.items()
         }
-        output().out(
-            json.dumps(
-                {"samples": fit.samples, "noise": fit.noise, "run": kept and kept.stem, **_without_nan(plain)},
-                indent=1,
-                ensure_ascii=False,
-            )
-        )
+        data = {"samples": fit.samples, "noise": fit.noise, "run": kept and kept.stem, **_without_nan(plain)}
+        print_json(json.dumps(data, indent=1, ensure_ascii=False))
     else:
         span = f"{fit.samples} samples from t = {fit.start:.6g} s to {fit.end:.6g} s"
-        output().print(f"{span}, noise {fit.noise:.3g} {unit}", markup=False, soft_wrap=True)
+        output().print(f"{span}, noise {fit.noise:.3g} {unit}", soft_wrap=True)
         for name, value in rows.items():
-            output().print(f"  {name:<4} {value}", markup=False, soft_wrap=True)
+            output().print(f"  {name:<4} {value}", soft_wrap=True)
         if save is not None:
-            output().print(str(save), markup=False, soft_wrap=True)
+            output().print(str(save), soft_wrap=True)
         if kept is not None:
             run = kept.stem if logs == LOGS else kept
             said = f"Kept in {kept}. Beside a simulation: flexlab compare {run} RUN"
-            output().print(said, markup=False, soft_wrap=True)
+            output().print(said, soft_wrap=True)
     return 0 if fit.first.frequency.identifiable else 1
 
 

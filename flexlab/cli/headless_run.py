@@ -89,7 +89,7 @@ def run_and_record(
         _tell(ended, summary)
         if kept:
             for line in explained(join_blocks(list(kept)), world.scenario):
-                output().print(line, markup=False, highlight=False)
+                output().print(line)
     if world.accuracy_warning:
         complain(world.accuracy_warning)
     if status.failed:
@@ -98,14 +98,14 @@ def run_and_record(
 
 
 def _tell(run: EndedRun, summary: Summary) -> None:
-    output().print(f"{run.name}: {run.world.scenario.title}", style="bold", markup=False)
+    output().print(f"{run.name}: {run.world.scenario.title}", style="bold")
     output().print(summary.table(run.status))
     output().print(summary.settling_text())
     output().print(
         f"{run.samples} samples in {run.seconds:.2f} s with {run.world.integrator}, "
         f"steps of {1e6 * run.world.step:.4g} µs. Result {run.result_hash}."
     )
-    output().print(f"Recorded in {run.path}", markup=False, soft_wrap=True)
+    output().print(f"Recorded in {run.path}", soft_wrap=True)
 
 
 @contextmanager

@@ -22,4 +22,4 @@ def command(
     path = import_into(file, logs)
     note_metrics(path)
     run = path.stem if logs == LOGS else path
-    output().print(f"Recorded in {path}. Look at it with: flexlab review {run}", markup=False, soft_wrap=True)
+    output().print(f"Recorded in {path}. Look at it with: flexlab review {run}", soft_wrap=True)

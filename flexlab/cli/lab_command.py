@@ -164,7 +164,7 @@ def command(
     output().print()
     if last is not None:
         review = "flexlab review" if logs == LOGS else f"flexlab review {last}"
-        output().print(f"The last run is in {last}. Look at it with: {review}", markup=False, soft_wrap=True)
+        output().print(f"The last run is in {last}. Look at it with: {review}", soft_wrap=True)
 
 
 def _read_ahead() -> None:
@@ -223,8 +223,10 @@ def _welcome(front_server: "FrontServer") -> None:
         lines.append("Runs over the limits are deleted, oldest first; never those that are kept.")
     lines.append(f"Runs are recorded in {settings.logs}. Ctrl-C ends the lab.")
     for line in lines:
-        output().print(line, style="bold" if line is lines[0] else "", markup=False, soft_wrap=True)
+        output().print(line, style="bold" if line is lines[0] else "", soft_wrap=True)
     if addresses:
+        from rich.text import Text
+
         from flexlab.server.network_addresses import terminal_code
 
-        output().print(terminal_code(addresses[0]), markup=False, highlight=False)
+        output().print(Text.from_ansi(terminal_code(addresses[0])))

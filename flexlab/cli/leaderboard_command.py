@@ -78,7 +78,7 @@ def command(
     _print(board)
     if to is not None:
         for path in write_report(board, to):
-            output().print(str(path), markup=False, soft_wrap=True)
+            output().print(str(path), soft_wrap=True)
     note(f"{len(board.rows)} rows, {board.computed} of them computed now.")
     if not case and not long:
         note(LONG_RUNS_ARE_LEFT_OUT)
@@ -98,7 +98,7 @@ def _verify(rows: "list[Row]", tasks: "tuple[Task, ...]", store: "RowStore", wor
     for finding in odd:
         row = finding.row
         complain(f"{' '.join(filter(None, (row.case, row.variant, row.law)))}: {finding.sentence}.")
-    output().print(f"{len(found) - len(odd)} of {len(found)} rows are the same, bit for bit.", markup=False)
+    output().print(f"{len(found) - len(odd)} of {len(found)} rows are the same, bit for bit.")
     return 1 if odd else 0
 
 
@@ -124,11 +124,11 @@ def _print(board: "Leaderboard") -> None:
                 soft_wrap=True,
             )
         for sentence in section.failures:
-            output().print(f"  {sentence}", markup=False, style="red", soft_wrap=True)
+            output().print(f"  {sentence}", style="red", soft_wrap=True)
         output().print()
     for sentence in settings(board):
-        output().print(sentence, markup=False, soft_wrap=True)
-    output().print(provenance(board), markup=False, soft_wrap=True)
+        output().print(sentence, soft_wrap=True)
+    output().print(provenance(board), soft_wrap=True)
 
 
 def _print_grid(title: str, grid: "Grid") -> None:

@@ -7,7 +7,7 @@ import tyro
 
 from flexlab.cli.asking import agreed
 from flexlab.cli.console import note as say
-from flexlab.cli.console import output
+from flexlab.cli.console import output, print_json
 from flexlab.cli.options import LOGS, Logs, Runs
 from flexlab.cli.runs_listing import FIELDS, as_json_text, count_text, print_runs, print_table, sorted_rows
 from flexlab.errors import StudyError
@@ -89,7 +89,7 @@ def command(
         return
     rows = sorted_rows(chosen or list_rows(logs), sort, reverse, search)
     if as_json:
-        output().print(as_json_text(rows), markup=False, soft_wrap=True)
+        print_json(as_json_text(rows))
     elif chosen:
         print_runs(chosen)
     elif rows:
@@ -146,7 +146,7 @@ def _delete(rows: "list[RunRow]", yes: bool, nothing: str) -> None:
         output().print(nothing)
         return
     for row in rows:
-        output().print(f"{row.id}  {size_text(row.size)}", markup=False, soft_wrap=True)
+        output().print(f"{row.id}  {size_text(row.size)}", soft_wrap=True)
     what = f"{count_text(len(rows))} ({size_text(sum(row.size for row in rows))})"
     if not yes and not agreed(f"Delete {what}? This cannot be undone.", "--yes deletes without asking"):
         output().print("Nothing was deleted.")

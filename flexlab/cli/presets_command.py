@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from flexlab.cli.console import complain, output
+from flexlab.cli.console import complain, output, print_json
 from flexlab.cli.loading import loading
 from flexlab.cli.options import Law, Seed, Settings, chosen_scenarios
 from flexlab.errors import FlexlabError, StudyError
@@ -45,7 +45,7 @@ def command(
             from flexlab.presets import scenario_text
 
         ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
-        output().out(scenario_text(scenario), end="")
+        print_json(scenario_text(scenario), end="")
         return 0
     if set_ or law is not None or seed is not None:
         raise StudyError("Say which preset to change, as in flexlab presets paper --set gravity=9.81.")
@@ -61,7 +61,7 @@ def command(
             unreadable.append(str(error))
     if as_json:
         data = [{"name": name, **scenario.model_dump(mode="json")} for name, scenario in scenarios.items()]
-        output().out(json.dumps(data, indent=1, ensure_ascii=False))
+        print_json(json.dumps(data, indent=1, ensure_ascii=False))
     else:
         _print({name: (scenario.title, scenario.watch) for name, scenario in scenarios.items()})
     for sentence in unreadable:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.asking import agreed
-from flexlab.cli.console import complain, notes, output
+from flexlab.cli.console import complain, note, notes, output
 from flexlab.cli.options import LOGS, Logs, Run
 from flexlab.errors import StudyError
+from flexlab.plain_text import visible
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -54,7 +55,7 @@ def _replay(path: Path, run_own_law: bool) -> int:
 
     warm_up(recording.scenario)
     found = replay(recording, _counted(read_blocks(path), recording.status.time))
-    output().print(f"{path.stem}: {found.text}", markup=False, soft_wrap=True)
+    output().print(f"{path.stem}: {found.text}", soft_wrap=True)
     if found.compared == 0 and found.agrees:
         complain("The recording has no samples: there was nothing to compare.")
         return 1
@@ -69,7 +70,7 @@ def _allow(kind: str, source: str, allowed: bool) -> None:
         return
     lines = len(source.splitlines())
     if not allowed:
-        notes().print(source, markup=False, highlight=False)
+        note(visible(source))
         question = (
             f"This run was controlled by {kind}, Python code of {lines} lines that stands above. Let it run here?"
         )

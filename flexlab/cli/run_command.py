@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from flexlab.cli.console import output
+from flexlab.cli.console import print_json
 from flexlab.cli.loading import loading
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Presets, Seed, Settings
 from flexlab.errors import StudyError
@@ -48,7 +48,7 @@ def command(
     warm_up(scenarios[0][1])
     ended = [run_and_record(name, scenario, duration, sample_period, logs, as_json) for name, scenario in scenarios]
     if as_json:
-        output().out(json.dumps([run.as_json() for run in ended], indent=1, ensure_ascii=False))
+        print_json(json.dumps([run.as_json() for run in ended], indent=1, ensure_ascii=False))
     return 1 if any(run.status.failed for run in ended) else 0
 
 

@@ -51,8 +51,8 @@ def show_review(path: Path, what: str, browser: bool, port: int) -> None:
 
     with ending() as ended, open_review(path, port) as review:
         console = output()
-        console.print(f"{what} is open at", markup=False, soft_wrap=True)
-        console.print(review.url, style="bold", markup=False, soft_wrap=True)
+        console.print(f"{what} is open at", soft_wrap=True)
+        console.print(review.url, style="bold", soft_wrap=True)
         console.print("Ctrl-C ends the viewer's server.")
         if browser:
             open_browser(review.url)

@@ -94,7 +94,7 @@ def command(
     sweep = Sweep(plan, folder)
     paths = write_figures(sweep, shown, pair)
     for path in (folder / "cells.parquet", *paths):
-        output().print(str(path), markup=False, soft_wrap=True)
+        output().print(str(path), soft_wrap=True)
     _tell_failed(sweep.failed, len(sweep))
     return 1 if len(sweep.failed) == len(sweep) else 0
 

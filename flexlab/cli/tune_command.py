@@ -76,12 +76,12 @@ def command(
     best = found.best
     if save is not None:
         save_scenario(found.tuned, save)
-        output().print(str(save), markup=False, soft_wrap=True)
+        output().print(str(save), soft_wrap=True)
     if figure is not None:
         names = (*wanted.names, "rms-y", "force")
         first, second, *_ = dict.fromkeys(names)
         write_trade_off(found, figure, first, second)
-        output().print(str(figure), markup=False, soft_wrap=True)
+        output().print(str(figure), soft_wrap=True)
     if best.metrics is None or not wanted.holds(best.metrics):
         complain("Nothing that was tried keeps within the limits: widen the bounds or the limits.")
         return 1

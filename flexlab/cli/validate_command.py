@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from flexlab.cli.console import complain, output
+from flexlab.cli.console import complain, output, print_json
 
 
 def command(
@@ -32,7 +32,7 @@ def command(
     write_report(found, to, took)
     if as_json:
         groups = {subject: [vars(check) for check in checks] for subject, checks in found.groups.items()}
-        output().out(json.dumps(groups, indent=1, ensure_ascii=False))
+        print_json(json.dumps(groups, indent=1, ensure_ascii=False))
     else:
         from rich.table import Table
         from rich.text import Text
@@ -50,9 +50,7 @@ def command(
     failed = sum(not check.holds for check in found.checks)
     count = len(found.checks)
     if not as_json:
-        output().print(
-            f"{count - failed} of {count} statements hold, in {took:.1f} s. Report: {to}", markup=False, soft_wrap=True
-        )
+        output().print(f"{count - failed} of {count} statements hold, in {took:.1f} s. Report: {to}", soft_wrap=True)
     if failed:
         complain(f"{failed} of {count} statements do not hold: do not trust what this installation computes.")
     return 1 if failed else 0

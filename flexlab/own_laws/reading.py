@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from flexlab.errors import ScenarioError
+from flexlab.plain_text import visible
 
 LONGEST_SOURCE = 200_000
 """Characters of a text."""
@@ -51,7 +52,7 @@ class DeclaredClass:
             raise self.problem(line, f"has {what} that inherit from {base}: write one class Name({base}): in a file")
         self.node = found[0]
         self.line: int = self.node.lineno
-        self.meaning = " ".join((ast.get_docstring(self.node) or self.node.name).split("\n\n")[0].split())
+        self.meaning = visible(" ".join((ast.get_docstring(self.node) or self.node.name).split("\n\n")[0].split()))
         """First paragraph of its docstring."""
         self._known: dict[str, Any] = {}
         for node in tree.body:
@@ -103,7 +104,7 @@ class DeclaredClass:
     def value(self, node: ast.expr) -> Any:
         """A number, text, or list of them that stands in the file, or that names and + - * / make of such."""
         if isinstance(node, ast.Constant):
-            return node.value
+            return visible(node.value) if isinstance(node.value, str) else node.value
         if isinstance(node, (ast.Tuple, ast.List)):
             return tuple(self.value(item) for item in node.elts)
         if isinstance(node, ast.Name) and node.id in self._known:

@@ -11,6 +11,7 @@ from flexlab.analysis.sweep.cell import Cell, Executor, KnownBeams, run_part
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.analysis.sweep.table import SweepFolder
 from flexlab.errors import StudyError
+from flexlab.plain_text import console
 
 Told = Callable[[int, int], None]
 """Is told (cells done, cells in all)."""
@@ -78,12 +79,11 @@ def run_sweep(plan: Plan, folder: Path, executor: Executor, told: Told = lambda 
 @contextmanager
 def cell_progress(shown: bool) -> Iterator[Told]:
     """A bar on a terminal, if wished."""
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    console = Console(stderr=True)
+    notes = console(stderr=True)
     columns = TextColumn("cells"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    hidden = not (shown and console.is_terminal)
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+    hidden = not (shown and notes.is_terminal)
+    with Progress(*columns, console=notes, transient=True, disable=hidden) as progress:
         task = progress.add_task("cells", total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)

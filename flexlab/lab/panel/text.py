@@ -3,6 +3,8 @@
 import html
 import math
 
+from flexlab.plain_text import visible
+
 LONGEST_TEXT = 2000
 """Characters of somebody else's text that the page shows at most."""
 
@@ -10,7 +12,7 @@ LONGEST_TEXT = 2000
 def escaped(text: str) -> str:
     """Text as it may stand in HTML; what files and people wrote is never shown without this."""
     short = text if len(text) <= LONGEST_TEXT else text[:LONGEST_TEXT] + " …"
-    return html.escape(short).replace("\n", "<br>")
+    return html.escape(visible(short)).replace("\n", "<br>")
 
 
 def number(value: float, digits: int = 4) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from flexlab.plain_text import with_units
+from flexlab.plain_text import visible, with_units
 from flexlab.recording.store.run_index import duration_text, size_text, state_word
 
 HAS_CLASS = ContextVar("HAS_CLASS", default=False)
@@ -16,10 +16,10 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 
 def _escaped(value: object) -> object:
-    """A value as it is inserted; surrogates, which no page can be sent with, as question marks."""
+    """A value as it is inserted, without what changes how others read."""
     if hasattr(value, "__html__"):
         return value
-    return Markup(html.escape(str(value), quote=True).encode("utf-8", "replace").decode())
+    return Markup(html.escape(visible(value), quote=True))
 
 
 _environment = Environment(

@@ -1,37 +1,40 @@
 """Follows the files of a person's own laws and paths while a lab runs: what is saved acts at once, in the run that is on."""
 
-import logging
 import threading
+import time
 from pathlib import Path
-
-from watchfiles import watch
 
 from flexlab.control import own_law_hosts as hosts
 from flexlab.control.law import laws
-from flexlab.control.own_files import PATH_FILES, add_own_law_file, add_own_path_file
+from flexlab.control.own_files import LAW_FILES, PATH_FILES, add_own_law_file, add_own_path_file
 from flexlab.control.own_law import PythonLaw, same_declaration
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState
 
-DEBOUNCE, STEP, LOOK = 200, 50, 500
-"""ms: an editor writes a file in several goes; how often the system is asked; how often the end of the lab is."""
+LOOK = 0.25
+"""s between two looks: an editor that writes a file in several goes is done by then."""
 
-log = logging.getLogger(__name__)
+Stamp = tuple[int, int, int]
+"""What changes when a file is written or replaced: when, which one and how long."""
 
 
 class OwnFileWatch:
-    """Looks at the files whose laws and paths may run here."""
+    """Looks at the files whose laws and paths may run here, and for new ones in a person's folders, made later too."""
 
     def __init__(self, lab_state: LabState):
         self._lab_state = lab_state
         self._stop = threading.Event()
-        self._files = [file for file in map(Path, set(hosts.allowed().values())) if file.is_file()]
+        self._folders = [folder.own.resolve() for folder in (LAW_FILES, PATH_FILES)]
+        self._known = {file for file in map(Path, set(hosts.allowed().values())) if file.is_file()}
+        # What was saved between the start of flexlab and now is taken up, too.
+        self._taken = {
+            file: stamp for file, stamp in self._stamps().items() if file not in self._known or not _is_new(file)
+        }
         self._thread = threading.Thread(target=self._follow, name="flexlab-own-files", daemon=True)
 
     def start(self) -> None:
-        """Begin, if there is anything to look at."""
-        if self._files:
-            self._thread.start()
+        """Begin."""
+        self._thread.start()
 
     def stop(self) -> None:
         """End; returns when the thread is done."""
@@ -39,30 +42,33 @@ class OwnFileWatch:
         if self._thread.is_alive():
             self._thread.join()
 
+    def _stamps(self) -> dict[Path, Stamp]:
+        found = self._known.union(*(folder.glob("*.py") for folder in self._folders))
+        return {file: stamp for file in found if (stamp := _stamp(file)) is not None}
+
     def _follow(self) -> None:
-        # Folders, as many editors put a new file in the old one's place.
-        folders = {file.parent for file in self._files}
-        wanted, begun = {str(file) for file in self._files}, False
-        try:
-            for changes in watch(
-                *folders,
-                watch_filter=lambda _, path: path in wanted,
-                debounce=DEBOUNCE,
-                step=STEP,
-                stop_event=self._stop,
-                rust_timeout=LOOK,
-                recursive=False,
-                raise_interrupt=False,
-                yield_on_timeout=True,
-            ):
-                # What was saved before the system began to look, nobody tells.
-                paths = {path for _, path in changes} if begun else {file for file in wanted if _is_new(Path(file))}
-                begun = True
-                for path in sorted(paths):
-                    if Path(path).is_file():
-                        (self._reload_path if PATH_FILES.holds(path) else self._reload_law)(Path(path))
-        except (OSError, RuntimeError):
-            log.exception("files of laws and paths are not followed any more")
+        before: dict[Path, Stamp] = {}
+        while not self._stop.wait(LOOK):
+            now = self._stamps()
+            for file in sorted(now):
+                if now[file] == before.get(file) and now[file] != self._taken.get(file):
+                    is_first = file not in self._taken and file not in self._known
+                    self._taken[file] = now[file]
+                    self._take(file, is_first)
+            before = now
+
+    def _take(self, file: Path, is_first: bool) -> None:
+        folder = PATH_FILES if file.parent == self._folders[1] or PATH_FILES.holds(file) else LAW_FILES
+        if folder.holds(file):
+            (self._reload_path if folder is PATH_FILES else self._reload_law)(file)
+        elif is_first:
+            try:
+                kind = folder.kind_of(file)
+                self._lab_state.say(f"{file.name} was saved: the {folder.kinds.registry.what} {kind} is new.")
+            except FlexlabError as error:
+                self._lab_state.say(f"{file.name} was saved, but cannot be used: {error}", level="error")
+        # So that the menus look at what there is.
+        self._lab_state.touched_at = time.monotonic()
 
     def _reload_law(self, path: Path) -> None:
         present = self._lab_state.intended.controller
@@ -112,6 +118,14 @@ class OwnFileWatch:
         }
         changed = scenario.replace({"controller": {**kept, "kind": law.kind, "source": source}})
         self._lab_state.load(changed, self._lab_state.name)
+
+
+def _stamp(file: Path) -> Stamp | None:
+    try:
+        found = file.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_ino, found.st_size
 
 
 def _is_new(file: Path) -> bool:

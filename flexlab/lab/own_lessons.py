@@ -23,6 +23,7 @@ Like flexlab's own lessons, with a check that is an expression over metrics and 
     The frequency grows with the square root of EI.
 """
 
+import contextlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -66,6 +67,15 @@ class OwnLesson(NamedTuple):
 def own_lessons(folder: Path = OWN_LESSONS) -> list[OwnLesson]:
     """All lessons of a folder by name, bad ones with what is wrong."""
     return [_read(file) for file in sorted(folder.glob("*.md"))[:MOST]]
+
+
+def lesson_files(folder: Path = OWN_LESSONS) -> dict[str, int]:
+    """Name → when it was saved, ns, of each file: where this is another one there is something to read."""
+    found: dict[str, int] = {}
+    for file in folder.glob("*.md"):
+        with contextlib.suppress(OSError):  # It vanished meanwhile.
+            found[file.name] = file.stat().st_mtime_ns
+    return found
 
 
 def _read(file: Path) -> OwnLesson:

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from lab_page import wait_until
 from own_law_text import PD, forget_own_laws
+from own_path_text import ROUND, forget_own_paths
+from raw_browser import RawBrowser, widget
 
 from flexlab.control.own_files import add_own_law_file
 from flexlab.lab.panel.choice import changes_for
@@ -19,6 +21,7 @@ from flexlab.sim.commands import Play, Reset
 def _forgotten() -> Iterator[None]:
     yield
     forget_own_laws()
+    forget_own_paths()
 
 
 def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was(tmp_path: Path):
@@ -47,6 +50,29 @@ def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was
         lab.lab_state.submit(Reset())
         lab.lab_state.submit(Play())
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.05 and lab.runner.snapshot.playing, "it runs again")
+
+
+@pytest.mark.parametrize("made_before", [False, True])
+def test_files_that_are_new_in_a_persons_folders_stand_in_the_menus(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, made_before: bool
+):
+    monkeypatch.chdir(tmp_path)
+    places = {"laws": PD, "paths": ROUND}
+    for folder in places if made_before else ():
+        (tmp_path / "presets" / folder).mkdir(parents=True)
+    with Session(load_preset("paper"), port=0, shadows=False) as lab, RawBrowser(lab):
+        wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
+        for folder, text in places.items():
+            (tmp_path / "presets" / folder).mkdir(parents=True, exist_ok=True)
+            (tmp_path / "presets" / folder / "mine.py").write_text(text)
+        wait_until(lambda: "own-pd" in widget(lab, "Control law").options, "the menu of laws has it")
+        wait_until(lambda: "round-trip" in widget(lab, "Path").options, "the menu of paths has it")
+        (tmp_path / "presets" / "laws" / "broken.py").write_text("class Mine(OwnLaw:\n")
+        wait_until(lambda: "broken.py, line 1" in lab.lab_state.notice.text, "the sentence about the text")
+        lab.lab_state.change(changes_for("controller.kind", "own-pd"))
+        wait_until(lambda: lab.runner.snapshot.scenario.controller.kind == "own-pd", "it takes over")
+        (tmp_path / "presets" / "laws" / "mine.py").write_text(PD.replace("self.push = common[0]", "self.push = 17.0"))
+        wait_until(lambda: lab.runner.snapshot.latest["push"][0] == 17.0, "the new text acts")
 
 
 def test_chosen_from_the_menu_it_takes_over_in_motion(tmp_path: Path):

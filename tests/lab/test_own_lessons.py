@@ -8,7 +8,7 @@ from lab_page import wait_until
 from flexlab.analysis.lesson_expressions import Expression, ExpressionError
 from flexlab.lab import own_lessons as module
 from flexlab.lab.own_lessons import own_lessons
-from flexlab.lab.panel.guide_panel import Guide
+from flexlab.lab.panel.guide_panel import EVERY, Guide
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Play, SetSpeed
@@ -152,3 +152,16 @@ def test_a_check_computes_with_numbers_alone(tmp_path: Path, text: str) -> None:
         assert "a text can only be compared" in own.problem
     else:
         assert "is not a number here" in own.verdict(load_preset("paper"), SAMPLES).sentence
+
+
+def test_lessons_that_are_new_or_saved_anew_are_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with Session(load_preset("paper"), "paper", port=0, shadows=False) as session:
+        guide = Guide(session.server.gui, session.lab_state, session.runner)
+        before = guide._menu.options
+        (tmp_path / "lessons").mkdir()
+        for text, title in ((EXAMPLE.replace("t >", "zeit >"), "mine (cannot be read)"), (EXAMPLE, "Stiffer")):
+            write(tmp_path / "lessons", text)
+            for _ in range(EVERY):
+                guide.update(session.runner.snapshot)
+            assert guide._menu.options == (*before, f"Own lesson: {title}")

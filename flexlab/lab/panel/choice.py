@@ -42,7 +42,10 @@ class Choice:
         self._menu.on_update(handler(lab_state, lambda _: self._ask(self._menu.value)))
 
     def show(self, scenario: Scenario) -> None:
-        """Show the scenario's value."""
+        """Show the scenario's value, among the options that there are now: a file may bring another one."""
+        self._options = options(self._path)
+        if tuple(self._options) != tuple(self._menu.options):
+            self._menu.options = tuple(self._options)
         value = word_of(scenario.get(self._path))
         if self._menu.value != value:
             self._menu.value = value

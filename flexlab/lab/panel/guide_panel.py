@@ -5,7 +5,7 @@ import viser
 from flexlab.analysis.lesson_checks import SECONDS, check_lesson
 from flexlab.guide import Chapter, Lesson, chapters, lessons, without_html
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.own_lessons import own_lessons
+from flexlab.lab.own_lessons import lesson_files, own_lessons
 from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped
 from flexlab.plain_text import with_units
@@ -27,14 +27,8 @@ class Guide:
         self._guesses: dict[str, str] = {}
         self._unfolded: set[str] = set()
         self._done: dict[str, str] = {}
-        self._pages: dict[str, Chapter | Lesson] = {chapter.title: chapter for chapter in chapters()}
-        self._pages |= {f"Lesson {k + 1}: {lesson.title}": lesson for k, lesson in enumerate(lessons())}
-        mine = own_lessons()
-        self._own = {own.lesson.id: own for own in mine if own.lesson is not None}
-        for own in mine:
-            title = own.lesson.title if own.lesson is not None else f"{own.name} (cannot be read)"
-            # Own texts come from files of whoever started the lab; still they get no HTML into the page.
-            self._pages[f"Own lesson: {title}"] = own.lesson or Chapter(own.name, title, without_html(own.problem))
+        self._files = lesson_files()
+        self._collect()
         first = next(iter(self._pages))
         self._menu = gui.add_dropdown("Read", tuple(self._pages), initial_value=first)
         self._text = gui.add_markdown("")
@@ -51,9 +45,36 @@ class Guide:
         self._menu.on_update(handler(lab_state, lambda _: self._turn_to(self._menu.value)))
         self._turn_to(first)
 
+    def _collect(self) -> None:
+        """Know all chapters and lessons that there are now."""
+        self._pages: dict[str, Chapter | Lesson] = {chapter.title: chapter for chapter in chapters()}
+        self._pages |= {f"Lesson {k + 1}: {lesson.title}": lesson for k, lesson in enumerate(lessons())}
+        mine = own_lessons()
+        self._own = {own.lesson.id: own for own in mine if own.lesson is not None}
+        for own in mine:
+            title = own.lesson.title if own.lesson is not None else f"{own.name} (cannot be read)"
+            # Own texts come from files of whoever started the lab; still they get no HTML into the page.
+            self._pages[f"Own lesson: {title}"] = own.lesson or Chapter(own.name, title, without_html(own.problem))
+
+    def _follow_files(self) -> None:
+        """Take up lessons of one's own that are new or were saved; the page that is open stays open."""
+        files = lesson_files()
+        if files == self._files:
+            return
+        self._files, title = files, self._menu.value
+        before = self._pages.get(title)
+        self._collect()
+        self._menu.options = tuple(self._pages)
+        if title not in self._pages:
+            self._menu.value = next(iter(self._pages))
+        if self._pages[self._menu.value] != before:
+            self._turn_to(self._menu.value)
+
     def update(self, snapshot: Snapshot) -> None:
         """Check the open lesson."""
         self._count += 1
+        if self._count % EVERY == 0:
+            self._follow_files()
         page = self._pages.get(self._menu.value)
         if isinstance(page, Lesson) and self._count % EVERY == 0:
             self._check(page, snapshot)

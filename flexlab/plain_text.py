@@ -74,3 +74,8 @@ class PlainFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         """The line."""
         return visible(super().format(record))
+
+
+def shown(text: str, longest: int = 20) -> str:
+    """What somebody typed as a sentence repeats it: in quotes, cut, nothing in it obeyed."""
+    return f"'{visible(text, longest)}'"

@@ -13,6 +13,7 @@ import rerun as rr
 from flexlab.errors import RecordingError
 from flexlab.recording.recorded_plots import PlotSignal
 from flexlab.recording.rerun_internals.columns import Column
+from flexlab.recording.rrd_file import Refusal, allow
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import RunStream, open_file_stream
 from flexlab.recording.sink import Kept
@@ -24,6 +25,9 @@ RETRY_PERIOD = 1.0
 
 ROOM_TO_RESUME = 32_000_000
 """Free bytes that a full disk must have again: a minute's worth, so that it is not full again at once."""
+
+ROOM_TO_BEGIN = 1_000_000
+"""Bytes that a run must be allowed before its file is begun: its layout and first second."""
 
 
 class Sent(NamedTuple):
@@ -37,10 +41,10 @@ class Sent(NamedTuple):
 class FileSink:
     """The file of one run. What waits while a disk is full is written when there is room (see `rrd_file`)."""
 
-    def __init__(self, logs: Path, info: RunInfo, tell: Callable[[str], None], refusal: Callable[[], str] = lambda: ""):
+    def __init__(self, logs: Path, info: RunInfo, tell: Callable[[str], None], refusal: Refusal = allow):
         """Open the file; if that fails, `tell` gets a sentence, and `keep_up` tries again.
 
-        `refusal` says why nothing may be written just now, and nothing else while something may.
+        `refusal` says why so many bytes may not be written just now, and nothing while they may.
         """
         self._logs, self._info, self._tell, self._refusal = logs, info, tell, refusal
         self._file: RunFile | None = None
@@ -101,7 +105,7 @@ class FileSink:
         """Begin the run's next part. Raises `RecordingError`."""
         if self.problem is not None and _free_bytes(self._logs) < ROOM_TO_RESUME:
             return
-        if refused := self._refusal():
+        if refused := self._refusal(ROOM_TO_BEGIN):
             raise RecordingError(refused)
         info = replace(self._info, part=self._parts + 1)
         file = claim_run_file(self._logs, info.name, info.started, info.part)
@@ -130,11 +134,8 @@ class FileSink:
         self._check(stream, file)
         if self.problem is not None and _free_bytes(self._logs) < ROOM_TO_RESUME:
             stream.hold()
-        elif refused := self._refusal():
-            stream.hold()
-            raise RecordingError(refused)
         else:
-            stream.push()
+            stream.push(self._refusal)
             self._recover(file)
 
     def _check(self, stream: RunStream, file: RunFile) -> None:
@@ -170,7 +171,7 @@ class FileSink:
             if self._stream is not None and self._file is not None:
                 self._check(self._stream, self._file)
             if self._stream is not None:
-                self._stream.close()
+                self._stream.close(self._refusal)
         except RecordingError as error:
             self._fail(str(error))
         file, self._file, self._stream = self._file, None, None

@@ -34,17 +34,18 @@ IMPORTED = (SUFFIX, *FORMATS)
 """Endings of the files that can be taken in."""
 
 
-def import_into(path: Path, logs: Path) -> Path:
+def import_into(path: Path, logs: Path, **notes: str) -> Path:
     """Take a recording or an exported run into `logs`; returns the new recording. The file itself stays as it is.
 
-    Raises `RecordingError`, and leaves nothing in `logs`, for a file that holds no run or if `logs` takes no more.
+    `notes` stand beside the run. Raises `RecordingError`, and leaves nothing in `logs`, for a file that holds no run or if
+    `logs` takes no more.
     """
     if path.suffix.lower() not in IMPORTED:
         raise RecordingError(f"{path.name} has no known format: let its name end in {', '.join(IMPORTED)}.")
-    return _take_recording(path, logs) if path.suffix.lower() == SUFFIX else _take_table(path, logs)
+    return _take_recording(path, logs, notes) if path.suffix.lower() == SUFFIX else _take_table(path, logs, notes)
 
 
-def _take_recording(path: Path, logs: Path) -> Path:
+def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
     recording = read_recording(path, with_samples=False)
     check_period(path.name, recording.sample_period)
     check_events(path.name, recording.events)
@@ -68,6 +69,7 @@ def _take_recording(path: Path, logs: Path) -> Path:
             duration=max(span) - min(span) if span else 0.0,
             rows=rows,
             imported=path.name,
+            **notes,
         )
     except OSError as error:
         file.release()
@@ -78,7 +80,7 @@ def _take_recording(path: Path, logs: Path) -> Path:
     return file.path
 
 
-def _take_table(path: Path, logs: Path) -> Path:
+def _take_table(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
     run, metadata = import_run(path)
     if len(run) == 0:
         raise RecordingError(f"{path.name} has no samples: there is nothing to take in.")
@@ -87,7 +89,7 @@ def _take_table(path: Path, logs: Path) -> Path:
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         reason = visible(error, LONGEST_REASON)
         raise RecordingError(f"{path.name} was not exported by this version of flexlab ({reason}).") from None
-    return take_run(run, info, path.name, logs, [event for event in events if not event.text.startswith(END)])
+    return take_run(run, info, path.name, logs, [event for event in events if not event.text.startswith(END)], **notes)
 
 
 def take_run(run: Run, info: RunInfo, source: str, logs: Path, events: Sequence[Event] = (), **notes: str) -> Path:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.message_layout import HEAD, messages
+from flexlab.recording.rrd_file import Refusal, allow
 
 MOST_BYTES = 64_000_000
 """What is kept for viewers that join late: about four minutes of the paper's run. What a run begins with stays."""
@@ -102,8 +103,8 @@ class LiveTarget:
         """Take one piece as rerun encodes it, to be passed on by `write`."""
         self._waiting.append(piece)
 
-    def write(self) -> None:
-        """Pass on all that waits. Raises `RecordingError` once nobody takes it any more."""
+    def write(self, refusal: Refusal = allow) -> None:
+        """Pass on all that waits: it takes no room. Raises `RecordingError` once nobody takes it any more."""
         waiting, self._waiting = self._waiting, []
         for piece in waiting:
             self._take(self._run, piece)

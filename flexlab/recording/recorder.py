@@ -16,6 +16,7 @@ from flexlab.errors import RecordingError
 from flexlab.recording.file_sink import FileSink
 from flexlab.recording.live import LiveTarget, Take
 from flexlab.recording.repair_thread import Finisher
+from flexlab.recording.rrd_file import Refusal, allow
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_notes import StartNotes
@@ -57,7 +58,7 @@ class Recorder:
         queue_rows: int = QUEUE_ROWS,
         start_notes: StartNotes | None = None,
         begin_notes: Callable[[], Mapping[str, Any]] = dict,
-        refusal: Callable[[], str] = lambda: "",
+        refusal: Refusal = allow,
     ):
         """Start the recorder's thread; nothing is written before a run begins.
 

@@ -9,6 +9,7 @@ import os
 import time
 import zlib
 from collections import deque
+from collections.abc import Callable
 from typing import IO
 
 from flexlab.errors import RecordingError
@@ -20,6 +21,14 @@ READ_BYTES = 1 << 20
 """Read at once."""
 HELD_BYTES = 48_000_000
 """What waits for a full disk at most: one and a half minutes of the paper's run. Then the oldest is given up."""
+
+Refusal = Callable[[int], str]
+"""Says why so many more bytes may not be written; nothing if they may."""
+
+
+def allow(size: int) -> str:
+    """Any number of bytes."""
+    return ""
 
 
 class RrdFile:
@@ -77,10 +86,12 @@ class RrdFile:
                 checksum = zlib.crc32(piece, checksum)
         return checksum
 
-    def write(self) -> None:
-        """Write all that waits. Raises `RecordingError` if the disk does not take it; what is left waits on."""
+    def write(self, refusal: Refusal = allow) -> None:
+        """Write all that waits. Raises `RecordingError` if the disk or `refusal` does not take it; what is left waits on."""
         try:
             while self._waiting:
+                if refused := refusal(len(self._waiting[0])):
+                    raise RecordingError(refused)
                 self._write(self._waiting[0])
                 self._waiting_bytes -= len(self._waiting.popleft())
         except OSError as error:

@@ -11,7 +11,7 @@ from flexlab.recording.blueprint import measurement_blueprint, run_blueprint
 from flexlab.recording.documents import parameters_text, run_properties, signals_text
 from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, PlotSignal, plot_signals
 from flexlab.recording.rerun_internals.columns import Column, send_columns
-from flexlab.recording.rrd_file import RrdFile
+from flexlab.recording.rrd_file import Refusal, RrdFile, allow
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.scene_log import fixed_shapes
 from flexlab.recording.sink import Kept
@@ -46,7 +46,7 @@ class Target(Protocol):
     def hold(self, piece: bytes) -> None:
         """Take one piece as rerun encodes it, to be written by `write`. Raises `RecordingError` for what is none."""
 
-    def write(self) -> None:
+    def write(self, refusal: Refusal = allow) -> None:
         """Write all that waits. Raises `RecordingError` if that is not possible now."""
 
 
@@ -107,13 +107,13 @@ class RunStream:
         """Add a property, as seen in listings."""
         self._stream.send_property(name, values)
 
-    def push(self) -> None:
-        """Bring what was sent to its place.
+    def push(self, refusal: Refusal = allow) -> None:
+        """Bring what was sent to its place, as far as `refusal` lets it.
 
         Raises `RecordingError` if a file takes no more; what is left then waits for the next call.
         """
         self.hold()
-        self._target.write()
+        self._target.write(refusal)
 
     def hold(self) -> None:
         """Keep what was sent for the next `push`: for a disk that is known to be full."""
@@ -138,10 +138,10 @@ class RunStream:
         """Let go of it without another byte: its file is no longer what was written."""
         self._stream.disconnect()
 
-    def close(self) -> None:
+    def close(self, refusal: Refusal = allow) -> None:
         """Bring what is left to its place and let go of it. Raises `RecordingError` if a file takes no more."""
         try:
-            self.push()
+            self.push(refusal)
         finally:
             self._stream.disconnect()
 

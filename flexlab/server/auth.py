@@ -12,6 +12,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from flexlab.errors import FlexlabError
 from flexlab.log_limits import limited
 from flexlab.recording.store.run_files import SUFFIX
+from flexlab.server.limits import BusyError
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import HAS_CLASS, button, render
@@ -72,6 +73,8 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
         return refuse(request, 400, "This is malformed: send it again.")
     except UnicodeDecodeError:
         return refuse(request, 400, "This is not text in UTF-8: nothing was done.")
+    except BusyError as error:
+        return message("Not now", str(error), 503)
     except FlexlabError as error:
         return message("That did not work", str(error), 400)
     except ConnectionError:

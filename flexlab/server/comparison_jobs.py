@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexlab.recording.store.run_index import RunRow
-from flexlab.server.jobs import Jobs
+from flexlab.server.limits import Asker
 from flexlab.server.run_jobs import ComparisonTables, compare_runs
+from flexlab.server.tasks import Tasks
 
 MOST_KEPT = 8
 """Comparisons that are kept: enough to go back and forth."""
@@ -19,13 +20,13 @@ MOST_BYTES = 1_000_000_000
 class Comparisons:
     """All comparisons of one server. For its event loop only."""
 
-    def __init__(self, jobs: Jobs, folder: Path):
+    def __init__(self, tasks: Tasks, folder: Path):
         """`folder`: where the overlays lie; somebody else removes it."""
-        self._jobs, self._folder = jobs, folder
+        self._tasks, self._folder = tasks, folder
         self._made: OrderedDict[str, ComparisonTables] = OrderedDict()
         self._making: dict[str, asyncio.Future[ComparisonTables]] = {}
 
-    async def get(self, rows: Sequence[RunRow]) -> tuple[str, ComparisonTables]:
+    async def get(self, asker: Asker, rows: Sequence[RunRow]) -> tuple[str, ComparisonTables]:
         """(id, tables) of the comparison of these runs, made if need be. Raises `FlexlabError` if they cannot be compared."""
         key = hashlib.sha256(repr([(row.id, row.size) for row in rows]).encode()).hexdigest()[:24]
         if key in self._made and self._path(key).exists():
@@ -33,7 +34,7 @@ class Comparisons:
             return key, self._made[key]
         if key not in self._making:
             # Two who ask at once share what the first one's question starts.
-            self._making[key] = asyncio.ensure_future(self._make(key, rows))
+            self._making[key] = asyncio.ensure_future(self._make(asker, key, rows))
             self._making[key].add_done_callback(lambda _: self._making.pop(key, None))
         return key, await asyncio.shield(self._making[key])
 
@@ -41,8 +42,8 @@ class Comparisons:
         """The overlay; None if it is no more."""
         return self._path(key) if key in self._made else None
 
-    async def _make(self, key: str, rows: Sequence[RunRow]) -> ComparisonTables:
-        tables = await self._jobs.run(compare_runs, tuple(row.path for row in rows), self._path(key))
+    async def _make(self, asker: Asker, key: str, rows: Sequence[RunRow]) -> ComparisonTables:
+        tables = await self._tasks.run(asker, compare_runs, tuple(row.path for row in rows), self._path(key))
         self._made[key] = tables
         await asyncio.to_thread(self._make_room)
         return tables

@@ -23,6 +23,8 @@ MOST_RESTING, MOST_RESTING_PER_ADDRESS = 200, 64
 """Connections in which no request is going on; beyond it the oldest make room, those first that never had one."""
 RESTING_SHARE = 4
 """Of all handles that this process may have, one in so many may be such a connection."""
+MOST_OF_ADDRESS, ADDRESS_SHARE = 1000, 2
+"""Connections of one address, resting or not, and the share of all handles that they may take: others must come in too."""
 MOST_HANDLES = 65_536
 """Handles asked of the system at start: far more than labs and visitors need."""
 LOOK = 1.0
@@ -117,7 +119,9 @@ class Connections:
     def __init__(self, plug: socket.socket, manager: web.Server):
         self._plug, self._manager = plug, manager
         self._open: dict[Visit, None] = {}
-        self._most = min(MOST_RESTING, _raise_handles() // RESTING_SHARE)
+        handles = _raise_handles()
+        self._most = min(MOST_RESTING, handles // RESTING_SHARE)
+        self._most_of_address = min(MOST_OF_ADDRESS, handles // ADDRESS_SHARE)
         self._tasks = [asyncio.create_task(self._accept()), asyncio.create_task(self._look())]
 
     def add(self, visit: Visit) -> None:
@@ -129,6 +133,10 @@ class Connections:
         same = [other for other in resting if other.address == visit.address]
         if len(same) > MOST_RESTING_PER_ADDRESS:
             self._make_room(same)
+        if self.counted()[visit.address] > self._most_of_address:
+            log.warning("Too many connections are open from %s: closed its newest.", visit.address)
+            self.remove(visit)
+            visit.cut()
 
     def remove(self, visit: Visit) -> None:
         """A connection is over."""

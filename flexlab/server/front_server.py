@@ -22,7 +22,6 @@ from flexlab.server.auth import LIVE, recording_path
 from flexlab.server.automatic_retention import tidy_up
 from flexlab.server.comparison_jobs import Comparisons
 from flexlab.server.connections import Connections
-from flexlab.server.jobs import Jobs
 from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import RecordedLab
@@ -36,6 +35,7 @@ from flexlab.server.proxy import inside_connector
 from flexlab.server.replay_jobs import Replays
 from flexlab.server.settings import SECRET_BYTES, WILDCARDS, Settings
 from flexlab.server.studies import Studies
+from flexlab.server.tasks import Tasks
 from flexlab.server.visitors import cookie_key
 from flexlab.server.workshop import Workshop
 from flexlab.sockets import listen
@@ -142,9 +142,9 @@ class FrontServer:
     async def _serve(self) -> None:
         self._loop, self._closing = asyncio.get_running_loop(), asyncio.Event()
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
-            measuring, jobs = Measuring(self.settings.logs), Jobs()
+            measuring, tasks = Measuring(self.settings.logs), Tasks()
             tidying = asyncio.create_task(tidy_up(self.settings))
-            preset_cards = PresetCards(jobs)
+            preset_cards = PresetCards(tasks)
             reading = asyncio.create_task(preset_cards.read_ahead())
             context = Context(
                 self.settings,
@@ -156,13 +156,13 @@ class FrontServer:
                 self.places,
                 inside,
                 measuring,
-                jobs,
-                Comparisons(jobs, self.workshop),
-                Replays(jobs),
-                Studies(jobs, self.workshop),
+                tasks,
+                Comparisons(tasks, self.workshop),
+                Replays(tasks),
+                Studies(tasks, self.workshop),
                 self.workshop,
                 preset_cards,
-                Boards(jobs, self.settings.logs.parent / LEADERBOARD),
+                Boards(tasks, self.settings.logs.parent / LEADERBOARD),
             )
             runner = web.AppRunner(build_app(context), access_log=None, shutdown_timeout=CLOSING_TIME)
             connections: Connections | None = None
@@ -180,7 +180,7 @@ class FrontServer:
                 # Labs first: their recordings matter more than a visitor's last request.
                 self._last = await self.places.close()
                 measuring.close()
-                jobs.close()
+                tasks.close()
                 await runner.cleanup()
                 await asyncio.to_thread(self._workshop.close)
 

@@ -11,7 +11,8 @@ from flexlab.analysis.leaderboard.content import digest, engine
 from flexlab.analysis.leaderboard.entrants import chosen_entrants
 from flexlab.analysis.leaderboard.store import RowStore
 from flexlab.errors import FlexlabError
-from flexlab.server.jobs import Jobs
+from flexlab.server.limits import Asker
+from flexlab.server.tasks import Tasks
 
 
 @dataclass(frozen=True)
@@ -30,26 +31,30 @@ IDLE = BoardState(False, "")
 class Boards:
     """At most one computation at a time. For the server's event loop only."""
 
-    def __init__(self, jobs: Jobs, folder: Path):
+    def __init__(self, tasks: Tasks, folder: Path):
         """`folder`: where rows are kept, from one server to the next."""
-        self._jobs, self._folder = jobs, folder
+        self._tasks, self._folder = tasks, folder
         self.state = IDLE
         self._task: asyncio.Task[None] | None = None
         self._drawn: tuple[str, dict[str, str]] = ("", {})
         self._drawing = asyncio.Lock()
 
-    def start(self) -> None:
-        """Compute what is missing of flexlab's own laws in all cases but the long ones, unless that is being done."""
-        if not self.state.working:
-            self.state = BoardState(True, "Starting")
-            self._task = asyncio.create_task(self._compute())
+    def start(self, asker: Asker) -> None:
+        """Compute what is missing of flexlab's own laws in all cases but the long ones, unless that is being done.
 
-    async def _compute(self) -> None:
+        Raises `BusyError`.
+        """
+        if not self.state.working:
+            self._tasks.check(asker)
+            self.state = BoardState(True, "Starting")
+            self._task = asyncio.create_task(self._compute(asker))
+
+    async def _compute(self, asker: Asker) -> None:
         def report(share: float) -> None:
             self.state = BoardState(True, f"Computing: {100 * share:.0f} %")
 
         try:
-            computed, rows = await self._jobs.run(compute_board, self._folder, on_progress=report)
+            computed, rows = await self._tasks.run(asker, compute_board, self._folder, on_progress=report)
         except FlexlabError as error:
             self.state = BoardState(False, f"Not computed to the end: {error} What is done is kept.", "bad")
         else:
@@ -59,11 +64,11 @@ class Boards:
         """(the newest table, what names it; empty if there is none)."""
         return await asyncio.to_thread(newest_board, self._folder)
 
-    async def figure(self, name: str, case: str) -> str | None:
+    async def figure(self, asker: Asker, name: str, case: str) -> str | None:
         """The figure of a case of the table `name`, SVG; None if that table is not the newest. Raises `FlexlabError`."""
         async with self._drawing:
             if self._drawn[0] != name:
-                self._drawn = await self._jobs.run(draw_board, self._folder)
+                self._drawn = await self._tasks.run(asker, draw_board, self._folder)
         return self._drawn[1].get(case) if self._drawn[0] == name else None
 
 

@@ -10,8 +10,9 @@ from markupsafe import Markup
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_scenario_file, preset_files
 from flexlab.scenario import Scenario
-from flexlab.server.jobs import Jobs
+from flexlab.server.limits import THE_SERVER
 from flexlab.server.pages.thumbnail import thumbnail
+from flexlab.server.tasks import Tasks
 
 MOST_DRAWN = 200
 """Presets that get a picture."""
@@ -32,8 +33,8 @@ class PresetCard:
 class PresetCards:
     """All cards of one server. `drawings` are ready after the first look at the page."""
 
-    def __init__(self, jobs: Jobs):
-        self._jobs = jobs
+    def __init__(self, tasks: Tasks):
+        self._tasks = tasks
         self._cards: dict[FileState, PresetCard] = {}
         self._drawings: dict[FileState, str] = {}
         self._states: dict[str, FileState] = {}
@@ -75,7 +76,7 @@ class PresetCards:
 
     async def _draw(self, scenarios: dict[FileState, Scenario]) -> None:
         try:
-            drawn = await self._jobs.run(draw_all, list(scenarios.values()))
+            drawn = await self._tasks.run(THE_SERVER, draw_all, list(scenarios.values()))
         except FlexlabError:
             return  # Too much is going on: the next look begins again.
         kept = {state: text for state, text in self._drawings.items() if state in self._cards}

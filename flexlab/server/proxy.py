@@ -14,6 +14,7 @@ from flexlab.lab.viser_server import SECRET_HEADER
 from flexlab.log_limits import limited
 from flexlab.server.labs.lab_provider import Lab
 from flexlab.server.pages.page_context import context_of
+from flexlab.server.visitors import asker_of
 
 SOCKET_BUFFER = 64 * 1024
 """Bytes that may wait in the kernel on either side: without this bound a slow visitor sees pictures half a minute old."""
@@ -83,7 +84,12 @@ def _furnish(body: bytes, place: Lab) -> bytes:
 
 
 async def proxy_websocket(request: web.Request, place: Lab) -> web.StreamResponse:
-    """A visitor's live connection to the lab, for as long as both sides keep it."""
+    """A visitor's live connection to the lab, for as long as both sides keep it. Raises `BusyError` for one too many."""
+    with context_of(request).pages.place(asker_of(request)):
+        return await _relay(request, place)
+
+
+async def _relay(request: web.Request, place: Lab) -> web.StreamResponse:
     offered = [word.strip() for word in request.headers.get(hdrs.SEC_WEBSOCKET_PROTOCOL, "").split(",") if word.strip()]
     inside = context_of(request).inside
     try:

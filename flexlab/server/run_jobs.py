@@ -15,9 +15,11 @@ from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
 from flexlab.recording.reader import read_blocks, read_recording
-from flexlab.recording.store.notes import is_regular, notes_path, read_notes, write_notes
+from flexlab.recording.store.notes import is_regular, notes_path, read_notes
+from flexlab.recording.store.run_files import SUFFIX, remove_run
 from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Choice
+from flexlab.server.labs.quota import Quota
 from flexlab.sim.samples import Samples
 
 MOST_SAMPLES = 1_200_000
@@ -131,10 +133,17 @@ def range_name(path: Path, start: float | None, end: float | None) -> str:
     return f"{path.stem}-{'start' if start is None else f'{start:g}'}-to-{'end' if end is None else f'{end:g}'}-s"
 
 
-def take_in(path: Path, logs: Path, notes: dict[str, str] | None = None) -> str:
-    """Take an uploaded file into the library, note whose it is and measure it; returns the new run's id."""
-    taken = import_into(path, logs)
-    if notes:
-        write_notes(taken, **notes)
+def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) -> str:
+    """Take an uploaded file into the library, note whose it is and measure it; returns the new run's id.
+
+    `quota`: bytes that the owner's runs may take. Raises `RecordingError`, and takes nothing in, for what is over it.
+    """
+    owner = notes.get("owner", "")
+    if refused := Quota(logs, owner, quota)(path.stat().st_size if path.suffix.lower() == SUFFIX else 0):
+        raise RecordingError(refused)
+    taken = import_into(path, logs, **notes)
+    if refused := Quota(logs, owner, quota)():  # A table says how large its recording is only when that is there.
+        remove_run(taken)
+        raise RecordingError(f"{path.name} as a recording is too large: {refused}")
     note_metrics(taken)
     return taken.stem

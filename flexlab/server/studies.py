@@ -18,8 +18,9 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import change_settings
 from flexlab.server.growing_sweep import GrowingSweep
-from flexlab.server.jobs import Jobs
+from flexlab.server.limits import Asker
 from flexlab.server.study_jobs import Tuned, sweep_study, tuning_study
+from flexlab.server.tasks import Tasks
 
 AT_ONCE = 1
 """Studies that compute together: the server's other long work keeps a turn of its own."""
@@ -81,12 +82,12 @@ class Study:
     """One study, as it stands."""
 
     id: str
+    asker: Asker
     visitor: str
+    """Whose it is; empty: everybody's."""
     name: str
     """Of the scenario: a preset's, or the lab's."""
     wish: SweepWish | TuningWish
-    address: str = ""
-    """Where the visitor came from."""
     share: float = 0.0
     """How far it is, 0 to 1."""
     working: bool = True
@@ -102,7 +103,7 @@ class Study:
 class Studies:
     """All studies of one server. For its event loop only."""
 
-    jobs: Jobs
+    tasks: Tasks
     folder: Path
     """Where the tables lie; somebody else removes it."""
     _turn: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(AT_ONCE))
@@ -110,15 +111,16 @@ class Studies:
     _tasks: dict[str, asyncio.Task[None]] = field(default_factory=dict[str, asyncio.Task[None]])
     _growing: dict[str, GrowingSweep] = field(default_factory=dict[str, GrowingSweep])
 
-    def start(self, visitor: str, name: str, wish: SweepWish | TuningWish, address: str = "") -> Study:
+    def start(self, asker: Asker, visitor: str, name: str, wish: SweepWish | TuningWish) -> Study:
         """Begin a study, or queue it. Raises `LabError` if too much is going on."""
         working = [study for study in self._studies.values() if study.working]
         if sum(study.visitor == visitor for study in working) >= MOST_OF_ONE:
             raise LabError(f"{MOST_OF_ONE} studies of yours are being computed: wait for one, or cancel it.")
-        from_here = sum(study.address == address for study in working)
-        if len(working) >= AT_ONCE + MOST_WAITING or from_here >= MOST_OF_ADDRESS:
+        from_here = sum(study.asker.address == asker.address for study in working)
+        most = AT_ONCE + MOST_WAITING + asker.is_teacher  # One place is kept for the teacher.
+        if len(working) >= most or (from_here >= MOST_OF_ADDRESS and not asker.is_teacher):
             raise LabError(f"{len(working)} studies are being computed on this machine: try again in a few minutes.")
-        study = Study(secrets.token_urlsafe(ID_BYTES), visitor, name, wish, address)
+        study = Study(secrets.token_urlsafe(ID_BYTES), asker, visitor, name, wish)
         self._studies[study.id] = study
         self._forget_old()
         task = asyncio.create_task(self._compute(study))
@@ -164,12 +166,16 @@ class Studies:
             async with self._turn:
                 self._note(study.id, sentence="Starting")
                 if isinstance(study.wish, SweepWish):
-                    job = self.jobs.run(sweep_study, study.wish.plan, self._place(study), on_progress=report)
+                    job = self.tasks.run(
+                        study.asker, sweep_study, study.wish.plan, self._place(study), on_progress=report
+                    )
                     self._note(study.id, data=await job)
                 else:
                     wish = study.wish
                     parts = wish.scenario, wish.axes, wish.cost, wish.duration, wish.candidates
-                    self._note(study.id, tuned=await self.jobs.run(tuning_study, *parts, on_progress=report))
+                    self._note(
+                        study.id, tuned=await self.tasks.run(study.asker, tuning_study, *parts, on_progress=report)
+                    )
         except FlexlabError as error:
             self._note(study.id, working=False, problem=True, sentence=str(error))
         except asyncio.CancelledError:

@@ -19,6 +19,7 @@ from flexlab.recording.store.notes import is_regular
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import RunRow, find_row, no_such_run, read_rows
 from flexlab.server.labs.run_owner import owner_word
+from flexlab.server.limits import Asker
 from flexlab.server.pages.page_context import Context, context_of
 
 KEY_FILE = ".flexlab-cookie-key"
@@ -100,6 +101,11 @@ def _issued(context: Context, given: str) -> str:
     word, _, signature = given.rpartition(".")
     wanted = context.signed("visitor", word)
     return given if hmac.compare_digest(signature.encode("utf-8", "replace"), wanted.encode()) else ""
+
+
+def asker_of(request: web.Request) -> Asker:
+    """Who asks, as limits know them."""
+    return Asker(visitor_of(request).id, request.remote or "", is_teacher(request))
 
 
 def known_visitor_of(request: web.Request) -> Visitor:

@@ -111,9 +111,9 @@ class PrivateLabs:
     async def _open(self, visitor: str, choice: Choice, address: str, name: str) -> PrivateLab:
         if self._watch is None:
             self._watch = asyncio.create_task(self._close_idle_ones())
-        self._wait_for_turn(visitor)
+        self._wait_for_turn(visitor, address)
         most = self._settings.labs_per_address
-        self._addresses[visitor] = address
+        self._addresses = {other: self._addresses.get(other, "") for other in self._taken()} | {visitor: address}
         if sum(self._addresses.get(other) == address for other in self._taken() | {visitor}) > most:
             raise FullError(
                 f"Your address has {most} of {most} labs that one address may have. Come back in a few minutes, or use the "
@@ -149,11 +149,11 @@ class PrivateLabs:
         place.seen = time.monotonic()
         return place
 
-    def _wait_for_turn(self, visitor: str) -> None:
+    def _wait_for_turn(self, visitor: str, address: str) -> None:
         """Raises `FullError`, with the visitor's place, as long as no lab is free for them."""
         most = self._settings.max_sessions
         others = self._taken() - {visitor}
-        place = self._line.place(visitor, most - len(others))
+        place = self._line.place(visitor, most - len(others), address)
         if place:
             taken = f"No lab is free: {len(others)} of {most} are taken." if len(others) >= most else "A lab is free."
             raise FullError(

@@ -14,29 +14,32 @@ MEGABYTE = 1e6
 
 
 class Quota:
-    """Says, in a sentence, when a visitor's runs take more than they may; one recorder's thread asks it."""
+    """Says, in a sentence, when a visitor's runs would take more than they may; one recorder's thread asks it."""
 
     def __init__(self, logs: Path, owner: str, most: float | None, clock: Callable[[], float] = time.monotonic):
         """`most`: bytes; None or no owner: any number. `owner`: by which the runs are known."""
         self._logs, self._owner, self._most, self._clock = logs, owner, most, clock
         self._owners: dict[Path, str] = {}
         self._looked_at = float("-inf")
-        self._sentence = ""
+        self._known = self._granted = 0.0
+        """Bytes at the last look, and those that were asked for since then."""
 
-    def __call__(self) -> str:
-        """Why nothing more is recorded; empty as long as it is."""
+    def __call__(self, size: int = 0) -> str:
+        """Why no `size` more bytes may be written; empty if they may, and then they count."""
         if self._most is None or not self._owner:
             return ""
         if self._clock() - self._looked_at >= LOOK:
             self._looked_at = self._clock()
-            taken = self._taken()
-            self._sentence = (
-                f"Your runs take {taken / MEGABYTE:.0f} MB of the {self._most / MEGABYTE:.0f} MB that each visitor has: "
-                "delete some of them on the page Runs."
-                if taken > self._most
-                else ""
-            )
-        return self._sentence
+            self._known, self._granted = self._taken(), 0.0
+        taken = self._known + self._granted
+        if taken + size <= self._most:
+            self._granted += size
+            return ""
+        return (
+            f"Your runs take {taken / MEGABYTE:.0f} MB of the {self._most / MEGABYTE:.0f} MB that each visitor has"
+            f"{f', and this needs {size / MEGABYTE:.1f} MB' if taken <= self._most else ''}: "
+            "delete some of them on the page Runs."
+        )
 
     def _taken(self) -> float:
         """Bytes of the visitor's runs."""

@@ -1,13 +1,11 @@
 """What can be done with many runs at once: tag them, have them as one archive, delete them."""
 
 import asyncio
-import shutil
-import tempfile
-from pathlib import Path
 
 from aiohttp import web
 
 from flexlab.errors import FlexlabError, RecordingError
+from flexlab.plain_text import shown
 from flexlab.recording.store.run_index import (
     RunRow,
     annotate_run,
@@ -17,10 +15,10 @@ from flexlab.recording.store.run_index import (
 )
 from flexlab.server.pages.layout import message, page
 from flexlab.server.pages.page_context import context_of
-from flexlab.server.pages.run_actions import TABLES, send_download
+from flexlab.server.pages.run_actions import TABLES, check_room, file_on_its_way, send_download
 from flexlab.server.pages.templating import button
 from flexlab.server.run_jobs import archive_into
-from flexlab.server.visitors import run_for
+from flexlab.server.visitors import asker_of, run_for
 
 MOST_RUNS = 500
 """Runs at once: as many names as a form may hold."""
@@ -61,7 +59,7 @@ async def export(request: web.Request) -> web.StreamResponse:
     """Runs as one archive, each as it was recorded or as a table."""
     kind, rows, context = str((await request.post()).get("format", "")), await _chosen(request), context_of(request)
     if kind not in FORMATS:
-        raise RecordingError(f"format = {kind[:20]!r} is not known: choose one of {', '.join(FORMATS)}.")
+        raise RecordingError(f"format = {shown(kind)} is not known: choose one of {', '.join(FORMATS)}.")
     size = sum(row.size for row in rows)
     if size > LARGEST_ARCHIVE:
         raise RecordingError(
@@ -69,18 +67,15 @@ async def export(request: web.Request) -> web.StreamResponse:
         )
     if odd := next((row.problem for row in rows if row.problem), ""):
         raise RecordingError(odd)
-    folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="export-", dir=context.workshop))
     try:
-        paths = tuple(row.path for row in rows)
-        if kind == RECORDINGS:  # Only copied: no work for a process of its own.
-            archive = await asyncio.to_thread(archive_into, paths, kind, folder)
-        else:
-            archive = await context.jobs.run(archive_into, paths, kind, folder)
-        return await send_download(request, archive)
+        async with file_on_its_way(request) as folder:
+            await asyncio.to_thread(check_room, folder, size)
+            archive = await context.tasks.run(
+                asker_of(request), archive_into, tuple(row.path for row in rows), kind, folder
+            )
+            return await send_download(request, archive)
     except FlexlabError as error:
         return message("Nothing was exported", str(error), 422, ALL_RUNS)
-    finally:
-        await asyncio.shield(asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True))
 
 
 async def delete(request: web.Request) -> web.StreamResponse:

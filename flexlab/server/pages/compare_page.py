@@ -11,7 +11,7 @@ from flexlab.server.pages.layout import message, page
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import button
 from flexlab.server.run_jobs import ComparisonTables
-from flexlab.server.visitors import is_teacher, run_for
+from flexlab.server.visitors import asker_of, is_teacher, run_for
 
 ALL_RUNS = button("/runs", "All runs")
 
@@ -42,7 +42,7 @@ async def comparison(request: web.Request) -> web.Response:
     try:
         if odd := next((row.problem for row in rows if row.problem), ""):
             raise RecordingError(odd)
-        key, tables = await context.comparisons.get(rows)
+        key, tables = await context.comparisons.get(asker_of(request), rows)
     except FlexlabError as error:
         return message("These runs cannot be compared", str(error), 422, ALL_RUNS)
     labels = [run_label(number) for number in range(len(rows))]

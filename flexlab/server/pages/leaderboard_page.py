@@ -9,6 +9,7 @@ from flexlab.errors import FlexlabError
 from flexlab.server.leaderboard_jobs import is_of_today
 from flexlab.server.pages.layout import page
 from flexlab.server.pages.page_context import context_of
+from flexlab.server.visitors import asker_of
 
 PLACE = "/leaderboard"
 DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
@@ -46,7 +47,7 @@ async def leaderboard(request: web.Request) -> web.Response:
 
 async def start(request: web.Request) -> web.Response:
     """Compute what is missing; the page tells how it goes."""
-    context_of(request).boards.start()
+    context_of(request).boards.start(asker_of(request))
     raise web.HTTPSeeOther(PLACE)
 
 
@@ -64,7 +65,7 @@ async def figure(request: web.Request) -> web.Response:
     if name != newest or case not in [known.name for known in board.cases]:
         raise web.HTTPNotFound
     try:
-        drawn = await context_of(request).boards.figure(name, case)
+        drawn = await context_of(request).boards.figure(asker_of(request), name, case)
     except FlexlabError as error:
         raise web.HTTPServiceUnavailable(text=str(error)) from None
     if drawn is None:

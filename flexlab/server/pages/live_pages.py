@@ -7,19 +7,18 @@ from aiohttp import hdrs, web
 
 from flexlab.recording.live import LiveHub
 from flexlab.recording.store.run_files import SUFFIX
-from flexlab.server.auth import LIVE, WITH_A_PASS, recording_address
+from flexlab.server.auth import LIVE, WITH_A_PASS, has_pass, recording_address
 from flexlab.server.labs.lab_provider import Lab
+from flexlab.server.limits import Asker
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import button
-from flexlab.server.visitors import visitor_of
+from flexlab.server.visitors import asker_of, has_teacher_cookie, visitor_of
 
 LOOK = 0.1
 """s between two looks for new data, which come five times a second."""
 PATIENCE = 30.0
 """s that a viewer may take for one piece: one that hangs is left."""
-MOST_WATCHERS = 16
-"""Viewers of one server at once: each takes as much of the line as a film."""
 
 NOT_SERVED = "Live data are served by a lab that was started with --rerun, to whoever has that lab open."
 
@@ -52,23 +51,34 @@ async def stream(request: web.Request) -> web.StreamResponse:
     context = context_of(request)
     named = (lab for lab in context.places.running() if live_name(lab) == request.match_info["lab"])
     lab = next(named, None)
-    if lab is None or lab.live is None:
+    if lab is None or lab.live is None or not _may_watch(request, lab):
         raise web.HTTPNotFound
-    watchers = context.watchers
-    if len(watchers) >= MOST_WATCHERS:
-        return message("Too many viewers", f"{MOST_WATCHERS} viewers watch live data already: close one.", 503)
+    # A viewer sends no cookies: whoever has the pass to a private lab counts as its visitor.
+    asker = asker_of(request)
+    if context.places.is_private:
+        asker = Asker(live_name(lab), asker.address, asker.is_teacher)
+    with context.viewers.place(asker):
+        return await _watch(request, lab.live)
+
+
+def _may_watch(request: web.Request, lab: Lab) -> bool:
+    """Whether live data are for who asks: the shared lab's for all, others with a pass, for the lab's visitor and the teacher."""
+    places = context_of(request).places
+    if not places.is_private or (request.path.startswith(WITH_A_PASS) and has_pass(request)):
+        return True
+    return lab is places.of_visitor(visitor_of(request).id) or has_teacher_cookie(request)
+
+
+async def _watch(request: web.Request, hub: LiveHub) -> web.StreamResponse:
     headers = {hdrs.CONTENT_TYPE: "application/octet-stream", hdrs.CACHE_CONTROL: "no-store"}
     answer = web.StreamResponse(headers=headers)
-    watchers.append(request)
     try:
         await answer.prepare(request)
         if request.method == "GET":
-            await _send(request, answer, lab.live)
+            await _send(request, answer, hub)
     except TimeoutError:
         if request.transport is not None:
             request.transport.abort()
-    finally:
-        watchers.remove(request)
     return answer
 
 

@@ -8,16 +8,23 @@ import aiohttp
 from aiohttp import web
 
 from flexlab.server.comparison_jobs import Comparisons
-from flexlab.server.jobs import Jobs
 from flexlab.server.labs.lab_provider import LabProvider
 from flexlab.server.leaderboard_jobs import Boards
+from flexlab.server.limits import Limit
 from flexlab.server.metric_jobs import Measuring
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.replay_jobs import Replays
 from flexlab.server.settings import Settings
 from flexlab.server.studies import Studies
+from flexlab.server.tasks import Tasks
 from flexlab.server.token_guesses import Guesses
 
+MOST_PAGES = 12, 120, 128, 8
+"""Live connections of lab's pages: of one visitor, of one address, of all, and more for the teacher."""
+MOST_VIEWERS = 4, 12, 16, 2
+"""Viewers of live data: each takes as much of the line as a film."""
+MOST_FILES = 2, 6, 8, 2
+"""Files of up to 4 GB."""
 SIGNATURE = 40
 """Hexadecimal digits of a signature in a cookie."""
 
@@ -41,7 +48,7 @@ class Context:
     inside: aiohttp.ClientSession
     """Calls to the labs on loopback."""
     measuring: Measuring
-    jobs: Jobs
+    tasks: Tasks
     comparisons: Comparisons
     replays: Replays
     studies: Studies
@@ -51,8 +58,10 @@ class Context:
     boards: Boards
     guesses: Guesses = field(default_factory=Guesses)
     """Wrong tokens of late."""
-    watchers: list[web.Request] = field(default_factory=list[web.Request])
-    """Requests for live data that are being answered."""
+    pages: Limit = field(default_factory=lambda: Limit("open pages of labs", *MOST_PAGES))
+    viewers: Limit = field(default_factory=lambda: Limit("viewers of live data", *MOST_VIEWERS))
+    files: Limit = field(default_factory=lambda: Limit("files on their way", *MOST_FILES))
+    """Uploads, exports and archives, which take room on the disk until the other side has them."""
 
     @property
     def is_open(self) -> bool:

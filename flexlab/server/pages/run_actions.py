@@ -1,23 +1,27 @@
 """What can be done with a recorded run: replay it, go on from it, have it as another file."""
 
 import asyncio
+import contextlib
 import math
 import shutil
 import tempfile
+from collections.abc import AsyncGenerator
 from pathlib import Path
 
 from aiohttp import hdrs, web
 from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.recording.store.run_index import RunRow
+from flexlab.log_limits import limited
+from flexlab.plain_text import shown
+from flexlab.recording.store.run_index import RunRow, size_text
 from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.figure_jobs import figures_into
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.run_jobs import choice_at, export_into
-from flexlab.server.visitors import run_for
+from flexlab.server.visitors import asker_of, run_for
 
 TABLES = {"csv": "CSV: a table as text", "parquet": "Parquet: a packed table", "npz": "NPZ: NumPy arrays"}
 FIGURES = {"png": "Figures 2–5 as PNG", "svg": "Figures 2–5 as SVG"}
@@ -25,7 +29,13 @@ EXPORTS = TABLES | FIGURES
 """What a run can be had as → in words."""
 PIECE = 1024 * 1024
 """Bytes sent at once."""
+KEPT_FREE = 200_000_000
+"""Bytes of the disk that uploads and archives leave free."""
+READING_TIME = 30.0
+"""s that the other side may take for one piece: its file takes room on this disk until then."""
 BACK = Markup('<a class="button" href="/runs/{}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>')
+
+log = limited(__name__)
 
 
 def add_run_actions(router: web.UrlDispatcher) -> None:
@@ -61,7 +71,7 @@ def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:
 async def start_replay(request: web.Request) -> web.Response:
     """Begin to simulate the run again; the run's page tells how it goes."""
     row = await recorded_row_of(request)
-    context_of(request).replays.start(row)
+    context_of(request).replays.start(asker_of(request), row)
     raise web.HTTPSeeOther(f"/runs/{row.address}")
 
 
@@ -79,7 +89,7 @@ async def resume(request: web.Request) -> web.StreamResponse:
     row = await recorded_row_of(request)
     try:
         time = read_time("time", (await request.post()).get("time"))
-        choice = await context_of(request).jobs.run(choice_at, row.path, time)
+        choice = await context_of(request).tasks.run(asker_of(request), choice_at, row.path, time)
     except FlexlabError as error:
         return _problem("The lab cannot go on from there", row, error)
     return await enter_lab(request, choice)
@@ -90,23 +100,46 @@ async def export(request: web.Request) -> web.StreamResponse:
     if not is_opened_by_person(request):
         return refuse(request, 403, "An export must be asked for by a person, not from inside another page.")
     row, context = await recorded_row_of(request), context_of(request)
-    folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="export-", dir=context.workshop))
     try:
         kind = request.query.get("format", "")
         if kind not in EXPORTS:
-            raise RecordingError(f"format = {kind[:20]!r} is not known: choose one of {', '.join(EXPORTS)}.")
+            raise RecordingError(f"format = {shown(kind)} is not known: choose one of {', '.join(EXPORTS)}.")
         start, end = (read_time(name, request.query.get(name)) for name in ("start", "end"))
         work = figures_into if kind in FIGURES else export_into
-        file = await context.jobs.run(work, row.path, kind, start, end, folder)
-        return await send_download(request, file)
+        async with file_on_its_way(request) as folder:
+            file = await context.tasks.run(asker_of(request), work, row.path, kind, start, end, folder)
+            return await send_download(request, file)
     except FlexlabError as error:
         return _problem("Nothing was exported", row, error)
-    finally:
-        await asyncio.shield(asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True))
+
+
+@contextlib.asynccontextmanager
+async def file_on_its_way(request: web.Request) -> AsyncGenerator[Path]:
+    """A folder for a file that comes from a visitor or goes to one; it is gone when this ends. Raises `BusyError`."""
+    context = context_of(request)
+    with context.files.place(asker_of(request)):
+        folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="file-", dir=context.workshop))
+        try:
+            yield folder
+        finally:
+            await asyncio.shield(asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True))
+
+
+def check_room(folder: Path, size: float) -> None:
+    """Raises `RecordingError` if the disk of `folder` has no room for `size` bytes: labs record on after it."""
+    free = shutil.disk_usage(folder).free
+    if free - size < KEPT_FREE:
+        raise RecordingError(
+            f"The disk of {folder.parent} has {size_text(int(free))} free, too little for {size_text(int(size))} beside "
+            f"the {size_text(KEPT_FREE)} that stay free: make room on it."
+        )
 
 
 async def send_download(request: web.Request, path: Path) -> web.StreamResponse:
-    """A file as a download, all of it: when this returns, the file may go (aiohttp's own answer opens it later)."""
+    """A file as a download, all of it: when this returns, the file may go (aiohttp's own answer opens it later).
+
+    Who takes nothing for `READING_TIME` is left.
+    """
     answer = web.StreamResponse()
     answer.content_type = "application/octet-stream"
     answer.content_length = path.stat().st_size
@@ -115,8 +148,14 @@ async def send_download(request: web.Request, path: Path) -> web.StreamResponse:
     await answer.prepare(request)
     if request.method != "HEAD":
         with path.open("rb") as file:
-            while piece := await asyncio.to_thread(file.read, PIECE):
-                await answer.write(piece)
+            try:
+                while piece := await asyncio.to_thread(file.read, PIECE):
+                    await asyncio.wait_for(answer.write(piece), READING_TIME)
+            except TimeoutError:
+                log.warning("Left %s, who did not take a download to its end.", request.remote)
+                if request.transport is not None:
+                    request.transport.abort()
+                return answer
     await answer.write_eof()
     return answer
 
@@ -130,5 +169,5 @@ def read_time(name: str, text: object) -> float | None:
     except ValueError:
         time = math.nan
     if not math.isfinite(time):
-        raise RecordingError(f"{name} = {text.strip()[:20]!r} is no time: give a number of seconds, such as 1.5.")
+        raise RecordingError(f"{name} = {shown(text.strip())} is no time: give a number of seconds, such as 1.5.")
     return time

@@ -10,6 +10,7 @@ from aiohttp import hdrs, web
 from flexlab.analysis.sweep.fields import VariedField, varied_choices, varied_fields
 from flexlab.analysis.sweep.figures import metric_column
 from flexlab.errors import FlexlabError, LabError
+from flexlab.plain_text import visible
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.scenario.choices import TITLES
@@ -20,7 +21,7 @@ from flexlab.server.pages.study_form import LONGEST_RUN, MOST_CANDIDATES, MOST_C
 from flexlab.server.pages.templating import button
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
 from flexlab.server.studies import Study, SweepWish, TuningWish
-from flexlab.server.visitors import keep_visitor, known_visitor_of, visitor_of
+from flexlab.server.visitors import asker_of, keep_visitor, known_visitor_of, visitor_of
 
 FROM_LAB = "lab"
 """What `?from=` says for the lab's present scenario."""
@@ -132,7 +133,7 @@ async def start(request: web.Request) -> web.Response:
         wish = await asyncio.to_thread(read_wish, form, scenario)
         visitor = known_visitor_of(request)
         mine = visitor.id if context.places.is_private else ""
-        study = context.studies.start(mine, str(form.get("name", ""))[:80], wish, visitor.address)
+        study = context.studies.start(asker_of(request), mine, visible(form.get("name", ""), 80), wish)
     except LabError as error:
         return message("Not now", str(error), 503, ALL_STUDIES)
     except FlexlabError as error:

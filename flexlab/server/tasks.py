@@ -6,7 +6,7 @@ import logging
 import multiprocessing
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -16,17 +16,20 @@ from flexlab.control.own_files import know_own_files
 from flexlab.control.own_law_hosts import allowed
 from flexlab.errors import FlexlabError, LabError
 from flexlab.server.child_processes import end_with_the_server, leave_interrupts_to_the_server, without_interrupt
+from flexlab.server.limits import Asker, Limit
 
-AT_ONCE = 2
-"""Errands that run together; they stand back behind labs, so more would only make each slower."""
-MOST_WAITING = 10
-"""Errands that may wait for their turn."""
+AT_ONCE = 3
+"""Tasks that run together, the last of them only for the teacher; they stand back behind labs, so more would only be slower."""
+MOST_OF_ONE, MOST_OF_ADDRESS, MOST = 4, 30, 40
+"""Tasks that run or wait: of one visitor, of one address, and of all visitors."""
+MOST_OF_TEACHER = 10
+"""Beside them."""
 LOW_PRIORITY = 10
 """Unix niceness: the labs must not notice, but a person waits."""
 MOST_MEMORY = 4_000_000_000
-"""Bytes that a job may take: a hostile upload could unpack into any size."""
+"""Bytes that a task may take: a hostile upload could unpack into any size."""
 LONGEST = 600.0
-"""s that a job may take."""
+"""s that a task may take."""
 
 TOO_LARGE = (
     f"This takes more than {MOST_MEMORY / 1e9:g} GB of memory: choose a shorter range of time, or use the command line."
@@ -60,7 +63,7 @@ class Failed:
 def carry_out(
     work: Callable[..., Any], arguments: tuple[Any, ...], reports: bool, own_laws: dict[str, str], pipe: Connection
 ) -> None:
-    """The life of a job's process."""
+    """The life of a task's process."""
     know_own_files(own_laws)
     leave_interrupts_to_the_server()
     end_with_the_server()
@@ -90,33 +93,69 @@ def _limit_memory() -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
 
 
-class Jobs:
-    """All jobs of one server. For its event loop only."""
+class Turns:
+    """Who works now and who waits. One visitor has one turn at a time, and the last one is kept for the teacher."""
 
     def __init__(self) -> None:
-        self._turn = asyncio.Semaphore(AT_ONCE)
-        self._waiting = 0
+        self._working: list[Asker] = []
+        self._waiting: dict[asyncio.Future[None], Asker] = {}
+
+    @contextlib.asynccontextmanager
+    async def turn(self, asker: Asker) -> AsyncGenerator[None]:
+        """Wait for a turn, and hold it."""
+        mine = asyncio.get_running_loop().create_future()
+        self._waiting[mine] = asker
+        self._go_on()
+        try:
+            await mine
+            yield
+        finally:
+            if self._waiting.pop(mine, None) is None:
+                self._working.remove(asker)
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Give free turns away: to the teacher first, then to addresses that have the fewest, then in order."""
+        while ready := [turn for turn, asker in self._waiting.items() if self._may_work(asker)]:
+            turn = min(ready, key=lambda ready: self._rank(self._waiting[ready]))
+            self._working.append(self._waiting.pop(turn))
+            if not turn.done():  # Its asker may just have been cancelled, and gives it back.
+                turn.set_result(None)
+
+    def _may_work(self, asker: Asker) -> bool:
+        if asker.is_teacher:
+            return len(self._working) < AT_ONCE
+        taken = any(other.person == asker.person for other in self._working)
+        visitors = sum(not other.is_teacher for other in self._working)
+        return not taken and visitors < AT_ONCE - 1 and len(self._working) < AT_ONCE
+
+    def _rank(self, asker: Asker) -> tuple[bool, int]:
+        return not asker.is_teacher, sum(other.address == asker.address for other in self._working)
+
+
+class Tasks:
+    """All tasks of one server. For its event loop only."""
+
+    def __init__(self) -> None:
+        self._limit = Limit("tasks", MOST_OF_ONE, MOST_OF_ADDRESS, MOST, MOST_OF_TEACHER)
+        self._turns = Turns()
         self._processes: set[BaseProcess] = set()
 
+    def check(self, asker: Asker) -> None:
+        """Raises `BusyError` if this asker may not begin a task now."""
+        self._limit.check(asker)
+
     async def run(
-        self, work: Callable[..., T], *arguments: Any, on_progress: Callable[[float], None] | None = None
+        self, asker: Asker, work: Callable[..., T], *arguments: Any, on_progress: Callable[[float], None] | None = None
     ) -> T:
         """What `work(*arguments)` gives in a process of its own; with `on_progress` it gets a function `report` too.
 
-        All must be such that processes can pass them to each other. Raises `FlexlabError` as `work` does, and `LabError` if
-        too much is waiting or the process fails. The process ends when the caller is cancelled.
+        All must be such that processes can pass them to each other. Raises `FlexlabError` as `work` does, `BusyError` if too
+        much is going on, and `LabError` if the process fails. The process ends when the caller is cancelled.
         """
-        if self._waiting >= MOST_WAITING:
-            raise LabError(f"{MOST_WAITING} other tasks are waiting for this machine: try again in a minute.")
-        self._waiting += 1
-        try:
-            await self._turn.acquire()
-        finally:
-            self._waiting -= 1
-        try:
-            return await self._run(work, arguments, on_progress)
-        finally:
-            self._turn.release()
+        with self._limit.place(asker):
+            async with self._turns.turn(asker):
+                return await self._run(work, arguments, on_progress)
 
     async def _run(self, work: Callable[..., T], arguments: tuple[Any, ...], on_progress: Any) -> T:
         context = multiprocessing.get_context("spawn")
@@ -124,7 +163,7 @@ class Jobs:
         process = context.Process(
             target=carry_out,
             args=(work, arguments, on_progress is not None, allowed(), other),
-            name="flexlab-job",
+            name="flexlab-task",
             daemon=True,
         )
         # Beside: what is large is handed over only once the process has come up, which takes seconds on a busy machine.
@@ -147,7 +186,7 @@ class Jobs:
             return word.result
         if isinstance(word, Failed):
             raise LabError(word.sentence)
-        log.warning("A job ended unexpectedly (exit code %s).", process.exitcode)
+        log.warning("A task ended unexpectedly (exit code %s).", process.exitcode)
         raise LabError(
             f"This task ended unexpectedly (exit code {process.exitcode}): the run may be too large for this machine."
         )

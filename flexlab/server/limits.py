@@ -1,0 +1,68 @@
+"""How many things of a kind one visitor, one address and all together may have at once; the teacher finds a place beside."""
+
+import contextlib
+from collections.abc import Generator
+from dataclasses import dataclass
+
+from flexlab.errors import LabError
+
+
+class BusyError(LabError):
+    """Too much of something is going on: the same request may be answered later."""
+
+
+@dataclass(frozen=True)
+class Asker:
+    """Who asks for something that costs."""
+
+    visitor: str
+    """The id of their cookie; empty without one."""
+    address: str
+    is_teacher: bool = False
+
+    @property
+    def person(self) -> str:
+        """By what one visitor is told from another: those without a cookie by their address."""
+        return self.visitor or self.address
+
+
+THE_SERVER = Asker("", "", is_teacher=True)
+"""Who asks for what the server does of its own accord."""
+
+
+class Limit:
+    """Bounds one kind of thing. For the server's event loop only."""
+
+    def __init__(self, what: str, of_one: int, of_address: int, of_all: int, for_teacher: int):
+        """`what`: its name, plural. `for_teacher`: so many more of all for who teaches, to whom the other bounds do not apply."""
+        self._what, self._of_one, self._of_address, self._of_all = what, of_one, of_address, of_all
+        self._for_teacher = for_teacher
+        self._taken: list[Asker] = []
+
+    def check(self, asker: Asker) -> None:
+        """Raises `BusyError` if this asker gets no place now."""
+        if asker.is_teacher:
+            bounds = [("This server has", len(self._taken), self._of_all + self._for_teacher)]
+        else:
+            mine = sum(other.person == asker.person for other in self._taken)
+            near = sum(other.address == asker.address for other in self._taken)
+            bounds = [
+                ("You have", mine, self._of_one),
+                ("Your address has", near, self._of_address),
+                ("This server has", len(self._taken), self._of_all),
+            ]
+        for who, taken, most in bounds:
+            if taken >= most:
+                raise BusyError(
+                    f"{who} {taken} {self._what} already, and may have {most}: try again when one has ended."
+                )
+
+    @contextlib.contextmanager
+    def place(self, asker: Asker) -> Generator[None]:
+        """Hold one of the places. Raises `BusyError` if there is none for this asker."""
+        self.check(asker)
+        self._taken.append(asker)
+        try:
+            yield
+        finally:
+            self._taken.remove(asker)

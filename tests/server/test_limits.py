@@ -1,0 +1,274 @@
+"""Nobody takes all: tasks, files, pages, viewers and places in the line are bounded for a visitor and for an address."""
+
+import asyncio
+import contextlib
+import os
+import re
+import shutil
+import socket
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from urllib.parse import urlencode
+
+import pytest
+from http_client import ask, looking, upgrade, wait_until
+from person import FORM, TEACHER, TOKEN, Person
+
+from flexlab.presets import load_preset
+from flexlab.recording.export import export_recording
+from flexlab.recording.reader import read_recording
+from flexlab.recording.recorder import Recorder
+from flexlab.recording.store.notes import write_notes
+from flexlab.recording.store.run_files import list_runs
+from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.labs.lab_provider import FullError
+from flexlab.server.labs.quota import Quota
+from flexlab.server.labs.run_owner import owner_word
+from flexlab.server.labs.waiting_line import MOST_OF_ADDRESS, WaitingLine
+from flexlab.server.limits import THE_SERVER, Asker, BusyError, Limit
+from flexlab.server.pages import run_actions, upload
+from flexlab.server.pages.page_context import MOST_PAGES, MOST_VIEWERS
+from flexlab.server.settings import Settings
+from flexlab.server.tasks import AT_ONCE, MOST_OF_ONE, Turns
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
+    """A class with private labs, live data and a quota."""
+    settings = Settings(
+        logs=tmp_path_factory.mktemp("class"),
+        port=0,
+        private=True,
+        max_sessions=3,
+        max_per_address=3,
+        live=True,
+        shadows=False,
+        token=TOKEN,
+        teacher_token=TEACHER,
+        most_bytes_per_visitor=20e6,
+    )
+    with open_front_server(settings, load_preset("paper"), "paper") as opened:
+        yield opened
+
+
+def runs_of(server: FrontServer, person: Person, recorded: Path, count: int) -> list[str]:
+    """Ids of so many new runs of a person."""
+    paths = [server.settings.logs / f"2025-02-0{k + 1}T12-00-00-{person.owner[:6]}.rrd" for k in range(count)]
+    for path in paths:
+        shutil.copy(recorded, path)
+        shutil.copy(recorded.with_suffix(".json"), path.with_suffix(".json"))
+        write_notes(path, owner=person.owner)
+    return [path.stem for path in paths]
+
+
+def multipart(name: str, content: bytes) -> tuple[bytes, str]:
+    head = f'--x\r\nContent-Disposition: form-data; name="file"; filename="{name}"\r\n\r\n'
+    return head.encode() + content + b"\r\n--x--\r\n", "multipart/form-data; boundary=x"
+
+
+def send_file(person: Person, name: str, content: bytes):
+    body, kind = multipart(name, content)
+    return person.ask("/runs/import", "POST", body, Content_Type=kind)
+
+
+def head_of(person: Person, line: str, **more: str) -> bytes:
+    cookies = "; ".join(f"{name}={value}" for name, value in person.cookies.items())
+    fields = {"Host": f"127.0.0.1:{person.server.port}", "Cookie": cookies, **more}
+    lines = "".join(f"{name.replace('_', '-')}: {value}\r\n" for name, value in fields.items())
+    return f"{line} HTTP/1.1\r\n{lines}\r\n".encode()
+
+
+def files_in(server: FrontServer) -> list[Path]:
+    return [path for path in server.workshop.rglob("*") if path.parent.name.startswith("file-")]
+
+
+def test_a_limit_bounds_a_visitor_an_address_and_all_and_keeps_a_place_for_the_teacher():
+    limit = Limit("things", 2, 3, 4, 1)
+    people = [Asker("a", "1"), Asker("a", "2"), Asker("b", "1"), Asker("c", "1"), Asker("d", "3")]
+    with contextlib.ExitStack() as held:
+        held.enter_context(limit.place(people[0]))
+        held.enter_context(limit.place(people[1]))
+        with pytest.raises(BusyError, match="You have 2 things already, and may have 2"):
+            limit.check(people[0])
+        held.enter_context(limit.place(people[2]))
+        held.enter_context(limit.place(Asker("", "1")))
+        with pytest.raises(BusyError, match="Your address has 3 things"):
+            limit.check(people[3])
+        with pytest.raises(BusyError, match="This server has 4 things"):
+            limit.check(people[4])
+        held.enter_context(limit.place(THE_SERVER))
+        with pytest.raises(BusyError, match="This server has 5"):
+            limit.check(THE_SERVER)
+    limit.check(people[0])
+
+
+def test_turns_go_to_the_teacher_first_and_to_each_visitor_one_at_a_time():
+    order: list[str] = []
+
+    async def work(turns: Turns, name: str, asker: Asker, over: asyncio.Event) -> None:
+        async with turns.turn(asker):
+            order.append(name)
+            await over.wait()
+
+    async def play() -> None:
+        turns, over = Turns(), asyncio.Event()
+        greedy = [work(turns, f"greedy-{k}", Asker("g", "1"), over) for k in range(3)]
+        others = [work(turns, "near", Asker("n", "1"), over), work(turns, "far", Asker("f", "2"), over)]
+        tasks = [asyncio.create_task(each) for each in (*greedy, *others)]
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        assert len(order) == AT_ONCE - 1
+        assert order[0] == "greedy-0"
+        tasks.append(asyncio.create_task(work(turns, "teacher", Asker("t", "1", True), over)))
+        for _ in range(3):
+            await asyncio.sleep(0)
+        assert order[-1] == "teacher", "a turn is kept for who teaches"
+        tasks[1].cancel()
+        over.set()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        assert sorted(order) == ["far", "greedy-0", "greedy-2", "near", "teacher"]
+        async with asyncio.timeout(1), turns.turn(Asker("g", "1")):
+            pass  # Nothing is left taken.
+
+    # Playwright keeps an event loop on this thread.
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(asyncio.run, play()).result()
+
+
+def test_one_address_neither_fills_the_line_nor_goes_first():
+    line = WaitingLine()
+    assert [line.place(f"ghost-{k}", 0, "1") for k in range(MOST_OF_ADDRESS)] == [*range(1, MOST_OF_ADDRESS + 1)]
+    for k in range(150):
+        with pytest.raises(FullError, match="from your address wait"):
+            line.place(f"late-{k}", 0, "1")
+    assert line.place("anna", 0, "2") == 2, "after the first one of the other address"
+    assert line.place("ben", 0, "3") == 3
+    assert line.place("anna", 1, "2") == 2
+    assert line.place("ghost-0", 1, "1") == 0
+    assert line.place("anna", 2, "2") == 0
+
+
+def test_one_visitor_cannot_take_all_tasks_and_the_teacher_s_import_goes_on(server: FrontServer, recorded: Path):
+    ben, anna, teacher = Person(server), Person(server), Person(server, TEACHER)
+    runs = runs_of(server, ben, recorded, 8)
+    (annas,) = runs_of(server, anna, recorded, 1)
+    answers = [ben.post(f"/runs/{run}/replay") for run in runs]
+    assert [answer.status for answer in answers].count(303) <= MOST_OF_ONE + 1, "one may have ended meanwhile"
+    assert answers[-1].status == 503
+    assert "tasks already" in answers[-1].text
+    assert anna.post(f"/runs/{annas}/replay").status == 303
+    table = export_recording(read_recording(recorded), server.workshop / "run.npz")
+    assert send_file(teacher, "run.npz", table.read_bytes()).status == 303
+    for run in (runs[0], annas):
+        person = ben if run in runs else anna
+        wait_until(lambda run=run, person=person: '"good"' in person.ask(f"/runs/{run}/replay").text, "it is replayed")
+
+
+def test_uploads_that_do_not_end_are_few_and_leave_nothing(server: FrontServer, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(upload, "UPLOAD_TIME", 2.0)
+    ben = Person(server)
+    body, kind = multipart("run.csv", b"x" * 1_000_000)
+    head = head_of(ben, "POST /runs/import", Content_Type=kind, Content_Length="900000000")
+    with contextlib.ExitStack() as closing:
+        plugs = [closing.enter_context(socket.create_connection(("127.0.0.1", server.port), 30)) for _ in range(4)]
+        for plug in plugs:
+            plug.sendall(head + body[:500_000])
+        said = [plug.recv(1 << 16) for plug in plugs]
+    assert sum(b"files on their way already" in words for words in said) == 2
+    assert sum(b"took longer than" in words for words in said) == 2
+    wait_until(lambda: not files_in(server), "nothing is left")
+    nothing = ben.ask(
+        "/runs/import", "POST", b"".join([b"5\r\nhello\r\n0\r\n\r\n"]), Content_Type=kind, Content_Length=""
+    )
+    assert nothing.status in (400, 422)
+
+
+def test_an_archive_that_nobody_reads_goes(server: FrontServer, recorded: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(run_actions, "READING_TIME", 1.0)
+    cleo = Person(server)
+    (run,) = runs_of(server, cleo, recorded, 1)
+    os.truncate(server.settings.logs / f"{run}.rrd", 80_000_000)
+    form = urlencode({"run": run, "format": "rrd"})
+    head = head_of(cleo, "POST /runs/export", Content_Type=FORM, Content_Length=str(len(form)))
+    with socket.socket() as plug:
+        plug.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        plug.connect(("127.0.0.1", server.port))
+        plug.sendall(head + form.encode())
+        wait_until(lambda: files_in(server), "the archive is made")
+        wait_until(lambda: not files_in(server), "it goes although nobody read it")
+    (server.settings.logs / f"{run}.rrd").unlink()
+
+
+def test_live_data_of_another_s_lab_are_not_there(server: FrontServer):
+    anna, ben, teacher = Person(server), Person(server), Person(server, TEACHER)
+    path = anna.ask("/lab/").headers["Location"].rstrip("/")
+    live = f"/live/{path.rpartition('/')[2]}.rrd"
+    assert ben.ask(live, "HEAD").status == 404
+    assert anna.ask(live, "HEAD").status == 200
+    assert teacher.ask(live, "HEAD").status == 200
+
+
+def test_without_tokens_too_live_data_need_their_pass(open_another: Callable[..., FrontServer]):
+    server = open_another(private=True, live=True, max_sessions=2, max_per_address=2)
+    answer = ask(server.url, "/lab/")
+    live = f"/live/{answer.headers['Location'].split('/')[2]}.rrd"
+    assert ask(server.url, live, "HEAD").status == 404
+    assert ask(server.url, live, "HEAD", cookies=answer.cookies).status == 200
+    shown = ask(server.url, "/live", cookies=answer.cookies).headers["Location"]
+    assert re.search(r"/pass/[0-9a-f]{64}/live/", shown)
+
+
+def test_one_visitor_opens_some_pages_and_viewers_not_all(server: FrontServer):
+    anna = Person(server)
+    path = anna.ask("/lab/").headers["Location"].rstrip("/")
+    with contextlib.ExitStack() as open_pages:
+        for _ in range(MOST_PAGES[0]):
+            open_pages.enter_context(looking(server.url, path, anna.cookies))
+        assert anna.ask(path, **upgrade()).status == 503
+        assert Person(server, TEACHER).ask(path, **upgrade()).status == 101
+    live = f"/live/{path.rpartition('/')[2]}.rrd"
+    with contextlib.ExitStack() as closing:
+        for _ in range(MOST_VIEWERS[0]):
+            plug = closing.enter_context(socket.create_connection(("127.0.0.1", server.port), 30))
+            plug.sendall(head_of(anna, f"GET {live}"))
+            assert plug.recv(12) == b"HTTP/1.1 200"
+        assert anna.ask(live, "HEAD").status == 503
+    wait_until(lambda: anna.ask(live, "HEAD").status == 200, "a place is free again")
+
+
+def test_a_quota_holds_when_a_lab_is_closed(tmp_path: Path):
+    most, owner = 5e6, owner_word("anna")
+    told: list[str] = []
+    recorder = Recorder(
+        tmp_path, on_problem=told.append, begin_notes=lambda: {"owner": owner}, refusal=Quota(tmp_path, owner, most)
+    )
+    run = simulate(load_preset("paper"), duration=30.0, sample_period=0.001)
+    for number in range(3):
+        recorder.begin_run(number, "paper", run.scenario, World(run.scenario).state())
+        for first in range(0, len(run), 500):
+            take = partial(recorder.take_samples, number, run.slice(first, first + 500), 1.0)
+            wait_until(lambda take=take: take() == 0, "there is room")
+        recorder.end_run(number, run.status)
+    recorder.close()
+    assert told
+    assert all("of the 5 MB that each visitor has" in sentence for sentence in told)
+    written = sum(path.stat().st_size for path in list_runs(tmp_path))
+    assert 3e6 < written < 1.05 * most, "footers alone go beyond"
+
+
+def test_imports_count_for_the_quota(server: FrontServer, recorded: Path):
+    dora = Person(server)
+    (run,) = runs_of(server, dora, recorded, 1)
+    os.truncate(server.settings.logs / f"{run}.rrd", 20_000_000 - recorded.stat().st_size // 2)
+    before = {path.name for path in server.settings.logs.iterdir()}
+    table = export_recording(read_recording(recorded), server.workshop / "run2.npz")
+    for name, content in (("more.rrd", recorded.read_bytes()), ("more.npz", table.read_bytes())):
+        refused = send_file(dora, name, content)
+        assert (refused.status, "of the 20 MB that each visitor has" in refused.text) == (422, True), refused.text
+    assert {path.name for path in server.settings.logs.iterdir()} == before
+    (server.settings.logs / f"{run}.rrd").unlink()
+    assert send_file(dora, "more.rrd", recorded.read_bytes()).status == 303

@@ -1,6 +1,7 @@
 """What browsers tell of themselves: which run they have drawn, which charts they show, whether their system is dark."""
 
 import html
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -21,6 +22,8 @@ PAGE_SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
 """What a page needs to tell it."""
 LONGEST_SILENCE = 10.0
 """s after which a browser that never told anything counts as one that sees whatever it is sent."""
+AGAIN_PERIOD = 1.0
+"""s between two runs that a preset chosen once more begins, whichever browsers ask: each is a recording."""
 
 log = limited(__name__)
 
@@ -66,6 +69,7 @@ class PageReports:
     ):
         """`arrange` lays out a new page whose window is so wide, px; `start_anew` loads the preset that is shown."""
         self._arrange, self._start_anew = arrange, start_anew
+        self._began_anew = -math.inf
         self._pages: dict[int, _Page] = {}
         self._lock = threading.Lock()
         self._mark = server.gui.add_html(_mark(run_number))
@@ -124,7 +128,8 @@ class PageReports:
                 set_theme(client.gui, report.dark)
             if page.report is None:
                 self._arrange(client, report.width)
-            elif report.again > page.report.again:
+            elif report.again > page.report.again and time.monotonic() - self._began_anew >= AGAIN_PERIOD:
+                self._began_anew = time.monotonic()
                 self._start_anew()
             page.report = report
 

@@ -105,3 +105,18 @@ def test_what_a_person_paused_stays_paused(session: Session) -> None:
         attendance.update()
         with pytest.raises(AssertionError):
             wait_until(lambda: session.runner.snapshot.playing, "the lab goes on", 0.5)
+
+
+def test_a_preset_chosen_again_and_again_begins_few_runs(session: Session) -> None:
+    with RawBrowser(session) as browser:
+        report(browser, session, 1)
+        begun = session.runner.snapshot.run_number
+        for again in range(1, 501):
+            said = {"run": 1, "charts": {}, "dark": again == 500, "width": 1440, "again": again}
+            browser.update(way(session), {"value": json.dumps(said)})
+        reports: PageReports = session._drawing._reports  # type: ignore[union-attr]
+        wait_until(lambda: [page.report.again for page in reports._all() if page.report] == [500], "all are heard", 30)
+        asked = session.lab_state._asked
+        session.runner.submit(Reset())
+        wait_until(lambda: session.runner.snapshot.answered > asked, "all is done", 30)
+        assert 2 <= session.runner.snapshot.run_number - begun <= 8, "one at once, one a second, and the reset"

@@ -91,8 +91,10 @@ def _plant(probe: LoopProbe, rest: RestPoint) -> Plant:
     mass = np.stack([probe.momenta(rest.motion.moved(unit[n + k])) - still for k in range(n)], axis=1)
     # Forces are linear in the beam's coordinates and in all rates at rest: a unit step differs by no truncation.
     stiffness = [-fourth_order(force, unit[k], POSE_STEP) for k in range(3)]
-    stiffness += [-central(force, unit[k], 1.0) for k in range(3, n)]
-    damping = [-central(force, unit[n + k], 1.0) for k in range(n)]
+    # But the force along the beam is none of these, and it multiplies the beam's coordinates.
+    size = POSE_STEP if probe.feels_axial_load else 1.0
+    stiffness += [-central(force, unit[k], size) for k in range(3, n)]
+    damping = [-central(force, unit[n + k], size) for k in range(n)]
     free = probe.forces(rest.motion, idle)
     torques = [probe.forces(rest.motion, torque) - free for torque in np.eye(len(rest.torque))]
     return Plant(mass, np.stack(damping, axis=1), np.stack(stiffness, axis=1), np.stack(torques, axis=1))

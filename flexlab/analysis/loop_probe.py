@@ -136,6 +136,18 @@ class LoopProbe:
         return np.concatenate([dy[P : P + 3], dy[ETA + n : ETA + 2 * n]])
 
     @property
+    def feels_axial_load(self) -> bool:
+        """Whether the beam's stiffness depends on the force along it."""
+        return self.system.plant.axial.shape[1] > 0
+
+    def axial_stiffness(self, motion: Motion, torque: np.ndarray) -> np.ndarray:
+        """K_G of a motion under held joint torques (arms · 3,), N·m, in modes, (n_m, n_m)."""
+        self.forces(motion, torque)
+        left, along, spin, _ = self._workspace.axial
+        G0, G1, G2, _ = self.system.plant.axial
+        return left * G0 + along * G1 + spin * G2
+
+    @property
     def line_length(self) -> int:
         """Torques that a sampled law sees: those held until now and those on their way."""
         return len(self._sampling.line)

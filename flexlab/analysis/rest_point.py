@@ -88,9 +88,12 @@ def _hold(probe: LoopProbe, pose: np.ndarray, memory: np.ndarray, desired: np.nd
     weight = probe.forces(straight, np.zeros(3 * probe.arm_count))[3:]
     motion = straight._replace(eta=weight / probe.beam.modes.omega**2)
     torque = np.zeros(3 * probe.arm_count)
-    # A law that looks at the torques in force answers them: its rest is where both agree.
+    # A law that looks at the torques in force answers them, and they press the beam: its rest is where all agree.
     for _ in range(MOST_ROUNDS):
         before, torque = torque, probe.answer(motion, memory, desired, torque)[0]
+        if probe.feels_axial_load:
+            stiffness = np.diag(probe.beam.modes.omega**2) + probe.axial_stiffness(motion, torque)
+            motion = straight._replace(eta=np.linalg.solve(stiffness, weight))
         if np.abs(torque - before).max() <= BALANCED * BALANCED * (1 + np.abs(torque).max()):
             break
     return motion, torque

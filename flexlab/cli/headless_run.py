@@ -56,6 +56,7 @@ class EndedRun:
             "result_hash": self.result_hash,
             "metrics": self.metrics.as_data(),
             "accuracy_warning": self.world.accuracy_warning,
+            "axial_warning": self.world.axial_warning.text,
             "pace_warning": self.world.pace_warning,
             "integrator": self.world.integrator,
             "step": self.world.step,
@@ -92,6 +93,8 @@ def run_and_record(
                 output().print(line)
     if world.accuracy_warning:
         complain(world.accuracy_warning)
+    if world.axial_warning.text:
+        complain(world.axial_warning.text)
     if status.failed:
         complain(status.text)
     return ended

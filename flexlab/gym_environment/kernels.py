@@ -32,7 +32,7 @@ class Variants(NamedTuple):
     """The beams that worlds may have, stacked: what of a system differs with EI."""
 
     modal: np.ndarray
-    """(variants, 8, n_m)."""
+    """(variants, 9, n_m)."""
     damping: np.ndarray
     """(variants, n_m, n_m)."""
     kappa: np.ndarray
@@ -41,6 +41,10 @@ class Variants(NamedTuple):
     """(variants, n_q, n_m)."""
     compliance: np.ndarray
     """(variants, 2)."""
+    buckling_load: np.ndarray
+    """(variants,)."""
+    axial: np.ndarray
+    """(variants, 4, n_m, n_m)."""
     etdrk4: Etdrk4
     """Each array with an axis (variants,) before its own."""
     step_count: np.ndarray
@@ -90,7 +94,8 @@ def begin_worlds(plant, variants, worlds, start, desired, ws):
         v, y = worlds.variant[w], worlds.y[w]
         own = Plant(
             plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
-            variants.kappa[v], variants.V[v], variants.compliance[v], plant.pull,
+            variants.kappa[v], variants.V[v], variants.compliance[v], plant.pull, plant.length,
+            variants.buckling_load[v], variants.axial[v],
         )  # fmt: skip
         for k in range(len(y)):
             y[k] = 0.0
@@ -145,7 +150,8 @@ def step_worlds(
         v, y, held, line = worlds.variant[w], worlds.y[w], worlds.held[w], worlds.line[w]
         own = Plant(
             plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
-            variants.kappa[v], variants.V[v], variants.compliance[v], plant.pull,
+            variants.kappa[v], variants.V[v], variants.compliance[v], plant.pull, plant.length,
+            variants.buckling_load[v], variants.axial[v],
         )  # fmt: skip
         moving = System(own, system.control, system.trajectory, held)
         all_etdrk4 = variants.etdrk4

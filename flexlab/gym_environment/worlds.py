@@ -136,7 +136,7 @@ def _stack(assemblies: list[Assembly]) -> Variants:
     schemes = [assembly.levels.scheme(0).etdrk4 for assembly in assemblies]
     plants = [assembly.system.plant for assembly in assemblies]
     return Variants(
-        *(np.stack([getattr(plant, name) for plant in plants]) for name in Variants._fields[:5]),
+        *(np.stack([getattr(plant, name) for plant in plants]) for name in Variants._fields[:7]),
         etdrk4=Etdrk4(*map(np.stack, zip(*(scheme for scheme in schemes if scheme is not None), strict=True))),
         step_count=np.array([assembly.step_count for assembly in assemblies]),
     )

@@ -6,7 +6,7 @@ Read beside the module docstring of `physics.plant`, which defines the state and
 from flexlab.compiled import compiled, inlined
 from flexlab.numerics.elementary import sin_cos
 from flexlab.physics.arm import arm_configuration
-from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, PULL, WORK, G, H, P, X, hand_of
+from flexlab.physics.plant import AXIAL_WORK, DG, DH, DISSIPATED, ETA, OMEGA2, PULL, WORK, G, H, P, X, hand_of
 
 
 @inlined
@@ -231,7 +231,49 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
         for k in range(n):
             dy[ETA + n + k] += plant.modal[PULL, k] * f2
             power += plant.modal[PULL, k] * f2 * ws.eta_dot[k]
-    dy[WORK], dy[DISSIPATED] = power, dissipation
+    dy[WORK], dy[DISSIPATED], dy[AXIAL_WORK] = power, dissipation, 0.0
+    if plant.axial.shape[1] > 0:
+        given = 0.0
+        for k in range(n):
+            dy[ETA + n + k] -= ws.axial_force[0, k]
+            given -= ws.eta_dot[k] * ws.axial_force[0, k]
+        dy[AXIAL_WORK] = given
+
+
+@inlined
+def hand_load(plant, y, ws):
+    """What a hand at the beam does: along e1 and e2, N, and about the middle, N·m; fills ws.hand with what one on a link does."""
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    f1 = f2 = pull_turn = 0.0
+    for i in range(len(plant.arms)):
+        for a in range(3):
+            ws.hand[i, a] = 0.0
+    hand = hand_of(plant.pull)
+    if hand.stiffness != 0 and hand.arm >= 0:
+        pull_on_link(plant, ws.arm, y, c, s, ws.hand[int(hand.arm)])
+    elif hand.stiffness != 0:
+        fx, fy, deflection = pull_force(plant, y, c, s)
+        f1, f2 = c * fx + s * fy, c * fy - s * fx
+        pull_turn = hand.position * f2 - deflection * f1
+    return f1, f2, pull_turn
+
+
+@inlined
+def pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, pull_turn, u, ws, result):
+    """Fill S ẍ (3,): inputs, arms, -(B11 ẋ + B12 q̇), weight, the pull of `hand_load`, and A12 times what restores the beam."""
+    c, s, v, g = ws.arm.trig[0], ws.arm.trig[1], ws.velocity, plant.gravity
+    w = v[2]
+    for a in range(3):
+        total = 0.0
+        for i in range(len(u)):
+            total += u[i, a] + ws.hand[i, a] - ws.arm.G[i, a]
+            for b in range(3):
+                total -= ws.arm.C[i, a, b] * v[b]
+        result[a] = total
+    inward, sideways = 2 * w * w_bar_rate + f1, w * w * w_bar + h_force + f2
+    result[0] += c * inward - s * sideways
+    result[1] += s * inward + c * sideways - plant.m * g
+    result[2] += g * s * w_bar - 2 * w * eta_eta_dot + g_force + pull_turn
 
 
 @inlined
@@ -242,21 +284,9 @@ def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
     what a hand on a link does.
     """
     n = plant.modal.shape[1]
-    c, s = ws.arm.trig[0], ws.arm.trig[1]
-    v, g = ws.velocity, plant.gravity
-    w = v[2]
+    c, w, g = ws.arm.trig[0], ws.velocity[2], plant.gravity
     block_product(plant.block_start, plant.damping, beam_rate, ws.damping_force)
-    f1 = f2 = pull_turn = 0.0
-    for i in range(len(u)):
-        for a in range(3):
-            ws.hand[i, a] = 0.0
-    hand = hand_of(plant.pull)
-    if hand.stiffness != 0 and hand.arm >= 0:
-        pull_on_link(plant, ws.arm, y, c, s, ws.hand[int(hand.arm)])
-    elif hand.stiffness != 0:
-        fx, fy, deflection = pull_force(plant, y, c, s)
-        f1, f2 = c * fx + s * fy, c * fy - s * fx
-        pull_turn = hand.position * f2 - deflection * f1
+    f1, f2, pull_turn = hand_load(plant, y, ws)
     h_force = g_force = eta_eta_dot = 0.0
     for k in range(n):
         force = (plant.modal[OMEGA2, k] - w * w) * y[ETA + k] + ws.damping_force[k] - plant.modal[PULL, k] * f2
@@ -265,16 +295,11 @@ def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
         h_force += plant.modal[H, k] * force
         g_force += plant.modal[G, k] * force
         eta_eta_dot += y[ETA + k] * ws.eta_dot[k]
-    for a in range(3):
-        total = 0.0
-        for i in range(len(u)):
-            total += u[i, a] + ws.hand[i, a] - ws.arm.G[i, a]
-            for b in range(3):
-                total -= ws.arm.C[i, a, b] * v[b]
-        result[a] = total
-    # -(B11 ẋ + B12 q̇), weight, the pull, and A12 times what restores the beam.
-    inward, sideways = 2 * w * w_bar_rate + f1, w * w * w_bar + h_force + f2
-    result[0] += c * inward - s * sideways
-    result[1] += s * inward + c * sideways - plant.m * g
-    result[2] += g * s * w_bar - 2 * w * eta_eta_dot + g_force + pull_turn
+    if plant.axial.shape[1] > 0:
+        for k in range(n):
+            force = ws.axial_force[0, k]
+            ws.restoring[k] += force
+            h_force += plant.modal[H, k] * force
+            g_force += plant.modal[G, k] * force
+    pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, pull_turn, u, ws, result)
     solve_symmetric(ws.S, result)

@@ -1,12 +1,12 @@
 """Arms and flexible payload together, in modal coordinates and Hamiltonian form (Eqs. 8-16).
 
 State `y` of n_m modes, in this order: pose x (3), its momentum P = ∂T/∂ẋ (3), work done on the system, energy dissipated,
-modal coordinates η (n_m), their momenta π = ∂T/∂η̇ (n_m), the algorithmic accelerations of generalized-alpha (3 + n_m), the
-control law's memory (any length), and the law's own signals as it last gave them (any number). With e1, e2 the axes of the
-virtual link, v = (ẋ0, ẏ0), v1 = v·e1, v2 = v·e2, ω = θ̇:
+work of the axial load, modal coordinates η (n_m), their momenta π = ∂T/∂η̇ (n_m), the algorithmic accelerations of
+generalized-alpha (3 + n_m), the control law's memory (any length), and the law's own signals as it last gave them (any
+number). With e1, e2 the axes of the virtual link, v = (ẋ0, ẏ0), v1 = v·e1, v2 = v·e2, ω = θ̇:
 
     π = η̇ + h v2 + g ω            P = S ẋ + A12 π,   S = M̄1 + M̄2 + A11 - A12 A21   (Schur complement, 3 x 3)
-    π̇ = -Ω²η - Dη̇ + ω²η - h (ω v1 + gravity cos θ)
+    π̇ = -Ω²η - Dη̇ + ω²η - K_G η - h (ω v1 + gravity cos θ)      (K_G: `axial_load`, none of the paper's beam)
     Ṗ = Σ(u_i - Ḡ_i + C̄_iᵀẋ) + ∂(T - U)/∂x of the payload      (as Ṁ_i = C̄_i + C̄_iᵀ)
 
 The elastic potential depends on η alone, so the stiff part of the beam is linear in (η, π) and can be propagated exactly.
@@ -21,7 +21,7 @@ from flexlab.compiled import inlined
 from flexlab.physics.arm import ArmTerms
 from flexlab.physics.law_input import make_law_input
 
-X, P, WORK, DISSIPATED, ETA = 0, 3, 6, 7, 8
+X, P, WORK, DISSIPATED, AXIAL_WORK, ETA = 0, 3, 6, 7, 8, 9
 """First indices of the parts of the state y; π follows η."""
 
 
@@ -31,9 +31,9 @@ def memory_start(plant):
     return ETA + 3 * plant.modal.shape[1] + 3
 
 
-H, G, DH, DG, OMEGA2, MID, BEND, PULL = range(8)
+H, G, DH, DG, OMEGA2, MID, BEND, PULL, FOLLOWS = range(9)
 """Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape where the beam bends
-most (mid-span or the free end), shape at the pulled point N(s)V."""
+most (mid-span or the free end), shape at the pulled point N(s)V, whether the axial load follows the mode (`axial_load`)."""
 
 ON_BEAM = -1.0
 """`Hand.arm` of a hand that holds the beam."""
@@ -77,7 +77,7 @@ class Plant(NamedTuple):
     gravity: float
     """Along -y, m/s²."""
     modal: np.ndarray
-    """(8, n_m), rows as named above."""
+    """(9, n_m), rows as named above."""
     damping: np.ndarray
     """Modal damping D, dense within its blocks, (n_m, n_m)."""
     block_start: np.ndarray
@@ -93,6 +93,13 @@ class Plant(NamedTuple):
     """
     pull: np.ndarray
     """A `Hand`, which commands change in place, (6,)."""
+    length: float
+    """L, m."""
+    buckling_load: float
+    """P_cr, N."""
+    axial: np.ndarray
+    """VᵀGV of `axial_load`, (4, n_m, n_m): G0, G1, G2 and, which commands change in place, G_F; (4, 0, 0): the paper's beam,
+    which does not feel the force along it."""
 
 
 class Workspace(NamedTuple):
@@ -124,6 +131,14 @@ class Workspace(NamedTuple):
     """(n_m,)."""
     damping_force: np.ndarray
     """Dη̇, (n_m,)."""
+    axial: np.ndarray
+    """N_L, a₁, ω² and F₁ of `axial_load`, (4,)."""
+    axial_force: np.ndarray
+    """K_G η, (4, n_m), rows as `axial_load` names them."""
+    axial_inertia: np.ndarray
+    """Scratch of `find_axial_load`, (3, 3)."""
+    axial_acceleration: np.ndarray
+    """Scratch of `find_axial_load`, (3,)."""
     restoring: np.ndarray
     """What pulls η back: -(η̈ + A21 ẍ), (n_m,)."""
     desired: np.ndarray
@@ -182,6 +197,10 @@ def make_workspace(arm_count: int, mode_count: int, memory_size: int = 3, signal
         S=np.zeros((3, 3)),
         eta_dot=np.zeros(mode_count),
         damping_force=np.zeros(mode_count),
+        axial=np.zeros(4),
+        axial_force=np.zeros((4, mode_count)),
+        axial_inertia=np.zeros((3, 3)),
+        axial_acceleration=np.zeros(3),
         restoring=np.zeros(mode_count),
         desired=np.zeros((3, 3)),
         desired_time=np.full(1, np.nan),

@@ -28,7 +28,7 @@ RIGHT = ((213, 94, 0), (230, 159, 0), (204, 121, 167))
 """Shades of the left arm's and of the right arm's three curves."""
 
 
-ENERGIES = ("kinetic_energy", "elastic_energy", "gravity_energy", "input_work", "dissipated_energy")
+ENERGIES = ("kinetic_energy", "elastic_energy", "gravity_energy", "input_work", "axial_work", "dissipated_energy")
 
 
 @dataclass(frozen=True)
@@ -145,16 +145,41 @@ def _plots(arm_count: int) -> tuple[PlotSignal, ...]:
             "energy",
             "Energies",
             " ".join(about(TABLE[name]) for name in ENERGIES),
-            ("kinetic [J]", "elastic [J]", "gravity [J]", "total [J]", "work put in [J]", "damped away [J]"),
-            (BLUE, GREEN, GRAY, PURPLE, ORANGE, VERMILION),
+            (
+                "kinetic [J]",
+                "elastic [J]",
+                "gravity [J]",
+                "total [J]",
+                "work put in [J]",
+                "work of the axial load [J]",
+                "damped away [J]",
+            ),
+            (BLUE, GREEN, GRAY, PURPLE, ORANGE, SKY, VERMILION),
             lambda samples: _columns(
                 samples.kinetic_energy,
                 samples.elastic_energy,
                 samples.gravity_energy,
                 samples.total_energy,
                 samples.input_work,
+                samples.axial_work,
                 samples.dissipated_energy,
             ),
+        ),
+        PlotSignal(
+            "axial_load",
+            "Axial load",
+            about(TABLE["axial_load"]),
+            tuple(f"place {number} [N]" for number in (1, 2, 3, 4)),
+            (BLUE, GREEN, ORANGE, VERMILION),
+            lambda samples: samples.axial_load,
+        ),
+        PlotSignal(
+            "axial_load_share",
+            "Axial load beside P_cr",
+            f"{about(TABLE['axial_load_share'])} {about(TABLE['spin_share'])}",
+            ("compression of P_cr [1]", "stiffness taken by the spin [1]"),
+            (BLUE, VERMILION),
+            lambda samples: _columns(samples.axial_load_share, samples.spin_share),
         ),
     )
 

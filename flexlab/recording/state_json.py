@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from flexlab.physics.plant import AXIAL_WORK
 from flexlab.sim.world_state import Origin, WorldState
 
-LAYOUT, PRESENT_LAYOUT = "layout", 2
+LAYOUT, PRESENT_LAYOUT = "layout", 3
 """Which order the numbers of y have; states of layout 1 do not name it."""
 
 
@@ -43,11 +44,19 @@ def _state(values: Mapping[str, Any]) -> WorldState:
     # What only a newer version keeps is of no use here; what it needs and an older one lacks has a default.
     known = {field.name for field in fields(WorldState)} - {"tick"}
     arrays = {name: np.array(value, float) for name, value in values.items() if name in known}
-    if values.get(LAYOUT, 1) == 1:
+    layout = values.get(LAYOUT, 1)
+    if layout == 1:
         arrays["y"] = from_first_layout(arrays["y"])
+    if layout <= 2:
+        arrays["y"] = from_second_layout(arrays["y"])
     return WorldState(tick=int(values["tick"]), **arrays)
 
 
 def from_first_layout(y: np.ndarray) -> np.ndarray:
-    """A state y of layout 1 in the present one (`physics.plant`): b̂ stood before the energies, and was every law's memory."""
+    """A state y of layout 1 in layout 2: b̂ stood before the energies, and was every law's memory."""
     return np.concatenate([y[:6], y[9:], y[6:9]])
+
+
+def from_second_layout(y: np.ndarray) -> np.ndarray:
+    """A state y of layout 2 in the present one (`physics.plant`), which has the work of the axial load: there was none."""
+    return np.insert(y, AXIAL_WORK, 0.0)

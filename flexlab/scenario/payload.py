@@ -10,6 +10,7 @@ from flexlab.quantities import Count, Number, Part, quantity
 from flexlab.scenario.damping import Damping, NodalDamping
 
 Boundary = Literal["pinned-pinned", "clamped-clamped", "clamped-pinned", "pinned-clamped", "clamped-free"]
+AxialLoad = Literal["none", "first-order"]
 FIXED_COORDINATES = {boundary: len(held) for boundary, held in HELD_COORDINATES.items()}
 """How many of the 2 (n + 1) nodal coordinates each boundary holds at zero."""
 
@@ -40,6 +41,8 @@ class Payload(Part):
     )
     boundary: Boundary = quantity("pinned-pinned", title="Boundary", live="projected")
     damping: Damping = quantity(NodalDamping(), title="Damping")
+    axial_load: AxialLoad = quantity("none", title="Force along the beam")
+    """Whether the beam feels the force along it: "none", as in the paper, or "first-order" (`physics.axial_load`)."""
     mode_count: Count | None = quantity(
         None, title="Modes kept (null: all)", symbol="n_m", unit="1", low=1, high=130, live="projected"
     )

@@ -20,7 +20,7 @@ from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
 from flexlab.sim.row_survey import Survey, survey_rows
-from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM
+from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, SPIN_SHARE
 from flexlab.sim.world_state import WorldState
 
 LOOKS = (0, 1, 2, 5, 8, 17, 32, 65)
@@ -196,6 +196,13 @@ def jumped(estimate: Estimate, tick: int) -> Estimate:
 def survey(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> tuple[Survey, float, int]:
     """As `survey_rows`, of `rows` (N ≥ 1, row length), the samples after the newest one."""
     return survey_rows(estimate.seen, len(assembly.scenario.arms), rows, estimate.change)
+
+
+def note_load(old: Estimate, row: np.ndarray) -> Estimate:
+    """The estimate with the load along the beam of one more sample seen."""
+    seen = old.seen
+    pressed, spun = max(seen.load_share, float(row[LOAD_SHARE])), max(seen.spin_share, float(row[SPIN_SHARE]))
+    return old._replace(seen=seen._replace(load_share=pressed, spin_share=spun))
 
 
 def note_survey(old: Estimate, seen: Survey, looked_at: float) -> Estimate:

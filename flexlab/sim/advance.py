@@ -6,10 +6,10 @@ from flexlab.compiled import compiled, inlined
 from flexlab.physics.arm import NOT_A_NUMBER
 from flexlab.physics.dynamics import beam_is_held
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
-from flexlab.physics.plant import BEND, DISSIPATED, ETA, WORK
+from flexlab.physics.plant import AXIAL_WORK, BEND, DISSIPATED, ETA, WORK
 from flexlab.sim.closed_loop import law_places, rates
 from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration, note_beginning
-from flexlab.sim.integrators.etdrk4 import FREE
+from flexlab.sim.integrators.etdrk4 import FREE, bend_flow
 from flexlab.sim.integrators.scheme import STATE
 from flexlab.sim.integrators.step import rates_row, stage_count, stage_instant, take_stage
 from flexlab.sim.sampled_control import act_at_instant
@@ -32,7 +32,7 @@ RUNAWAY = 1e9
 @inlined
 def diverged(system, y):
     """Whether any of the pose, momentum, energy and memory states is not finite or out of all bounds."""
-    for i in range(DISSIPATED + 1):
+    for i in range(ETA):
         if not abs(y[i]) < RUNAWAY:
             return True
     start, end = law_places(system)
@@ -46,7 +46,7 @@ def diverged(system, y):
 def energy_beyond_work(plant, y, ws):
     """Energy of arms and payload less the work done on them, J, after `find_state` of y: what it loses is dissipated."""
     stored = kinetic_energy(y, ws.velocity, ws.eta_dot) + elastic_energy(plant, y)
-    return stored + gravity_energy(plant, ws.arm, y, ws.w_bar[0]) - y[WORK]
+    return stored + gravity_energy(plant, ws.arm, y, ws.w_bar[0]) - y[WORK] - y[AXIAL_WORK]
 
 
 @inlined
@@ -122,6 +122,7 @@ def advance(
                     if stepped:
                         y[DISSIPATED] += before - unspent
                 if code == 0 and flows and stepped:
+                    bend_flow(system.plant, etdrk4, ws)
                     end_flow(system.plant, etdrk4.flow, dt, ws.stage[FREE], y, ws)
                     if j == 0:
                         since = ETA + 2 * n + TICKS

@@ -9,6 +9,7 @@ from flexlab.control.law import BOUND_ESTIMATES, law_of
 from flexlab.control.law_kernels import Control
 from flexlab.control.load_sharing import BelievedPayload
 from flexlab.control.observers.believed_plant import arm_records
+from flexlab.physics.axial_load import buckling_load, followed, geometric_matrices, in_modes
 from flexlab.physics.beam import (
     BeamMatrices,
     BeamModes,
@@ -29,6 +30,8 @@ class Beam(NamedTuple):
     modes: BeamModes
     kappa: np.ndarray
     """hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g over all modes, (3,)."""
+    axial: np.ndarray
+    """As `Plant.axial`, without a hand."""
 
 
 def build_beam(payload: Payload) -> Beam:
@@ -38,7 +41,16 @@ def build_beam(payload: Payload) -> Beam:
     h, g = V.T @ matrices.h, V.T @ matrices.g
     kept = slice(0, payload.mode_count)
     omega, V = omega[kept], V[:, kept]
-    return Beam(matrices, beam_modes(omega, V, payload.damping.modal(omega, V)), np.array([h @ h, h @ g, g @ g]))
+    modes = beam_modes(omega, V, payload.damping.modal(omega, V))
+    return Beam(matrices, modes, np.array([h @ h, h @ g, g @ g]), _axial(payload, modes.V))
+
+
+def _axial(payload: Payload, V: np.ndarray) -> np.ndarray:
+    """`Plant.axial` of a payload with these modes (n_q, n_m)."""
+    if payload.axial_load == "none":
+        return np.zeros((4, 0, 0))
+    matrices = geometric_matrices(payload.length, payload.linear_density, payload.element_count, payload.boundary)
+    return np.stack([*(in_modes(G, V) for G in matrices), np.zeros((V.shape[1], V.shape[1]))])
 
 
 def _matrices(payload: Payload, length: float = 1, density: float = 1) -> BeamMatrices:
@@ -60,26 +72,28 @@ def nodal_damping_matrix(beam: Beam) -> np.ndarray:
 
 def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) -> Plant:
     """Arms and payload of a scenario; `arms`: their records, if they are known."""
-    payload, (matrices, modes, _) = scenario.payload, beam
+    payload, (matrices, modes, *_) = scenario.payload, beam
     h, g = modes.V.T @ matrices.h, modes.V.T @ matrices.g
     middle = payload_row(payload, 0.0)
     bend = np.linalg.solve(matrices.K_F, np.stack([matrices.h, matrices.g], axis=1))
     loosest = middle if len(scenario.arms) == 2 else payload_row(payload, payload.length / 2)
-    modal = np.stack(
-        [h, g, modes.D @ h, modes.D @ g, modes.omega**2, modes.V.T @ middle, modes.V.T @ loosest, np.zeros_like(h)]
-    )
+    shapes = (modes.V.T @ middle, modes.V.T @ loosest, np.zeros_like(h))
+    rows = [h, g, modes.D @ h, modes.D @ g, modes.omega**2, *shapes, followed(modes.omega, modes.D)]
     return Plant(
         arms=arm_records(scenario.arms, payload.length) if arms is None else arms,
         m=matrices.m,
         I=matrices.I,
         gravity=scenario.gravity,
-        modal=modal,
+        modal=np.stack(rows),
         damping=modes.D,
         block_start=modes.block_start,
         kappa=np.array([h @ h, h @ g, g @ g]),
         V=modes.V,
         compliance=-middle @ bend,
         pull=np.array(NO_HAND),
+        length=payload.length,
+        buckling_load=buckling_load(payload.length, payload.bending_stiffness, payload.boundary),
+        axial=beam.axial.copy(),
     )
 
 

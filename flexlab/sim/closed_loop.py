@@ -10,6 +10,7 @@ from flexlab.control.bending_feedforward import feed_forward_bending
 from flexlab.control.law_kernels import Control, control_law
 from flexlab.control.motion import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
+from flexlab.physics.axial_load import find_axial_load, has_axial_load
 from flexlab.physics.dynamics import find_velocities, momentum_rates
 from flexlab.physics.plant import G, Plant, Workspace, make_workspace, memory_start, state_size
 
@@ -132,6 +133,8 @@ def rates(system, t, y, ws, dy, whole):
     code = find_state(system, t, y, ws)
     if code != 0:
         return code
+    if has_axial_load(system.plant):
+        find_axial_load(system.plant, y, ws)
     momentum_rates(system.plant, y, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, dy, whole)
     start = memory_start(system.plant)
     for a in range(system.control.memory_size):

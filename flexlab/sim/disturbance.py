@@ -4,7 +4,9 @@ import numpy as np
 
 from flexlab.errors import ScenarioError
 from flexlab.numerics.elementary import sin_cos
-from flexlab.physics.plant import ETA, NO_HAND, ON_BEAM, PULL, Hand, P, Plant, forget_rates
+from flexlab.physics.axial_load import HAND, in_modes, part_beyond
+from flexlab.physics.dynamics import velocities_at
+from flexlab.physics.plant import ETA, NO_HAND, ON_BEAM, PULL, Hand, P, Plant, Workspace, forget_rates
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam, payload_row
 from flexlab.sim.commands import Pull, Tap
@@ -62,13 +64,20 @@ def without_hand(plant: Plant) -> Plant:
     """The plant with arrays of its own where a hand may pull, and none that does."""
     modal = plant.modal.copy()
     modal[PULL] = 0.0
-    return plant._replace(modal=modal, pull=np.array(NO_HAND))
+    return plant._replace(modal=modal, pull=np.array(NO_HAND), axial=plant.axial.copy())
 
 
 def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:
     """Make the modes' shapes at the pulled point match `plant.pull`; none while no hand holds the beam."""
     hand = Hand(*plant.pull)
     plant.modal[PULL] = beam.modes.V.T @ payload_row(payload, hand.position) if hand.arm == ON_BEAM else 0.0
+    if payload.axial_load != "none" and hand.arm == ON_BEAM and hand.stiffness > 0:
+        plant.axial[HAND] = beyond(payload, beam, hand.position)
+
+
+def beyond(payload: Payload, beam: Beam, s: float) -> np.ndarray:
+    """VᵀG_F V of a hand at s, m, (n_m, n_m)."""
+    return in_modes(part_beyond(payload.length, payload.element_count, payload.boundary, s), beam.modes.V)
 
 
 def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None:
@@ -86,3 +95,27 @@ def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None
     y[P + 2] += command.beam_position * across - deflection * along
     y[ETA + n : ETA + 2 * n] += shape * across
     forget_rates(y, n)
+
+
+def apply_axial_impulse(
+    plant: Plant, payload: Payload, beam: Beam, before: np.ndarray, y: np.ndarray, ws: Workspace, command: Tap
+) -> None:
+    """Let the beam feel the part of a tap along it: π -= ∫K_G dt η, in place. `before`: the state y before the tap.
+
+    The impulse's own ∫N dt is J_L + ρ Δv₁ (s + L/2) - J₁ [s > s_tap], with Δv₁ what the link's middle gained along e₁ and J_L
+    what the left arm's inertia took; of a single arm J_L = J₁ - m Δv₁.
+    """
+    velocities_at(plant, before, ws)
+    gained = -ws.velocity.copy()
+    velocities_at(plant, y, ws)
+    gained += ws.velocity
+    n, (c, s) = len(beam.modes.omega), ws.arm.trig
+    along, tapped = c * gained[0] + s * gained[1], c * command.impulse[0] + s * command.impulse[1]
+    left = tapped - plant.m * along
+    if len(plant.arms) > 1:
+        by_arm = [sum(ws.arm.M[0, a, b] * gained[b] for b in range(3)) for a in range(2)]
+        left = c * by_arm[0] + s * by_arm[1]
+    G0, G1, _, _ = plant.axial
+    impulse = left * G0 + along * G1 - tapped * beyond(payload, beam, command.beam_position)
+    for row, eta in zip(impulse, y[ETA : ETA + n], strict=True):
+        y[ETA + n : ETA + 2 * n] -= row * eta

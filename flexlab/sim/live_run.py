@@ -41,12 +41,14 @@ class LiveRun:
         self.dropped = 0
         """Samples that consumers could not take."""
         self.pace_warning = self._accuracy_warning = ""
+        self._axial_level = 0
 
     def begin(self, world: World, name: str) -> None:
         """Make `world` the current run and tell the consumers, its present sample included."""
         self.world, self.name, self.start_time = world, name, world.time
         self.number += 1
         self.dropped, self.pace_warning, self._accuracy_warning = 0, "", world.accuracy_warning
+        self._axial_level = world.axial_warning.level
         self.events.clear()
         self.history = History(world.row_length, len(world.scenario.arms), own_signals(world.scenario))
         self.latest = self.previous = world.observe()
@@ -66,7 +68,7 @@ class LiveRun:
         world = self.world
         if world.status.failed:
             return world.status
-        return Status("finished", f"Ended at t = {world.time:.3f} s. {world.accuracy_warning}".rstrip(), world.time)
+        return Status("finished", f"Ended at t = {world.time:.3f} s. {world.warnings}".rstrip(), world.time)
 
     def take_rows(self, rows: np.ndarray, speed: float) -> None:
         """Hand out the samples by which the world has moved, and say what it warns of. `speed`: simulated over wall time."""
@@ -74,6 +76,10 @@ class LiveRun:
         if self.world.accuracy_warning != self._accuracy_warning:
             self._accuracy_warning = self.world.accuracy_warning
             self.say(self._accuracy_warning, "warning")
+        axial = self.world.axial_warning
+        if axial.level > self._axial_level:
+            self.say(axial.text, "warning")
+        self._axial_level = axial.level
         self._announce_pace()
 
     def take_on_change(self) -> None:

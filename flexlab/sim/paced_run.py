@@ -164,6 +164,7 @@ class PacedRun:
             start_time=run.start_time,
             waiting=self.pacing.waiting,
             accuracy_warning=world.accuracy_warning,
+            axial_warning=world.axial_warning.text,
             pace_warning=run.pace_warning,
             answered=answered,
         )

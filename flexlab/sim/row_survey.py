@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import compiled
-from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM, TORQUE
+from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, SPIN_SHARE, TORQUE
 
 JUMP, LEAST_JUMP = 1.5, 0.05
 """A tick in which a torque changes by more than the first times what it did in any tick that was looked at, and by more than
@@ -21,6 +21,10 @@ class Survey(NamedTuple):
     """Largest torque, N·m."""
     torque: np.ndarray | None = None
     """Joint torques of the newest sample, N·m, (3 arms,); None: of none yet."""
+    load_share: float = 0.0
+    """Largest compression of the beam beside its buckling load, 1."""
+    spin_share: float = 0.0
+    """Most that the spin took of the linear beam's stiffness, 1."""
 
 
 def survey_rows(before: Survey, arm_count: int, rows: np.ndarray, looked_at: float) -> tuple[Survey, float, int]:
@@ -34,7 +38,12 @@ def survey_rows(before: Survey, arm_count: int, rows: np.ndarray, looked_at: flo
     peak, strongest, change, jump = _survey(
         rows, arm_count, before.torque is not None, torque, before.peak, before.strongest, looked_at
     )
-    return Survey(peak, strongest, torque), change, jump
+    pressed, spun = rows[:, LOAD_SHARE].max(), rows[:, SPIN_SHARE].max()
+    return (
+        Survey(peak, strongest, torque, max(before.load_share, float(pressed)), max(before.spin_share, float(spun))),
+        change,
+        jump,
+    )
 
 
 @compiled

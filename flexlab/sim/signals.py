@@ -17,15 +17,18 @@ from flexlab.compiled import inlined
 from flexlab.control.law import law_of, laws
 from flexlab.control.sliding_surface import sliding_variable
 from flexlab.physics.arm import joint_angles, joint_torques
-from flexlab.physics.dynamics import acceleration
+from flexlab.physics.axial_load import SPIN, axial_load_at, axial_terms, first_stiffness, largest_compression
+from flexlab.physics.dynamics import acceleration, hand_load
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
 from flexlab.physics.internal_force import internal_forces
-from flexlab.physics.plant import DISSIPATED, ETA, MID, WORK, memory_start
+from flexlab.physics.plant import AXIAL_WORK, DISSIPATED, ETA, MID, WORK, memory_start
 from flexlab.physics.quasi_static import quasi_static_deflection
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Axis, Signal, numbered
 
 POSE_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m", "m", "rad"), ("m/s", "m/s", "rad/s"), ("m/s²", "m/s²", "rad/s²")
+GAUGES = 4
+"""Places at which the axial load is told."""
 FORCE_UNITS = ("N", "N", "N·m")
 
 
@@ -98,6 +101,24 @@ class Signals:
     gravity_energy: np.ndarray = row("U_g", "J", "potential energy of weight, zero at y = 0")
     input_work: np.ndarray = row("∫ P dt", "J", "work of motors and of pulls")
     dissipated_energy: np.ndarray = row("∫ q̇ᵀ D q̇ dt", "J", "energy that the beam's damping took", computed_since=2)
+    axial_work: np.ndarray = row("-∫ q̇ᵀ K_G q dt", "J", "work of the axial load on the beam's bending", since=2)
+    axial_load: np.ndarray = row(
+        "N(s_j)",
+        "N",
+        "force along the beam at four places, left to right, tension positive: the gauges' places of `physics.strain_gauges`",
+        numbered(GAUGES),
+        equation="N_L + ρ a₁ (s + L/2) + ½ρω²(L²/4 - s²)",
+        since=2,
+    )
+    axial_load_share: np.ndarray = row(
+        "-min N/P_cr", "1", "largest compression beside the beam's buckling load", equation="P_cr = c π²EI/L²", since=2
+    )
+    spin_share: np.ndarray = row(
+        "ω²/ω₁²",
+        "1",
+        "what the spin takes of the linear beam's stiffness, of its first mode: at 1 none is left",
+        since=2,
+    )
     saturated: np.ndarray = row("sat", "1", "whether any joint torque stands at its limit, 1 or 0")
 
     @derived("w - w_qs", "m", since=2)
@@ -162,6 +183,16 @@ ANGLE, TORQUE, INPUT, INTERNAL = (
 MIDSPAN, QUASI_STATIC = COLUMN["midspan_deflection"], COLUMN["quasi_static_deflection"]
 KINETIC, ELASTIC, GRAVITY = COLUMN["kinetic_energy"], COLUMN["elastic_energy"], COLUMN["gravity_energy"]
 INPUT_WORK, DISSIPATION = COLUMN["input_work"], COLUMN["dissipated_energy"]
+WORK_ALONG, LOAD = COLUMN["axial_work"], COLUMN["axial_load"]
+LOAD_SHARE, SPIN_SHARE = COLUMN["axial_load_share"], COLUMN["spin_share"]
+
+PLACES = (
+    -0.25 * (1 + 3**-0.5),
+    -0.25 * (1 - 3**-0.5),
+    0.25 * (1 - 3**-0.5),
+    0.25 * (1 + 3**-0.5),
+)
+"""s/L at which the axial load is told: `strain_gauges.gauge_places`, to the last bit on every machine."""
 
 AT_LIMIT = 1e-9
 """Relative distance from its limit at which a torque counts as standing there: the rounding of turning τ into u and back."""
@@ -196,11 +227,24 @@ def write_sample(system, t, y, beam_rate, ws, row):
     row[KINETIC] = kinetic_energy(y, ws.velocity, ws.eta_dot)
     row[ELASTIC] = elastic_energy(plant, y)
     row[GRAVITY] = gravity_energy(plant, ws.arm, y, ws.w_bar[0])
-    row[INPUT_WORK], row[DISSIPATION] = y[WORK], y[DISSIPATED]
+    row[INPUT_WORK], row[DISSIPATION], row[WORK_ALONG] = y[WORK], y[DISSIPATED], y[AXIAL_WORK]
+    _write_axial_load(plant, y, x_ddot, ws, row)
     _write_beam(plant, y, beam_rate, row)
     own, first = memory_start(plant) + system.control.memory_size, len(row) - system.control.signal_count
     for k in range(system.control.signal_count):
         row[first + k] = y[own + k]
+
+
+@inlined
+def _write_axial_load(plant, y, x_ddot, ws, row):
+    """Write N at its places and what it and the spin are beside what the beam bears."""
+    along, _, _ = hand_load(plant, y, ws)
+    terms = ws.axial
+    axial_terms(plant, x_ddot, along, ws.u, ws, terms)
+    for j in range(GAUGES):
+        row[LOAD + j] = axial_load_at(plant, terms, PLACES[j] * plant.length)
+    row[LOAD_SHARE] = largest_compression(plant, terms) / plant.buckling_load
+    row[SPIN_SHARE] = terms[SPIN] / first_stiffness(plant)
 
 
 @inlined

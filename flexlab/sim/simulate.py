@@ -59,8 +59,8 @@ def simulate(
 
 
 def finished(world: World) -> Status:
-    """The status of a run that ended as it should; its sentence says if results were no longer accurate."""
-    return Status("finished", f"Finished at t = {world.time:g} s. {world.accuracy_warning}".rstrip(), world.time)
+    """The status of a run that ended as it should; its sentence says how far results are not to be believed."""
+    return Status("finished", f"Finished at t = {world.time:g} s. {world.warnings}".rstrip(), world.time)
 
 
 def _check_commands(commands: Sequence[tuple[float, WorldCommand]]) -> None:

@@ -26,6 +26,8 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
     """
     if motion.status.failed:
         return 0
+    if motion.estimate.seen.torque is None:
+        _note_present_load(motion)
     before, estimate, done, code = state_of(motion), motion.estimate, 0, 0
     while done < len(rows) and code == 0:
         part = rows[done : done + accuracy.ticks_to_check(motion.estimate, motion.tick)]
@@ -50,6 +52,13 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
         rate = motion.workspace.velocity
         motion.status = runtime_fault(motion.assembly, code, motion.y[:3], rate, motion.time, motion.tick_period)
     return done
+
+
+def _note_present_load(motion: Motion) -> None:
+    """Note how the beam is pressed and spun where the motion begins: samples to come say the rest."""
+    row = np.zeros(motion.row_length)
+    observe(motion, row)
+    motion.estimate = accuracy.note_load(motion.estimate, row)
 
 
 def _go_back(motion: Motion, state: WorldState, estimate: accuracy.Estimate) -> None:

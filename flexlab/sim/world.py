@@ -11,11 +11,12 @@ from flexlab.physics.plant import ETA
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.assembly import Assembly
+from flexlab.sim.axial_warning import AxialWarning, axial_warning
 from flexlab.sim.build import Beam
 from flexlab.sim.carry_over import take_on
 from flexlab.sim.closed_loop import System
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
-from flexlab.sim.disturbance import apply_pull, apply_tap
+from flexlab.sim.disturbance import apply_axial_impulse, apply_pull, apply_tap
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.motion import begin_motion, restore, state_of
 from flexlab.sim.pace import pace_warning
@@ -74,6 +75,16 @@ class World:
     def accuracy_warning(self) -> str:
         """Since when and why results are no longer accurate, a sentence; empty: they are."""
         return self._motion.estimate.warning
+
+    @property
+    def axial_warning(self) -> AxialWarning:
+        """What the force along the beam, or its spin, did beyond what the model of the beam holds."""
+        return axial_warning(self.scenario.payload, self._motion.estimate.seen)
+
+    @property
+    def warnings(self) -> str:
+        """All that is to be said of how far results are to be believed, as sentences; empty: nothing."""
+        return f"{self.accuracy_warning} {self.axial_warning.text}".strip()
 
     @property
     def pace_warning(self) -> str:
@@ -178,7 +189,12 @@ class World:
         if isinstance(command, Pull):
             apply_pull(assembly.system.plant, motion.scenario, assembly.beam, command)
         else:
+            plant, before = assembly.system.plant, motion.y.copy()
             apply_tap(motion.scenario.payload, assembly.beam, motion.y, command)
+            if motion.scenario.payload.axial_load != "none":
+                apply_axial_impulse(
+                    plant, motion.scenario.payload, assembly.beam, before, motion.y, motion.workspace, command
+                )
         motion.estimate = accuracy.disturbed(motion.estimate, assembly, motion.tick)
         return False
 

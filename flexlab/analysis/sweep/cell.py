@@ -79,7 +79,7 @@ def _run(plan: Plan, number: int, beams: KnownBeams) -> Cell:
         return Cell(number, values, str(world.status), world.status.text, None)
     beams.note(world.assembly)
     shown = tuple(None if row.value != row.value else row.value for row in metrics.compute().rows)
-    return Cell(number, values, "finished", world.accuracy_warning, shown)
+    return Cell(number, values, "finished", world.warnings, shown)
 
 
 def measure(world: World, ticks: int) -> MetricCollection:

@@ -50,8 +50,8 @@ def checks(runs: Runs) -> Iterator[Check]:
 
 
 def imbalance(run: Run) -> float:
-    """Largest |ΔE - ∫(power in - dissipation)|, J."""
-    gained, work, lost = run.total_energy, run.input_work, run.dissipated_energy
+    """Largest |ΔE - ∫(power in, that of the axial load too, - dissipation)|, J."""
+    gained, work, lost = run.total_energy, run.input_work + run.axial_work, run.dissipated_energy
     return float(np.abs((gained - gained[0]) - (work - work[0]) + (lost - lost[0])).max())
 
 

@@ -87,6 +87,8 @@ def _warnings(snapshot: Snapshot) -> list[str]:
         warnings.append(snapshot.status.text)
     if snapshot.accuracy_warning:
         warnings.append(snapshot.accuracy_warning)
+    if snapshot.axial_warning:
+        warnings.append(snapshot.axial_warning)
     payload = snapshot.scenario.payload
     bending = peak_deflection(payload, snapshot.latest.beam_coordinates[0]) / payload.length
     if bending > LARGE_DEFLECTION:

@@ -153,6 +153,15 @@ ELASTIC = Plot(
     0.01,
     positive=True,
 )
+AXIAL_LOAD = Plot(
+    "Axial load beside P_cr",
+    ("compression (%)", "stiffness taken by the spin (%)"),
+    (colors.VIOLET, colors.OLIVE),
+    lambda _, samples: 100 * np.stack([samples.axial_load_share, samples.spin_share]),
+    1.0,
+    positive=True,
+    note="At 100 % of compression this beam buckles; at 100 % of spin the paper's beam has no stiffness left.",
+)
 LYAPUNOV = Plot(
     "Lyapunov function, tracking part ½ sᵀM̄s",
     ("V (mJ)",),
@@ -171,7 +180,7 @@ def tabs(scenario: Scenario) -> dict[str, tuple[Plot, ...]]:
     estimates = (ESTIMATES,) if BOUND_ESTIMATES in law_of(scenario.controller).memory else ()
     return {
         "Motion": (ERROR, DEFLECTION, INTERNAL_FORCE),
-        "Torques": torques,
+        "Torques": (*torques, AXIAL_LOAD),
         "Control": (SLIDING, *estimates, *map(_own_plot, own_signals(scenario))),
         "Energy": (ENERGY, ELASTIC, LYAPUNOV),
     }

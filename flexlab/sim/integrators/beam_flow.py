@@ -4,12 +4,12 @@ A Runge-Kutta sum knows η̇ = π - h v2 - g ω to the order of the step; dampin
 10⁹ 1/s, so that a force Dη̇ or a power η̇ᵀDη̇ made from it means nothing for modes that are damped faster than the step. In
 the frame of the virtual link the beam is linear, with b = (v̇2 + ω v1 + gravity cos θ, ω̇) and C = (h, g):
 
-    η̈ + Dη̇ + Ω²η = f - C b(s),   b = b0 + b1 s,   f: centrifugal force, constant over the step.
+    η̈ + Dη̇ + Ω²η = f - C b(s),   b = b0 + b1 s,   f: centrifugal force, constant over the step, and -K_G η, linear in it.
 
 b follows from the velocities at a step's beginning, middle and end (the first two moments of v̇2 and ω̇, so that the loss has
 the order of Simpson's rule). With η* = Ω⁻²(f - C b) and E(s) = ½|η̇|² + ½(η - η*)ᵀΩ²(η - η*) the loss of that motion is
 
-    ∫η̇ᵀDη̇ ds = E(0) - E(h) - b1ᵀCᵀΩ⁻²(Δη̇ + DΔη),
+    ∫η̇ᵀDη̇ ds = E(0) - E(h) + (f1 - C b1)ᵀΩ⁻²(Δη̇ + DΔη),      f1: slope of f,
 
 whatever the stiffness of a mode: no mode is too fast for it. It is not the defect of the balance of energies: nothing in it
 comes from the new state that the integrator finds. Only while a hand holds the beam, whose force is not among these, the loss is
@@ -24,7 +24,9 @@ as after a start, the parabola misses the line by as much at both ends.
 import numpy as np
 
 from flexlab.compiled import inlined
-from flexlab.physics.dynamics import acceleration, beam_is_held, solve_symmetric
+from flexlab.physics.axial_load import END, NOW, SCRATCH, has_axial_load
+from flexlab.physics.axial_load import START as BEFORE
+from flexlab.physics.dynamics import acceleration, beam_is_held, block_product, solve_symmetric
 from flexlab.physics.plant import DISSIPATED, ETA, OMEGA2, G, H
 
 ROWS = 19
@@ -89,6 +91,10 @@ def begin_flow(plant, y, ws):
     for k in range(n):
         kept[k], kept[n + k] = y[ETA + k], ws.eta_dot[k]
         kept[2 * n + k] = w * w * y[ETA + k] - plant.modal[H, k] * lift
+    if has_axial_load(plant):
+        for k in range(n):
+            ws.axial_force[BEFORE, k] = ws.axial_force[NOW, k]
+            kept[2 * n + k] -= ws.axial_force[NOW, k]
 
 
 @inlined
@@ -113,7 +119,7 @@ def end_flow(plant, flow, dt, free, y, ws):
     b[0], b[1] = lateral + dt / 2 * lateral_slope + kept[START + 2], turn + dt / 2 * turn_slope
     lateral, turn = lateral - dt / 2 * lateral_slope, turn - dt / 2 * turn_slope
     kept[LINE], kept[LINE + 1] = lateral + kept[START + 2], turn
-    loss = 0.0
+    loss, axial = 0.0, has_axial_load(plant)
     for k in range(n):
         h, g, stiffness = plant.modal[H, k], plant.modal[G, k], plant.modal[OMEGA2, k]
         eta = free[ETA + k] + lateral * flow[0, k] + lateral_slope * flow[2, k] + turn * flow[4, k]
@@ -121,6 +127,9 @@ def end_flow(plant, flow, dt, free, y, ws):
         rate[k] = free[ETA + n + k] - h * first - g * kept[START + 1]
         rate[k] += lateral * flow[1, k] + lateral_slope * flow[3, k] + turn * flow[5, k] + turn_slope * flow[7, k]
         slope = h * lateral_slope + g * turn_slope
+        if axial:
+            slope += (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) / dt
+            ws.axial_force[SCRATCH, k] = eta - kept[k]
         u_0 = kept[k] - (kept[2 * n + k] - h * lateral - g * turn) / stiffness
         u_1 = eta - kept[k] + dt * slope / stiffness
         gain = rate[k] - kept[n + k]
@@ -128,6 +137,11 @@ def end_flow(plant, flow, dt, free, y, ws):
         loss -= (lateral_slope * flow[DAMPED, k] + turn_slope * flow[DAMPED + 1, k]) * (eta - kept[k])
         if flow[FAST, k] == 0:
             rate[k] = ws.eta_dot[k]
+    if axial:
+        block_product(plant.block_start, plant.damping, ws.axial_force[SCRATCH], ws.damping_force)
+        for k in range(n):
+            turned = ws.axial_force[END, k] - ws.axial_force[BEFORE, k]
+            loss -= turned / dt / plant.modal[OMEGA2, k] * ws.damping_force[k]
     y[DISSIPATED] += loss
 
 

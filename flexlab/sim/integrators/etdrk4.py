@@ -19,6 +19,7 @@ from functools import cache
 import numpy as np
 
 from flexlab.compiled import inlined
+from flexlab.physics.axial_load import END, NOW, START, has_axial_load
 from flexlab.physics.dynamics import beam_is_held
 from flexlab.physics.plant import ETA, memory_start
 from flexlab.sim.integrators.beam_flow import MIDDLE, begin_flow, flow_rows, note_grips
@@ -184,7 +185,8 @@ def add_rates(plant, etdrk4, function, z, out):
     """out += the matrix function of this name times rates z, on the beam's part of two states."""
     n = plant.modal.shape[1]
     if etdrk4.forced.shape[1] > 0:
-        add_forced(plant.block_start, n, etdrk4.forced[function], etdrk4.soft_modes, beam_is_held(plant), z, out)
+        moves_all = beam_is_held(plant) or has_axial_load(plant)
+        add_forced(plant.block_start, n, etdrk4.forced[function], etdrk4.soft_modes, moves_all, z, out)
     else:
         add_product(plant.block_start, n, etdrk4.operators[function], z, out)
 
@@ -246,7 +248,20 @@ def etdrk4_stage(system, etdrk4, stage, dt, y, ws):
         for i in range(len(ws.u)):
             for a in range(3):
                 ws.u_before[i, a] = ws.u[i, a]
+        for k in range(len(ws.eta_dot)):
+            ws.axial_force[END, k] = ws.axial_force[NOW, k]
     for part in range(2):
         low, high = (0, ETA) if part == 0 else (memory, memory + system.control.memory_size)
         classical_stage(low, high, stage, dt, y, ws)
     next_stage(system.plant, etdrk4, stage, y, ws)
+
+
+@inlined
+def bend_flow(plant, etdrk4, ws):
+    """Let the axial load's force on the beam be linear in time over the step in ws.stage[FREE], which has it constant."""
+    if not has_axial_load(plant):
+        return
+    n, z = plant.modal.shape[1], ws.stage[6]
+    for k in range(n):
+        z[ETA + k], z[ETA + n + k] = 0.0, ws.axial_force[START, k] - ws.axial_force[END, k]
+    add_rates(plant, etdrk4, PHI2, z, ws.stage[FREE])

@@ -1,0 +1,217 @@
+"""The force along the beam and the stiffness that it takes or gives (Kane, Ryan, Banerjee, J. Guidance 10 (1987) 139-151).
+
+The paper's beam bends under lateral load only. The force along it, tension positive, of the undeformed link in its motion is
+
+    N(s) = N_L + ρ a₁ (s + L/2) + ½ρω²(L²/4 - s²) - F₁ [s > s_F],      a₁ = e₁·(ẍ₀, ÿ₀) + gravity sin θ
+
+with F₁ the part along e₁ of what a hand at s_F does, and N_L = -e₁·f₁ of what the left grip does, f₁ = u₁ - M̄₁ẍ - C̄₁ẋ - Ḡ₁. A
+single arm's free end bears nothing, so that N_L = F₁ - m a₁. To first order in the deflection the beam's equations get the
+force -K_G q with K_G = ∫N N'ᵀN' ds = N_L G0 + a₁ G1 + ω² G2 - F₁ G_F; the pose's equations stay as they are.
+
+ẍ in N leaves out what K_G does, and takes modes that are faster than `FOLLOWED` as moving with the link.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexlab.compiled import inlined
+from flexlab.physics.beam import GAUSS_POINTS, free_coordinates, gauss_rule
+from flexlab.physics.dynamics import block_product, hand_load, pose_load, solve_symmetric
+from flexlab.physics.plant import ETA, FOLLOWS, OMEGA2, PULL, G, H, hand_of
+
+FOLLOWED = 3000.0
+"""1/s. What rings or decays faster than this does so within a step: N takes what it does on the average."""
+
+BUCKLING = {
+    "pinned-pinned": 1.0,
+    "clamped-clamped": 4.0,
+    "clamped-pinned": 2.0457,
+    "pinned-clamped": 2.0457,
+    "clamped-free": 0.25,
+}
+"""c in the buckling load c π²EI/L², by boundary (Timoshenko & Gere, Theory of Elastic Stability, 2.1)."""
+
+N_LEFT, ALONG, SPIN, HAND = range(4)
+"""N_L, a₁, ω² and F₁ in `Workspace.axial`, and what multiplies each in `Plant.axial`: G0, G1, G2, -G_F."""
+
+NOW, START, END, SCRATCH = range(4)
+"""Rows of `Workspace.axial_force`: K_G η at the present state, and at the first and the last stage of a step of etdrk4."""
+
+
+def buckling_load(length: float, EI: float, boundary: str) -> float:
+    """P_cr = c π²EI/L², N: the compression under which a beam with these ends gives way."""
+    return BUCKLING[boundary] * np.pi**2 * EI / length**2
+
+
+def slope_functions(xi: float, length: float) -> np.ndarray:
+    """First derivatives with respect to s of the Hermite functions, 1/m and 1, (4,)."""
+    return np.array(
+        [
+            (6 * xi**2 - 6 * xi) / length,
+            1 - 4 * xi + 3 * xi**2,
+            (6 * xi - 6 * xi**2) / length,
+            3 * xi**2 - 2 * xi,
+        ]
+    )
+
+
+def geometric_stiffness(
+    length: float, element_count: int, boundary: str, force: Callable[[float], float], begin: float | None = None
+) -> np.ndarray:
+    """∫ N(s) N'ᵀN' ds from s = `begin` (None: the left end) to the right end, (n_q, n_q), for a `force` N(s).
+
+    Exact for forces up to the third power of s. Sums are taken in one order, so that every machine finds the same bits.
+    """
+    n, l = element_count, length / element_count  # noqa: E741
+    first = 0.0 if begin is None else (begin + length / 2) / l
+    points, weights = gauss_rule(GAUSS_POINTS)
+    whole = np.zeros((2 * n + 2, 2 * n + 2))
+    for element in range(n):
+        low = min(max(first - element, 0.0), 1.0)
+        if low == 1.0:
+            continue
+        own = slice(2 * element, 2 * element + 4)
+        for point, weight in zip(points, weights, strict=True):
+            xi = low + (1 - low) * (point + 1) / 2
+            slope = slope_functions(xi, l)
+            at = force((element + xi) * l - length / 2)
+            whole[own, own] += (weight * (1 - low) * l / 2 * at) * (slope[:, None] * slope)
+    free = free_coordinates(n, boundary)
+    return whole[np.ix_(free, free)]
+
+
+def geometric_matrices(length: float, rho: float, element_count: int, boundary: str) -> np.ndarray:
+    """G0 = ∫N'ᵀN', G1 = ρ∫(s + L/2)N'ᵀN', G2 = ½ρ∫(L²/4 - s²)N'ᵀN' ds, (3, n_q, n_q)."""
+    forces = (
+        lambda _: 1.0,
+        lambda s: rho * (s + length / 2),
+        lambda s: rho / 2 * (length**2 / 4 - s**2),
+    )
+    return np.array([geometric_stiffness(length, element_count, boundary, force) for force in forces])
+
+
+def part_beyond(length: float, element_count: int, boundary: str, s: float) -> np.ndarray:
+    """G_F = ∫N'ᵀN' ds of the beam beyond a hand at s, m, (n_q, n_q)."""
+    return geometric_stiffness(length, element_count, boundary, lambda _: 1.0, s)
+
+
+def in_modes(matrix: np.ndarray, V: np.ndarray) -> np.ndarray:
+    """VᵀGV, (n_m, n_m), symmetric to the last bit; sums in one order, as above."""
+    left = np.zeros_like(V)
+    for column, shape in zip(matrix.T, V, strict=True):
+        left += column[:, None] * shape
+    result = np.zeros((V.shape[1], V.shape[1]))
+    for shape, row in zip(V, left, strict=True):
+        result += shape[:, None] * row
+    return (result + result.T) / 2
+
+
+def followed(omega: np.ndarray, damping: np.ndarray) -> np.ndarray:
+    """1 for each mode that N follows, else 0, (n_m,); `damping`: modal D (n_m, n_m)."""
+    return np.where((omega <= FOLLOWED) & (damping.diagonal() <= FOLLOWED), 1.0, 0.0)
+
+
+@inlined
+def has_axial_load(plant):
+    """Whether the beam feels the force along it."""
+    return plant.axial.shape[1] > 0
+
+
+@inlined
+def axial_terms(plant, x_ddot, along, u, ws, terms):
+    """Fill N_L, a₁, ω² and F₁ (4,) for ẍ (3,), after `find_velocities` and `hand_load`; `along`: F₁, N."""
+    c, s, v = ws.arm.trig[0], ws.arm.trig[1], ws.velocity
+    terms[ALONG] = c * x_ddot[0] + s * x_ddot[1] + plant.gravity * s
+    terms[SPIN], terms[HAND] = v[2] * v[2], along
+    if len(plant.arms) == 1:
+        terms[N_LEFT] = along - plant.m * terms[ALONG]
+        return
+    total = 0.0
+    for a in range(2):
+        grip = u[0, a] + ws.hand[0, a] - ws.arm.G[0, a]
+        for b in range(3):
+            grip -= ws.arm.M[0, a, b] * x_ddot[b] + ws.arm.C[0, a, b] * v[b]
+        total -= (c if a == 0 else s) * grip
+    terms[N_LEFT] = total
+
+
+@inlined
+def axial_load_at(plant, terms, s):
+    """N(s), N, for `axial_terms`; at a hand's own place the force on its left."""
+    density, half = plant.m / plant.length, plant.length / 2
+    load = terms[N_LEFT] + density * terms[ALONG] * (s + half) + density / 2 * terms[SPIN] * (half - s) * (half + s)
+    if terms[HAND] != 0 and s > hand_of(plant.pull).position:
+        load -= terms[HAND]
+    return load
+
+
+@inlined
+def largest_compression(plant, terms):
+    """-min N(s) over the beam, N, 0 where all of it is in tension: N is a hollow curve, so that it is at an end or a hand."""
+    half = plant.length / 2
+    least = min(axial_load_at(plant, terms, -half), axial_load_at(plant, terms, half))
+    if terms[HAND] != 0:
+        at = axial_load_at(plant, terms, hand_of(plant.pull).position)
+        least = min(least, at, at - terms[HAND])
+    return max(0.0, -least)
+
+
+@inlined
+def first_stiffness(plant):
+    """ω₁² of the beam with its grips held, 1/s²: a link that spins with ω₁ takes all stiffness from the linear beam."""
+    least = plant.modal[OMEGA2, 0]
+    for k in range(plant.modal.shape[1]):
+        least = min(least, plant.modal[OMEGA2, k])
+    return least
+
+
+@inlined
+def geometric_force(plant, terms, y, force):
+    """force (n_m,) = K_G η for `axial_terms`, or what it integrates to for those of an impulse."""
+    n = plant.modal.shape[1]
+    for k in range(n):
+        force[k] = 0.0
+    left, along, spin, hand = terms[N_LEFT], terms[ALONG], terms[SPIN], terms[HAND]
+    for j in range(n):
+        # Row by row: no sum waits for another, and vector units fit whatever the order.
+        eta, G0, G1, G2 = y[ETA + j], plant.axial[0, j], plant.axial[1, j], plant.axial[2, j]
+        for k in range(n):
+            force[k] += eta * (left * G0[k] + along * G1[k] + spin * G2[k])
+        if hand != 0:
+            G_F = plant.axial[3, j]
+            for k in range(n):
+                force[k] -= eta * hand * G_F[k]
+
+
+@inlined
+def find_axial_load(plant, y, ws):
+    """Fill ws.axial with `axial_terms`, and ws.axial_force[NOW] with K_G η, after `find_state`."""
+    n = plant.modal.shape[1]
+    c, s, w = ws.arm.trig[0], ws.arm.trig[1], ws.velocity[2]
+    slow = ws.axial_force[SCRATCH]
+    for k in range(n):
+        slow[k] = plant.modal[FOLLOWS, k] * ws.eta_dot[k]
+    block_product(plant.block_start, plant.damping, slow, ws.damping_force)
+    f1, f2, pull_turn = hand_load(plant, y, ws)
+    h_force = g_force = eta_eta_dot = hh = hg = gg = 0.0
+    for k in range(n):
+        h, g = plant.modal[H, k], plant.modal[G, k]
+        eta_eta_dot += y[ETA + k] * ws.eta_dot[k]
+        if plant.modal[FOLLOWS, k] > 0:
+            force = (plant.modal[OMEGA2, k] - w * w) * y[ETA + k] + ws.damping_force[k] - plant.modal[PULL, k] * f2
+            force += h * plant.gravity * c
+            h_force += h * force
+            g_force += g * force
+        else:
+            hh, hg, gg = hh + h * h, hg + h * g, gg + g * g
+    S, x_ddot = ws.axial_inertia, ws.axial_acceleration
+    for a in range(3):
+        for b in range(3):
+            S[a, b] = ws.S[a, b]
+    S[0, 0], S[1, 0], S[1, 1] = S[0, 0] + s * s * hh, S[1, 0] - s * c * hh, S[1, 1] + c * c * hh
+    S[2, 0], S[2, 1], S[2, 2] = S[2, 0] - s * hg, S[2, 1] + c * hg, S[2, 2] + gg
+    pose_load(plant, ws.w_bar[0], ws.beam_rate[0], eta_eta_dot, h_force, g_force, f1, f2, pull_turn, ws.u, ws, x_ddot)
+    solve_symmetric(S, x_ddot)
+    axial_terms(plant, x_ddot, f1, ws.u, ws, ws.axial)
+    geometric_force(plant, ws.axial, y, ws.axial_force[NOW])

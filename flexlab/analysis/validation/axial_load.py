@@ -11,7 +11,7 @@ from flexlab.analysis.validation.runs import Runs
 from flexlab.physics.axial_load import BUCKLING, buckling_load, geometric_matrices
 from flexlab.physics.beam import beam_matrices
 
-SUBJECT, PLACE = "The force along the beam", 5
+SUBJECT, PLACE = "The force along the beam", 9
 
 LENGTH, RHO, EI = 0.5, 2.0, 100.0
 """The paper's: m, kg/m, N·m²."""

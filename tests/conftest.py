@@ -35,6 +35,7 @@ REGISTRIES = LAWS, PATHS
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What the tests leave out unless they are told."""
     parser.addoption("--all-lessons", action="store_true", help="do every lesson of the guide in a real browser")
+    parser.addoption("--documented", action="store_true", help="do every command of README and CONTRIBUTING")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

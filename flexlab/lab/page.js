@@ -1,6 +1,48 @@
 // What the lab adds to viser's page. It tells the lab which run this browser has drawn, which charts are on the screen and
 // whether the system is dark, and lets Esc close the list of keys. Without it the lab shows everything to everybody.
 (() => {
+  // viser works on messages while it draws. Where WebGL is missing it draws onto nothing: panel and plots then work all the same.
+  const NO_PICTURE = "This browser cannot draw the scene: WebGL is off or missing. Turn on graphics (hardware) acceleration in its " +
+    "settings and load this page again, or take another browser. Plots and controls work.";
+
+  function drawingOntoNothing(canvas) {
+    const constants = window.WebGL2RenderingContext ?? {};
+    const answers = {
+      getParameter: (name) => ({ [constants.VERSION]: "WebGL 2.0", [constants.SHADING_LANGUAGE_VERSION]: "WebGL GLSL ES 3.00",
+        [constants.SCISSOR_BOX]: [0, 0, 1, 1], [constants.VIEWPORT]: [0, 0, 1, 1] })[name] ?? 16,
+      getShaderPrecisionFormat: () => ({ rangeMin: 127, rangeMax: 127, precision: 23 }),
+      getContextAttributes: () => ({ alpha: true, antialias: false, depth: true, stencil: false }),
+      getSupportedExtensions: () => [],
+      getProgramParameter: (_, name) => (name === constants.ACTIVE_UNIFORMS || name === constants.ACTIVE_ATTRIBUTES ? 0 : true),
+      getShaderParameter: () => true,
+      getProgramInfoLog: () => "",
+      getShaderInfoLog: () => "",
+      getError: () => 0,
+      isContextLost: () => false,
+      checkFramebufferStatus: () => constants.FRAMEBUFFER_COMPLETE,
+    };
+    return new Proxy({}, {
+      get: (_, name) => name === "canvas" ? canvas : name === "drawingBufferWidth" ? canvas.width :
+        name === "drawingBufferHeight" ? canvas.height : constants[name] ?? answers[name] ??
+        (String(name).startsWith("create") ? () => ({}) : () => null),
+    });
+  }
+
+  if (!document.createElement("canvas").getContext("webgl2")) {
+    const original = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...options) {
+      return original.call(this, kind, ...options) ?? (kind === "webgl2" ? drawingOntoNothing(this) : null);
+    };
+    addEventListener("DOMContentLoaded", () => {
+      const word = Object.assign(document.createElement("p"), { textContent: NO_PICTURE, className: "fl-no-picture" });
+      word.setAttribute("role", "status");
+      Object.assign(word.style, { position: "fixed", left: "var(--fl-picture-middle, 50%)", top: "40%", zIndex: 1,
+        transform: "translate(-50%, -50%)", width: "min(26em, var(--fl-picture-width, 80vw))", padding: "0.8em 1em", margin: 0,
+        boxSizing: "border-box", font: "15px/1.4 system-ui, sans-serif", color: "#222", background: "#fff", borderRadius: "6px" });
+      document.body.append(word);
+    });
+  }
+
   const LOOK = 100; // ms between two looks, in a page that nobody sees as well
   const darkSystem = matchMedia("(prefers-color-scheme: dark)");
   let seenRun = 0;

@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 from browser_window import PICTURES, open_window
+from get_browser import find_browser
 from http_client import ARTIFACTS, PATIENCE, wait_until
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page
@@ -21,7 +22,7 @@ from flexlab.server.labs.lab_provider import state_of
 
 SCENE = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > 2"""
-
+PLOTTED = "() => Object.values(window.__viserTestpoints?.uplots ?? {}).some(({ chart }) => chart.data[0].length > 10)"
 
 MILLI = 1e3
 NEAR, SHARE = 24, 0.0005
@@ -125,6 +126,24 @@ def test_a_page_joins_a_server_that_was_started_again(
         page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
         word.wait_for(state="hidden")
         wait_until(lambda: state_of(second.places.running()[0]) == "running", "the new run goes on")
+
+
+def test_without_webgl_the_run_goes_on_and_panel_and_plots_work(
+    chromium: Browser, open_another: Callable[..., FrontServer]
+):
+    front_server = open_another()
+    (lab,) = front_server.places.running()
+    blind = chromium.browser_type.launch(executable_path=find_browser(), args=["--no-sandbox", "--disable-3d-apis"])
+    with window(blind, f"{front_server.url}lab/") as page:
+        page.get_by_text("This browser cannot draw the scene").wait_for()
+        wait_until(lambda: state_of(lab) == "running", "the run goes on")
+        page.get_by_text("Tracking error", exact=True).first.wait_for()
+        page.wait_for_function(PLOTTED)
+        page.get_by_label("Control law", exact=True).first.wait_for()
+        page.keyboard.press("Space")
+        wait_until(lambda: state_of(lab) == "paused", "keys reach the lab")
+        picture(page, "server-without-webgl")
+    blind.close()
 
 
 def test_signing_in_by_the_printed_address(plain_chromium: Browser, open_another: Callable[..., FrontServer]):

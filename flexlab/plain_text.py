@@ -76,6 +76,15 @@ class PlainFormatter(logging.Formatter):
         return visible(super().format(record))
 
 
+def writable(value: Any) -> Any:
+    """A value out of JSON whose texts, names among them, fit into files and pages: halves of characters are replaced."""
+    if isinstance(value, str):
+        return value.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
+    if isinstance(value, dict):
+        return {writable(name): writable(part) for name, part in value.items()}
+    return [writable(part) for part in value] if isinstance(value, list) else value
+
+
 def shown(text: str, longest: int = 20) -> str:
     """What somebody typed as a sentence repeats it: in quotes, cut, nothing in it obeyed."""
     return f"'{visible(text, longest)}'"

@@ -8,7 +8,6 @@ import csv
 import json
 import math
 import warnings
-import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,8 +18,8 @@ import pyarrow as pa
 import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
-from flexlab.errors import FlexlabError, RecordingError
-from flexlab.plain_text import visible
+from flexlab.errors import RecordingError
+from flexlab.plain_text import visible, writable
 from flexlab.recording.commands_json import command_from_json, command_to_json
 from flexlab.recording.documents import these_versions
 from flexlab.recording.import_checks import check_events, check_times
@@ -45,12 +44,6 @@ LONGEST_REASON = 200
 """Characters of a reader's complaint that are passed on."""
 
 Columns = dict[str, np.ndarray]
-
-_UNREADABLE = (
-    *(OSError, EOFError, ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, RecursionError),
-    *(zipfile.BadZipFile, pa.ArrowException, FlexlabError),
-)
-"""What the readers of the three formats raise for files that are none."""
 
 
 def export_recording(
@@ -134,7 +127,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
     _, read = _format(path)
     try:
         columns, text = read(path)
-        metadata = json.loads(text)
+        metadata = writable(json.loads(text))
         scenario = parse_scenario(metadata["scenario"])
         samples = from_columns(columns, scenario)
         check_times(path.name, samples.time)
@@ -149,7 +142,9 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
         raise
     except FileNotFoundError:
         raise RecordingError(f"There is no file {path}: check the name.") from None
-    except _UNREADABLE as error:
+    except (
+        Exception
+    ) as error:  # Archives fail in a dozen ways: locked, torn, packed unusually, too large by what they say.
         reason = visible(str(error).split("\n")[0], LONGEST_REASON)
         raise RecordingError(f"{path} is not a run exported by flexlab ({reason}).") from None
     return Run(**samples.signals(), scenario=scenario, status=status), metadata

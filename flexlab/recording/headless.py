@@ -13,7 +13,7 @@ from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_notes import StartNotes
 from flexlab.recording.run_stream import RunStream, open_file_stream
 from flexlab.recording.store.notes import write_notes
-from flexlab.recording.store.run_files import claim_run_file
+from flexlab.recording.store.run_files import claim_run_file, remove_run
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 
@@ -74,6 +74,9 @@ class HeadlessRecording:
     ) -> None:
         """Close and finish the file; of an interrupted run, what there is of it."""
         status = self._status or Status("finished", f"Stopped at t = {self._run.last_time:g} s.", self._run.last_time)
+        if isinstance(error, RecordingError) and self._safe is None:
+            self._drop()
+            return
         try:
             with self._telling():
                 self._run.end(status)
@@ -82,10 +85,23 @@ class HeadlessRecording:
             write_notes(self.path, **self._run.summary(status, dropped=0))
         except OSError:
             pass  # The recording is there; its state is then told from the file alone.
+        except RecordingError:
+            if self._safe is None:
+                self._drop()
+            raise
         finally:
             self._file.release()
         with contextlib.suppress(RecordingError):  # What is left to do needs room; all of the run is there.
             finish(self.path)
+
+    def _drop(self) -> None:
+        """Remove what a full disk left of the file, unless it is somebody else's by now: nothing of a run is in it."""
+        is_own = self._stream is not None and self._file.in_place
+        self._let_go()
+        self._file.release()
+        if is_own:
+            with contextlib.suppress(RecordingError):
+                remove_run(self.path)
 
     def _let_go(self) -> None:
         if self._stream is not None:

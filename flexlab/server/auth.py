@@ -1,6 +1,7 @@
 """Who may come in, from where, and with what: every request passes here before any page sees it."""
 
 import codecs
+import errno
 import hmac
 import re
 from collections.abc import Awaitable, Callable
@@ -77,11 +78,19 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
         return message("Not now", str(error), 503)
     except FlexlabError as error:
         return message("That did not work", str(error), 400)
-    except ConnectionError:
-        raise  # The visitor has left; nobody is there to be told.
+    except OSError as error:
+        if isinstance(error, ConnectionError):
+            raise  # The visitor has left; nobody is there to be told.
+        if error.errno == errno.ENAMETOOLONG:
+            return message("That did not work", SENTENCES[404], 404)
+        return _failed(request, error)
     except Exception as error:
-        log.exception("A page failed: %.20s %.200r", request.method, request.path)
-        return message("That did not work", f"This page failed ({type(error).__name__}). The labs run on.", 500)
+        return _failed(request, error)
+
+
+def _failed(request: web.Request, error: Exception) -> web.Response:
+    log.exception("A page failed: %.20s %.200r", request.method, request.path)
+    return message("That did not work", f"This page failed ({type(error).__name__}). The labs run on.", 500)
 
 
 TOO_MANY = "Too many wrong tokens came from your address: wait a few seconds, then try again."

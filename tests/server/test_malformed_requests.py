@@ -2,6 +2,8 @@
 
 import logging
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -136,3 +138,43 @@ def test_the_key_of_cookies_is_for_its_owner_only(open_another: Callable[..., Fr
         open_another(token=TOKEN)
     (key,) = (tmp_path / "logs").glob(".*key*")
     assert key.stat().st_mode & 0o077 == 0
+
+
+PARTS = {
+    "an unknown packing": b'name="file"; filename="a.csv"\r\nContent-Encoding: klingon\r\n\r\n1',
+    "an unknown transfer encoding": b'name="file"; filename="a.csv"\r\nContent-Transfer-Encoding: klingon\r\n\r\n1',
+    "broken deflate": b'name="file"; filename="a.csv"\r\nContent-Encoding: deflate\r\n\r\n' + b"1" * 1000,
+    "broken base64": b'name="file"; filename="a.csv"\r\nContent-Transfer-Encoding: base64\r\n\r\n\xff!!!1',
+    "half a character": b'name="file"; filename="\xed\xa0\x80.csv"\r\n\r\n1',
+    "a lone surrogate": b"name=\"file\"; filename*=UTF-8''%ED%A0%80.csv\r\n\r\n1",
+    "a control sequence": b"name=\"file\"; filename*=klingon''%1B[2J.csv\r\n\r\n1",
+    "a name of 5000 letters": b'name="file"; filename="' + b"a" * 5000 + b'.csv"\r\n\r\n1',
+    "a length that lies": b'name="file"; filename="a.csv"\r\nContent-Length: -5\r\n\r\n1',
+    "parts in parts": b'name="file"; filename="a.csv"\r\nContent-Type: multipart/mixed; boundary=y\r\n\r\n--y\r\n\r\n1\r\n--y--',
+    "parts in parts without end": b'name="a"\r\nContent-Type: multipart/mixed; boundary=b0\r\n\r\n'
+    + b"".join(b"--b%d\r\nContent-Type: multipart/mixed; boundary=b%d\r\n\r\n" % (k, k + 1) for k in range(3000)),
+}
+
+
+@pytest.mark.parametrize("kind", PARTS)
+def test_an_odd_upload_is_one_sentence(front_server: FrontServer, kind: str, caplog: pytest.LogCaptureFixture):
+    body = b"--x\r\nContent-Disposition: form-data; " + PARTS[kind] + b"\r\n--x--\r\n"
+    answer = ask(front_server.url, "/runs/import", "POST", body, Content_Type="multipart/form-data; boundary=x")
+    assert answer.status in (400, 422), answer.text
+    assert "failed" not in answer.text
+    assert not any(record.exc_info for record in caplog.records)
+
+
+@pytest.mark.parametrize("path", ["/assets/", "/static/", "/runs/", "/lab/", "/studies/", "/viewer/", "/comparison/"])
+def test_an_endless_name_is_no_page(front_server: FrontServer, path: str, caplog: pytest.LogCaptureFixture):
+    for name in ("x" * 3000, "%ED%A0%80", "%FF"):
+        answer = ask(front_server.url, path + name)
+        assert answer.status in (400, 404), answer.text
+    assert not any(record.exc_info for record in caplog.records)
+
+
+def test_the_name_of_an_upload_does_not_reach_the_terminal():
+    script = "import flexlab.server.pages.upload as u, aiohttp.multipart as m; m.parse_content_disposition(%r)"
+    name = "form-data; name=\"file\"; filename*=klingon''\x1b[2J.csv"
+    told = subprocess.run([sys.executable, "-c", script % name], capture_output=True, text=True, check=True)
+    assert told.stderr == ""

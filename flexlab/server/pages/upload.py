@@ -1,9 +1,10 @@
 """`/runs/import`: takes an exported run, or a recording from elsewhere, into the library."""
 
 import asyncio
+import warnings
 from pathlib import Path
 
-from aiohttp import BodyPartReader, web
+from aiohttp import BadContentDispositionHeader, BadContentDispositionParam, BodyPartReader, web
 
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.plain_text import visible
@@ -30,6 +31,11 @@ TOO_LARGE = (
     f"This file is larger than {size_text(LARGEST_UPLOAD)}: export a shorter range of time, "
     "or put a recording (.rrd) into the logs folder yourself."
 )
+
+
+# aiohttp would write odd names of files to the terminal as they come.
+warnings.filterwarnings("ignore", category=BadContentDispositionHeader)
+warnings.filterwarnings("ignore", category=BadContentDispositionParam)
 
 
 def add_upload(router: web.UrlDispatcher) -> None:

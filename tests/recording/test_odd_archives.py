@@ -1,0 +1,150 @@
+"""Exported runs that were tampered with, and disks that are full: one sentence each, and nothing is left behind."""
+
+import json
+import struct
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_helpers import start_script
+
+from flexlab.errors import RecordingError
+from flexlab.presets import load_preset
+from flexlab.recording.export import export_run
+from flexlab.recording.importing import import_into
+from flexlab.recording.reader import read_recording
+from flexlab.sim.simulate import simulate
+
+LOCAL, CENTRAL = b"PK\x03\x04", b"PK\x01\x02"
+"""What begins the two heads of each file in an archive."""
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A good archive."""
+    run = simulate(load_preset("paper"), duration=0.1)
+    return export_run(run, tmp_path_factory.mktemp("exported") / "good.npz")
+
+
+def heads(data: bytearray, mark: bytes) -> list[int]:
+    return [at for at in range(len(data)) if data.startswith(mark, at)]
+
+
+def locked(data: bytearray) -> None:
+    for mark, at in ((LOCAL, 6), (CENTRAL, 8)):
+        for head in heads(data, mark):
+            data[head + at] |= 1
+
+
+def packed_by(method: int) -> Callable[[bytearray], None]:
+    def change(data: bytearray) -> None:
+        for mark, at in ((LOCAL, 8), (CENTRAL, 10)):
+            for head in heads(data, mark):
+                data[head + at] = method
+
+    return change
+
+
+def torn(data: bytearray) -> None:
+    name, extra = struct.unpack("<HH", data[26:30])
+    begin = 30 + name + extra
+    data[begin : begin + 40] = b"\xff" * 40
+
+
+@pytest.mark.parametrize("change", [locked, torn, packed_by(1), packed_by(93), packed_by(99)])
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_an_odd_archive_is_one_sentence(
+    exported: Path, tmp_path: Path, change: Callable[[bytearray], None], method: int
+) -> None:
+    path = tmp_path / "odd.npz"
+    with zipfile.ZipFile(exported) as good, zipfile.ZipFile(path, "w", method) as archive:
+        for name in good.namelist():
+            archive.writestr(name, good.read(name))
+    data = bytearray(path.read_bytes())
+    change(data)
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=r"odd\.npz is not a run exported by flexlab") as caught:
+        import_into(path, tmp_path / "logs")
+    assert "\n" not in str(caught.value)
+    assert not list((tmp_path / "logs").glob("*"))
+
+
+@pytest.mark.parametrize(
+    "shape", ["(10**12,)", "(1000000000000,)", "(1000000, 1000000, 1000000)", "(-1,)", "('a',)", "(" * 300 + ")" * 300]
+)
+def test_an_array_whose_shape_lies_is_one_sentence(exported: Path, tmp_path: Path, shape: str) -> None:
+    path = tmp_path / "odd.npz"
+    words = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(1013).encode() + b"\n"
+    with zipfile.ZipFile(exported) as good, zipfile.ZipFile(path, "w") as archive:
+        for number, name in enumerate(good.namelist()):
+            lies = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(words)) + words + bytes(800)
+            archive.writestr(name, lies if number == 0 else good.read(name))
+    with pytest.raises(RecordingError, match=r"odd\.npz is not a run exported by flexlab"):
+        import_into(path, tmp_path / "logs")
+
+
+def change_metadata(exported: Path, path: Path, text: str) -> Path:
+    with np.load(exported) as file:
+        arrays = {name: file[name] for name in file.files}
+    np.savez(path, **arrays | {"flexlab": np.array(text)})
+    return path
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"scenario":' * 50_000, "[1]", "null", "NaN"])
+def test_nested_metadata_are_one_sentence(exported: Path, tmp_path: Path, text: str) -> None:
+    path = change_metadata(exported, tmp_path / "odd.npz", text)
+    with pytest.raises(RecordingError, match="is not a run exported by flexlab"):
+        import_into(path, tmp_path / "logs")
+
+
+def test_halves_of_characters_are_replaced(exported: Path, tmp_path: Path) -> None:
+    with np.load(exported) as file:
+        metadata = json.loads(str(file["flexlab"]))
+    odd = "odd \ud800 text"
+    metadata |= {
+        "preset": odd,
+        "status": ["finished", odd, 0.1],
+        "events": [{"time": 0.05, "text": odd, "level": "info", "command": None}],
+    }
+    path = change_metadata(exported, tmp_path / "odd.npz", json.dumps(metadata))
+    found = read_recording(import_into(path, tmp_path / "logs"))
+    assert found.status.text == "odd \N{REPLACEMENT CHARACTER} text"
+    assert "odd \N{REPLACEMENT CHARACTER} text" in [event.text for event in found.events]
+
+
+def test_a_column_with_an_endless_name_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "odd.csv"
+    path.write_text("# {}\n" + '"' + "a" * 300_000 + '",b\n1,2\n')
+    with pytest.raises(RecordingError, match="is not a run exported by flexlab"):
+        import_into(path, tmp_path / "logs")
+
+
+SMALL_DISK = """
+import resource, signal, sys
+from pathlib import Path
+from flexlab.errors import RecordingError
+from flexlab.presets import load_preset
+from flexlab.recording.headless import write_run
+from flexlab.sim.simulate import simulate
+run = simulate(load_preset("paper"), duration=float(sys.argv[3]))
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
+try:
+    write_run(run, Path(sys.argv[1]), "paper")
+except RecordingError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("room", [1000, 200_000, 300_000, 400_000, 600_000])
+def test_what_a_full_disk_left_is_what_the_sentence_says(tmp_path: Path, room: int) -> None:
+    process = start_script(SMALL_DISK, tmp_path / "logs", str(room), "8")
+    said = process.communicate()[0]
+    files = list((tmp_path / "logs").glob("*"))
+    if "nothing of the run is recorded" in said or "the run is not recorded" in said or room == 1000:
+        assert not files, said
+    else:
+        assert "the run is recorded up to t = " in said
+        assert len(read_recording(next(path for path in files if path.suffix == ".rrd")).samples) > 0

@@ -141,6 +141,7 @@ def test_the_key_of_cookies_is_for_its_owner_only(open_another: Callable[..., Fr
 
 
 PARTS = {
+    "an endless character set": b'name="_charset_"\r\n\r\n' + b"x" * 500,
     "an unknown packing": b'name="file"; filename="a.csv"\r\nContent-Encoding: klingon\r\n\r\n1',
     "an unknown transfer encoding": b'name="file"; filename="a.csv"\r\nContent-Transfer-Encoding: klingon\r\n\r\n1',
     "broken deflate": b'name="file"; filename="a.csv"\r\nContent-Encoding: deflate\r\n\r\n' + b"1" * 1000,

@@ -83,7 +83,7 @@ async def _receive(request: web.Request, folder: Path) -> Path:
         raise RecordingError(
             f"This upload took longer than {UPLOAD_TIME / 60:g} minutes: export a shorter range of time."
         ) from None
-    except (ValueError, AssertionError, RecursionError):
+    except (ValueError, AssertionError, RuntimeError):  # Too deep is a RuntimeError too.
         raise RecordingError("This upload is malformed: choose the file again.") from None
     raise RecordingError("There is no file in this upload: choose one first.")
 

@@ -23,6 +23,7 @@ LAW_INPUT = np.dtype(
         ("delay", "i8"),
         ("torque", "f8", (MOST_DELAY + 1, MOST_ARMS, 3)),
         ("desired", "f8", (3, 3)),
+        ("coming", "f8", (3, 3)),
         ("trig", "f8", (2,)),
         ("M", "f8", (MOST_ARMS, 3, 3)),
         ("C", "f8", (MOST_ARMS, 3, 3)),
@@ -42,7 +43,8 @@ LAW_INPUT = np.dtype(
 """`arm_count`: arms that are there. `time`: t, s. `x`, `v`: pose and its rate. `beam_rate`: hᵀq̇, gᵀq̇, kg·m/s, kg·m²/s.
 `strain`: -½ t w''(s_j) at the law's `gauge_count` gauges, 1. `torque`: joint torques, N·m: [0] those held until now, then
 those on their way, the `delay` that act in the coming periods in this order. A continuous law has no gauges and no delay.
-`desired`: x_d, ẋ_d, ẍ_d. `trig`: cos θ, sin θ. `M`, `C`, `G`, `J`, `direction`: M̄_i, C̄_i, Ḡ_i and more of `arm.ArmTerms`.
+`desired`: x_d, ẋ_d, ẍ_d; `coming`: the same, under a sampled law, when the torques asked for now begin to act.
+`trig`: cos θ, sin θ. `M`, `C`, `G`, `J`, `direction`: M̄_i, C̄_i, Ḡ_i and more of `arm.ArmTerms`.
 `gravity`: m/s², along -y. `m` (kg), `I` (kg·m²), `kappa` (hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g): the payload as the controller
 believes it to be. `share`: what each arm carries of the common part, 1. `scratch`: free for the law. `u`: the law's
 answer, u_i, N, N, N·m."""

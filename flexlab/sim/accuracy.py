@@ -1,4 +1,4 @@
-"""Whether a run's results are still accurate: now and then a tick is redone with half the step, on copies.
+"""Whether a run's results are still accurate: now and then a tick is redone with a quarter of the step, on copies.
 
 What differs is the error of one tick. Each mode adds up those of its ticks as long as it rings and forgets them as it decays;
 the pose does as the law leads it back. Looks are close together after a start, a tap, a change or a jump of the torques beyond
@@ -21,6 +21,7 @@ from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
 from flexlab.sim.row_survey import Survey, survey_rows
 from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, SPIN_SHARE
+from flexlab.sim.step_rates import ring_decay
 from flexlab.sim.world_state import WorldState
 
 LOOKS = (0, 1, 2, 5, 8, 17, 32, 65)
@@ -45,6 +46,15 @@ POSE_BOUND = 1e-8
 FORCE_BOUND = 1e-4
 """The same of the internal force, over its peak so far; of one arm alone, of the force that moves the beam."""
 
+FINER = 2
+"""Levels between a tick and the same redone: of modes that are faster than the step, half of it tells little."""
+
+AMPLIFIED = 1e-12
+"""Error of the pose, m or rad, from which on such a loop is said to make more of it."""
+
+LEAST_PEAK = 0.5
+"""N or N·m: errors are judged against at least this force, so that what is next to nothing is not."""
+
 RINGING_SHARE = 0.5
 """What an internal force has at most of the force that a mode puts on both grips: half of how they differ."""
 
@@ -53,7 +63,7 @@ LOOP_DECAY = 5.0
 
 
 class Redone(NamedTuple):
-    """A tick with half the step."""
+    """A tick with a quarter of the step."""
 
     row: np.ndarray
     """Its sample."""
@@ -150,8 +160,8 @@ def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -
     """
     watch = assembly.watch
     if tick - estimate.disturbed not in LOOKS[:3]:
-        return level + 1
-    return max(level + 1, min(watch.disturbed, watch.most or watch.disturbed))
+        return level + FINER
+    return max(level + FINER, min(watch.disturbed, watch.most or watch.disturbed))
 
 
 def redo_tick(
@@ -217,7 +227,7 @@ def note(
     n, now = len(assembly.beam.modes.omega), _tick_errors(assembly, row, y, again)
     decay = np.empty(3 + 2 * n)
     decay[:3] = 0.0 if assembly.scenario.controller.kind == "none" else LOOP_DECAY
-    decay[3 : 3 + n] = decay[3 + n :] = assembly.beam.modes.D.diagonal() / 2
+    decay[3 : 3 + n] = decay[3 + n :] = ring_decay(assembly.beam)
     since, ticks = tick - old.disturbed, tick - old.looked
     # Ticks between two looks did no worse than the worse of the two; but what a disturbance does, none before it did.
     between = old.rate if since == 0 else np.where(np.abs(old.rate) > np.abs(now), old.rate, now)
@@ -229,7 +239,9 @@ def note(
     if old.warning or since < FIRST_VERDICT:
         return seen
     said = ""
-    if since >= LOOKS[-1]:
+    if assembly.amplifies and pose > AMPLIFIED:
+        said = _amplified(assembly.scenario)
+    elif since >= LOOKS[-1]:
         for wait in (CHECK_TICKS, CLOSE_TICKS):
             ahead = left * exponentials(-decay * (wait * tick_period)) + now * _ticks_kept(decay, wait, tick_period)
             coming = map(max, (pose, force), _sizes(ahead))
@@ -243,18 +255,16 @@ def note(
 
 def _tick_errors(assembly: Assembly, row: np.ndarray, y: np.ndarray, again: Redone) -> np.ndarray:
     """How a tick and the same tick redone differ, as `_parts` has it."""
-    omega, modal = assembly.beam.modes.omega, assembly.system.plant.modal
-    n, errors = len(omega), np.zeros(3 + 2 * len(omega))
+    errors = np.zeros(3 + 2 * len(assembly.beam.modes.omega))
     pose, force, ringing = _parts(errors)
     pose[:] = row[row_layout.POSE : row_layout.POSE + 3] - again.row[row_layout.POSE : row_layout.POSE + 3]
-    difference = float(np.abs(_forces(row[None], assembly) - _forces(again.row[None], assembly)).max())
+    difference = float(np.abs(forces(row[None], assembly) - forces(again.row[None], assembly)).max())
     if difference > 0:
-        differs = y[ETA : ETA + 2 * n] - again.y[ETA : ETA + 2 * n]
-        # In a free ring, ω times η goes over into η̇ and back.
-        amplitude = _length(omega * differs[:n], differs[n:])
-        ringing[:] = RINGING_SHARE * omega * _length(modal[H], modal[G]) * amplitude
+        weights = mode_forces(assembly, y - again.y)
+        # What creeps back rings in no phase: of it counts what the sample shows.
+        ringing[:] = np.where(rings(assembly), weights, 0.0)
         # The force's difference is shared out by what each mode's difference in amplitude weighs in it.
-        force[:] = difference / (float(ringing.sum()) or 1.0) * ringing
+        force[:] = difference / (float(weights.sum()) or 1.0) * weights
     return errors
 
 
@@ -263,7 +273,22 @@ def _length(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.sqrt(x * x + y * y)
 
 
-def _forces(rows: np.ndarray, assembly: Assembly) -> np.ndarray:
+def mode_forces(assembly: Assembly, differs: np.ndarray) -> np.ndarray:
+    """Force that each mode's amplitude in a difference of two states puts on the grips, (n_m,), N or N·m."""
+    omega, modal = assembly.beam.modes.omega, assembly.system.plant.modal
+    n = len(omega)
+    # In a free ring, ω times η goes over into η̇ and back.
+    amplitude = _length(omega * differs[ETA : ETA + n], differs[ETA + n : ETA + 2 * n])
+    return RINGING_SHARE * omega * _length(modal[H], modal[G]) * amplitude
+
+
+def rings(assembly: Assembly) -> np.ndarray:
+    """Which modes oscillate, (n_m,): the others creep back."""
+    modes = assembly.beam.modes
+    return modes.D.diagonal() < 2 * modes.omega
+
+
+def forces(rows: np.ndarray, assembly: Assembly) -> np.ndarray:
     """Internal forces in sample rows, (N, arms, 3); of one arm alone, which has none, the moving force (N, 1, 3)."""
     arms = len(assembly.scenario.arms)
     if arms == 1:
@@ -272,21 +297,31 @@ def _forces(rows: np.ndarray, assembly: Assembly) -> np.ndarray:
     return own[:, :, INTERNAL : INTERNAL + 3]
 
 
+def _amplified(scenario: Scenario) -> str:
+    """The sentence of a sampled loop in which errors of any size grow."""
+    period = scenario.controller.control_period
+    return (
+        f"Results depend on rounding: with a control period of {period:g} s this controller answers each error with a larger "
+        "one, whatever the step. Choose a shorter control period or lower gains."
+    )
+
+
 def _warning(pose: float, force: float, estimate: Estimate, scenario: Scenario, time: float) -> str:
     """A sentence once the errors found until `time`, s, are beyond their bounds, else empty."""
     found = []
     bound = max(POSE_BOUND, scenario.simulation.accuracy)
     if pose > bound:
         found.append(f"the pose may be off by {pose:.1g} m or rad")
-    if force > FORCE_BOUND * estimate.seen.peak:
-        share = f"{force / estimate.seen.peak:.1g} of its peak" if estimate.seen.peak else f"{force:.1g} N"
+    peak = max(estimate.seen.peak, LEAST_PEAK)
+    if force > FORCE_BOUND * peak:
+        share = f"{force / peak:.1g} of its peak" if estimate.seen.peak > LEAST_PEAK else f"{force:.1g} N"
         name = "internal" if len(scenario.arms) > 1 else "moving"
         found.append(f"the {name} force may be off by {share}")
     if not found:
         return ""
     cause, cure = "errors of the steps add up in modes that ring on", "more damping, fewer elements"
     smaller = " or a smaller simulation.accuracy"
-    if estimate.pose > bound or estimate.force > FORCE_BOUND * estimate.seen.peak:
+    if estimate.pose > bound or estimate.force > FORCE_BOUND * peak:
         cause = "the start or a change excites modes that are faster than the steps, or errors of the steps add up"
         cure = "a smooth start, more damping, fewer elements"
     if scenario.simulation.step is not None:

@@ -22,7 +22,7 @@ from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.sampled_control import Sampling, is_loaded, with_kernel
 from flexlab.sim.step_growth import may_grow, steadiest
 from flexlab.sim.step_levels import StepLevels, StepWatch
-from flexlab.sim.step_rates import Rates, find_rates, free_beam_rate
+from flexlab.sim.step_rates import Rates, amplifies_errors, find_rates, free_beam_rate
 from flexlab.sim.step_size import Count, choose_step, steps_per_tick
 from flexlab.sim.target import build_trajectory, same_target
 
@@ -64,7 +64,11 @@ class Assembly(NamedTuple):
     asked: Count
     """The same before they were made shorter so that errors do not grow."""
     bound: str
-    """What the step was chosen by, as `step_size.Choice.bound`."""
+    """What the step was chosen by, as `step_size.Choice.bound`, or "accuracy" (`step_trial`)."""
+    amplifies: bool = False
+    """Whether a sampled loop answers each error with a larger one (`step_rates.amplifies_errors`)."""
+    whole: "Assembly | None" = None
+    """The same before its step was halved so that the run's beginning is accurate; None: it was not."""
 
     @property
     def step_count(self) -> int:
@@ -85,7 +89,8 @@ def build_assembly(
     same_beam = [old for old in known if old.scenario.payload == scenario.payload]
     # Gains and paths need no library that has threads, and telling it so costs as much as a gain.
     with nullcontext() if same_beam else one_blas_thread():
-        return _derive(scenario, tick_period, known, same_beam, at_once)
+        whole = [[old.whole or old for old in some] for some in (known, same_beam)]
+        return _refined(_derive(scenario, tick_period, *whole, at_once), tick_period, known, at_once)
 
 
 def _derive(
@@ -120,7 +125,7 @@ def _derive(
         raise Unprepared(scenario)
     levels = fitting[0] if fitting else StepLevels(integrator, beam, dt)
     watch = levels.watch(scenario.simulation.step is not None, scenario.simulation.accuracy)
-    for level in range(watch.disturbed + 2):  # and the half step of `accuracy`
+    for level in range(watch.disturbed + 3):  # and the quarter of a step of `accuracy`
         levels.scheme(level)
     sampling = _build_sampling(scenario, beam, steps.per_control)
     if system.control.sampled:
@@ -128,7 +133,20 @@ def _derive(
     if integrator not in _loaded:
         load_loop(system, sampling, levels.scheme(0), watch, tick_period, steps.per_tick)
         _loaded.add(integrator)
-    return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, steps, asked, bound)
+    amplifies = amplifies_errors(system, rates.poses, sampling.period, sampling.delay)
+    return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, steps, asked, bound, amplifies)
+
+
+def _refined(assembly: Assembly, tick_period: float, known: Sequence[Assembly], at_once: bool) -> Assembly:
+    """With the step that a trial asks for, if nobody gave one."""
+    from flexlab.sim.step_trial import halved, halvings  # It sets in motion what is assembled here.
+
+    if assembly.scenario.simulation.step is not None:
+        return assembly
+    for old in known:
+        if old.scenario == assembly.scenario and (old.whole or old).steps == assembly.steps:
+            return halved(assembly, (old.steps.per_tick // assembly.steps.per_tick).bit_length() - 1)
+    return halved(assembly, halvings(assembly, tick_period, at_once))
 
 
 def _steady_steps(

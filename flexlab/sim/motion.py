@@ -11,6 +11,7 @@ from flexlab.errors import StudyError
 from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.plant import ETA, Workspace, forget_rates
 from flexlab.scenario import Scenario
+from flexlab.scenario.scenario import Initial
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.build import Beam
@@ -76,10 +77,24 @@ def begin_motion(scenario: Scenario, tick_period: float, known: Sequence[Assembl
     return motion
 
 
+def start_at(assembly: Assembly, tick_period: float, tick: int) -> Motion | None:
+    """An assembly's motion as it begins, or at a later tick on the desired path with nothing behind it; None: it cannot."""
+    line = np.zeros_like(assembly.sampling.line)
+    system = assembly.system._replace(held_torque=np.zeros_like(assembly.system.held_torque))
+    system = system._replace(plant=without_hand(system.plant))
+    assembly = assembly._replace(system=system, sampling=assembly.sampling._replace(line=line))
+    y, workspace = np.zeros(state_length(system)), new_workspace(system)
+    motion = Motion(assembly.scenario, tick_period, assembly, y, workspace, accuracy.nothing_yet(assembly, 0))
+    motion.tick = tick
+    return None if _start(motion) else motion
+
+
 def _start(motion: Motion) -> Status | None:
     """Set the state at t = 0; returns the fault that forbids it."""
     scenario, system = motion.scenario, motion.assembly.system
-    initial, desired = scenario.initial, desired_at(system.trajectory, 0.0)
+    initial, desired = scenario.initial, desired_at(system.trajectory, motion.time)
+    if motion.tick > 0:
+        initial = Initial(pose_rate=None)
     pose = desired[0] if initial.pose is None else np.array(initial.pose)
     rate = desired[1] if initial.pose_rate is None else np.array(initial.pose_rate)
     fault = check_trajectory(scenario) or pose_fault(scenario, pose, 0.0, "the start pose")

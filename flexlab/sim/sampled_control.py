@@ -141,6 +141,7 @@ def control_instant(system, sampling, instant, t, y, ws):
         arm_velocity_terms(plant.arms[i], c, s, v[0], v[1], v[2], ws.seen.J[i], ws.seen.direction[i], ws.seen.C[i])
     desired_motion(system.trajectory, t, ws.desired)
     ws.desired_time[0] = t
+    desired_motion(system.trajectory, t + sampling.delay * sampling.period, now.coming)
     start, end = law_places(system)
     memory = y[start:end]
     now.time = t

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from flexlab.compiled import inlined
 from flexlab.control.law_kernels import fastest_control_rate
+from flexlab.physics.arm import joint_torques
 from flexlab.physics.plant import ETA
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam
@@ -25,6 +26,10 @@ before the first of these levels is given back; each other one stays as long."""
 
 NOTABLE_DAMPING = 0.3
 """Step times D of the most damped mode from which on disturbances get finer ticks."""
+
+LIMITED_STEP, NEAR_LIMIT = 1.5e-5, 0.6
+"""Longest step, s, while a torque that a continuous law asks for is beyond this part of its limit: as it begins or ends to be
+limited, within a step, every method is of second order."""
 
 SLACK = 1.25
 """A step that is too long by less than this is kept: halving it would cost more than it gains."""
@@ -46,6 +51,18 @@ class StepWatch(NamedTuple):
 
 
 @inlined
+def near_limit(system, ws):
+    """Whether a joint torque is at its limit or near it, after `find_state`."""
+    plant, found = system.plant, False
+    for i in range(len(plant.arms)):
+        joint_torques(plant.arms[i], ws.arm.trig[0], ws.arm.trig[1], ws.arm.direction[i], ws.u[i], ws.tau)
+        for joint in range(3):
+            if abs(ws.tau[joint]) > NEAR_LIMIT * system.control.torque_limit[joint]:
+                found = True
+    return found
+
+
+@inlined
 def wanted_level(system, watch, y, ws):
     """The level of the step from state y, after `find_state`."""
     level = 0
@@ -60,6 +77,12 @@ def wanted_level(system, watch, y, ws):
             step = watch.step
             while level < watch.most and step > longest:
                 step, level = 0.5 * step, level + 1
+        if system.control.limited and not system.control.sampled and near_limit(system, ws):
+            step = watch.step
+            for _ in range(level):
+                step *= 0.5
+            while level < watch.most and step > LIMITED_STEP:
+                step, level = 0.5 * step, level + 1
         if watch.disturbed > 0:
             since, finer = y[ETA + 2 * system.plant.modal.shape[1] + TICKS], watch.disturbed
             while since >= DISTURBED_TICKS and finer > 0:
@@ -71,19 +94,28 @@ def wanted_level(system, watch, y, ws):
 class StepLevels:
     """The schemes of one beam and integrator for all levels, made when they are first wanted."""
 
-    def __init__(self, integrator: str, beam: Beam, step: float):
-        """`step`: of level 0, s."""
+    def __init__(self, integrator: str, beam: Beam, step: float, whole: "StepLevels | None" = None, times: int = 0):
+        """`step`: of level 0, s: that of `whole`, if there is one, halved so many times."""
         self.integrator, self.step = integrator, step
+        self._whole, self._times, self._halved = whole, times, {0: self}
         self._beam, self._schemes = beam, {}
         self._functions: list[list[Functions]] | None = None
 
     def scheme(self, level: int) -> Scheme:
         """The integrator's constants for a level."""
+        if self._whole is not None:
+            return self._whole.scheme(level + self._times)
         if level not in self._schemes:
             with one_blas_thread():
                 known = self._known_functions(level)
                 self._schemes[level] = build_scheme(self.integrator, self._beam, self.step / 2**level, known)
         return self._schemes[level]
+
+    def halved(self, times: int) -> "StepLevels":
+        """The levels of a step that is halved so many times: what is known of it is shared."""
+        if times not in self._halved:
+            self._halved[times] = StepLevels(self.integrator, self._beam, self.step / 2**times, self, times)
+        return self._halved[times]
 
     def _known_functions(self, level: int) -> list[list[Functions]]:
         """The beam's matrix functions for a level's step and its half, if those of level 0 brought them along."""

@@ -100,7 +100,7 @@ CASES = (
          {**HELD, "controller.control_period": 0.014}, 0.2),
     Case("condition not met", r"ρ̂ ≥ ‖Ψ‖: 3 N against the beam's reaction on this path, 8\.59 N", STEADY,
          {"controller.kind": "sliding-mode", "controller.bound": 3.0}, 2.0),
-    Case("chatter", r"by 1\d(\.\d)? N·m \(RMS\) at each instant of the 1 ms clock.* layer of 0\.001 m/s",
+    Case("chatter", r"by 1\d(\.\d)? N·m \(RMS over the last second\) at each instant of the 1 ms clock.* layer of 0\.001 m/s",
          ("outside the boundary layer", *START, *SLOW), {"controller.boundary_layer": 1e-3}, 2.0, "fast-adaptation"),
     Case("noisy torques", r"jump by 9\.\d+ N·m \(RMS\)", ("drifting estimates",), {**NOISE, **HELD}, 2.0),
     Case("drifting estimates", r"grows by 0\.0017\d N each second .* at 0\.017\d m/s.* σ = 0\.5 1/s", ("noisy torques",),

@@ -5,6 +5,7 @@ import pytest
 
 from flexlab.analysis.modes import modes
 from flexlab.control.laws.lqr import regulator_gain
+from flexlab.control.motion import poses
 from flexlab.control.observers.believed_plant import believed_plant, hold
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset
@@ -74,3 +75,11 @@ def test_it_takes_the_estimate_over_from_a_composite_law():
     after = world.state().y
     assert any(np.array_equal(after[k : k + 13], known[-13:]) for k in range(len(after) - 12))
     assert len(world.advance(50)) == 50
+
+
+@pytest.mark.parametrize("delay", [0, 2])
+def test_its_target_is_the_path_when_its_torques_act(delay: int):
+    world = World(regulated(delay, **{"controller.control_period": 5e-3}))
+    world.advance(25)
+    coming = poses(world.system.trajectory, [0.025 + delay * 5e-3])[0]
+    assert np.allclose(world._motion.workspace.measured[0].coming, coming, rtol=1e-12, atol=1e-12)

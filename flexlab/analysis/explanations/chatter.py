@@ -25,7 +25,8 @@ def chatter(seen: Evidence) -> str | None:
     if float(np.sum(turns[1:] * turns[:-1])) >= 0:
         return None
     return (
-        f"The torques chatter, by {n(jump)} N·m (RMS) at each instant of the {n(1e3 * law.control_period)} ms clock: within one, "
-        f"s moves by {n(float(np.median(step)))} m/s, more than its boundary layer of {n(layer)} m/s, so that every step "
-        f"overshoots. A thicker layer or a shorter control period calms them."
+        f"The torques chatter, by {n(jump)} N·m (RMS over the last second) at each instant of the "
+        f"{n(1e3 * law.control_period)} ms clock: within one, s moves by {n(float(np.median(step)))} m/s, more than its "
+        f"boundary layer of {n(layer)} m/s, so that every step overshoots. A thicker layer or a shorter control period calms "
+        f"them."
     )

@@ -105,7 +105,6 @@ def _derive(scenario: Any) -> dict[str, Any]:
     horizon = late if law.observer.horizon is None else law.observer.horizon
     return {
         "reference": np.hstack([K[:, :3], K[:, n : n + 3]]),
-        "late": late * law.control_period,
         "rate": np.linalg.norm(damping, 2) + np.sqrt(np.linalg.norm(stiffness, 2)),
         **observer_constants(scenario, law.observer, lambda _: K, horizon),
     }
@@ -115,16 +114,13 @@ def _derive(scenario: Any) -> dict[str, Any]:
 def lqr(gains, now, memory, memory_rate, signals):
     """B ẍ_d + C̄ẋ_d + Ḡ - K (ẑ - z_d)."""
     update_estimate(gains, now, memory, memory_rate)
-    feedback, late = now.scratch[7], gains.late
+    feedback, desired, coming = now.scratch[7], now.desired, now.coming
     predict(gains, now, memory_rate, feedback)
     remember(gains, memory, memory_rate)
-    desired = now.desired
     for r in range(3):
         total = -feedback[r]
         for a in range(3):
-            v, acceleration = desired[1, a], desired[2, a]
-            total += gains.reference[r, a] * (desired[0, a] + late * (v + late / 2 * acceleration))
-            total += gains.reference[r, 3 + a] * (v + late * acceleration)
+            total += gains.reference[r, a] * coming[0, a] + gains.reference[r, 3 + a] * coming[1, a]
         feedback[r] = total
     drive_arms(now, desired[2], desired[1], feedback, now.scratch[3:6])
 
@@ -148,7 +144,7 @@ LAW = Law(
     lqr,
     fastest_rate,
     memory=(),
-    constants={"reference": (3, 6), "late": (), "rate": (), **observer_shapes(rows=3)},
+    constants={"reference": (3, 6), "rate": (), **observer_shapes(rows=3)},
     derive=_derive,
     for_settings=_for_settings,
     gauges=_gauges,

@@ -1,0 +1,151 @@
+"""How often the step is halved so that a run's beginning, and what follows a kink of its path, is accurate.
+
+A start with a wrong velocity, a kink and each instant of a sampled law excite modes that are faster than the step, and how well
+a step follows them depends on beam, arms and law together. So it is tried: the first ticks are gone with the step and with
+half of it. What they differ by is the error, and modes that ring on add to it until they fade. The trial is a function of the
+scenario alone, so that a run that goes on from somewhere takes the same steps.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlab.numerics.elementary import exponentials
+from flexlab.physics.plant import ETA
+from flexlab.sim import accuracy, row_layout
+from flexlab.sim.assembly import Assembly, Unprepared
+from flexlab.sim.integrators.beam_flow import TICKS
+from flexlab.sim.motion import start_at
+from flexlab.sim.pace import SLOWEST_PACE, seconds_per_second
+from flexlab.sim.step_levels import DISTURBED_TICKS
+from flexlab.sim.step_rates import ring_decay
+from flexlab.sim.step_size import SHORTEST_CHOSEN, Count
+from flexlab.sim.stepping import move_on
+
+TRIED = 12
+"""Ticks of each trial, after those whose steps are shorter as they follow a start."""
+
+HORIZON = 1.0
+"""s after which modes that ring on are to be accurate still."""
+
+ENOUGH = 0.3
+"""Of the bounds of pose and force that `accuracy` keeps: what a trial may take of them."""
+
+SLOWEST_TRIED = 8.0
+"""Processor seconds per simulated second up to which accuracy comes before real time, as `pace` estimates them; where even
+that is not enough, the step is as short as real time allows."""
+
+MOST_ORDER = 4.5
+"""A halving leaves no less than 2 to the minus this of an error."""
+
+KINKS_TRIED = 2
+"""Kinks of the path that are tried besides the start."""
+
+POSE = slice(row_layout.POSE, row_layout.POSE + 3)
+
+
+class Trial(NamedTuple):
+    """What a trial comes to."""
+
+    rows: np.ndarray
+    """Its samples."""
+    y: np.ndarray
+    """Its last state."""
+
+
+def halvings(assembly: Assembly, tick_period: float, at_once: bool) -> int:
+    """How often the automatic step of an assembly is to be halved: as often as needed, and as real time allows.
+
+    `at_once`: raise `Unprepared` instead of trying more than one halving.
+    """
+    pace = seconds_per_second(assembly.levels.integrator, assembly.beam, assembly.steps.step)
+    most, swift = (_times(assembly, slowest / pace) for slowest in (SLOWEST_TRIED, SLOWEST_PACE))
+    needed = 0
+    for tick in _instants(assembly, tick_period) if most > 0 else ():
+        needed = _needed(assembly, tick_period, tick, needed, most, at_once)
+    return needed if needed <= most else swift
+
+
+def _times(assembly: Assembly, ratio: float) -> int:
+    """How often a step may be halved that may become shorter by `ratio`."""
+    return max(0, _doublings(min(ratio, assembly.steps.step / SHORTEST_CHOSEN)))
+
+
+def _doublings(ratio: float) -> int:
+    """The whole part of log2(ratio)."""
+    return math.frexp(ratio)[1] - 1
+
+
+def _instants(assembly: Assembly, tick_period: float) -> list[int]:
+    """Numbers of the ticks from which a trial goes: the start, and those with the first kinks."""
+    found, apart = [0], TRIED // 2
+    for kink in assembly.system.trajectory.kinks:
+        tick = math.floor(kink / tick_period - 1e-9)
+        if tick > found[-1] + apart:
+            found.append(tick)
+    return found[: 1 + KINKS_TRIED]
+
+
+def _needed(assembly: Assembly, tick_period: float, tick: int, least: int, most: int, at_once: bool) -> int:
+    """As `halvings` for the trial from number `tick` on, at least `least`; more than `most`: that is not enough."""
+    found: dict[int, Trial | None] = {}
+    level = least
+    while level <= most:
+        for finer in (level, level + 1):
+            if finer not in found:
+                found[finer] = _tried(assembly, tick_period, tick, finer)
+        coarse, fine = found[level], found[level + 1]
+        if fine is None:
+            return level
+        excess = math.inf if coarse is None else _excess(assembly, tick_period, coarse, fine)
+        if excess <= 1:
+            return level
+        if at_once:
+            raise Unprepared(assembly.scenario)
+        level += 1 if excess == math.inf else max(1, math.floor(_doublings(excess) / MOST_ORDER))
+    return level
+
+
+def _tried(assembly: Assembly, tick_period: float, tick: int, times: int) -> Trial | None:
+    """The ticks from number `tick` on with a step that is halved so many times; None where they cannot be gone."""
+    motion = start_at(halved(assembly, times), tick_period, tick)
+    if motion is None:
+        return None
+    watch, disturbed = assembly.watch, ETA + 2 * len(assembly.beam.modes.omega) + TICKS
+    finer_ticks = watch.disturbed * DISTURBED_TICKS
+    if tick > 0 and finer_ticks > 0:
+        motion.y[disturbed], finer_ticks = finer_ticks, 0  # A kink has no shorter steps.
+    rows = np.zeros((finer_ticks + TRIED, motion.row_length))
+    ticks, code = move_on(motion, rows)
+    return Trial(rows, motion.y) if ticks == len(rows) and code == 0 else None
+
+
+def halved(assembly: Assembly, times: int) -> Assembly:
+    """An assembly whose step is halved so many times; it keeps the one that it is made of."""
+    if times == 0:
+        return assembly
+    steps, levels = assembly.steps, assembly.levels.halved(times)
+    return assembly._replace(
+        levels=levels,
+        watch=levels.watch(False, assembly.scenario.simulation.accuracy),
+        steps=Count(steps.per_tick << times, steps.per_control << times, levels.step),
+        sampling=assembly.sampling._replace(steps=assembly.sampling.steps << times),
+        bound="accuracy",
+        whole=assembly,
+    )
+
+
+def _excess(assembly: Assembly, tick_period: float, coarse: Trial, fine: Trial) -> float:
+    """By how much two trials differ more than they may, 1."""
+    forces, finer_forces = (accuracy.forces(trial.rows, assembly) for trial in (coarse, fine))
+    peak = float(np.abs(finer_forces).max())
+    force = float(np.abs(forces - finer_forces).max())
+    pose = float(np.abs(coarse.rows[:, POSE] - fine.rows[:, POSE]).max())
+    ringing = np.where(accuracy.rings(assembly), accuracy.mode_forces(assembly, coarse.y - fine.y), 0.0)
+    # Where a mode rings on, each such stretch adds as much.
+    decay = np.maximum(ring_decay(assembly.beam), 1e-6 / HORIZON)
+    faded, faded_here = (1 - exponentials(-decay * span) for span in (HORIZON, len(coarse.rows) * tick_period))
+    coming = math.sqrt(math.fsum((ringing * faded / faded_here) ** 2))
+    bound = max(accuracy.POSE_BOUND, assembly.scenario.simulation.accuracy)
+    return max(max(force, coming) / (accuracy.FORCE_BOUND * max(peak, accuracy.LEAST_PEAK)), pose / bound) / ENOUGH

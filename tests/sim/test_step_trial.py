@@ -1,0 +1,78 @@
+"""The automatic step of a stiff beam is as short as the run's beginning asks for, and says what it cannot do."""
+
+import numpy as np
+import pytest
+
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.world import World
+
+CLAMPED = {"payload.boundary": "clamped-clamped", "payload.bending_stiffness": 5e5}
+KINKED = {"trajectory": {"kind": "bang-bang", "start": 0.1}, "payload.bending_stiffness": 3e5}
+
+
+def errors(scenario: Scenario, step: float, ticks: int) -> tuple[Samples, float, float]:
+    """A run, and how far its pose and, over its peak, its internal force are from those with a step, s."""
+    run, exact = (World(one).run(ticks) for one in (scenario, scenario.replace({"simulation.step": step})))
+    peak = np.abs(exact.internal_force).max()
+    return (
+        run,
+        float(np.abs(run.pose - exact.pose).max()),
+        float(np.abs(run.internal_force - exact.internal_force).max() / peak),
+    )
+
+
+@pytest.mark.parametrize("changes", [CLAMPED, KINKED, {**CLAMPED, "controller.control_period": 0.002}])
+def test_a_stiff_beam_is_right_at_the_automatic_step(changes: dict):
+    scenario = load_preset("paper").replace(changes)
+    world = World(scenario)
+    world.run(200)
+    assert not world.accuracy_warning
+    _, pose, force = errors(scenario, 1e-6, 200)
+    assert pose < 1e-8
+    assert force < 1e-4
+
+
+def test_torques_at_their_limits_keep_the_accuracy():
+    """Within a step in which a torque begins or ends to be limited, every method is of second order."""
+    scenario = load_preset("paper").replace({"controller.torque_limit": (300.0, 150.0, 60.0)})
+    run, pose, force = errors(scenario, 2e-6, 500)
+    assert run.saturated.any()
+    assert pose < 1e-8
+    assert force < 1e-4
+
+
+def test_a_given_step_is_kept_and_one_that_is_enough_is_not_halved():
+    given = load_preset("paper").replace({**CLAMPED, "simulation.step": 1e-4})
+    assert World(given).step == pytest.approx(1e-4)
+    assert World(load_preset("paper")).assembly.whole is None
+
+
+def test_steps_do_not_depend_on_what_was_known_before():
+    scenario = load_preset("paper").replace(CLAMPED)
+    before = World(load_preset("paper"))
+    before.advance(20)
+    before.apply(ChangeScenario(CLAMPED))
+    fresh = World(scenario)
+    assert fresh.assembly.whole is not None
+    assert before.assembly.steps == fresh.assembly.steps == World(scenario, known=[fresh.assembly]).assembly.steps
+    before.apply(ChangeScenario({"payload.bending_stiffness": 100.0, "payload.boundary": "pinned-pinned"}))
+    assert before.assembly.steps == World(load_preset("paper")).assembly.steps
+
+
+def test_a_loop_that_its_clock_cannot_hold_is_said_to_depend_on_rounding():
+    slow = {"controller.kind": "sliding-mode", "controller.control_period": 0.02, "controller.boundary_layer": 0.05}
+    world = World(load_preset("paper").replace(slow))
+    world.advance(200)
+    assert world.assembly.amplifies
+    assert "Results depend on rounding: with a control period of 0.02 s" in world.accuracy_warning
+
+
+def test_what_is_next_to_nothing_is_not_called_inaccurate():
+    """An error of 10⁻¹³ N is not one of 4e-4, though the force of a slow beginning is no larger either."""
+    sampled = {"controller.kind": "lqr", "controller.control_period": 0.005, "payload.bending_stiffness": 1e4}
+    world = World(load_preset("paper").replace({**sampled, "trajectory": {"kind": "waypoints", "smooth_start": 0.4}}))
+    world.advance(30)
+    assert not world.accuracy_warning

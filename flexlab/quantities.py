@@ -23,6 +23,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
+from flexlab.number_text import number_text
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -48,8 +50,8 @@ class Quantity:
         return f"{name}: {self.range_text()}" if math.isfinite(self.low) and math.isfinite(self.high) else name
 
     def range_text(self) -> str:
-        """The allowed range with its unit, as in "0.001 to 1e+09 N·m²"."""
-        return f"{self.low:g} to {self.high:g}{self.unit_text()}"
+        """The allowed range with its unit, as in "0.001 to 10⁹ N·m²"."""
+        return f"{number_text(self.low)} to {number_text(self.high)}{self.unit_text()}"
 
     def unit_text(self) -> str:
         """The unit with a space before it, as it follows a number; empty for pure numbers."""

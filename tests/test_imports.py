@@ -17,6 +17,7 @@ LAYERS = {
     "quantities": 0,
     "signal": 0,
     "plain_text": 0,
+    "number_text": 0,
     "html_page": 0,
     "html_table": 0,
     "boundaries": 0,

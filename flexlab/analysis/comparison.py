@@ -8,8 +8,10 @@ from typing import Any
 
 from flexlab.analysis.metrics import MetricCollection, MetricRow, RunMetrics
 from flexlab.analysis.run_summary import scenario_differences
+from flexlab.number_text import difference_text as number_difference
 from flexlab.recording.overlay import run_label, write_comparison
 from flexlab.recording.reader import Recording, read_blocks, read_recording
+from flexlab.scenario.field_text import value_text
 
 Table = list[list[str]]
 """A line of headings, then rows."""
@@ -105,7 +107,7 @@ def compare(paths: Sequence[Path]) -> Comparison:
     fields = {
         path
         for recording in recordings[1:]
-        for path, _, _ in scenario_differences(recordings[0].scenario, recording.scenario)
+        for path, *_ in scenario_differences(recordings[0].scenario, recording.scenario)
     }
     settings = [(path, tuple(_value(recording, path) for recording in recordings)) for path in sorted(fields)]
     return Comparison(recordings, durations, window, tuple(zip(*metrics, strict=True)), tuple(settings))
@@ -123,8 +125,7 @@ def compare_into(paths: Sequence[Path], target: Path) -> Comparison:
 
 def difference_text(first: MetricRow, other: MetricRow) -> str:
     """How far a metric is from the first run's; "–" where one of them has no value."""
-    difference = other.value - first.value
-    return "–" if isnan(difference) else f"{difference:+.3g}" if difference else "0"
+    return number_difference(first.value, other.value)
 
 
 def _metrics(path: Path, seconds: float = inf) -> RunMetrics:
@@ -149,9 +150,7 @@ def _value(recording: Recording, path: str) -> str:
         value = getattr(value, name, None)
         if value is None:
             return "–"
-    if isinstance(value, float):
-        return f"{value:g}"
-    return str(getattr(value, "kind", value))
+    return value_text(value)
 
 
 def _markdown(table: Table) -> str:

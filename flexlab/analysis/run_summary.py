@@ -4,8 +4,6 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel
-
 from flexlab.analysis.metrics import MetricCollection
 from flexlab.analysis.metrics.noted import measured
 from flexlab.errors import FlexlabError, RecordingError
@@ -15,7 +13,8 @@ from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.scenario import Scenario
-from flexlab.scenario.differences import TEXTS, part_differences
+from flexlab.scenario.differences import differences
+from flexlab.scenario.field_text import told, value_text
 from flexlab.sim.commands import ChangeScenario, LoadScenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
@@ -115,15 +114,4 @@ def preset_changes(name: str, scenario: Scenario) -> list[str]:
 
 def scenario_differences(one: Scenario, other: Scenario) -> list[tuple[str, str, str]]:
     """(dotted path, value in `one`, value in `other`) of every field that differs; titles and texts do not count."""
-    found = part_differences(one, other)
-    return [(path, _text(old), _text(new)) for path, old, new in found if path not in TEXTS]
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, BaseModel):
-        return str(getattr(value, "kind", type(value).__name__))
-    if isinstance(value, float):
-        return f"{value:g}"
-    if isinstance(value, tuple):
-        return "[" + ", ".join(map(_text, value)) + "]"
-    return "none" if value is None else str(value)
+    return [(path, value_text(old), value_text(new)) for path, old, new in told(differences(one, other))]

@@ -10,14 +10,14 @@ from flexlab.analysis.metrics import MetricRow
 from flexlab.analysis.replay import replay
 from flexlab.analysis.resume import resume
 from flexlab.analysis.run_summary import note_metrics
-from flexlab.errors import FlexlabError, RecordingError
+from flexlab.errors import RecordingError
 from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.store.notes import is_regular, notes_path, read_notes
 from flexlab.recording.store.run_files import SUFFIX, remove_run
-from flexlab.scenario import Scenario
+from flexlab.scenario.field_text import field_title
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.labs.quota import Quota
 from flexlab.sim.samples import Samples
@@ -52,8 +52,8 @@ def compare_runs(paths: tuple[Path, ...], target: Path) -> ComparisonTables:
         check_size(path)
     comparison = compare(paths)
     write_comparison(comparison.recordings, target, comparison.text())
-    scenario = comparison.recordings[0].scenario
-    settings = (SettingRow(_field_title(scenario, path), values) for path, values in comparison.settings)
+    scenarios = [recording.scenario for recording in comparison.recordings]
+    settings = (SettingRow(field_title(path, *scenarios), values) for path, values in comparison.settings)
     return ComparisonTables(comparison.window_text, comparison.metrics, tuple(settings))
 
 
@@ -64,15 +64,6 @@ def check_size(path: Path) -> None:
         raise RecordingError(
             f"{path.stem} has {rows} samples, over {MOST_SAMPLES}: export a range of its time and import that first."
         )
-
-
-def _field_title(scenario: Scenario, path: str) -> str:
-    try:
-        about = scenario.about(path)
-    except FlexlabError:
-        return path
-    unit = f" [{about.unit}]" if about.unit not in ("", "1") else ""
-    return " ".join(filter(None, (about.title, about.symbol))) + unit
 
 
 def replay_run(path: Path, report: Callable[[float], None]) -> tuple[bool, str]:

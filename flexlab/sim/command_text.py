@@ -3,7 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
+from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
+from flexlab.scenario.choices import TITLES
+from flexlab.scenario.field_text import value_text
 from flexlab.sim.commands import (
     ChangeScenario,
     Command,
@@ -36,14 +39,14 @@ def command_text(command: Command) -> str:
         x, y = command.target
         along = command.position
         where = f" at s = {along:.3f} m" if command.link is None else f", {along:.3f} m along it,"
-        return f"Pull {_held(command)}{where} to ({x:.3f}, {y:.3f}) m, {command.stiffness:g} N/m"
+        return f"Pull {_held(command)}{where} to ({x:.3f}, {y:.3f}) m, {number_text(command.stiffness)} N/m"
     if isinstance(command, Tap):
         x, y = command.impulse
-        return f"Tap the beam at s = {command.beam_position:.3f} m with ({x:.3g}, {y:.3g}) N·s"
+        return f"Tap the beam at s = {command.beam_position:.3f} m with ({number_text(x, 3)}, {number_text(y, 3)}) N·s"
     if isinstance(command, LoadScenario):
         return f"Load {command.name}" if command.origin is None else _resume_text(command.origin)
     if isinstance(command, SetSpeed):
-        return f"Speed {command.speed:g} × real time"
+        return f"Speed {number_text(command.speed)} × real time"
     if isinstance(command, StepOnce):
         return f"Step {command.ticks} ms"
     names: dict[type, str] = {Play: "Play", Pause: "Pause", Reset: "Reset"}
@@ -66,16 +69,10 @@ def _change_text(path: str, value: Any) -> str:
         return f"{TEXTS[path]}, {len(value.splitlines())} lines"
     if path == "trajectory" and isinstance(value, Mapping):
         return f"Path {value.get('kind', '')}"
+    if path in TITLES:
+        return f"{TITLES[path]} = {value_text(value)}"
     usual = Scenario()
     if not usual.has(path):
-        return f"{path} = {_value_text(value)}"
+        return f"{path} = {value_text(value)}"
     about = usual.about(path)
-    return f"{about.title} {about.symbol} = {_value_text(value)}{about.unit_text()}".replace("  ", " ")
-
-
-def _value_text(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, (tuple, list)):
-        return "(" + ", ".join(_value_text(item) for item in value) + ")"
-    return str(value)
+    return f"{about.title} {about.symbol} = {value_text(value)}{about.unit_text()}".replace("  ", " ")

@@ -80,8 +80,8 @@ def test_differences_name_fields_by_path() -> None:
     assert scenario_differences(paper, paper) == []
     found = {path: (old, new) for path, old, new in scenario_differences(paper, other)}
     assert found["gravity"] == ("0", "9.81")
-    assert found["controller"] == ("adaptive-sliding-mode", "pd")
-    assert found["payload.damping"] == ("nodal", "modal")
+    assert found["controller.kind"] == ("adaptive-sliding-mode", "pd")
+    assert found["payload.damping.kind"] == ("nodal", "modal")
     assert "title" not in found
 
 

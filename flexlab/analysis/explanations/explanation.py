@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlab.analysis.explanations.evidence import Background, Evidence
+from flexlab.number_text import fixed_text, number_text
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Run
@@ -52,9 +53,15 @@ EXPLANATIONS: dict[str, Explanation] = {}
 """Every explanation by its name, the most important first."""
 
 
+NOTHING = 1e-9
+"""Below this a number of a sentence, in the units that people read, is rounding."""
+
+
 def n(value: float) -> str:
     """A number in a sentence: three digits, or all that stand before the point."""
-    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    if abs(value) < NOTHING:
+        return "0"
+    return number_text(value, 3) if abs(value) < 1000 else fixed_text(value, 0)
 
 
 def register(name: str, equation: str, plot: str, place: int) -> Callable[[Look], Look]:

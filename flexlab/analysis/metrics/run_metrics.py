@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric
 from flexlab.html_table import html_table
+from flexlab.number_text import number_text
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -51,7 +52,7 @@ def value_text(column: Column, value: Any) -> str:
     """A number of a table with four digits; the column's word where it is NaN, "–" for what is no number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return "–"
-    return column.missing if isnan(value) else f"{value:.4g}"
+    return column.missing if isnan(value) else number_text(value)
 
 
 class RunMetrics:

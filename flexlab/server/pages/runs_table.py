@@ -1,5 +1,6 @@
 """What the table of runs shows, for the start page and the library."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.noted import noted_text, noted_value
 from flexlab.recording.store.run_index import RunRow
+from flexlab.scenario.field_text import field_title
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ LAST_COLUMNS = (
     TableColumn("Note, changes", "text", "Note, and what was changed against the preset"),
     TableColumn("", "text", ""),
 )
+PATH = re.compile(r"[a-z_0-9]+(\.[a-z_0-9]+)*")
 CHANGES_SHOWN = 3
 """Of what was changed in a run, how many lines stand in the table."""
 
@@ -55,7 +58,13 @@ def table_values(rows: Sequence[RunRow], short: bool = False) -> dict[str, Any]:
 
 def _changes_text(row: RunRow) -> str:
     left = len(row.changes) - CHANGES_SHOWN
-    return "; ".join(row.changes[:CHANGES_SHOWN]) + (f"; {left} more" if left > 0 else "")
+    return "; ".join(map(_in_words, row.changes[:CHANGES_SHOWN])) + (f"; {left} more" if left > 0 else "")
+
+
+def _in_words(change: str) -> str:
+    """A change against the preset, "path: old → new" in the notes, with the field's title."""
+    path, colon, values = change.partition(": ")
+    return f"{field_title(path)}: {values}" if colon and PATH.fullmatch(path) else change
 
 
 def _capital(heading: str) -> str:

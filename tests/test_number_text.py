@@ -1,0 +1,54 @@
+"""Numbers as people read them, and a scenario's fields in words."""
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexlab.number_text import difference_text, fixed_text, number_text
+from flexlab.presets import load_preset
+from flexlab.scenario.differences import differences
+from flexlab.scenario.field_text import field_title, told, value_text
+
+
+def test_numbers_have_no_letters_and_a_real_minus_sign() -> None:
+    cases = {1000.0: "1000", -0.5: "−0.5", 1e9: "10⁹", -2.5e-9: "−2.5 · 10⁻⁹", 31.622: "31.62", -0.0: "0"}
+    for value, text in cases.items():
+        assert number_text(value) == text
+    assert number_text(float("nan")) == number_text(float("inf")) == "–"
+    assert number_text(2.0, signed=True) == "+2"
+
+
+def test_a_zero_has_no_sign_and_rounding_is_no_difference() -> None:
+    assert fixed_text(-1e-9, 3) == fixed_text(1e-9, 3, signed=True) == "0.000"
+    assert fixed_text(-0.13, 3, signed=True) == "−0.130"
+    assert difference_text(1.0, 1.0 - 9.44e-16) == "0"
+    assert difference_text(2.0, 2.5) == "+0.5"
+    assert difference_text(2.0, float("nan")) == "–"
+
+
+@given(st.floats())
+def test_no_number_is_odd(value: float) -> None:
+    assert not re.search(r"e[+-]|nan|inf|-", number_text(value) + fixed_text(value, 3))
+
+
+@given(st.floats(min_value=1e-4, max_value=9e6))
+def test_what_is_written_is_the_number(value: float) -> None:
+    assert float(number_text(value)) == pytest.approx(value, rel=5.1e-4)
+
+
+def test_fields_and_values_are_told_in_words() -> None:
+    paper = load_preset("paper")
+    other = paper.replace({"controller.kind": "pd", "payload.bending_stiffness": 50.0})
+    news = {
+        field_title(path, other, paper): (value_text(a), value_text(b))
+        for path, a, b in told(differences(paper, other))
+    }
+    assert news == {
+        "Control law": ("adaptive-sliding-mode", "pd"),
+        "Bending stiffness EI (N·m²)": ("100", "50"),
+    }
+    assert field_title("controller.integral_gain", paper).startswith("Switching gain"), "of a law that no run here has"
+    assert value_text({"linear_density_factor": 1.0}) == "linear density factor 1"
+    assert value_text(None) == "–"

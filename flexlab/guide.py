@@ -24,8 +24,13 @@ HEAD_LINE, GUESS, DO, OBSERVE = "---", "## Guess", "## Do", "## Observe"
 _OPTION = re.compile(r"^- \[([ x])\] (.+)$", re.MULTILINE)
 
 
-FIELDS = ("title", "preset", "check", "hint")
-"""Of a lesson's head; the last one may be left out."""
+NEEDED = ("title", "preset", "check")
+FIELDS = (*NEEDED, "exaggeration", "hint")
+"""Of a lesson's head; those not needed may be left out."""
+
+
+HIGHEST_EXAGGERATION = 1000.0
+"""Factor on a drawn deflection."""
 
 
 class LessonError(FlexlabError, ValueError):
@@ -65,6 +70,8 @@ class Lesson(NamedTuple):
     """Markdown: what to see, and why."""
     hint: str = ""
     """What to say while the check does not hold; the checks of flexlab's own lessons say more."""
+    exaggeration: float | None = None
+    """By which all its runs are drawn; None: what suits its preset."""
     head: tuple[str, ...] = ()
     """Names of the fields of the head, in the order of their lines."""
 
@@ -143,6 +150,7 @@ def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
         steps=steps,
         observe=observe,
         hint=head.get("hint", ""),
+        exaggeration=_exaggeration(file, head),
         head=tuple(head),
     )
 
@@ -163,10 +171,22 @@ def _head(file: Path, text: str) -> dict[str, str]:
                 f"{file.name} is not a lesson: line {number}: {line[:60]!r} is no field: write each of {fields} once."
             )
         head[name.strip()] = value.strip()
-    missing = [name for name in FIELDS[:-1] if name not in head]
+    missing = [name for name in NEEDED if name not in head]
     if missing:
         raise LessonError(f"{file.name} is not a lesson: line {2 + len(head)}: the head has no {missing[0]}.")
     return head
+
+
+def _exaggeration(file: Path, head: dict[str, str]) -> float | None:
+    text = head.get("exaggeration")
+    if text is None:
+        return None
+    factor = float(text) if re.fullmatch(r"\d+(\.\d+)?", text) else 0.0
+    if 1 <= factor <= HIGHEST_EXAGGERATION:
+        return factor
+    line, allowed = 2 + list(head).index("exaggeration"), f"a number from 1 to {HIGHEST_EXAGGERATION:g}"
+    reason = f"exaggeration = {text[:40]!r} is no factor for the drawn deflection: write {allowed}."
+    raise LessonError(f"{file.name} is not a lesson: line {line}: {reason}")
 
 
 def _parts(file: Path, text: str) -> dict[str, str]:

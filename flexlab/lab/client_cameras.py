@@ -18,8 +18,6 @@ LOWEST = 0.1
 """Height above the floor below which no camera goes, m: from below, the picture is a riddle."""
 STILL = 1e-3
 """A camera this near to where it was put counts as not moved by the person, m."""
-TELEPHONE_WIDTH = 576
-"""Windows narrower than this, px, get viser's layout for telephones: a sheet over the lower half of the picture."""
 SAME_ASPECT = 0.02
 """Changes of width over height below this do not move the camera."""
 
@@ -35,10 +33,13 @@ class _Watch:
     """One browser."""
 
     client: viser.ClientHandle
-    telephone: bool
     view: str = VIEWS[0]
     put_at: np.ndarray | None = None
     aspect: float = 0.0
+    covered: tuple[float, float] = (0.0, 0.0)
+    """Shares of the picture's height that something lies over, from above and from below."""
+    put_for: tuple[float, float] = (0.0, 0.0)
+    """Of them those that the camera was put for."""
 
 
 class ClientCameras:
@@ -61,6 +62,13 @@ class ClientCameras:
             watch.view = view
             self._aim(watch, self._runner.snapshot)
 
+    def cover(self, client: viser.ClientHandle, above: float, below: float) -> None:
+        """Keep the machine in the part of one browser's picture that nothing lies over; shares of its height."""
+        with self._lock:
+            watch = self._watches.setdefault(client.client_id, _Watch(client))
+        watch.covered = (above, below)
+        self._reshape(watch)
+
     def follow(self, snapshot: Snapshot) -> None:
         """Move the cameras that follow the payload; called for every picture."""
         with self._lock:
@@ -74,22 +82,26 @@ class ClientCameras:
                 watch.view = STANDING
 
     async def _greet(self, client: viser.ClientHandle) -> None:
-        watch = _Watch(client, client.camera.image_width < TELEPHONE_WIDTH)
         with self._lock:
-            self._watches[client.client_id] = watch
+            watch = self._watches.setdefault(client.client_id, _Watch(client))
 
         async def reshape(camera: viser.CameraHandle) -> None:
             if camera.position[2] < LOWEST:
                 camera.position = np.array([*camera.position[:2], LOWEST])
                 return
-            # viser puts its own first camera back some two seconds after the page has opened.
-            put_back = watch.view == VIEWS[0] and _near(camera.position, self._server.initial_camera.position)
-            stands = watch.put_at is None or _near(camera.position, watch.put_at)
-            reshaped = abs(camera.aspect - watch.aspect) > SAME_ASPECT
-            if watch.view not in (*MOVING, STANDING) and (put_back or (stands and reshaped)):
-                self._aim(watch, self._runner.snapshot)
+            self._reshape(watch)
 
         client.camera.on_update(reshape)
+
+    def _reshape(self, watch: _Watch) -> None:
+        """Fit a picture whose shape has changed, unless the person has moved the camera."""
+        camera = watch.client.camera
+        # viser puts its own first camera back some two seconds after the page has opened.
+        put_back = watch.view == VIEWS[0] and _near(camera.position, self._server.initial_camera.position)
+        stands = watch.put_at is None or _near(camera.position, watch.put_at)
+        reshaped = abs(camera.aspect - watch.aspect) > SAME_ASPECT or watch.covered != watch.put_for
+        if watch.view not in (*MOVING, STANDING) and (put_back or (stands and reshaped)):
+            self._aim(watch, self._runner.snapshot)
 
     async def _forget(self, client: viser.ClientHandle) -> None:
         with self._lock:
@@ -97,9 +109,9 @@ class ClientCameras:
 
     def _aim(self, watch: _Watch, snapshot: Snapshot) -> None:
         camera = watch.client.camera
-        window = Window(camera.aspect, camera.image_width, watch.telephone)
+        window = Window(camera.aspect, *watch.covered)
         aim = shot(watch.view, snapshot.scenario, snapshot.display, window)
-        watch.put_at, watch.aspect = aim.position, camera.aspect
+        watch.put_at, watch.aspect, watch.put_for = aim.position, camera.aspect, watch.covered
         # Position first: viser moves the point looked at along with it.
         with watch.client.atomic():
             camera.position = aim.position

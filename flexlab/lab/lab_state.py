@@ -15,7 +15,7 @@ from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.reference_run import ReferenceRun, differences
 from flexlab.lab.slow_changes import SlowChanges
 from flexlab.lab.undo import Settings, Undo, changes_towards
-from flexlab.lab.view_settings import FollowedExaggeration, ViewSettings, fitting_exaggeration, fitting_window
+from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration, fitting_window, tamed_exaggeration
 from flexlab.log_limits import limited
 from flexlab.physics.plant import ON_BEAM, Hand
 from flexlab.presets import load_preset
@@ -31,8 +31,6 @@ NOTICE_TIME = 12.0
 """How long a notice stays on screen, wall seconds: time to read two lines twice."""
 SEEN_AT_ONCE = 0.3
 """Simulated s whose largest deflection is taken for the present one: a period of the softest beam that is offered."""
-PATIENCE = 15
-"""Updates in a row (1.5 s) that find the drawn deflection too small before it is enlarged."""
 
 log = limited(__name__)
 
@@ -69,7 +67,7 @@ class LabState:
         self.lesson = ""
         """The lesson that is open, and how far it is, in words; empty: none."""
         self._view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
-        self._followed = FollowedExaggeration(PATIENCE)
+        self._lesson_holds_factor = False
         self._fitted_speed = snapshot.target_speed
         self._slow = SlowChanges(self._change_slowly, self.say)
         self._let_go_of(origin)
@@ -120,6 +118,17 @@ class LabState:
         """Change settings of the screen."""
         with self._lock:
             self._view = dataclasses.replace(self._view, **changes)
+
+    def hold_exaggeration(self, factor: float | None) -> None:
+        """Draw deflections by one factor, whatever is run, as in a lesson; None: as each run suits again."""
+        self._lesson_holds_factor = factor is not None
+        if factor is not None and self._view.follow_deflection:
+            self.set_view(exaggeration=factor)
+
+    @property
+    def _chooses_exaggeration(self) -> bool:
+        """Whether a run is drawn as suits it: within a lesson, and beside a kept run, one factor lets runs be compared."""
+        return self._view.follow_deflection and not self._lesson_holds_factor and self.kept is None
 
     def change(self, changes: Mapping[str, Any]) -> None:
         """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid.
@@ -175,6 +184,8 @@ class LabState:
         with self._lock:
             if isinstance(command, Reset):
                 self._pull = None
+                if self._chooses_exaggeration:
+                    self.set_view(exaggeration=fitting_exaggeration(self.intended))
             self._ask(command)
             if isinstance(command, Play | Pause):
                 self._asked_play = (self._asked, isinstance(command, Play))
@@ -214,13 +225,12 @@ class LabState:
             self._fitted_speed = snapshot.target_speed
             if self._view.follow_speed:
                 self.set_view(plot_window=fitting_window(snapshot.target_speed))
-        if not self._view.follow_deflection or not snapshot.playing:
+        if not self._chooses_exaggeration or not snapshot.playing:
             return
         payload, recent = snapshot.scenario.payload, self._runner.recent(SEEN_AT_ONCE)
         if len(recent) and recent.beam_coordinates.shape[1] == payload.coordinate_count:
-            factor = self._followed.fit(
-                self._view.exaggeration, peak_deflection(payload, recent.beam_coordinates), payload.length
-            )
+            deflection = peak_deflection(payload, recent.beam_coordinates)
+            factor = tamed_exaggeration(self._view.exaggeration, deflection, payload.length)
             if factor != self._view.exaggeration:
                 self.set_view(exaggeration=factor)
 
@@ -257,7 +267,7 @@ class LabState:
         self._settings, self._run_name = settings, settings.name
         self._pull = None
         self.set_view(shown_mode=None)
-        if self._view.follow_deflection:
+        if self._chooses_exaggeration:
             self.set_view(exaggeration=fitting_exaggeration(settings.scenario))
         self._ask(LoadScenario(settings.scenario, settings.name, settings.origin))
         self._let_go_of(settings.origin)

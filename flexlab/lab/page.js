@@ -44,6 +44,24 @@
   }
 
   const LOOK = 100; // ms between two looks, in a page that nobody sees as well
+  const SHEET = 'div[style*="position: fixed"][style*="width: 20em"]'; // the panel of a page in one column
+  // viser lays a page out in one column below 36em; beside a panel the scene has no room below 60em either.
+  const match = window.matchMedia.bind(window);
+  window.matchMedia = (query) => match(query === "(max-width: 36em)" ? "(max-width: 60em)" : query);
+
+  // viser draws the words in the scene black on white boxes, in the dark as well: gray letters without a box suit both.
+  const LABELS = [["vec4(1.0, 1.0, 1.0, 0.85 * vAlpha)", "vec4(0.0)"], ["vec4(0.0, 0.0, 0.0, a)", "vec4(0.46, 0.49, 0.53, a)"]];
+  const drawing = window.WebGL2RenderingContext?.prototype;
+  const shaderSource = drawing?.shaderSource;
+  if (drawing) drawing.shaderSource = function (shader, text) {
+    for (const [found, wanted] of LABELS) {
+      if (!text.includes(found)) continue;
+      text = text.replace(found, wanted);
+      document.documentElement.dataset.flLabels = "plain"; // so that a test notices when viser has changed
+    }
+    shaderSource.call(this, shader, text);
+  };
+
   const darkSystem = matchMedia("(prefers-color-scheme: dark)");
   let seenRun = 0;
   let drawnRun = 0;
@@ -75,6 +93,39 @@
     return open;
   }
 
+  // Of the picture's height the shares that something lies over, from above and from below.
+  function covered() {
+    const picture = window.__viserMutable?.canvas?.getBoundingClientRect();
+    if (!picture?.height) return [0, 0];
+    let above = 0, below = 0;
+    for (const part of document.querySelectorAll(`[data-floating-window], ${SHEET}`)) {
+      const box = part.getBoundingClientRect();
+      if (!box.height || box.width < picture.width / 2) continue;
+      if (box.top - picture.top < picture.bottom - box.bottom) above = Math.max(above, box.bottom - picture.top);
+      else below = Math.max(below, picture.bottom - box.top);
+    }
+    return [share(above / picture.height), share(below / picture.height)];
+  }
+
+  // Which panels are open is kept per browser: this one opens them again.
+  const KEPT = "flexlab-open-panels";
+  let lastOpen = [];
+  try { lastOpen = JSON.parse(localStorage.getItem(KEPT) ?? "[]").filter((name) => ["guide", "plots"].includes(name)); }
+  catch { /* No storage, or no list: both panels begin folded. */ }
+  let someoneActed = false;
+  for (const kind of ["pointerup", "keyup"]) addEventListener(kind, () => { someoneActed = true; }, true);
+
+  function keepOpenPanels() {
+    if (!someoneActed || document.querySelector(".fl-presentation")) return;
+    const open = [];
+    if (document.querySelector(".fl-guide")?.getClientRects().length) open.push("guide");
+    const charts = Object.values(window.__viserTestpoints?.uplots ?? {});
+    if (charts.some(({ chart }) => chart.root.offsetParent !== null)) open.push("plots");
+    if (open.join() === lastOpen.join()) return;
+    lastOpen = open;
+    try { localStorage.setItem(KEPT, JSON.stringify(open)); } catch { /* As above. */ }
+  }
+
   // A run is drawn one picture after all its parts are there: the page's own work on messages comes before its drawing.
   function watchRun() {
     const run = Number(document.querySelector(".fl-run")?.dataset.run ?? 0);
@@ -89,15 +140,51 @@
     if (!box?.width) return;
     const style = document.documentElement.style;
     style.setProperty("--fl-picture-middle", `${Math.round(box.left + box.width / 2)}px`);
+    style.setProperty("--fl-picture-left", `${Math.round(box.left)}px`);
+    style.setProperty("--fl-picture-below", `${Math.round(innerHeight - box.bottom + covered()[1] * box.height)}px`);
     style.setProperty("--fl-picture-width", `${Math.round(box.width)}px`);
   }
 
+  // Where no cursor points into a chart its legend tells the newest values.
+  function tellNewest() {
+    for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
+      if (chart.root.offsetParent === null || !(chart.cursor.left < 0)) continue;
+      let last = chart.data[0].length - 1;
+      while (last > 0 && !Number.isFinite(chart.data[1]?.[last])) last -= 1;
+      chart.setLegend({ idx: last }, false);
+    }
+  }
+
+  // The play screen stands in the same panel as the lab; the style sheet shows the one or the other.
+  if (new URLSearchParams(location.search).has("play")) document.documentElement.classList.add("fl-playing");
+
+  function markPlayScreen() {
+    let part = document.querySelector(".fl-play");
+    if (!part || part.closest("[data-fl-play]")) return;
+    while (part.parentElement && !part.parentElement.querySelector(".fl-caption")) part = part.parentElement;
+    part.dataset.flPlay = "";
+    if (part.parentElement) part.parentElement.dataset.flPanel = "";
+  }
+
+  addEventListener("click", (event) => {
+    const button = event.target.closest?.("[data-fl-play] button");
+    if (button?.textContent.trim() !== "More") return;
+    document.documentElement.classList.remove("fl-playing");
+    history.replaceState(null, "", location.pathname);
+  }, true);
+
   function look() {
+    markPlayScreen();
+    const name = document.querySelector(".fl-run")?.dataset.name;
+    if (name && document.title !== `${name} · flexlab`) document.title = `${name} · flexlab`;
     watchRun();
+    tellNewest();
     measurePicture();
+    keepOpenPanels();
     const way = document.querySelector(".fl-reports")?.dataset.way;
     if (!way || !window.__viserMutable?.sendMessage) return;
-    const report = JSON.stringify({ run: drawnRun, charts: openCharts(), dark: darkSystem.matches, width: innerWidth, again });
+    const report = JSON.stringify({ run: drawnRun, charts: openCharts(), dark: darkSystem.matches, width: innerWidth,
+      covered: covered(), open: lastOpen, again });
     if (sent === way + report) return;
     sent = way + report;
     window.__viserMutable.sendMessage({ type: "GuiUpdateMessage", uuid: way, updates: { value: report } });

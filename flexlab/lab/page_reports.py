@@ -42,6 +42,10 @@ class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     dark: bool
     width: Count
     """Of the window, px."""
+    covered: tuple[Share, Share]
+    """Of the picture's height, by what lies over it: from above and from below."""
+    open: Annotated[tuple[str, ...], msgspec.Meta(max_length=2)]
+    """Names of the panels that this browser last had open, of `guide` and `plots`."""
     again: Count
     """How often the preset that is shown was chosen once more."""
 
@@ -64,21 +68,26 @@ class PageReports:
         self,
         server: viser.ViserServer,
         run_number: int,
-        arrange: Callable[[viser.ClientHandle, int], None],
+        name: str,
+        arrange: Callable[[viser.ClientHandle, Report], None],
+        cover: Callable[[viser.ClientHandle, float, float], None],
         start_anew: Callable[[], None],
     ):
-        """`arrange` lays out a new page whose window is so wide, px; `start_anew` loads the preset that is shown."""
-        self._arrange, self._start_anew = arrange, start_anew
+        """`arrange` lays out a new page by its first report; `cover` is told what lies over the picture.
+
+        `start_anew` loads the preset that is shown.
+        """
+        self._arrange, self._cover, self._start_anew = arrange, cover, start_anew
         self._began_anew = -math.inf
         self._pages: dict[int, _Page] = {}
         self._lock = threading.Lock()
-        self._mark = server.gui.add_html(_mark(run_number))
+        self._mark = server.gui.add_html(_mark(run_number, name))
         server.on_client_connect(self._greet)
         server.on_client_disconnect(self._forget)
 
-    def show_run(self, run_number: int) -> None:
-        """Tell the pages which run it is that they have just been sent."""
-        put(self._mark, content=_mark(run_number))
+    def show_run(self, run_number: int, name: str) -> None:
+        """Tell the pages which run it is that they have just been sent, and what it is called."""
+        put(self._mark, content=_mark(run_number, name))
 
     @property
     def count(self) -> int:
@@ -127,10 +136,11 @@ class PageReports:
             if report.dark != (page.report.dark if page.report is not None else False):
                 set_theme(client.gui, report.dark)
             if page.report is None:
-                self._arrange(client, report.width)
+                self._arrange(client, report)
             elif report.again > page.report.again and time.monotonic() - self._began_anew >= AGAIN_PERIOD:
                 self._began_anew = time.monotonic()
                 self._start_anew()
+            self._cover(client, *report.covered)
             page.report = report
 
         way.on_update(told)
@@ -141,5 +151,5 @@ class PageReports:
             self._pages.pop(client.client_id, None)
 
 
-def _mark(run_number: int) -> str:
-    return f'<i hidden class="fl-run" data-run="{run_number}"></i>'
+def _mark(run_number: int, name: str) -> str:
+    return f'<i hidden class="fl-run" data-run="{run_number}" data-name="{html.escape(name)}"></i>'

@@ -1,25 +1,26 @@
-"""A browser at a beamer: large type and two large plots, readable from the back of a room."""
+"""A browser at a beamer: the scene, one plot and the number that matters, readable from the back of a room."""
 
 import threading
-from collections.abc import Callable
 
 import viser
 
-from flexlab.lab.viser_internals import set_panel_width
-
-LARGER = 1.4
-"""Widths of panels in presentation, relative to the usual ones."""
+from flexlab.lab.viser_internals import fold_panel
 
 SHEET = """
+[data-dock-region], [data-dock-root] > div[style*="box-shadow"] { visibility: hidden; pointer-events: none; }
+#server-bar { display: none !important; }
+[data-dock-root] > div:first-child { left: 0 !important; right: 0 !important; }
+/* One plot along the upper edge: of the motion that of the deflection, which is the second. */
+[data-floating-window] { left: 0.5rem !important; width: calc(100vw - 20rem) !important; height: 26.5rem !important;
+  max-width: none !important; }
+[data-dock-strip], [data-floating-handle] { display: none !important; }
+div:has(> div > .uplot-container):has(> :nth-child(2) .uplot-container) > :not(:nth-child(2)) { display: none; }
+div:has(> div > .uplot-container):not(:has(> :nth-child(2) .uplot-container)) > :not(:first-child) { display: none; }
+div:has(> div > .uplot-container) { grid-template-columns: 1fr !important; }
 .uplot-container { zoom: 1.6; }
-div:has(> div > .uplot-container):nth-of-type(n + 3), div:has(> .uplot-container):nth-of-type(n + 3) { display: none; }
-.fl, .fl p, label, input, button[data-block] { font-size: 1.15rem !important; }
-[role="tab"] { font-size: 1.1rem !important; }
-.mantine-Text-root { --text-fz: 1.15rem !important; }
-.mantine-List-root { --list-fz: 1.15rem !important; }
-.fl-title { font-size: 1.6rem !important; }
-.fl-grid { gap: 0.2em 0.75em; }
-.fl-float { font-size: 1.3rem; }
+.fl-number { display: grid !important; }
+.fl-number, .fl-caption, .fl-float { visibility: visible; }
+.fl-caption, .fl-float { font-size: 1.6rem; }
 """
 """Over that of the panel."""
 
@@ -27,14 +28,9 @@ div:has(> div > .uplot-container):nth-of-type(n + 3), div:has(> .uplot-container
 class Presentation:
     """Which browsers present."""
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        plots: viser.PanelHandle,
-        widths: Callable[[viser.ClientHandle], tuple[float, float]],
-    ):
-        """`plots`: their panel; `widths`: in a browser usual ones of all that is left, and right, of the picture, px."""
-        self._server, self._plots, self._widths = server, plots, widths
+    def __init__(self, server: viser.ViserServer, plots: viser.PanelHandle):
+        """`plots`: their panel, which the presentation opens."""
+        self._plots = plots
         self._sheets: dict[int, viser.GuiHtmlHandle] = {}
         self._lock = threading.Lock()
         server.on_client_disconnect(self._forget)
@@ -43,14 +39,12 @@ class Presentation:
         """Begin or end the presentation in one browser."""
         with self._lock:
             sheet = self._sheets.pop(client.client_id, None)
-            begins = sheet is None
-            if begins:
-                self._sheets[client.client_id] = client.gui.add_html(f"<style>{SHEET}</style>")
+            if sheet is None:
+                style = f'<style class="fl-presentation">{SHEET}</style>'
+                self._sheets[client.client_id] = client.gui.add_html(style)
         if sheet is not None:
             sheet.remove()
-        left, right = (LARGER * width if begins else width for width in self._widths(client))
-        set_panel_width(client, self._plots, left)
-        set_panel_width(client, self._server.gui.main_panel, right)
+        fold_panel(client, self._plots, sheet is not None)
 
     async def _forget(self, client: viser.ClientHandle) -> None:
         with self._lock:

@@ -2,7 +2,7 @@
 
 import math
 
-SHRINK_BELOW = 0.35
+SHRINK_BELOW = 0.45
 """The range shrinks when the signals use less than this share of it ..."""
 SHRINK_AFTER = 15
 """... for this many updates in a row (1.5 s at 10 Hz)."""

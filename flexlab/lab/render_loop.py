@@ -100,7 +100,7 @@ class RenderLoop:
     def _draw(self, readouts: bool) -> None:
         snapshot, view = self._runner.snapshot, self._lab_state.view
         self._scene.update(snapshot, view, self._lab_state.pulled, self._lab_state.kept)
-        self._reports.show_run(snapshot.run_number)
+        self._reports.show_run(snapshot.run_number, snapshot.name)
         self._cameras.follow(snapshot)
         if readouts:
             with self._server.inputs:

@@ -12,7 +12,7 @@ from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.own_file_watch import OwnFileWatch
-from flexlab.lab.page_reports import PAGE_SCRIPT, PageReports
+from flexlab.lab.page_reports import PAGE_SCRIPT, PageReports, Report
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.picking import Picking
@@ -21,19 +21,25 @@ from flexlab.lab.plots.plots import Plots
 from flexlab.lab.presentation import Presentation
 from flexlab.lab.reference_run import Recorded
 from flexlab.lab.render_loop import RenderLoop
-from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, overview
+from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, payload_view
 from flexlab.lab.scene.scene import Scene
-from flexlab.lab.viser_internals import GuardedServer, dock_below
+from flexlab.lab.viser_internals import GuardedServer, fold_panel, set_panel_width
 from flexlab.lab.viser_server import open_server
 from flexlab.scenario import Scenario
 from flexlab.sim.consumer import Consumer
 from flexlab.sim.runner import Runner
 from flexlab.sim.world_state import Origin
 
-PANEL_WIDTH, PLOTS_WIDTH = 330, 350
-"""px: enough for the longest label with its unit, and for a plot's legend on one line."""
-GUIDE_WIDTH, WIDE_WINDOW = 280, 1300
-"""px: of the guide's own column, and of the windows in which it has one; in others it stands below the plots."""
+PANEL_WIDTH, NARROW_PANEL = 330, 300
+"""px: enough for the longest label with its unit on one line; and beside a narrow picture."""
+NARROW_WINDOW = 1200
+"""px: windows narrower than this leave the panel less room."""
+GUIDE_WIDTH, FOLDED_WIDTH = 280, 36
+"""px: of the guide's column, open and folded."""
+PLOTS_HEIGHT, GAP = 300, 8
+"""px: two charts side by side with their legends; the distance from the picture's edges."""
+GUIDE, PLOTS = "guide", "plots"
+"""What a page calls the panels that can be folded."""
 FIRST_WINDOW = Window(1.0)
 """The picture on an ordinary screen beside both panels, until a browser tells its own."""
 
@@ -143,13 +149,7 @@ class Session:
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)
         cameras = ClientCameras(server, self.runner)
         board, reading = server.gui.add_panel(), server.gui.add_panel()
-        narrow: set[int] = set()
-
-        def widths(client: viser.ClientHandle) -> tuple[float, float]:
-            # Columns side by side share one width.
-            return PLOTS_WIDTH + (0 if client.client_id in narrow else GUIDE_WIDTH), PANEL_WIDTH
-
-        presentation = Presentation(server, board, widths)
+        presentation = Presentation(server, board)
         panel = Panel(
             server.gui,
             lab_state,
@@ -167,20 +167,25 @@ class Session:
         with reading.add_tab("Guide"):
             guide = Guide(server.gui, lab_state, self.runner)
 
-        def arrange(client: viser.ClientHandle, width: int) -> None:
-            if width < WIDE_WINDOW:
-                narrow.add(client.client_id)
-                dock_below(client, reading, board)
+        def arrange(client: viser.ClientHandle, report: Report) -> None:
+            panel_width = PANEL_WIDTH if report.width >= NARROW_WINDOW else NARROW_PANEL
+            set_panel_width(client, server.gui.main_panel, panel_width)
+            set_panel_width(client, board, max(report.width - panel_width - FOLDED_WIDTH - 2 * GAP, PANEL_WIDTH))
+            for name, foldable in ((GUIDE, reading), (PLOTS, board)):
+                if name in report.open:
+                    fold_panel(client, foldable, False)
 
-        reports = PageReports(server, self.runner.snapshot.run_number, arrange, lab_state.back_to_baseline)
+        first = self.runner.snapshot
+        reports = PageReports(server, first.run_number, first.name, arrange, cameras.cover, lab_state.back_to_baseline)
         attendance = Attendance(self.runner, lab_state, reports) if self._attended else None
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
-        board.dock_left()
-        board.set_width(PLOTS_WIDTH)
+        board.float(x=GAP, y=GAP, height=PLOTS_HEIGHT)
+        board.minimize()
         reading.dock_left()
         reading.set_width(GUIDE_WIDTH)
-        shot = overview(self._scenario, FIRST_WINDOW)
+        reading.minimize()
+        shot = payload_view(self._scenario, FIRST_WINDOW)
         server.initial_camera.fov = FIELD_OF_VIEW
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position

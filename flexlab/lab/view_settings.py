@@ -3,18 +3,21 @@
 import math
 from dataclasses import dataclass
 
+from flexlab.guide import HIGHEST_EXAGGERATION
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 
-VISIBLE_BENDING = 0.012
-"""Share of the beam's length that its ordinary bending is enlarged to when the lab chooses the exaggeration."""
+USUAL_FACTOR, USUAL_BENDING = 50.0, 3.6e-4
+"""The factor that suits the paper's beam, and that beam's ordinary bending as a share of its length."""
+SOFTER_BENDS_MORE = 0.25
+"""Power of the ordinary bending with which its drawing grows: a softer beam is always drawn more bent, but none is wild."""
+FACTOR_DIGITS = 2
 EXAGGERATION = Quantity(
-    "Exaggeration of the deflection", unit="×", low=0, high=1000, slider=(1, 1000), logarithmic=True
+    "Exaggeration of the deflection", unit="×", low=0, high=HIGHEST_EXAGGERATION, slider=(1, 1000), logarithmic=True
 )
-FOLLOWED = 0.05
-"""Share of the beam's length that the exaggeration follows the deflection to."""
-TOO_LARGE, TOO_SMALL = 0.1, 0.02
-"""Shares of the beam's length beyond which the exaggeration is chosen anew."""
+MOST_DRAWN = 0.35
+"""Share of the beam's length that a drawn deflection reaches at most while the lab chooses the factor: what is lowered to
+it is drawn no straighter than anything else."""
 PLOT_WINDOWS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 """Choices for the plots' time window, s."""
 
@@ -27,7 +30,8 @@ USUAL_WINDOW = 5.0
 class ViewSettings:
     """Settings of the screen. `exaggeration`: factor on the drawn deflection; `plot_window`: s.
 
-    `follow_deflection`: whether the lab chooses the exaggeration; `follow_speed`: whether it chooses the window.
+    `follow_deflection`: whether the lab chooses the exaggeration, for each run anew;
+    `follow_speed`: whether it chooses the window.
     `shown_mode`: index of the mode whose shape is animated in place of the run, or None.
     """
 
@@ -53,10 +57,12 @@ class Legend:
 
     scales: tuple[tuple[str, str], ...] = ()
     strain: float = 0.0
+    caption: str = ""
+    """What the drawn deflection is of the true one."""
 
 
 SWITCHES = {
-    "follow_deflection": "Exaggeration follows the deflection",
+    "follow_deflection": "Exaggeration suits each run",
     "follow_speed": "Plot window follows the speed",
     "strain": "Strain colours",
     "forces": "Internal force",
@@ -72,30 +78,26 @@ SWITCHES = {
 
 
 def fitting_exaggeration(scenario: Scenario) -> float:
-    """A factor of 1, 2 or 5 times a power of ten at which the beam's bending in steady motion is seen but not wild."""
+    """A factor at which the beam's bending in steady motion is seen but not wild, and a softer beam's is seen to be more."""
     payload, path = scenario.payload, scenario.trajectory
     load = payload.linear_density * math.hypot(*path.peak_acceleration[:2], scenario.gravity)
-    bending = 5 * load * payload.length**4 / (384 * payload.bending_stiffness)
+    bending = 5 * load * payload.length**3 / (384 * payload.bending_stiffness)
     if bending <= 0:
-        return 50.0
-    return min(max(nice(VISIBLE_BENDING * payload.length / bending), 1.0), EXAGGERATION.high)
+        return USUAL_FACTOR
+    factor = USUAL_FACTOR * (bending / USUAL_BENDING) ** (SOFTER_BENDS_MORE - 1)
+    return min(max(float(f"{factor:.{FACTOR_DIGITS}g}"), 1.0), EXAGGERATION.high)
 
 
-class FollowedExaggeration:
-    """Keeps what is drawn of a deflection at a few per cent of the beam's length: less at once, more when it stays small."""
+def tamed_exaggeration(factor: float, deflection: float, length: float) -> float:
+    """The factor, lowered if it would draw the present largest deflection, m, of a beam of `length` m beyond `MOST_DRAWN`.
 
-    def __init__(self, patience: int):
-        """`patience`: updates in a row that must find the drawn deflection too small."""
-        self._patience, self._small_for = patience, 0
-
-    def fit(self, factor: float, deflection: float, length: float) -> float:
-        """The factor for the present largest deflection, m, of a beam of `length` m that was drawn by `factor`."""
-        share = factor * deflection / length
-        self._small_for = self._small_for + 1 if 0 < share < TOO_SMALL else 0
-        if share <= TOO_LARGE and self._small_for < self._patience:
-            return factor
-        self._small_for = 0
-        return min(max(nice(FOLLOWED * length / deflection), 1.0), EXAGGERATION.high)
+    It never rises: a ring that dies out is seen to do so.
+    """
+    if factor * deflection <= MOST_DRAWN * length:
+        return factor
+    highest = MOST_DRAWN * length / deflection
+    step = 10.0 ** (math.floor(math.log10(highest)) + 1 - FACTOR_DIGITS)
+    return max(step * math.floor(highest / step), 1.0)
 
 
 def fitting_window(speed: float) -> float:

@@ -165,13 +165,12 @@ def set_panel_width(client: viser.ClientHandle, panel: Any, width: float) -> Non
     )
 
 
-def dock_below(client: viser.ClientHandle, panel: viser.PanelHandle, anchor: viser.PanelHandle) -> None:
-    """Put a panel of all browsers below another one, in one browser."""
+def fold_panel(client: viser.ClientHandle, panel: viser.PanelHandle, folded: bool) -> None:
+    """Fold a panel of all browsers to its strip, or open it, in one browser."""
     gui = client.gui
-    position: Any = {"kind": "split", "anchor_uuid": anchor._placement_uuid, "side": "below"}
     gui._websock_interface.queue_message(
-        _messages.GuiSetPanelPositionMessage(
-            panel._placement_uuid, position, gui._next_layout_counter(), gui._layout_run_id
+        _messages.GuiSetPanelCollapsedMessage(
+            panel._placement_uuid, folded, gui._next_layout_counter(), gui._layout_run_id
         )
     )
 

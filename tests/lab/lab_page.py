@@ -38,6 +38,11 @@ SHOWS = "(text) => document.body.innerText.includes(text)"
 CLOSE_NOTIFICATIONS = """() => {
   for (const button of document.querySelectorAll('.mantine-Notification-closeButton')) button.click(); }"""
 LAB = "document.querySelector('.fl-reports').dataset.way"
+PLOTS_OPEN = """() => Object.values(window.__viserTestpoints?.uplots ?? {})
+  .some(({ chart }) => chart.root.offsetParent !== null)"""
+GUIDE_OPEN = "() => Boolean(document.querySelector('.fl-guide')?.getClientRects().length)"
+ONE_COLUMN = 960
+"""px: narrower pages have one column, with plots and guide at the head of its sheet."""
 FRAMES = "window.__viserTestpoints?.rendererInfo?.render.frame ?? 0"
 DRAWN_SINCE = """(frame) => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > frame + 2"""
@@ -94,7 +99,15 @@ class LabPage:
     def __enter__(self) -> "LabPage":
         self.page.wait_for_function(READY, timeout=1000 * PATIENCE)
         self._close_notifications()
+        if self.page.viewport_size["width"] > ONE_COLUMN:  # type: ignore[index]  # Every test's window has a size.
+            self.open_panels()
         return self
+
+    def open_panels(self) -> None:
+        """Open plots and guide, which a first visit finds folded."""
+        for name, is_open in (("Motion", PLOTS_OPEN), ("Guide", GUIDE_OPEN)):
+            self.page.get_by_text(name, exact=True).first.click()
+            self.page.wait_for_function(is_open, timeout=1000 * PATIENCE)
 
     def __exit__(self, *_: object) -> None:
         self._context.close()
@@ -112,6 +125,8 @@ class LabPage:
         if math.dist(self.camera(), stands) > SAME_PLACE:
             self.page.reload()
             self.page.wait_for_function(READY, timeout=1000 * PATIENCE)
+        for is_open in (PLOTS_OPEN, GUIDE_OPEN):  # Kept per browser.
+            self.page.wait_for_function(is_open, timeout=1000 * RETURN)
         frame = self.page.evaluate(FRAMES)
         self.page.wait_for_function(DRAWN_SINCE, arg=frame, timeout=1000 * PATIENCE)
         self._close_notifications()

@@ -23,7 +23,9 @@ def way(session: Session) -> object:
 def report(browser: RawBrowser, session: Session, run: int, **charts: tuple[float, float]) -> None:
     wait_until(session.server.get_clients, "the browser is a client", 20)
     wait_until(lambda: next(iter(session.server.get_clients().values())).gui._gui_input_handle_from_uuid, "its way", 20)
-    text = json.dumps({"run": run, "charts": charts, "dark": False, "width": 1440, "again": 0})
+    text = json.dumps(
+        {"run": run, "charts": charts, "dark": False, "width": 1440, "covered": [0, 0], "open": [], "again": 0}
+    )
     browser.update(way(session), {"value": text})
 
 
@@ -112,7 +114,15 @@ def test_a_preset_chosen_again_and_again_begins_few_runs(session: Session) -> No
         report(browser, session, 1)
         begun = session.runner.snapshot.run_number
         for again in range(1, 501):
-            said = {"run": 1, "charts": {}, "dark": again == 500, "width": 1440, "again": again}
+            said = {
+                "run": 1,
+                "charts": {},
+                "dark": again == 500,
+                "width": 1440,
+                "covered": [0, 0],
+                "open": [],
+                "again": again,
+            }
             browser.update(way(session), {"value": json.dumps(said)})
         reports: PageReports = session._drawing._reports  # type: ignore[union-attr]
         wait_until(lambda: [page.report.again for page in reports._all() if page.report] == [500], "all are heard", 30)

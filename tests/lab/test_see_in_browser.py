@@ -32,6 +32,10 @@ def hues(page: LabPage, x: float, y: float) -> np.ndarray:
 
 def test_arms_and_beam_are_drawn_each_in_its_colour_where_it_is(chromium: Browser, session: Session) -> None:
     with LabPage(chromium, session, drawn=True) as page:
+        first = page.camera()
+        page.open_tab("View")
+        page.press("Overview")  # The bases stand beside what the first view shows.
+        wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the whole machine is in the picture")
         page.hold()
         page.catch_up()
         scenario, beam = page.snapshot.scenario, page.beam_pixel()

@@ -8,6 +8,7 @@ from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.own_lessons import lesson_files, own_lessons
 from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped
+from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.plain_text import with_units
 from flexlab.presets import load_preset
 from flexlab.sim.runner import Runner
@@ -30,6 +31,7 @@ class Guide:
         self._files = lesson_files()
         self._collect()
         first = next(iter(self._pages))
+        gui.add_html('<div class="fl-guide"></div>')  # By which the page knows whether the guide is open.
         self._menu = gui.add_dropdown("Read", tuple(self._pages), initial_value=first)
         self._text = gui.add_markdown("")
         self._guess_question = gui.add_html("", visible=False)
@@ -83,6 +85,7 @@ class Guide:
         page = self._pages[title]
         self._lab_state.lesson = ""
         lesson = page if isinstance(page, Lesson) else None
+        self._lab_state.hold_exaggeration(None if lesson is None else _factor(lesson))
         for widget in (self._guess_question, self._guess, self._steps, self._start, self._verdict):
             put(widget, visible=lesson is not None)
         put(self._text, content=page.question if isinstance(page, Lesson) else page.text)
@@ -146,6 +149,11 @@ class Guide:
             f'<div class="fl"><div class="fl-box {look}"><b>{words}.</b> {escaped(with_units(sentence))}</div></div>'
         )
         self._fold(lesson)
+
+
+def _factor(lesson: Lesson) -> float:
+    """By which all runs of a lesson are drawn: else a soft beam could look straighter than a stiff one."""
+    return lesson.exaggeration or fitting_exaggeration(load_preset(lesson.preset))
 
 
 def answer_text(lesson: Lesson, guess: str) -> str:

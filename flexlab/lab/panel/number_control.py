@@ -36,7 +36,7 @@ class Scale:
         self._logarithmic, self._whole = about.logarithmic, whole
         self.low, self.high = self._place(low), self._place(high)
         self.step = 1.0 if whole else (self.high - self.low) / SLIDER_STEPS
-        self.marks = ((self.low, f"{low:g}"), (self.high, f"{high:g}"))
+        self.marks = ((self.low, number(low)), (self.high, number(high)))
         self.box_step = 10.0 ** math.floor(math.log10((high - low) / 100)) if high - low < 100 else 1.0
         """What an arrow key adds in the box: about a hundredth of the slider, but no more than 1."""
 

@@ -13,9 +13,10 @@ from flexlab.lab.panel.events import Events
 from flexlab.lab.panel.keys import Key, add_keys
 from flexlab.lab.panel.mode_table import ModePanel
 from flexlab.lab.panel.number_control import READING_TIME, SETTLE_TIME, put
+from flexlab.lab.panel.play_screen import PlayScreen
 from flexlab.lab.panel.playback import Playback
 from flexlab.lab.panel.preset_menu import Presets
-from flexlab.lab.panel.readouts import notices_html, status_html
+from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html, number_html, status_html
 from flexlab.lab.panel.ring_panel import RingPanel
 from flexlab.lab.panel.run_comparison import Comparing
 from flexlab.lab.panel.scenario_files import ScenarioFiles
@@ -48,13 +49,14 @@ class Panel:
         recorded: Recorded | None,
     ):
         """`present` begins or ends the presentation in one browser; `recorded` as for `Comparing`."""
-        self._lab_state, self._recording = lab_state, recording
+        self._lab_state, self._runner, self._recording = lab_state, runner, recording
         self._run_number = lab_state.snapshot.run_number
         self._last_event: Event | None = None
         self._told: Scenario | None = None
         self._settled: tuple[Scenario | None, Scenario | None] = (None, None)
         gui.add_html(style_element())
         self._notices = gui.add_html("")
+        self._caption, self._number = gui.add_html(""), gui.add_html("")
         self._status = gui.add_html("")
         self._drive = Playback(gui, lab_state)
         self._presets = Presets(gui, lab_state)
@@ -79,6 +81,7 @@ class Panel:
             self._filing = ScenarioFiles(gui, lab_state, link, self._presets.refresh)
         with tabs.add_tab("Events"):
             self._events = Events(gui, lab_state)
+        self._play = PlayScreen(gui, lab_state, touch)
         add_keys(gui, lab_state, self._keys(present))
 
     def update(self, snapshot: Snapshot, legend: Legend) -> None:
@@ -88,10 +91,13 @@ class Panel:
         lab_state.fit_view(snapshot)
         self._announce(snapshot)
         self._status.content = status_html(snapshot, lab_state.view, legend, self._recording())
+        put(self._caption, content=f'<div class="fl fl-caption">{escaped(legend.caption)}</div>')
+        put(self._number, content=number_html(self._runner.recent(SEEN_TOGETHER), snapshot))
         self._notices.content = notices_html(snapshot, lab_state.notice)
         self._events.update(snapshot)
         self._presets.update()
         self._drive.update(snapshot)
+        self._play.update(lab_state.intended)
         self._modes.update(snapshot)
         self._ring.update()
         self._comparing.update(snapshot)
@@ -135,7 +141,11 @@ class Panel:
             Key("Redo", "Make it again", "Z", "cmd/ctrl+shift", lambda _: lab_state.redo()),
             Key("Save as preset", "Under the name on the tab File", "S", None, lambda _: self._filing.save()),
             Key(
-                "Presentation", "Large type and plots, in this browser", "B", None, lambda event: present(event.client)
+                "Presentation",
+                "The scene, one plot, one number, in this browser",
+                "B",
+                None,
+                lambda event: present(event.client),
             ),
             Key("Back to preset", "A new run without your changes", None, None, lambda _: lab_state.back_to_baseline()),
         ]

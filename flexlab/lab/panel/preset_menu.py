@@ -4,9 +4,8 @@ import viser
 
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.number_control import put
-from flexlab.lab.panel.run_comparison import field_name, field_value
+from flexlab.lab.panel.run_comparison import told_html
 from flexlab.lab.panel.text import escaped
-from flexlab.lab.reference_run import differences
 from flexlab.plain_text import with_units
 from flexlab.presets import load_preset, preset_names
 
@@ -46,8 +45,7 @@ class Presets:
             put(self._text, content=f'<div class="fl">{head}{escaped(with_units(baseline.watch))}</div>')
             return
         # What the preset's words promise is no longer what runs.
-        changes = differences(baseline, now)
-        words = [f"{field_name(now, path)}: {field_value(old)} → {field_value(new)}" for path, old, new in changes]
+        words = [f"{title}: {old} → {new}" for title, old, new in told_html(baseline, now)]
         more = f"<br>… and {len(words) - MOST_CHANGES} more" if len(words) > MOST_CHANGES else ""
         head = f'<div class="fl-title">{escaped(self._lab_state.name)}, changed <span class="fl-badge">not saved</span></div>'
         put(self._text, content=f'<div class="fl">{head}{"<br>".join(words[:MOST_CHANGES])}{more}</div>')

@@ -5,8 +5,9 @@ import numpy as np
 from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.mode_computation import peak_deflection
-from flexlab.lab.panel.text import escaped, factor
+from flexlab.lab.panel.text import escaped, factor, number
 from flexlab.lab.view_settings import Legend, ViewSettings
+from flexlab.number_text import fixed_text
 from flexlab.plain_text import with_units
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
@@ -17,6 +18,10 @@ LARGE_DEFLECTION = 0.05
 CLEARLY_SLOWER = 0.95
 """Share of the wanted speed below which being too slow is worth a sentence, not just a word."""
 SHOWN_EVENTS = 40
+SEEN_TOGETHER = 1.0
+"""Simulated s whose largest vibration is said as one number."""
+SMALLEST_IN_MM = 0.1
+"""mm: smaller vibrations are said in µm."""
 
 
 def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recording: str) -> str:
@@ -26,12 +31,12 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
     bending = 1e3 * float(sample.midspan_deflection[0])
     speed = f"{factor(snapshot.target_speed)} / {_measured(snapshot.actual_speed)}"
     rows = [
-        ("simulation time t", f"{float(sample.time[0]):.3f} s".replace("-", "−")),
+        ("simulation time t", f"{fixed_text(float(sample.time[0]), 3)} s"),
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
-        ("first beam frequency f<sub>1</sub>", f"{snapshot.first_frequency:.2f} Hz"),
-        ("mid-span deflection", f"{bending:+.3f} mm".replace("-", "−")),
+        ("first beam frequency f<sub>1</sub>", f"{fixed_text(snapshot.first_frequency, 2)} Hz"),
+        ("mid-span deflection", f"{fixed_text(bending, 3, signed=True)} mm"),
         ("largest joint torque", _torque(sample)),
-        ("drawn deflection", f"{view.exaggeration:g} × true size"),
+        ("drawn deflection", f"{number(view.exaggeration)} × true size"),
         *legend.scales,
     ]
     if legend.strain:
@@ -44,22 +49,30 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
     return f'<div class="fl"><div class="fl-title">{dot}{word}</div><div class="fl-grid">{grid}</div>{kept}</div>'
 
 
+def number_html(recent: Samples, snapshot: Snapshot) -> str:
+    """What matters of the run at a glance, for the back rows of a room: `recent` holds what is seen together."""
+    vibration = 1e3 * float(np.abs(recent.vibration).max()) if len(recent) else 0.0
+    shown = f"{fixed_text(vibration, 2)} mm" if vibration >= SMALLEST_IN_MM else f"{fixed_text(1e3 * vibration, 1)} µm"
+    first = f"f<sub>1</sub> = {fixed_text(snapshot.first_frequency, 1)} Hz"
+    return f'<div class="fl fl-number"><span>largest vibration</span><b>{shown}</b><span>{first}</span></div>'
+
+
 def _measured(speed: float) -> str:
     """A measured speed, to a hundredth or, in slow motion, to two digits."""
-    return f"{speed:.2f} ×" if speed >= 0.1 or speed == 0 else f"{speed:.2g} ×"
+    return f"{fixed_text(speed, 2)} ×" if speed >= 0.1 or speed == 0 else f"{number(speed, 2)} ×"
 
 
 def _torque(sample: Samples) -> str:
     """The largest joint torque now, and whether a motor is at its limit."""
     limit = ' <span class="fl-bad">at its limit</span>' if sample.saturated[0] else ""
-    return f"{np.abs(sample.joint_torque[0]).max():.1f} N·m{limit}"
+    return f"{fixed_text(float(np.abs(sample.joint_torque[0]).max()), 1)} N·m{limit}"
 
 
 def _strain_legend(limit: float) -> str:
     """A strip of the strain colours with its ends in µm/m."""
     ends = f"{colors.css(colors.BLUE)}, #e1e1e1, {colors.css(colors.VERMILION)}"
     strip = f'<span class="fl-strip" style="background: linear-gradient(90deg, {ends})"></span>'
-    return f"−{limit:g} {strip} +{limit:g} µm/m"
+    return f"−{number(limit)} {strip} +{number(limit)} µm/m"
 
 
 def notices_html(snapshot: Snapshot, notice: Notice) -> str:
@@ -115,7 +128,7 @@ def events_html(snapshot: Snapshot) -> str:
     lines = []
     for event in reversed(_without_drags(snapshot.events)[-SHOWN_EVENTS:]):
         bad = ' class="fl-bad"' if event.level != "info" else ""
-        time = f"{event.time:.3f} s".replace("-", "−")
+        time = f"{fixed_text(event.time, 3)} s"
         lines.append(f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(event.text)}</span></div>')
     return f'<div class="fl fl-list">{"".join(lines) or "Nothing yet."}</div>'
 

@@ -11,6 +11,7 @@ from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.text import escaped, number
 from flexlab.lab.reference_run import LONGEST, Recorded, ReferenceRun, common_metrics, differences, keep_run, whole_run
 from flexlab.scenario import Scenario
+from flexlab.scenario.field_text import field_title, told, value_text
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 
@@ -115,34 +116,19 @@ def change_text(percent: float) -> str:
 
 
 def _settings_html(kept: Scenario, now: Scenario) -> str:
-    changed = differences(kept, now)
+    changed = told_html(kept, now)
     if not changed:
         return "<div>Both runs have the same settings.</div>"
-    lines = [
-        f"<tr><td>{field_name(now, path)}</td><td>{field_value(a)}</td><td>{field_value(b)}</td></tr>"
-        for path, a, b in changed
-    ]
+    lines = [f"<tr><td>{title}</td><td>{a}</td><td>{b}</td></tr>" for title, a, b in changed]
     more = len(lines) - MOST_DIFFERENCES
     note = f"<div>… and {more} more.</div>" if more > 0 else ""
     head = "<tr><th>setting</th><th>kept</th><th>now</th></tr>"
     return f'<table class="fl-table">{head}{"".join(lines[:MOST_DIFFERENCES])}</table>{note}'
 
 
-def field_name(scenario: Scenario, path: str) -> str:
-    """A field in the words of the screen, with its unit, as HTML."""
-    if path.endswith(".kind"):
-        return escaped(path.removesuffix(".kind").replace(".", " "))
-    if not scenario.has(path):
-        return escaped(path)
-    about = scenario.about(path)
-    unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
-    return escaped(f"{about.title} {about.symbol}{unit}")
-
-
-def field_value(value: object) -> str:
-    """A field's value in the fewest words, as HTML."""
-    if value is None:
-        return "–"
-    if isinstance(value, tuple):
-        return ", ".join(field_value(item) for item in value)
-    return number(value) if isinstance(value, (int, float)) else escaped(str(value))
+def told_html(before: Scenario, now: Scenario) -> list[tuple[str, str, str]]:
+    """(title, value in `before`, value in `now`) of all that is news in `now`, as HTML."""
+    return [
+        (escaped(field_title(path, now, before)), escaped(value_text(old)), escaped(value_text(new)))
+        for path, old, new in told(differences(before, now))
+    ]

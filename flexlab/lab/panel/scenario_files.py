@@ -7,13 +7,14 @@ from typing import Any
 import viser
 
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.run_comparison import field_name, field_value
+from flexlab.lab.panel.run_comparison import told_html
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.reference_run import differences
 from flexlab.lab.user_presets import file_stem, read_upload, save_preset
 from flexlab.plain_text import visible
 from flexlab.presets import scenario_text
 from flexlab.scenario import Scenario
+from flexlab.scenario.field_text import field_title, told, value_text
 from flexlab.scenario.path_file import decoded_path
 from flexlab.sim.snapshot import Snapshot
 
@@ -79,7 +80,9 @@ class ScenarioFiles:
         """Save under the name in the box."""
         name, scenario = self.name.value, self._lab_state.intended
         if scenario.title == self._lab_state.baseline.title and file_stem(name) != self._lab_state.name:
-            changes = ", ".join(f"{field_name(scenario, path)} {field_value(new)}" for path, _, new in self._changed())
+            changes = ", ".join(
+                f"{field_title(path, scenario)} {value_text(new)}" for path, _, new in told(self._changed())
+            )
             scenario = scenario.replace(
                 {"title": name, "watch": f"From {self._lab_state.name}: {changes}."[:LONGEST_WORDS]}
             )
@@ -136,13 +139,10 @@ def _without_event(action: Callable[[], None]) -> Callable[[Any], None]:
 
 def changes_html(name: str, baseline: Scenario, scenario: Scenario) -> str:
     """What is changed against the preset or file, as a table."""
-    changed = differences(baseline, scenario)
+    changed = told_html(baseline, scenario)
     if not changed:
         return f'<div class="fl">As in {escaped(name)}: nothing is changed.</div>'
-    lines = [
-        f"<tr><td>{field_name(scenario, path)}</td><td>{field_value(old)}</td><td>{field_value(new)}</td></tr>"
-        for path, old, new in changed[:MOST_CHANGES]
-    ]
+    lines = [f"<tr><td>{title}</td><td>{old}</td><td>{new}</td></tr>" for title, old, new in changed[:MOST_CHANGES]]
     more = len(changed) - MOST_CHANGES
     note = f"… and {more} more." if more > 0 else ""
     head = f"<tr><th>changed, not saved</th><th>{escaped(name)}</th><th>now</th></tr>"

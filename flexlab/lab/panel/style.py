@@ -48,9 +48,10 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
 [role="tablist"] { flex-wrap: nowrap !important; }
 [role="tab"] { padding-inline: 0.3em !important; font-size: 0.92em !important; }
 [role="tab"] * { font-size: inherit !important; }
-/* On a telephone the sheet is as wide as the screen and leaves its upper half to the picture. */
-@media (max-width: 575px) {
-  div[style*="position: fixed"][style*="width: 20em"] { width: 100% !important; max-height: 52% !important; }
+@media (max-width: 1199px) { [role="tab"] { padding-inline: 0.15em !important; font-size: 0.82em !important; } }
+/* In one column the sheet is as wide as the screen and leaves most of it to the picture. */
+@media (max-width: 60em) {
+  div[style*="position: fixed"][style*="width: 20em"] { width: 100% !important; max-height: 38% !important; }
   div[style*="position: fixed"][style*="width: 20em"] div[style="width: 20em;"] { width: 100% !important; }
   /* Plots and guide are opened at its head: below all the sliders nobody would find them. */
   div:has(> div > .mantine-Tabs-root > [role="button"][aria-expanded]) { display: flex; flex-direction: column; }
@@ -58,7 +59,7 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
   /* Else a plot keeps the sheet as wide as it was once drawn. */
   .mantine-ScrollArea-content { min-width: 0 !important; }
   .fl-float { bottom: auto !important; top: 48px; width: 92vw !important; }
-  div:has(> .fl-begin) + div:has(> button) { bottom: 56%; }
+  div:has(> .fl-begin) + div:has(> button) { bottom: 42%; }
 }
 
 .fl { padding: 0 1.1em 0.5em 0.75em; font-size: 0.875em; line-height: 1.4; }
@@ -79,6 +80,21 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
 .fl-float { position: fixed; bottom: 52px; left: var(--fl-picture-middle, 50%); transform: translateX(-50%); z-index: 300;
   pointer-events: none; width: clamp(14em, calc(var(--fl-picture-width, 40em) - 2em), 36em); padding: 0; }
 .fl-float .fl-box { background: var(--mantine-color-body); box-shadow: 0 2px 12px rgba(0, 0, 0, 0.35); }
+/* The factor of the drawn deflection is always to be seen, in the lower corner of the picture. */
+.fl-caption { position: fixed; z-index: 4; left: calc(var(--fl-picture-left, 0px) + 0.6em);
+  bottom: calc(var(--fl-picture-below, 0px) + 0.5em); padding: 0; pointer-events: none; font-weight: 500;
+  text-shadow: 0 0 0.4em var(--mantine-color-body), 0 0 0.2em var(--mantine-color-body); }
+/* The number for the back rows stands beside the plot of a presentation only. */
+.fl-number { display: none; position: fixed; z-index: 6; right: 0.5rem; top: 0.5rem; width: 18rem; text-align: right;
+  font-size: 1.6rem; padding: 0.5rem 1rem; }
+.fl-number b { font-size: 4rem; line-height: 1.1; font-variant-numeric: tabular-nums; white-space: nowrap; }
+/* The play screen is all that its panel shows, and nowhere else to be seen. */
+html:not(.fl-playing) [data-fl-play], .fl-playing [data-dock-region="left"], .fl-playing [data-floating-window],
+.fl-playing [data-fl-panel] > :not([data-fl-play]):not(:has(.fl-caption, .fl-float, .fl-begin)):not(:has(> .fl-begin) + *) {
+  display: none !important; }
+.fl-playing [data-dock-root] > div:first-child { left: 0 !important; }
+.fl-playing [data-dock-root] > div[style*="box-shadow"],
+.fl-playing div:has(> .mantine-Tabs-root > [role="button"][aria-expanded]) { display: none; }
 .fl-box { border-radius: 4px; padding: 0.4em 0.6em; margin: 0.2em 0; overflow-wrap: anywhere; }
 .fl-error { background: rgba(224, 49, 49, 0.14); border-left: 3px solid #e03131; }
 .fl-done { background: rgba(0, 158, 115, 0.16); border-left: 3px solid #009e73; }
@@ -92,6 +108,12 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
 .mantine-Slider-markWrapper:first-of-type .mantine-Slider-markLabel { transform: translate(-0.2em, 0.03rem) !important; }
 .mantine-Slider-markWrapper:last-of-type .mantine-Slider-markLabel {
   transform: translate(calc(-100% + 0.4em), 0.03rem) !important; }
+/* Charts stand side by side where there is room for two. */
+div:has(> div > .uplot-container) { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(22rem, 100%), 1fr));
+  padding-top: 0.2em !important; }
+div:has(> div > .uplot-container) > :not(:has(.uplot-container)) { grid-column: 1 / -1; }
+[data-floating-window] { max-width: calc(var(--fl-picture-width, 100vw) - 16px); }
+.uplot-container { margin-block: 0.1em; }
 .uplot .u-legend { margin-top: 0 !important; }
 .u-legend th, .u-legend td { padding: 2px !important; }
 .uplot .u-legend .fl-unnamed { display: none; }

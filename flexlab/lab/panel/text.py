@@ -1,7 +1,10 @@
 """Text for the page: escaped, with real minus signs and units."""
 
 import html
-import math
+
+from flexlab.number_text import number_text as number
+
+__all__ = ["escaped", "factor", "number"]
 
 from flexlab.plain_text import visible
 
@@ -15,13 +18,6 @@ def escaped(text: str) -> str:
     return html.escape(visible(short)).replace("\n", "<br>")
 
 
-def number(value: float, digits: int = 4) -> str:
-    """A number with `digits` significant digits and a real minus sign; "–" for what is not finite."""
-    if not math.isfinite(value):
-        return "–"
-    return f"{value:.{digits}g}".replace("-", "−")
-
-
 def factor(speed: float) -> str:
     """A speed as people say it: "1/64 ×", "1 ×", "4 ×"."""
-    return f"1/{round(1 / speed)} ×" if speed < 1 else f"{speed:g} ×"
+    return f"1/{round(1 / speed)} ×" if speed < 1 else f"{number(speed)} ×"

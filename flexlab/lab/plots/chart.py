@@ -1,5 +1,6 @@
 """One uPlot chart that follows one plot's signals."""
 
+import re
 from collections.abc import Sequence
 from typing import cast
 
@@ -20,8 +21,8 @@ from flexlab.sim.snapshot import TICK
 
 HEIGHT = 190
 """Of a chart, px; its legend comes on top."""
-X_AXIS_SIZE, Y_AXIS_SIZE = 34, 52
-"""Room for the numbers at the axes, px: "50,000" upright, and the legend's first line below."""
+X_AXIS_SIZE, Y_AXIS_SIZE, UNIT_SIZE = 34, 50, 18
+"""Room for the numbers at the axes, px: "50,000" upright, and the legend's first line below; and for the unit beside them."""
 
 UNNAMED = "fl-unnamed"
 """Style class of series that the legend leaves out."""
@@ -35,9 +36,16 @@ RANGE_HOLDER = cast(
 EXACTLY_THE_DATA = {"min": {"pad": 0, "mode": 0}, "max": {"pad": 0, "mode": 0}}
 
 
-def axis(size: int) -> uplot.Axis:
+def axis(size: int, label: str = "") -> uplot.Axis:
     """An axis with short ticks and `size` px of room."""
-    return uplot.Axis(size=size, gap=2, ticks=uplot.Axis_Ticks(size=4, width=1), grid=uplot.Axis_Grid(width=1))
+    made = uplot.Axis(size=size, gap=2, ticks=uplot.Axis_Ticks(size=4, width=1), grid=uplot.Axis_Grid(width=1))
+    return cast(uplot.Axis, made | {"label": label, "labelSize": UNIT_SIZE, "labelGap": 0}) if label else made
+
+
+def units_of(labels: Sequence[str]) -> str:
+    """The units in brackets at the ends of labels, each once."""
+    found = (re.search(r"\(([^()]+)\)$", label) for label in labels)
+    return ", ".join(dict.fromkeys(each[1] for each in found if each))
 
 
 def signal_series(label: str, tone: colors.Color) -> uplot.Series:
@@ -87,7 +95,7 @@ class Chart:
             (*series, RANGE_HOLDER),
             title=plot.title,
             scales={"x": uplot.Scale(time=False), "y": uplot.Scale(range=EXACTLY_THE_DATA)},
-            axes=(axis(X_AXIS_SIZE), axis(Y_AXIS_SIZE)),
+            axes=(axis(X_AXIS_SIZE), axis(Y_AXIS_SIZE, units_of(plot.labels))),
             legend=uplot.Legend(live=True),
             cursor=uplot.Cursor(drag=uplot.Cursor_Drag(x=True, y=False), sync=uplot.Cursor_Sync(key=group)),
             height=HEIGHT,

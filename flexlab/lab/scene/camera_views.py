@@ -20,22 +20,24 @@ CAPTION = 0.2
 """Room for the words above the picture, m."""
 FILLED = 0.97
 """Share of the window that the floor takes up, in the direction in which it fits just so."""
-TELEPHONE_SHIFT = 0.22
-"""On a telephone a sheet covers the lower half: there the machine stands higher by this share of the height."""
+AROUND = 0.35
+"""Room around the payload wherever its path takes it, in its lengths: for what bends, and the arms that hold it."""
+LEAST_FREE = 0.2
+"""Share of the picture's height that counts as free whatever covers it."""
 CLOSE_UP = 2.6
 """Distance of the close views, in payload lengths."""
 
-VIEWS = ("Overview", "Plan", "Front", "Left grip", "Follow")
+VIEWS = ("Payload", "Overview", "Plan", "Front", "Left grip", "Follow")
 MOVING = ("Left grip", "Follow")
 """Those that move with the machine."""
 
 
 class Window(NamedTuple):
-    """A browser's picture: width over height, width in px, and whether it is a telephone's."""
+    """A browser's picture: width over height, and the shares of its height that are covered, from above and from below."""
 
     aspect: float
-    width: float = 800.0
-    telephone: bool = False
+    above: float = 0.0
+    below: float = 0.0
 
 
 class Shot(NamedTuple):
@@ -51,22 +53,38 @@ def shot(view: str, scenario: Scenario, sample: Samples, window: Window) -> Shot
         return _near(link_points(scenario, sample.pose)[0, 0], scenario, window, 0.5)
     if view == "Follow":
         return _near(sample.pose[0, :2], scenario, window, 1.0)
+    if view == "Payload":
+        return payload_view(scenario, window)
     return overview(scenario, window, {"Plan": PLAN_TILT, "Front": FRONT_TILT}.get(view, TILT))
 
 
 def overview(scenario: Scenario, window: Window, tilt: float = TILT) -> Shot:
     """The view of the whole floor, `tilt` rad from straight above."""
     x_min, x_max, y_min, y_max = floor_extent(scenario)
+    return _fitted((x_min, x_max, y_min, y_max + CAPTION), window, tilt)
+
+
+def payload_view(scenario: Scenario, window: Window) -> Shot:
+    """The payload fills the free part of the picture, wherever its path takes it."""
+    length, path = scenario.payload.length, scenario.trajectory
+    half = np.array(path.reach[:2]) + [(0.5 + AROUND) * length, AROUND * length]
+    low, high = np.array(path.middle[:2]) - half, np.array(path.middle[:2]) + half
+    return _fitted((low[0], high[0], low[1], high[1]), window, TILT)
+
+
+def _fitted(extent: tuple[float, float, float, float], window: Window, tilt: float) -> Shot:
+    """`extent`, x_min, x_max, y_min, y_max on the floor, m, fits into the free part just so, and stands in its middle."""
+    x_min, x_max, y_min, y_max = extent
     center = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2, 0.0])
     half_angle = FILLED * np.tan(FIELD_OF_VIEW / 2)
-    corners = np.array([(x, y, 0.0) for x in (x_min, x_max) for y in (y_min, y_max + CAPTION)]) - center
+    free = max(1.0 - window.above - window.below, LEAST_FREE)
+    corners = np.array([(x, y, 0.0) for x in (x_min, x_max) for y in (y_min, y_max)]) - center
     forward, up = np.array([0.0, np.sin(tilt), -np.cos(tilt)]), np.array([0.0, np.cos(tilt), np.sin(tilt)])
     # A corner is in the picture from where its line of sight lies within the opening angle.
     wide = np.abs(corners[:, 0]) / (half_angle * max(window.aspect, 0.1))
-    high = np.abs(corners @ up) / half_angle
+    high = np.abs(corners @ up) / (half_angle * free)
     distance = float(np.max(np.maximum(wide, high) - corners @ forward))
-    if window.telephone:
-        center[1] -= TELEPHONE_SHIFT * 2 * half_angle * distance
+    center[1] += (window.above - window.below) * np.tan(FIELD_OF_VIEW / 2) * distance / np.cos(tilt)
     return _from(center, distance, tilt)
 
 

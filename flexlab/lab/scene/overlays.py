@@ -8,6 +8,7 @@ import viser
 from flexlab.control.motion import poses
 from flexlab.control.path import build_motion
 from flexlab.lab import colors
+from flexlab.lab.panel.number_control import put
 from flexlab.lab.scene import arm_models
 from flexlab.lab.scene.arm_meshes import scene_size
 from flexlab.lab.scene.beam_mesh import SIDES, tube_faces, tube_vertices
@@ -68,7 +69,7 @@ class Overlays:
         x_min, x_max, _, y_max = floor_extent(scenario)
         # It stands still: a browser applies poses ahead of arrays, so beside a moving beam it would run away from it.
         place = ((x_min + x_max) / 2, y_max + LABEL_OFFSET, 0.0)
-        self._caption = scene.add_label("/overlays/caption", "", position=place, anchor="bottom-center")
+        self._caption = scene.add_label("/overlays/caption", "", position=place, anchor="bottom-center", visible=False)
 
     @staticmethod
     def _line(
@@ -78,7 +79,7 @@ class Overlays:
         return scene.add_line_segments(f"/overlays/{name}", points, color, thickness=width, thickness_units="screen")
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings, caption: str) -> None:
-        """Move everything to where `sample` (N = 1) has it, showing what `view` asks for; `caption` says what is drawn."""
+        """Move everything to where `sample` (N = 1) has it, showing what `view` asks for; `caption`: words above it, or none."""
         self._update_path(scenario, view)
         self._update_trail(sample, view)
         self._ghost.visible = view.ghost
@@ -90,7 +91,7 @@ class Overlays:
         dashes = grips[0] + share * (grips[1] - grips[0])
         top = np.full(2 * DASHES, self._height + 0.03 * self._size)
         self._link.points = np.column_stack([dashes, top]).reshape(DASHES, 2, 3).astype(np.float32)
-        self._caption.text = caption
+        put(self._caption, text=caption, visible=bool(caption))
 
     def forget_trail(self) -> None:
         """Begin the trail anew: after a reset."""

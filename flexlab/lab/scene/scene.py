@@ -18,6 +18,7 @@ from flexlab.lab.scene.reference_beam import ReferenceBeam
 from flexlab.lab.scene.stage import Stage, set_light
 from flexlab.lab.scene.strain import StrainBeam
 from flexlab.lab.view_settings import Legend, ViewSettings
+from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
@@ -39,6 +40,7 @@ class Scene:
         set_light(server.scene, shadows)
         self._built_for: object = None
         self._run_number = -1
+        self._caption = ""
         self._parts: list[Stage | Reach | Arms | Beam | StrainBeam | Overlays | Forces | PullArrow | ReferenceBeam] = []
         self._build(scenario)
 
@@ -50,12 +52,12 @@ class Scene:
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
             self._overlays.forget_trail()
-        bent, caption = self._bent(scenario, sample, view)
+        bent, self._caption = self._bent(scenario, sample, view)
         with self._server.atomic():
             self._arms.update(scenario, sample)
             self._beam.update(scenario, bent, view)
             self._strain.update(scenario, bent, view)
-            self._overlays.update(scenario, sample, view, caption)
+            self._overlays.update(scenario, sample, view, "")
             self._forces.update(scenario, sample, view)
             self._pull.update(scenario, sample, view, pull)
             self._kept.update(sample, view, kept)
@@ -64,11 +66,11 @@ class Scene:
 
     def legend(self, view: ViewSettings) -> Legend:
         """What the picture is now drawn to."""
-        return Legend(tuple(self._forces.scales(view)), self._strain.limit if view.strain else 0.0)
+        return Legend(tuple(self._forces.scales(view)), self._strain.limit if view.strain else 0.0, self._caption)
 
     def _bent(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> tuple[Samples, str]:
-        """What the beam is drawn from, and the words above it: the run, or the mode that is animated in its place."""
-        truth = f"beam deflection drawn × {view.exaggeration:g}"
+        """What the beam is drawn from, and the words about it: the run, or the mode that is animated in its place."""
+        truth = f"deflection drawn × {number_text(view.exaggeration)}"
         result, index = self._study.result, view.shown_mode
         if index is None or result is None or index >= len(result.frequency):
             return sample, truth

@@ -20,6 +20,8 @@ ELBOW_SHARE = 0.88
 """How far an elbow swings out beside its base, in lengths of the first link: the paper's motion with a little room."""
 MARGIN = 0.25
 """Floor around the arms' reach, m."""
+BEYOND = 3.0
+"""How far the drawn floor goes on, m: to the edges of any picture."""
 
 
 def floor_extent(scenario: Scenario) -> tuple[float, float, float, float]:
@@ -53,8 +55,8 @@ class Stage:
         self._root = scene.add_frame("/floor", show_axes=False)
         scene.add_grid(
             "/floor/grid",
-            width=x_max - x_min,
-            height=y_max - y_min,
+            width=x_max - x_min + 2 * BEYOND,
+            height=y_max - y_min + 2 * BEYOND,
             position=((x_min + x_max) / 2, (y_min + y_max) / 2, 0.0),
             cell_size=CELL,
             cell_color=colors.GRAY,

@@ -149,7 +149,8 @@ async def take_name(request: web.Request) -> web.StreamResponse:
     except LabError as error:
         return message("This is no name", str(error), 400)
     context_of(request).places.call(named.id, named.name)
-    answer = web.Response(status=303, headers={hdrs.LOCATION: "/lab/" if "enter" in form else "/"})
+    where = "/lab/?play" if "play" in form else "/lab/" if "enter" in form else "/"
+    answer = web.Response(status=303, headers={hdrs.LOCATION: where})
     keep_visitor(request, answer, named)
     return answer
 

@@ -1,0 +1,141 @@
+"""What a newcomer sees first, in a real browser: the scene, its beam, and few controls."""
+
+import math
+
+import pytest
+from browser_window import open_window
+from lab_page import CLOSE_NOTIFICATIONS, GUIDE_OPEN, PLOTS_OPEN, READY, LabPage, address, wait_until
+from playwright.sync_api import Browser, Page
+
+from flexlab.lab.scene.beam_mesh import SIDES
+from flexlab.lab.session import Session
+
+LEAST_SHARE, LEAST_BEAM = 0.6, 250
+"""Of the window that is the scene's; px of the beam's length at 1440 px."""
+SHARE = """() => {
+  const picture = window.__viserMutable.canvas, N = 60; let seen = 0;
+  for (let i = 0; i < N; i++) for (let j = 0; j < N; j++) {
+    const on = document.elementFromPoint((i + 0.5) / N * innerWidth, (j + 0.5) / N * innerHeight);
+    if (on === picture || on?.contains(picture) || picture.parentElement.contains(on)) seen += 1; }
+  return seen / (N * N); }"""
+"""The part of the window on which a click goes to the scene."""
+BEAM = """(sides) => {
+  const mutable = window.__viserMutable; let ends = null;
+  mutable.nodeRefFromName['/beam'].traverse((node) => {
+    const position = node.geometry?.attributes?.position;
+    if (!position || ends) return;
+    const box = mutable.canvas.getBoundingClientRect();
+    const at = (first) => {
+      let [x, y, z] = [0, 0, 0];
+      for (let i = first; i < first + sides; i++) {
+        x += position.getX(i); y += position.getY(i); z += position.getZ(i); }
+      const point = mutable.camera.position.clone().set(x / sides, y / sides, z / sides);
+      point.applyMatrix4(node.matrixWorld).project(mutable.camera);
+      return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height]; };
+    const middle = (position.count / sides - 1) / 2 * sides;
+    ends = [at(sides), at(middle - middle % sides), at(position.count - 2 * sides)]; });
+  return ends; }"""
+"""Where the drawn beam's ends and its middle are, px."""
+CONTROLS = """() => [...document.querySelectorAll('button, [role="slider"], [role="combobox"], [role="tab"]')]
+  .filter((part) => part.getClientRects().length && part.closest('[data-fl-panel] > *') && part.textContent.trim() !== '↺'
+    && !part.closest('.mantine-InputWrapper-root')).length"""
+"""Controls in sight in the panel: buttons, sliders, menus and tabs."""
+
+
+def opened(page: Page, url: str) -> Page:
+    """A page that shows the lab, and its picture where it stays."""
+    page.goto(url)
+    page.wait_for_function(READY)
+    page.evaluate(CLOSE_NOTIFICATIONS)  # That this browser has no graphics card.
+    wait_until(lambda: page.evaluate(BEAM, SIDES) is not None, "a beam is drawn")
+    return page
+
+
+def length(ends: list[list[float]]) -> float:
+    return math.dist(ends[0], ends[2])
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (1024, 768), (720, 900), (390, 844), (320, 640)])
+def test_the_scene_comes_first_at_any_size(chromium: Browser, session: Session, size: tuple[int, int]) -> None:
+    context = open_window(chromium, *size)
+    page = opened(context.new_page(), address(session))
+    wait_until(lambda: page.evaluate(SHARE) >= LEAST_SHARE, "the scene has its share", 30)
+    assert page.evaluate("document.documentElement.scrollWidth") <= size[0], "nothing is cut off"
+    if size[0] == 1440:
+        wait_until(lambda: length(page.evaluate(BEAM, SIDES)) >= LEAST_BEAM, "the beam is long enough to be looked at")
+        wait_until(lambda: page.title() == "paper · flexlab", "the tab says what it is")
+        assert page.evaluate("document.documentElement.dataset.flLabels") == "plain"
+    context.close()
+
+
+def test_guide_and_plots_are_one_click_away_and_a_browser_remembers_them(chromium: Browser, session: Session) -> None:
+    context = open_window(chromium, 1440, 900)
+    page = opened(context.new_page(), address(session))
+    assert not page.evaluate(PLOTS_OPEN)
+    assert not page.evaluate(GUIDE_OPEN)
+    page.get_by_text("Motion", exact=True).first.click()
+    page.wait_for_function(PLOTS_OPEN)
+    lefts = "() => [...document.querySelectorAll('.uplot')].map((part) => part.getBoundingClientRect().left)"
+    wait_until(lambda: len({round(left) for left in page.evaluate(lefts)}) > 1, "two plots stand side by side")
+    wait_until(
+        lambda: "plots" in (page.evaluate("localStorage.getItem('flexlab-open-panels')") or ""), "the page keeps it"
+    )
+    again = opened(context.new_page(), address(session))
+    again.wait_for_function(PLOTS_OPEN)
+    assert not again.evaluate(GUIDE_OPEN)
+    context.close()
+
+
+def test_a_presentation_shows_the_scene_one_plot_and_one_number(chromium: Browser, session: Session) -> None:
+    context = open_window(chromium, 1920, 1080)
+    page = opened(context.new_page(), address(session))
+    page.keyboard.press("b")
+    page.wait_for_function("() => document.querySelectorAll('.uplot').length > 0")
+    page.get_by_text("largest vibration").wait_for()
+    shown = "() => [...document.querySelectorAll('.uplot')].filter((part) => part.getClientRects().length).length"
+    wait_until(lambda: page.evaluate(shown) == 1, "one plot")
+    wait_until(lambda: page.evaluate(SHARE) >= LEAST_SHARE, "the scene has its share", 30)
+    assert not page.get_by_role("button", name="Reset").is_visible()
+    page.keyboard.press("b")
+    page.get_by_role("button", name="Reset").wait_for()
+    context.close()
+
+
+def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_run(
+    chromium: Browser, session: Session
+) -> None:
+    context = open_window(chromium, 1440, 900)
+    page = opened(context.new_page(), f"{address(session)}&play")
+    page.get_by_label("Stiffness EI (N·m²)", exact=True).wait_for()
+    assert page.evaluate(CONTROLS) == 5
+    run = session.runner.snapshot.run_number
+    page.get_by_role("button", name="Tap", exact=True).click()
+    wait_until(lambda: any("tap" in event.text.lower() for event in session.runner.snapshot.events), "a tap")
+    page.get_by_label("Stiffness EI (N·m²)", exact=True).fill("20")
+    wait_until(lambda: session.runner.snapshot.scenario.payload.bending_stiffness == 20.0, "a softer beam")
+    page.get_by_role("button", name="More", exact=True).click()
+    page.get_by_role("button", name="Reset", exact=True).wait_for()
+    assert page.evaluate(CONTROLS) > 5
+    assert session.runner.snapshot.run_number == run
+    assert not page.get_by_label("Stiffness EI (N·m²)", exact=True).is_visible()
+    context.close()
+
+
+def test_the_ring_of_the_first_lesson_is_seen(chromium: Browser, session: Session) -> None:
+    """Drawn by the lesson's factor, from one side to the other, px."""
+    with LabPage(chromium, session) as page:
+        page.choose("Read", "Lesson 1: Why does it ring?")
+        page.choose("Speed", "1/64 ×")
+        page.key("r")
+        wait_until(lambda: page.snapshot.target_speed == 1 / 64 and page.snapshot.latest.time[0] < 0.1, "a new run")
+        sides: list[float] = []
+
+        def seen() -> bool:
+            left, middle, right = page.page.evaluate(BEAM, SIDES)
+            along = (right[0] - left[0], right[1] - left[1])
+            away = (middle[0] - left[0]) * along[1] - (middle[1] - left[1]) * along[0]
+            sides.append(away / math.hypot(*along))
+            return max(sides) - min(sides) >= 60
+
+        wait_until(seen, "a ring of 60 px")
+        assert page.session.lab_state.view.exaggeration == 50.0

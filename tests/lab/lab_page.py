@@ -80,9 +80,9 @@ POINT_PIXEL = """([x, y, z]) => {
   return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height]; }"""
 
 
-def address(session: Session) -> str:
-    """Of a lab's page that is drawn coarsely: what is on the screen is the same, in a ninth of the pixels."""
-    return f"{session.url}/?fixedDpr=0.3"
+def address(session: Session, coarsely: bool = True) -> str:
+    """Of a lab's page that is drawn coarsely, unless somebody looks closely: the same in a ninth of the pixels."""
+    return f"{session.url}/?fixedDpr={0.3 if coarsely else 1}"
 
 
 class LabPage:
@@ -94,7 +94,7 @@ class LabPage:
         self.page = self._context.new_page()
         self.errors: list[str] = []
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.goto(address(session))
+        self.page.goto(address(session, coarsely=not options.get("drawn")))
 
     def __enter__(self) -> "LabPage":
         self.page.wait_for_function(READY, timeout=1000 * PATIENCE)

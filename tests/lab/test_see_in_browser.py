@@ -2,6 +2,7 @@
 
 import io
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -15,11 +16,20 @@ from flexlab.lab.view_settings import PLOT_WINDOWS
 
 NEAR, STRONG = 20, 100
 """px around a place in which something of its colour is to be seen; the saturation, 0..255, from which a pixel has one."""
+MANY = 10
+"""Pixels of a colour that are more than chance."""
 FACTOR = "Exaggeration of the deflection (×)"
 
 
 def node_shown(page: LabPage, name: str) -> bool:
     return page.page.evaluate(f"window.__viserMutable.nodeRefFromName['{name}']?.visible ?? false")
+
+
+def pixels_of(page: LabPage, place: Sequence[float], color: tuple[int, int, int]) -> int:
+    """How many pixels around a place on the page have a colour's hue."""
+    hue = np.asarray(Image.new("RGB", (1, 1), color).convert("HSV"), int)[0, 0, 0]
+    away = np.abs((hues(page, *place) - hue + 128) % 256 - 128)
+    return int(np.count_nonzero(away < 8))
 
 
 def hues(page: LabPage, x: float, y: float) -> np.ndarray:
@@ -38,12 +48,15 @@ def test_arms_and_beam_are_drawn_each_in_its_colour_where_it_is(chromium: Browse
         wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the whole machine is in the picture")
         page.hold()
         page.catch_up()
-        scenario, beam = page.snapshot.scenario, page.beam_pixel()
-        places = [page.pixel(*arm.base, 0.0) for arm in scenario.arms] + [beam]
-        for place, color in zip(places, (*colors.ARMS, colors.BEAM), strict=True):
-            hue = np.asarray(Image.new("RGB", (1, 1), color).convert("HSV"), int)[0, 0, 0]
-            away = np.abs((hues(page, *place) - hue + 128) % 256 - 128)
-            assert np.count_nonzero(away < 8) > 10, color
+        for arm, color in zip(page.snapshot.scenario.arms, colors.ARMS, strict=True):
+            assert pixels_of(page, page.pixel(*arm.base, 0.0), color) > MANY
+        # The beam is a few pixels thin: from nearby it is more.
+        (client,) = session.server.get_clients().values()
+        x, y = page.snapshot.display.pose[0, :2]
+        client.camera.position, client.camera.look_at = (x, y - 0.1, 0.5), (x, y, 0.0)
+        wait_until(lambda: math.dist(page.camera(), (x, y - 0.1, 0.5)) < SAME_PLACE, "the camera comes closer", 15)
+        page.catch_up()
+        assert pixels_of(page, page.beam_pixel(), colors.BEAM) > MANY
 
 
 def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None:

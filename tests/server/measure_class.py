@@ -26,11 +26,11 @@ POLL = 0.4
 """s between two questions of the teacher's page."""
 
 
-def open_lab(url: str, number: int) -> tuple[dict[str, str], str, float]:
-    """(cookies, path, s until page and live connection were there) of a visitor's lab."""
-    port = url.rstrip("/").rpartition(":")[2]
-    cookies, begun = {f"flexlab-visitor-{port}": f"visitor-{number:012d}"}, time.monotonic()
-    path = ask(url, "/lab/", cookies=cookies).headers["Location"]
+def open_lab(url: str) -> tuple[dict[str, str], str, float]:
+    """(cookies, path, s until page and live connection were there) of a new visitor's lab."""
+    begun = time.monotonic()
+    sent_on = ask(url, "/lab/")
+    cookies, path = sent_on.cookies, sent_on.headers["Location"]
     assert ask(url, path, cookies=cookies).status == 200
     with looking(url, path.rstrip("/"), cookies):
         return cookies, path.rstrip("/"), time.monotonic() - begun
@@ -104,9 +104,9 @@ def main() -> None:
         url = f"http://127.0.0.1:{lab.port()}"
         print(f"the server is open after {time.monotonic() - began:.1f} s")
         server = psutil.Process(lab.process.pid)
-        cookies, first, took = open_lab(url, 0)
+        cookies, first, took = open_lab(url)
         with looking(url, first, cookies):
-            opening = [took, *(open_lab(url, number)[2] for number in range(1, count))]
+            opening = [took, *(open_lab(url)[2] for _ in range(1, count))]
             print(f"opening: first {took:.1f} s, median {statistics.median(opening):.1f}, worst {max(opening):.1f}")
             time.sleep(2.0)
             measure_labs(server, url, first)

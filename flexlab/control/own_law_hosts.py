@@ -56,6 +56,10 @@ def ask_plainly(channel: Any, message: np.ndarray, now: Any) -> None:
     host.ask(message, np.frombuffer(now.tobytes(), np.uint8))
 
 
+TEXTS_RUNNING = 3
+"""Of one file, newest first, whose processes live: the one in use, one that was refused, the next one."""
+TEXTS_KEPT = 16
+"""Of one file, whose sockets are kept open."""
 Host = InProcess | Apart
 _allowed: dict[str, str] = {}
 _hosts: dict[str, Host] = {}
@@ -112,12 +116,32 @@ def host_of(source: str, kind: str) -> Host:
             host = _hosts.get(key)
             if host is None:
                 host = _hosts[key] = _kind(source, _allowed[key])
+            _hosts[key] = _hosts.pop(key)  # The one that was asked for last stands last.
+            _retire(_allowed[key])
         host.ensure()
     except (TextProblem, FlexlabError) as error:
         with _lock:
             _hosts.pop(key, None)
         raise ScenarioError([("controller.source", f"The control law {kind} cannot be used: {error}")]) from None
     return host
+
+
+def _retire(file: str) -> None:
+    """End the processes of a file's older texts: the engine may still use the last ones, until a change reaches it."""
+    apart = [(key, host) for key, host in _hosts.items() if isinstance(host, Apart) and _allowed.get(key) == file]
+    for number, (key, host) in enumerate(reversed(apart)):
+        if number >= TEXTS_KEPT:
+            _hosts.pop(key)
+            host.dispose()
+        elif number >= TEXTS_RUNNING:
+            host.close()
+
+
+def stop_loading() -> None:
+    """End the processes that are not ready yet, so that nobody waits for them."""
+    for host in list(_hosts.values()):
+        if isinstance(host, Apart):
+            host.close_unless_loaded()
 
 
 def not_allowed(kind: str) -> str:

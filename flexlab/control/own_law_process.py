@@ -36,6 +36,15 @@ class Apart(OwnProcess):
         self._late_function = AnswerFunction(self._late)
         self.channel = Channel(0, address_of(self._late_function), self._calls.fileno(), *self._turn)
 
+    def dispose(self) -> None:
+        """End the process and give back its files: no kernel may ask any more."""
+        self.close()
+        self._calls.close()
+        if self._reports is not None:
+            self._reports.close()
+        for end in self._turn:
+            os.close(end)
+
     def _start_again(self) -> None:
         turn = os.read(self._turn[0], 1)
         try:

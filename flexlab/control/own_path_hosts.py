@@ -43,12 +43,14 @@ class Apart(OwnProcess):
 
     def poses(self, options: np.ndarray, shares: np.ndarray) -> tuple[float, np.ndarray]:
         """As `RunningPath.poses`, within `ANSWER_LIMIT`."""
+        self.ensure()
         with self._lock:
-            self.ensure()
             sizes = np.array([len(options), len(shares)], np.int64)
             try:
                 self._calls.sendall(sizes.tobytes() + np.concatenate([options, shares]).tobytes())
                 count = int(np.frombuffer(self._received(8), np.int64)[0])
+                if count not in (FAILED, len(shares)):
+                    raise self._over(f"{self._name}: it answered with {count} poses where {len(shares)} are due.")
                 if count == FAILED:
                     self._listen(PROBE)
                     problem, self._problem = self._problem, ""
@@ -96,6 +98,13 @@ def poses_of(source: str, options: np.ndarray, shares: np.ndarray) -> tuple[floa
             host = kind(source, file)
             _hosts[file] = key, host
     return host.poses(options, shares)
+
+
+def stop_loading() -> None:
+    """End the processes that are not ready yet."""
+    for _, host in list(_hosts.values()):
+        if isinstance(host, Apart):
+            host.close_unless_loaded()
 
 
 def close_all() -> None:

@@ -1,5 +1,6 @@
 """A person's own file in a process of its own, as the lab holds it: reports, crashes, lateness, and the line at fault."""
 
+import contextlib
 import json
 import os
 import re
@@ -13,11 +14,18 @@ import time
 from pathlib import Path
 
 from flexlab.own_laws.running_text import TextProblem
+from flexlab.plain_text import visible
 
 PROBE = 0.02
 """s over which a late process is looked at: whether it works, or waits for a processor that others have."""
 LOADING_LIMIT = 60.0
 """s that a file may take until its class is there: libraries may have to be compiled."""
+MOST_READ = 1_000_000
+"""Bytes of reports that one look takes in, and that a line may have."""
+LONGEST_PROBLEM = 2000
+"""Characters of a sentence from the process."""
+ENDING_LIMIT = 5.0
+"""s for the process to end what its text started."""
 LINE_LIMIT = 0.3
 """s to wait for the line in which a late process is."""
 
@@ -36,6 +44,8 @@ class OwnProcess:
         self._reports: socket.socket | None = None
         self._said = b""
         self._process: subprocess.Popen[bytes] | None = None
+        self._lifeline = -1
+        self._worker = 0
         self._is_loaded = False
         self._problem = ""
         self._start()
@@ -56,33 +66,43 @@ class OwnProcess:
         """Be ready, in a new process if need be. Raises `TextProblem` for a text that cannot be run."""
         if self.problem or not self._is_alive():
             self._start_again()
-        with self._lock:
-            end = time.monotonic() + LOADING_LIMIT
-            while not self._is_loaded and not self._problem:
-                self._listen(PROBE)
-                if not self._is_loaded and not self._problem and not self._is_alive():
-                    self._problem = self._how_it_ended()
-                elif time.monotonic() > end and not self._is_loaded:
-                    self._problem = f"{self._name}{self._line()}: it was not loaded within {LOADING_LIMIT:g} s."
-            if self._problem:
-                problem = self._problem
-                self.close()
-                raise TextProblem(problem)
+        end = time.monotonic() + LOADING_LIMIT
+        while not self._is_loaded and not self._problem:
+            self._listen(PROBE)
+            if not self._is_loaded and not self._problem and not self._is_alive():
+                self._problem = self._how_it_ended()
+            elif time.monotonic() > end and not self._is_loaded:
+                self._problem = f"{self._name}{self._line()}: it was not loaded within {LOADING_LIMIT:g} s."
+        if self._problem:
+            problem = self._problem
+            self.close()
+            raise TextProblem(problem)
 
     def close(self) -> None:
-        """End the process."""
-        with self._lock:
-            if self._process is not None:
-                self._process.kill()
-                self._process.wait()
-                self._process = None
+        """End the process and all that its text started. Any thread may: who waits for it to load is told."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        os.close(self._lifeline)
+        try:
+            process.wait(ENDING_LIMIT)
+        except subprocess.TimeoutExpired:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+    def close_unless_loaded(self) -> None:
+        """End a process that is not ready yet: nothing is to wait for it any more."""
+        if not self._is_loaded:
+            self.close()
 
     @property
     def _name(self) -> str:
         return Path(self._file).name
 
     def _is_alive(self) -> bool:
-        return self._process is not None and self._process.poll() is None
+        process = self._process
+        return process is not None and process.poll() is None
 
     def _start_again(self) -> None:
         with self._lock:
@@ -96,7 +116,8 @@ class OwnProcess:
         command = [sys.executable, "-m", self.module]
         # One thread each: a text that multiplies small matrices must not take all cores from the lab.
         threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-        handed = theirs.fileno(), reporting.fileno()
+        lifeline, self._lifeline = os.pipe()
+        handed = theirs.fileno(), reporting.fileno(), lifeline
         self._process = subprocess.Popen(
             [*command, *map(str, handed), self._file],
             pass_fds=handed,
@@ -108,10 +129,13 @@ class OwnProcess:
         )
         theirs.close()
         reporting.close()
+        os.close(lifeline)
         self._reports, self._said, self._problem, self._is_loaded = reports, b"", "", False
+        self._worker = 0
         reports.setblocking(False)
         text = self._source.encode()
-        ours.sendall(len(text).to_bytes(8, "little") + text)
+        with contextlib.suppress(OSError):  # A process that ended at once says why.
+            ours.sendall(len(text).to_bytes(8, "little") + text)
         os.dup2(ours.fileno(), self._calls.fileno(), inheritable=False)
         ours.close()
 
@@ -127,8 +151,10 @@ class OwnProcess:
             if patience:
                 select.select([reports], [], [], patience)
             try:
-                while data := reports.recv(65536):
+                taken = 0
+                while taken < MOST_READ and (data := reports.recv(65536)):
                     self._said += data
+                    taken += len(data)
             except OSError:
                 pass
             lines = self._said.split(b"\n")
@@ -138,18 +164,22 @@ class OwnProcess:
                     self._note(line)
                 else:
                     other.append(line.decode(errors="replace"))
-            self._said = lines[-1]
+            self._said = lines[-1][:MOST_READ]
             return "\n".join(other)
 
     def _note(self, line: bytes) -> None:
         try:
             said = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             return
-        if said.get("ready"):
+        if not isinstance(said, dict):
+            return
+        if said.get("ready") is True:
             self._is_loaded = True
-        elif not self._problem:
-            self._problem = str(said.get("problem", ""))
+        elif isinstance(said.get("pid"), int):
+            self._worker = self._worker or said["pid"]
+        elif isinstance(said.get("problem"), str):
+            self._problem = self._problem or visible(said["problem"], LONGEST_PROBLEM)
 
     def _gave_up(self, problem: str) -> bool:
         self._problem = self._problem or problem
@@ -159,17 +189,17 @@ class OwnProcess:
     def _waited(self) -> float:
         """s that the process has waited for a processor; 0 where the system does not tell."""
         try:
-            pid = self._process.pid if self._process is not None else 0
-            return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
+            return int(Path(f"/proc/{self._worker}/schedstat").read_text().split()[1]) / 1e9
         except (OSError, ValueError, IndexError):
             return 0.0
 
     def _line(self) -> str:
         """Where the text is now, as in ", line 12"; empty if it cannot be found out."""
-        if self._process is None:
+        process = self._process
+        if process is None:
             return ""
         self._listen(0.0)
-        self._process.send_signal(signal.SIGUSR1)
+        process.send_signal(signal.SIGUSR1)
         end, text = time.monotonic() + LINE_LIMIT, ""
         while time.monotonic() < end and self._is_alive():
             text += self._listen(PROBE)
@@ -183,8 +213,11 @@ class OwnProcess:
 
     def _how_it_ended(self) -> str:
         """A sentence about a process that ended."""
+        process = self._process
+        if process is None:
+            return self._problem or f"{self._name}: its process was ended."
         try:
-            code = self._process.wait(LINE_LIMIT) if self._process is not None else None
+            code = process.wait(LINE_LIMIT)
         except subprocess.TimeoutExpired:
             code = None
         text = self._listen(PROBE)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import viser
 
-from flexlab.control import own_law_hosts
+from flexlab.control import own_law_hosts, own_path_hosts
 from flexlab.errors import LabError
 from flexlab.lab.attendance import Attendance
 from flexlab.lab.client_cameras import ClientCameras
@@ -125,6 +125,8 @@ class Session:
 
     def stop(self) -> None:
         """Stop drawing, simulation and server; returns when all threads are done. May be called twice."""
+        own_law_hosts.stop_loading()
+        own_path_hosts.stop_loading()
         if self._own_files is not None:
             self._own_files.stop()
         if self._drawing is not None:

@@ -1,6 +1,6 @@
 """A user's law in a process of its own: reads calls from a socket, answers them, says what goes wrong.
 
-python -m flexlab.own_laws.child CALLS REPORTS FILE      (numbers of inherited sockets; the source comes first)
+python -m flexlab.own_laws.child CALLS REPORTS LIFELINE FILE      (numbers of inherited sockets and of a pipe; see `serve`)
 """
 
 import faulthandler
@@ -9,8 +9,6 @@ import os
 import signal
 import socket
 import sys
-import threading
-import time
 import traceback
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -21,12 +19,10 @@ from flexlab.errors import FlexlabError
 from flexlab.own_laws.execution import RunningLaw
 from flexlab.own_laws.message import MESSAGE_SIZE
 from flexlab.own_laws.running_text import TextProblem
+from flexlab.own_laws.supervision import supervised
 from flexlab.physics.law_input import LAW_INPUT
 
 T = TypeVar("T")
-
-MOST_MEMORY = 2_000_000_000
-"""Bytes of address space: what a person's own file may ask for."""
 
 
 def receive(calls: socket.socket, size: int) -> bytearray | None:
@@ -39,27 +35,6 @@ def receive(calls: socket.socket, size: int) -> bytearray | None:
             return None
         got += count
     return data
-
-
-def _end_with_the_parent() -> None:
-    """End when the lab is gone, in whatever loop the law may be."""
-    parent = os.getppid()
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1.0)
-        os.kill(os.getpid(), signal.SIGKILL)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _limit_memory() -> None:
-    try:
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
-    except (ImportError, ValueError, OSError):
-        pass  # Where the system has no such limit, its own must do.
 
 
 class Reports:
@@ -76,8 +51,12 @@ class Reports:
 def _watch_exits(reports: Reports, file: str) -> None:
     """Have os._exit and os.abort say where they were called: nothing else would know."""
 
+    own = os.getpid()
+
     def telling(name: str, function: Any) -> Any:
         def end(*words: Any) -> None:
+            if os.getpid() != own:  # That of a process which the text started says nothing of the text.
+                function(*words)
             lines = [frame.lineno for frame in traceback.extract_stack() if frame.filename == file]
             line = f", line {lines[-1]}" if lines else ""
             reports.say(problem=f"{os.path.basename(file)}{line}: it ended its own process with os.{name}.")
@@ -89,14 +68,20 @@ def _watch_exits(reports: Reports, file: str) -> None:
 
 
 def serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Reports], None]) -> None:
-    """Run one text for the parent: `load` it (text, file), then `answer` calls until the parent closes the socket."""
+    """Run one text for the parent: `load` it (text, file), then `answer` calls until the parent closes the socket.
+
+    The text comes first through the socket of the calls, after its length. When the other end of the lifeline is closed, this
+    process ends with all that the text started.
+    """
     calls, reported = socket.socket(fileno=int(sys.argv[1])), socket.socket(fileno=int(sys.argv[2]))
-    file, reports = sys.argv[3], Reports(reported)
+    file, reports = sys.argv[4], Reports(reported)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which ends this by closing the lifeline.
+    name = os.path.basename(file)
+    supervised([calls.fileno()], int(sys.argv[3]), lambda text: reports.say(problem=f"{name}: {text}."))
+    reports.say(pid=os.getpid())
     # Asked for by the parent when an answer is late: the handler works even while Python cannot.
     faulthandler.register(signal.SIGUSR1, file=reported.fileno(), all_threads=False, chain=False)
     faulthandler.enable(file=reported.fileno(), all_threads=False)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which ends this by closing the socket.
-    _end_with_the_parent()
     length = receive(calls, 8)
     if length is None:
         return
@@ -104,7 +89,6 @@ def serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Rep
     if text is None:
         return
     _watch_exits(reports, file)
-    _limit_memory()
     try:
         loaded = load(text.decode(), file)
     except (TextProblem, FlexlabError) as error:

@@ -1,0 +1,188 @@
+"""What a law or path in Python starts ends with it and with the lab, however both end, and what it reports harms nobody."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from own_law_text import PD, forget_own_laws
+from waiting import wait_until
+
+from flexlab.control import own_law_hosts as hosts
+from flexlab.control.own_law import add_own_law
+from flexlab.control.own_law_process import Apart
+from flexlab.control.own_process import MOST_READ
+from flexlab.errors import ScenarioError
+from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.world import World
+
+CHILDREN = """
+import os, subprocess, sys, time
+subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)", "{mark}"])
+subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)", "{mark}"], start_new_session=True)
+if os.fork() == 0:
+    os.setsid()
+    if os.fork() == 0:
+        os.execv(sys.executable, [sys.executable, "-c", "import time; time.sleep(600)", "{mark}"])
+    os._exit(0)
+"""
+"""At the top of a law: a child, one in a session of its own, and one whose parent has left."""
+
+
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    hosts.run_apart()
+    yield
+    hosts.close_all()
+    forget_own_laws()
+
+
+def marked(mark: str) -> list[int]:
+    """Processes that have a word in their command."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if mark.encode() in (place / "cmdline").read_bytes().split(b"\0") and "Z" not in state_of(place):
+                found.append(int(place.name))
+    return found
+
+
+def state_of(place: Path) -> str:
+    return (place / "stat").read_text().rpartition(")")[2].split()[0]
+
+
+def world_of(source: str, file: str = "own_pd.py") -> World:
+    return World(load_preset("paper").replace({"controller.kind": add_own_law(source, file).kind}))
+
+
+def at_work(body: str) -> str:
+    """The PD law that first does something at each instant."""
+    lines = "".join(f"        {line}\n" for line in body.strip("\n").split("\n"))
+    return "import os, sys, json\n" + PD.replace("        e, e_dot", f"{lines}        e, e_dot", 1)
+
+
+def test_all_that_a_law_started_ends_with_it(tmp_path: Path):
+    mark = f"flexlab-test-{os.getpid()}-closed"
+    world = world_of(CHILDREN.format(mark=mark) + PD)
+    assert len(world.advance(3)) == 3
+    wait_until(lambda: len(marked(mark)) == 3, "its processes")
+    hosts.close_all()
+    assert marked(mark) == []
+
+
+def test_all_that_a_law_started_ends_when_it_fails_or_dies():
+    mark = f"flexlab-test-{os.getpid()}-died"
+    world = world_of(CHILDREN.format(mark=mark) + at_work("if at.time > 0.003: os.kill(os.getpid(), 9)"))
+    wait_until(lambda: len(marked(mark)) == 3, "its processes")
+    world.advance(20)
+    assert world.status.failed
+    assert "its process ended (signal 9)" in world.status.text
+    wait_until(lambda: marked(mark) == [], "their end")
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_all_that_a_law_started_ends_with_a_killed_lab(number: int, tmp_path: Path):
+    mark = f"flexlab-test-{os.getpid()}-lab-{number}"
+    (tmp_path / "own_pd.py").write_text(CHILDREN.format(mark=mark) + PD)
+    program = (
+        "import time\nfrom flexlab.control import own_law_hosts as hosts\nhosts.run_apart()\n"
+        "from flexlab.control.own_law import add_own_law\nfrom pathlib import Path\n"
+        "law = add_own_law(Path('own_pd.py').read_text(), 'own_pd.py')\n"
+        "hosts.host_of(Path('own_pd.py').read_text(), law.kind)\nprint('ready', flush=True)\ntime.sleep(600)\n"
+    )
+    lab = subprocess.Popen([sys.executable, "-c", program], cwd=tmp_path, stdout=subprocess.PIPE)
+    assert lab.stdout is not None
+    assert lab.stdout.readline() == b"ready\n"
+    wait_until(lambda: len(marked(mark)) == 3, "its processes")
+    lab.send_signal(number)
+    lab.wait()
+    wait_until(lambda: marked(mark) == [], "their end")
+    lab.stdout.close()
+
+
+def test_saves_leave_few_processes_and_files_behind():
+    file = f"/tmp/flexlab-test-{os.getpid()}-saved.py"
+    world = world_of(PD, file)
+    files = 0
+    for number in range(30):
+        source = PD.replace("adds up its error", f"adds up its error {number}")
+        add_own_law(source, file)
+        world.apply(ChangeScenario({"controller.source": source}))
+        assert len(world.advance(2)) == 2
+        if number == 20:
+            files = len(os.listdir("/proc/self/fd"))
+    assert len(marked(file)) <= 2 * hosts.TEXTS_RUNNING
+    assert len(os.listdir("/proc/self/fd")) <= files
+
+
+REPORTS = {
+    "deep lists": "b'[' * 100_000 + b'\\n'",
+    "deep objects": "b'{\"a\":' * 50_000 + b'\\n'",
+    "no object": "b'{1}\\n[1]\\n7\\nnull\\n'",
+    "other kinds": 'b\'{"problem": {}, "ready": [], "pid": "x"}\\n\'',
+    "no end": "b'{' * 3_000_000",
+    "no letters": "b'\\xff\\x00\\n{\\xff}\\n'",
+}
+
+
+@pytest.mark.parametrize("what", REPORTS)
+def test_what_a_law_writes_where_reports_go_harms_nobody(what: str):
+    writing = f"import socket\nif at.time < 0.004: socket.socket(fileno=os.dup(int(sys.argv[2]))).send({REPORTS[what]})"
+    world = world_of(at_work(writing))
+    (host,) = hosts._hosts.values()
+    for _ in range(4):
+        assert len(world.advance(2)) == 2
+        assert host.problem == ""
+    assert isinstance(host, Apart)
+    assert len(host._said) <= 2 * MOST_READ
+
+
+def test_too_many_processes_are_a_sentence():
+    mark = f"flexlab-test-{os.getpid()}-many"
+    many = f'subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)", "{mark}"])'
+    source = f"import subprocess, sys, time\nfor _ in range(40):\n    {many}\ntime.sleep(600)\n" + PD
+    with pytest.raises(ScenarioError, match="it started more than 32 processes"):
+        world_of(source)
+    wait_until(lambda: marked(mark) == [], "their end")
+
+
+def test_nobody_waits_for_a_law_that_loads_when_the_lab_closes():
+    source = "import time\ntime.sleep(600)\n" + PD
+    law = add_own_law(source, "slow.py")
+    said: list[str] = []
+
+    def load() -> None:
+        try:
+            hosts.host_of(source, law.kind)
+        except ScenarioError as error:
+            said.append(str(error))
+
+    loading = threading.Thread(target=load)
+    loading.start()
+    wait_until(lambda: bool(hosts._hosts), "its process")
+    time.sleep(0.5)
+    hosts.stop_loading()
+    loading.join(20)
+    assert not loading.is_alive()
+    assert "its process was ended" in said[0]
+
+
+def test_a_lab_closes_while_a_law_loads():
+    source = "import time\ntime.sleep(600)\n" + PD
+    add_own_law(source, "slow.py")
+    session = Session(load_preset("paper"), "paper", port=0)
+    session.start()
+    session.lab_state.change({"controller.kind": "own-pd"})
+    wait_until(lambda: bool(hosts._hosts), "its process")
+    closing = threading.Thread(target=session.stop)
+    closing.start()
+    closing.join(20)
+    assert not closing.is_alive()

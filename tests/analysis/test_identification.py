@@ -228,3 +228,28 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, tmp_path: Path, wor
     assert done.stdout == ""
     assert done.stderr.strip().count("\n") <= 2, done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("kind", ["white", "drift", "coloured"])
+def test_noise_alone_has_no_frequency(kind: str):
+    """Of 40 cases each one at most may seem to ring: what is asked for is very strong evidence."""
+    seeming = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        time = np.arange(int(rng.choice([100, 500, 1000]))) * 1e-3
+        noise = rng.normal(size=len(time))
+        if kind == "drift":
+            noise = np.cumsum(noise)
+        elif kind == "coloured":
+            noise = np.convolve(noise, np.exp(-np.arange(50) / 10))[: len(time)]
+        frequency = fit_ring(time, noise).first.frequency
+        seeming += frequency.identifiable
+        assert frequency.identifiable or "not identifiable: " in str(frequency)
+    assert seeming <= 1
+
+
+def test_the_beam_of_noise_alone_is_not_identifiable():
+    time = np.arange(0, 0.5, 1e-3)
+    fit = fit_ring(time, np.random.default_rng(1).normal(size=len(time)))
+    found = beam_parameters(fit, flexlab.load_preset("paper"), in_loop=False)
+    assert "no oscillation stands out from the noise" in str(found.bending_stiffness)

@@ -200,3 +200,32 @@ def test_a_metric_is_added_in_one_place(run: Run) -> None:
             register(Lowest)
     finally:
         del METRICS["farthest"]
+
+
+def test_a_vibration_that_goes_on_does_not_settle_whenever_the_run_ends():
+    """Forced for ever with 1.1 to 30 % of its first peak: each crossing is a pause, none is rest."""
+    time = np.arange(0, 8, 1e-3)
+    for share in (0.011, 0.02, 0.05, 0.3):
+        signal = np.exp(-8 * time) * np.cos(280 * time) + share * np.sin(2 * np.pi * time / 1.2)
+        for end in np.arange(3.0, 8.0, 0.07):
+            assert np.isnan(settling_time(time[time <= end], signal[time <= end])), (share, end)
+
+
+def test_a_run_under_pd_is_not_settled_whatever_its_length():
+    run = simulate(load_preset("paper").replace({"controller.kind": "pd"}), 6.0)
+    for end in (3.0, 3.5, 4.0, 5.3, 6.0):
+        rows = run.time <= end
+        assert np.isnan(settling_time(run.time[rows], run.vibration[rows])), end
+
+
+def test_a_ring_after_a_tap_settles_and_pieces_say_the_same():
+    time = np.arange(0, 60, 1e-3)
+    tapped = np.where(time < 30, np.exp(-8 * time), 0.8 * np.exp(-8 * np.abs(time - 30))) * np.cos(280 * time)
+    whole, pieces = SettlingTime(), [SettlingTime() for _ in range(3)]
+    whole.add(time, tapped)
+    assert whole.compute()[0] == pytest.approx(30 + np.log(80) / 8, abs=0.03)
+    for metric, rows in zip(pieces, (slice(40000, None), slice(0, 20000), slice(20000, 40000)), strict=True):
+        metric.add(time[rows], tapped[rows])
+    pieces[0].merge(pieces[1])
+    pieces[2].merge(pieces[0])
+    assert pieces[2].compute() == whole.compute()

@@ -112,7 +112,7 @@ def _fit(time: np.ndarray, signal: np.ndarray, most_modes: int) -> RingFit:
         found, criterion = more, better
         if _rest(found, tau, y).std() < BEST_TOLD:
             break
-    return _described(found, tau, y, scale, time)
+    return _described(found, tau, y, scale, time, _stands_out(found, tau, y))
 
 
 def _basis(modes: np.ndarray, tau: np.ndarray) -> np.ndarray:
@@ -135,6 +135,24 @@ def _criterion(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> float:
     """Schwarz's criterion; less is better."""
     count = 4 * len(modes) + BACKGROUND_ORDER + 1
     return len(y) * np.log(max(np.mean(_rest(modes, tau, y) ** 2), BEST_TOLD**2)) + count * np.log(len(y))
+
+
+def _stands_out(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> bool:
+    """Whether the modes are more than noise: Schwarz's criterion gains by them, with noise that may remember in both cases.
+
+    Noise that remembers, r_k = ρ r_(k-1) + white noise, is not taken for an oscillation; without modes it explains drifts.
+    """
+    before, left = (_unforeseen(_rest(each, tau, y)) for each in (np.empty((0, 2)), modes))
+    count = len(y)
+    gain = count * np.log(max(before, BEST_TOLD**2) / max(left, BEST_TOLD**2))
+    return bool(gain - 4 * len(modes) * np.log(count) >= GAIN)
+
+
+def _unforeseen(rest: np.ndarray) -> float:
+    """Mean square of what of each value its neighbour does not tell."""
+    power = float(rest[:-1] @ rest[:-1])
+    alike = float(rest[1:] @ rest[:-1]) / power if power > 0 else 0.0
+    return float(np.mean((rest[1:] - alike * rest[:-1]) ** 2))
 
 
 def _with_another(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -164,7 +182,9 @@ def _strongest(tau: np.ndarray, rest: np.ndarray) -> float:
     return 2 * np.pi * max(int(np.argmax(spectrum)), 1) / (size * (even[1] - even[0]))
 
 
-def _described(modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, time: np.ndarray) -> RingFit:
+def _described(
+    modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, time: np.ndarray, stands_out: bool
+) -> RingFit:
     basis = _basis(modes, tau)
     linear = np.linalg.lstsq(basis, y, rcond=None)[0]
     rest = y - basis @ linear
@@ -183,7 +203,7 @@ def _described(modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, 
     for k, (omega, sigma) in enumerate(modes):
         own = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
-        found.append(_mode(omega, sigma, own, factor, amplitude, tau))
+        found.append(_mode(omega, sigma, own, factor, amplitude, tau, stands_out))
     # A slow change of the background passes for part of a period of something.
     found = [mode for mode in found if mode.frequency.identifiable] or found
     found.sort(key=lambda mode: mode.frequency.value)
@@ -192,7 +212,9 @@ def _described(modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, 
     return RingFit(tuple(found), noise, float(time[0]), float(time[-1]), len(time), background)
 
 
-def _mode(omega: float, sigma: float, own: np.ndarray, factor: float, amplitude: float, tau: np.ndarray) -> RingMode:
+def _mode(
+    omega: float, sigma: float, own: np.ndarray, factor: float, amplitude: float, tau: np.ndarray, stands_out: bool
+) -> RingMode:
     natural = float(np.hypot(omega, sigma))
     d_frequency = np.array([omega, sigma]) / natural / (2 * np.pi)
     d_ratio = np.array([-sigma * omega, omega**2]) / natural**3
@@ -201,7 +223,9 @@ def _mode(omega: float, sigma: float, own: np.ndarray, factor: float, amplitude:
     f, zeta = natural / (2 * np.pi), sigma / natural
     periods, rate = f * tau[-1], (len(tau) - 1) / tau[-1]
     why = ""
-    if periods < FEWEST_PERIODS:
+    if not stands_out:
+        why = "no oscillation stands out from the noise"
+    elif periods < FEWEST_PERIODS:
         why = f"the samples hold {periods:.1f} of its periods; {FEWEST_PERIODS:g} are needed"
     elif f > rate / 2:
         why = f"it lies beyond half the sample rate, {rate / 2:.4g} Hz"

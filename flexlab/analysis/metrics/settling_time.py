@@ -13,8 +13,13 @@ SHARE = 0.01
 """Share of its peak below which a vibration counts as gone. The paper's "disappears at 0.5 s" is this."""
 
 QUIET = 0.01
-"""How long it must have been below when the samples end, s: an oscillation that goes on, at 0.4 Hz or more, crosses zero
-faster than that, and does not pass for gone because the end fell on a crossing."""
+"""How long it must at least have been below when the samples end, s."""
+LONGER = 2.0
+"""Times the longest pause before: an oscillation that goes on is below at each of its crossings, which is no rest."""
+AGAIN = 2.0
+"""Growth of the peaks over a pause that is a new excitation, as by a tap: pauses before it say nothing of what follows."""
+FINEST, MOST_PIECES = 0.0025, 4000
+"""s of a piece of time whose peak is kept; pieces grow twice as long where a run has more of them."""
 
 NOTHING = 1e-9
 """A vibration that never exceeds a nanometre is none, m: it is the integrator's error."""
@@ -26,7 +31,8 @@ NOT_SETTLED = "not settled"
 class SettlingTime(Metric):
     """Seconds from the first sample to the last one at which |vibration| exceeds `SHARE` of its peak.
 
-    0 without any vibration; NaN if it was above within the last `QUIET` seconds: not settled. The vibration is the
+    0 without any vibration; NaN if it has not been below for `QUIET` seconds, and `LONGER` times as long as between two times
+    that it was above, since it was last excited: not settled. The vibration is the
     mid-span deflection less its quasi-static part; where the path itself goes on shaking the beam (a soft beam, a path
     not far below the first mode), that forced part never dies away, and such a run does not settle.
     """
@@ -45,6 +51,9 @@ class SettlingTime(Metric):
         self._peak = 0.0
         self._time = np.empty(0)
         self._size = np.empty(0)
+        self._piece = FINEST
+        self._peaks: dict[int, float] = {}
+        """Largest magnitude by piece of time."""
 
     def update(self, samples: "Samples") -> None:
         """Take in a piece of a run."""
@@ -56,12 +65,17 @@ class SettlingTime(Metric):
             return
         self._first, self._last = min(self._first, float(np.min(time))), max(self._last, float(np.max(time)))
         self._keep(time, np.abs(signal))
+        self._note(time, np.abs(signal))
 
     def merge(self, other: Self) -> None:
         """Take in what another one has taken in."""
         self._first, self._last = min(self._first, other._first), max(self._last, other._last)
         self._peak = max(self._peak, other._peak)
         self._keep(other._time, other._size)
+        while self._piece < other._piece:
+            self._coarsen()
+        pieces = (np.array(list(other._peaks), float) + 0.5) * other._piece
+        self._note(pieces, np.array(list(other._peaks.values()), float))
 
     def _keep(self, time: np.ndarray, size: np.ndarray) -> None:
         self._peak = max(self._peak, float(np.max(size, initial=0.0)))
@@ -73,6 +87,33 @@ class SettlingTime(Metric):
         kept = size > largest_later
         self._time, self._size = time[kept], size[kept]
 
+    def _note(self, time: np.ndarray, size: np.ndarray) -> None:
+        """Take magnitudes into the pieces."""
+        places, index = np.unique(np.floor(time / self._piece).astype(np.int64), return_inverse=True)
+        largest = np.zeros(len(places))
+        np.maximum.at(largest, index, size)
+        for place, peak in zip(places.tolist(), largest.tolist(), strict=True):
+            self._peaks[place] = max(self._peaks.get(place, 0.0), peak)
+        while len(self._peaks) > MOST_PIECES:
+            self._coarsen()
+
+    def _coarsen(self) -> None:
+        finer, self._peaks, self._piece = self._peaks, {}, 2 * self._piece
+        for place, peak in finer.items():
+            self._peaks[place // 2] = max(self._peaks.get(place // 2, 0.0), peak)
+
+    def _longest_pause(self) -> float:
+        """s between two times that the vibration was above, the longest since it was last excited."""
+        places = np.array(sorted(place for place, peak in self._peaks.items() if peak > SHARE * self._peak), np.int64)
+        ends = np.flatnonzero(np.diff(places) > 1)
+        stretches = np.split(np.array([self._peaks[place] for place in places.tolist()]), ends + 1)
+        longest = 0
+        for number in range(len(ends) - 1, -1, -1):
+            if stretches[number + 1].max() >= AGAIN * stretches[number].max():
+                break
+            longest = max(longest, int(places[ends[number] + 1] - places[ends[number]]) - 1)
+        return longest * self._piece
+
     def compute(self) -> tuple[float, ...]:
         """Seconds; NaN for a run that has not settled, or has no samples."""
         if self._last < self._first:
@@ -80,7 +121,7 @@ class SettlingTime(Metric):
         loud = self._time[self._size > SHARE * self._peak]
         if self._peak < NOTHING or len(loud) == 0:
             return (0.0,)
-        settled = self._last - loud[-1] >= QUIET
+        settled = self._last - loud[-1] >= max(QUIET, LONGER * self._piece, LONGER * self._longest_pause())
         return (float(loud[-1] - self._first) if settled else np.nan,)
 
 

@@ -24,6 +24,8 @@ FEWEST_PERIODS = 2.0
 MOST_MODES = 3
 GAIN = 10.0
 """By which Schwarz's criterion must gain for one more mode: very strong evidence (Kass and Raftery 1995)."""
+STANDS_OUT = 30.0
+"""The same for all modes together over noise: a search over all frequencies finds chance lines, more so where noise remembers."""
 BACKGROUND_ORDER = 2
 START_RATIOS = (0.002, 0.01, 0.05, 0.2)
 """Damping ratios from which the search begins."""
@@ -145,7 +147,7 @@ def _stands_out(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> bool:
     before, left = (_unforeseen(_rest(each, tau, y)) for each in (np.empty((0, 2)), modes))
     count = len(y)
     gain = count * np.log(max(before, BEST_TOLD**2) / max(left, BEST_TOLD**2))
-    return bool(gain - 4 * len(modes) * np.log(count) >= GAIN)
+    return bool(gain - 4 * len(modes) * np.log(count) >= STANDS_OUT)
 
 
 def _unforeseen(rest: np.ndarray) -> float:

@@ -16,8 +16,9 @@ QUIET = 0.01
 """How long it must at least have been below when the samples end, s."""
 LONGER = 2.0
 """Times the longest pause before: an oscillation that goes on is below at each of its crossings, which is no rest."""
-AGAIN = 2.0
-"""Growth of the peaks over a pause that is a new excitation, as by a tap: pauses before it say nothing of what follows."""
+AGAIN, NEAR = 4.0, 0.02
+"""Growth from the last to the first so many s on both sides of a pause that is a new excitation, as by a tap: pauses before it
+say nothing of what follows."""
 FINEST, MOST_PIECES = 0.0025, 4000
 """s of a piece of time whose peak is kept; pieces grow twice as long where a run has more of them."""
 
@@ -105,13 +106,14 @@ class SettlingTime(Metric):
     def _longest_pause(self) -> float:
         """s between two times that the vibration was above, the longest since it was last excited."""
         places = np.array(sorted(place for place, peak in self._peaks.items() if peak > SHARE * self._peak), np.int64)
-        ends = np.flatnonzero(np.diff(places) > 1)
-        stretches = np.split(np.array([self._peaks[place] for place in places.tolist()]), ends + 1)
-        longest = 0
-        for number in range(len(ends) - 1, -1, -1):
-            if stretches[number + 1].max() >= AGAIN * stretches[number].max():
+        sizes = np.array([self._peaks[place] for place in places.tolist()])
+        near, longest = max(1, round(NEAR / self._piece)), 0
+        for at in reversed(np.flatnonzero(np.diff(places) > 1)):
+            before = sizes[: at + 1][places[: at + 1] > places[at] - near].max()
+            after = sizes[at + 1 :][places[at + 1 :] < places[at + 1] + near].max()
+            if after >= AGAIN * before:
                 break
-            longest = max(longest, int(places[ends[number] + 1] - places[ends[number]]) - 1)
+            longest = max(longest, int(places[at + 1] - places[at]) - 1)
         return longest * self._piece
 
     def compute(self) -> tuple[float, ...]:

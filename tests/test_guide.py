@@ -20,6 +20,7 @@ CHAPTERS = [
     "Model-based laws",
     "Feedback alone",
     "Vibration control",
+    "The force along the beam",
     "Reading the plots",
     "Keys and tips",
     "Paths and shapers",
@@ -33,6 +34,8 @@ LESSONS = [
     "Can vibration reach zero?",
     "Stopping without a ring",
     "Spillover",
+    "A squeeze until it buckles",
+    "Spin-up",
 ]
 SVG = "{http://www.w3.org/2000/svg}"
 PICTURES = sorted(file for name in ("guide", "pictures") for file in (web_assets_folder() / name).rglob("*.svg"))

@@ -200,6 +200,19 @@ def settling(preset: str) -> float:
     return metrics(preset).settling_time
 
 
+@cache
+def spun() -> Run:
+    """The preset spin-up until it spins down."""
+    return simulate(load_preset("spin-up"), 5.0, 0.01)
+
+
+def crossings(of: Run) -> float:
+    """Frequency of the mid-span deflection, Hz, by its crossings of the line."""
+    w = of.midspan_deflection
+    upwards = np.flatnonzero((w[:-1] < 0) & (w[1:] >= 0))
+    return float((len(upwards) - 1) / (of.time[upwards[-1]] - of.time[upwards[0]]))
+
+
 CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
     "README": (
         (r"pose accuracy of (\S+) µm", lambda: 1e6 * DEFAULT_ACCURACY),
@@ -231,6 +244,17 @@ CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
         (r"instead of (\S+) Hz", lambda: first_mode("paper")),
         (r"bends it by (\S+) mm", lambda: bends("soft-beam")),
         (r"of which (\S+) mm", lambda: 1e3 * peak(run("soft-beam"), "vibration", 1, 3)),
+    ),
+    "squeeze-until-it-buckles": (
+        (r"beam with (\S+) N", lambda: -float(run("squeeze-until-it-buckles").axial_load.mean())),
+        (r"N, (\S+) % of", lambda: 100 * float(run("squeeze-until-it-buckles").axial_load_share[-1])),
+        (r"rings at (\S+) Hz", lambda: crossings(run("squeeze-until-it-buckles"))),
+        (r"instead of (\S+) Hz", lambda: first_mode("squeeze-until-it-buckles")),
+        (r"bent by (\S+) mm", lambda: 1e3 * float(run("squeeze-until-it-buckles").midspan_deflection[0])),
+    ),
+    "spin-up": (
+        (r"within (\S+) s:", lambda: float(spun().time[np.argmax(spun().pose_rate[:, 2] > 13.999)])),
+        (r"up to (\S+) mm", lambda: 1e3 * float(np.abs(spun().beam_coordinates[:, -2]).max())),
     ),
     "stiff-beam": (
         (r"rings at (\S+) Hz", lambda: ring("stiff-beam")),

@@ -170,3 +170,26 @@ def test_vibration_damping_ends_the_ring_sooner():
         assert peak(result, result.vibration, end + 0.003, 3) < 0.01 * ring
     largest = 1e3 * peak(damped, damped.midspan_deflection, 1, 3)
     assert largest == pytest.approx(says("vibration-damping", r"bending of (\S+) mm"), abs=0.005)
+
+
+def test_a_squeezed_beam_rings_more_slowly():
+    name = "squeeze-until-it-buckles"
+    squeezed = run(name)
+    assert squeezed.axial_load.mean() == pytest.approx(-says(name, r"with (\S+) N"), rel=0.01)
+    w = squeezed.midspan_deflection
+    upwards = np.flatnonzero((w[:-1] < 0) & (w[1:] >= 0))
+    hertz = (len(upwards) - 1) / (squeezed.time[upwards[-1]] - squeezed.time[upwards[0]])
+    assert hertz == pytest.approx(says(name, r"rings at (\S+) Hz"), abs=0.05)
+    assert 1e3 * w[0] == pytest.approx(says(name, r"bent by (\S+) mm"))
+
+
+def test_a_spun_beam_lags_and_comes_back():
+    whole = simulate(load_preset("spin-up"), 5.0, 0.01)
+    tip = 1e3 * np.abs(whole.beam_coordinates[:, -2])
+    assert tip.max() == pytest.approx(says("spin-up", r"up to (\S+) mm"), abs=0.5)
+    assert tip[whole.time > 4.0].max() < 0.01 * tip.max()
+    assert whole.pose_rate[-1, 2] == pytest.approx(says("spin-up", r"up to (\S+) rad/s"), rel=1e-3)
+    stiffness_gone = whole.pose_rate[-1, 2] / np.sqrt(whole.spin_share[-1])
+    assert stiffness_gone == pytest.approx(says("spin-up", r"from (\S+) rad/s"), abs=0.05)
+    paper = simulate(load_preset("spin-up").replace({"payload.axial_load": "none"}), 5.0, 0.01)
+    assert paper.status == "diverged"

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from flexlab.analysis.lesson_axial_checks import check_buckling, check_spin_up
 from flexlab.analysis.lesson_measures import (
     DISTURBANCES,
     UNDAMPED_TIME,
@@ -191,6 +192,8 @@ CHECKS: dict[str, Check] = {
     "vibration": check_vibration,
     "input-shaping": check_input_shaping,
     "spillover": check_spillover,
+    "buckling": check_buckling,
+    "spin-up": check_spin_up,
 }
 """Check id → function, as the lessons name them."""
 

@@ -1,6 +1,6 @@
 """What all control laws share: how they meet the arms: sampling, limits, noise, and what they believe of the payload."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
@@ -16,6 +16,8 @@ class PayloadModel(Part):
     length_factor: Number = quantity(1.0, title="Believed L / true L", unit="1", low=1e-1, high=10)
     stiffness_factor: Number = quantity(1.0, title="Believed EI / true EI", unit="1", low=1e-3, high=1e3)
     """Of account for what is made for a model of the beam's bending: the Kalman observer, and laws that use it."""
+    axial_load: Literal["none", "first-order"] = quantity("none", title="Believed force along the beam")
+    """Whether such a model has the stiffness that the steady force along the beam takes or gives: that of F_d and the weight."""
 
 
 class SensorNoise(Part):

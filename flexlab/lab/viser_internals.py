@@ -258,6 +258,13 @@ def send_plot_data(handle: viser.GuiUplotHandle, columns: tuple[Any, ...]) -> No
     handle._queue_update("data", columns)
 
 
+def mark_slider(handle: viser.GuiInputHandle[Any], marks: tuple[tuple[float, str], ...]) -> None:
+    """Give a slider that is there other marks, (value, label) each: viser takes them only with a new one."""
+    shown = tuple(_messages.GuiSliderMark(value, label) for value, label in marks)
+    handle._impl.props._marks = shown
+    handle._queue_update("_marks", shown)
+
+
 def message_fields(name: str) -> dict[str, Any]:
     """Field → declared type of a message of viser's page; empty if viser has no such message."""
     from viser.infra._messages import get_type_hints_cached, wire_field_names

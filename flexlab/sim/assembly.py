@@ -214,7 +214,10 @@ def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequenc
 
 def _same_constants(one: Scenario, other: Scenario) -> bool:
     """Whether a law derives the same constants from two scenarios with the same controller, beam and arms."""
-    return law_of(one.controller).derive is nothing_derived or one.trajectory == other.trajectory
+    if law_of(one.controller).derive is nothing_derived:
+        return True
+    same_weight = one.gravity == other.gravity or one.controller.model.axial_load == "none"
+    return one.trajectory == other.trajectory and same_weight
 
 
 def _build_sampling(scenario: Scenario, beam: Beam, steps_per_period: int) -> Sampling:

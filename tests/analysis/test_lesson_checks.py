@@ -1,5 +1,6 @@
 """Lessons, done as their texts say: each check says no before, yes after, and every number in the texts is measured."""
 
+import re
 from collections.abc import Sequence
 from functools import cache
 
@@ -250,3 +251,29 @@ def test_an_empty_run_is_told_to_play():
         assert not check_lesson(check, load_preset("paper"), result.slice(0, 0)).done
     with pytest.raises(KeyError):
         check_lesson("no such check", load_preset("paper"), result.slice(0, 5))
+
+
+def test_a_squeeze_until_it_buckles():
+    force, preset = "controller.wanted_internal_force", "squeeze-until-it-buckles"
+    change = (3.0, force, 40.0)
+    assert "squeeze-until-it-buckles" in verdict("buckling", "paper").sentence
+    before = verdict("buckling", preset, change, duration=6.0, until=3.0)
+    assert not before.done
+    assert "set Wanted internal force F_d to 40" in before.sentence
+    after = verdict("buckling", preset, change, duration=6.0)
+    assert after.done, after.sentence
+    assert "π²EI/L² is 50.1 N" in after.sentence
+    buckled = verdict("buckling", preset, (0.0, force, 70.0), duration=1.0)
+    assert not buckled.done
+    assert "it has buckled" in buckled.sentence
+
+
+def test_spin_up():
+    assert "one arm" in verdict("spin-up", "paper").sentence
+    felt = verdict("spin-up", "spin-up", duration=5.0)
+    assert not felt.done
+    assert re.search(r"takes 15\d % .* lagged by up to 39\.\d\d mm, and is 0\.0\d mm off the line", felt.sentence), (
+        felt.sentence
+    )
+    paper = begun("spin-up", "spin-up", 5.0, payload__axial_load="none")
+    assert paper.done, paper.sentence

@@ -14,6 +14,7 @@ from scipy.linalg import expm
 from flexlab.errors import ScenarioError
 from flexlab.numerics.elementary import sin_cos
 from flexlab.physics.arm import ARM, arm_configuration, arm_constants
+from flexlab.physics.axial_load import geometric_matrices, in_modes
 from flexlab.physics.beam import beam_matrices, undamped_modes
 from flexlab.physics.strain_gauges import strain_rows
 
@@ -30,6 +31,8 @@ class BelievedPlant(NamedTuple):
     """D, of the modes alone, (n, n)."""
     omega: np.ndarray
     """ω, rad/s, (n_o,)."""
+    stiffness: np.ndarray
+    """ω² and what the steady force along the beam adds, 1/s², (n_o, n_o)."""
     h: np.ndarray
     """Vᵀh, kg^½, (n_o,)."""
     g: np.ndarray
@@ -41,7 +44,8 @@ class BelievedPlant(NamedTuple):
     def state_matrix(self) -> np.ndarray:
         """A of d(p, ṗ)/dt = A (p, ṗ) + B f, (2 n, 2 n)."""
         n = len(self.mass)
-        stiffness = np.diag(np.concatenate([np.zeros(3), self.omega**2]))
+        stiffness = np.zeros((n, n))
+        stiffness[3:, 3:] = self.stiffness
         return np.block(
             [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(self.mass, np.hstack([stiffness, self.damping]))]]
         )
@@ -93,7 +97,18 @@ def believed_plant(scenario: Any, mode_count: int, gauges: tuple[float, ...]) ->
         )
         raise ScenarioError([("controller.observer.observer_modes", text)])
     model, pose = scenario.controller.model, tuple(scenario.trajectory.middle)
-    return _plant(payload, scenario.arms, model, pose, mode_count, gauges)
+    along = None if model.axial_load == "none" else steady_load(scenario)
+    return _plant(payload, scenario.arms, model, pose, mode_count, gauges, along)
+
+
+def steady_load(scenario: Any) -> tuple[float, float]:
+    """N_L, N, and a₁, m/s², of the believed payload at rest at its path's centre: the squeeze that is wanted, and the weight."""
+    payload, law = scenario.payload, scenario.controller
+    mass = payload.linear_density * law.model.linear_density_factor * payload.length * law.model.length_factor
+    along = scenario.gravity * sin_cos(scenario.trajectory.middle[2])[0]
+    if len(scenario.arms) == 1:
+        return -mass * along, along
+    return -law.wanted_internal_force - law.load_share * mass * along, along
 
 
 @lru_cache(KNOWN_PLANTS)
@@ -104,6 +119,7 @@ def _plant(
     pose: tuple[float, ...],
     mode_count: int,
     gauges: tuple[float, ...],
+    load: tuple[float, float] | None,
 ) -> BelievedPlant:
     length, mesh = payload.length * model.length_factor, (payload.element_count, payload.boundary)
     density = payload.linear_density * model.linear_density_factor
@@ -123,4 +139,8 @@ def _plant(
     mass[3:, :3] = mass[:3, 3:].T
     damping[3:, 3:] = payload.damping.modal(omega, V)
     strain = strain_rows(length * np.array(gauges), length, payload.thickness, *mesh) @ V
-    return BelievedPlant(mass, damping, omega, h, g, strain)
+    stiffness = np.diag(omega**2)
+    if load is not None:
+        G0, G1, _ = geometric_matrices(length, density, *mesh)
+        stiffness = stiffness + in_modes(load[0] * G0 + load[1] * G1, V)
+    return BelievedPlant(mass, damping, omega, stiffness, h, g, strain)

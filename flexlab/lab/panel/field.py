@@ -7,6 +7,7 @@ import viser
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import NumberControl, Scale
 from flexlab.lab.panel.text import number
+from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Scenario
 
 LIVE_HINTS = {
@@ -14,6 +15,17 @@ LIVE_HINTS = {
     "projected": "Reshapes the beam's mesh; its shape is carried over.",
     "restart": "Starts a new run.",
 }
+
+
+SQUEEZE = "controller.wanted_internal_force"
+
+
+def special_values(path: str, scenario: Scenario) -> tuple[tuple[float, str], ...]:
+    """Values of the field at `path` that mean something in this scenario, with what to call them."""
+    if path != SQUEEZE or len(scenario.arms) < 2:
+        return ()
+    beam = scenario.payload
+    return ((buckling_load(beam.length, beam.bending_stiffness, beam.boundary), "P_cr"),)
 
 
 class Field:
@@ -32,14 +44,17 @@ class Field:
         self._control = NumberControl(
             gui, lab_state, name, unit, Scale(about, whole), hint, value, self._ask, self._usual
         )
+        self._control.mark(special_values(path, lab_state.intended))
 
     def settle(self, scenario: Scenario) -> None:
         """Show the scenario's value, unless a person is at this field."""
         self._control.settle(self._read(scenario))
+        self._control.mark(special_values(self._path, scenario))
 
     def show(self, scenario: Scenario) -> None:
         """Show the scenario's value at once: after a reset, a preset, an undo."""
         self._control.show(self._read(scenario))
+        self._control.mark(special_values(self._path, scenario))
 
     def remove(self) -> None:
         """Take the field off the screen."""

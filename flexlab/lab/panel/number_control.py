@@ -10,6 +10,7 @@ import viser
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.text import escaped, number
+from flexlab.lab.viser_internals import mark_slider
 from flexlab.quantities import Quantity
 
 SETTLE_TIME = 4.0
@@ -46,6 +47,10 @@ class Scale:
             return self.low
         return min(max(self._place(value), self.low), self.high)
 
+    def shows(self, value: float) -> bool:
+        """Whether a value has a place on the slider."""
+        return self.low <= self._place(value) <= self.high if value > 0 or not self._logarithmic else False
+
     def value(self, place: float) -> float:
         """The value at a place, with four significant digits. A place that is no number gives NaN."""
         if not math.isfinite(place) or abs(place) > 1e300:
@@ -77,7 +82,7 @@ class NumberControl:
         usual: Callable[[], float] | None = None,
     ):
         self._scale, self._ask, self._value, self._usual = scale, ask, value, usual
-        self._touched = -math.inf
+        self._touched, self._marked = -math.inf, []
         self._box = gui.add_number(f"{name} ({unit})" if unit else name, value, step=scale.box_step, hint=hint)
         self._box.precision = BOX_DIGITS
         self._slider = gui.add_slider(
@@ -112,6 +117,13 @@ class NumberControl:
         place = self._scale.place(value)
         if not math.isclose(self._slider.value, place, abs_tol=self._scale.step):
             self._slider.value = place
+
+    def mark(self, values: tuple[tuple[float, str], ...]) -> None:
+        """Mark values on the slider, beside its ends; those outside it have no place there."""
+        places = [(self._scale.place(value), label) for value, label in values if self._scale.shows(value)]
+        if places != self._marked:
+            self._marked = places
+            mark_slider(self._slider, (*self._scale.marks, *places))
 
     def remove(self) -> None:
         """Take the control off the screen."""

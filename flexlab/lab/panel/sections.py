@@ -26,6 +26,7 @@ CHOSEN = (
     "trajectory.shaper",
     "payload.damping.kind",
     "payload.boundary",
+    "payload.axial_load",
 )
 """Fields that are a word from a menu."""
 FIRST = ("bending_stiffness", "damping")

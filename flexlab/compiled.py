@@ -26,7 +26,14 @@ QUICK = FIRST_KNOWN <= numba.version_info.short < FIRST_UNKNOWN and not os.envir
 """Whether numba's compiler is hurried along; otherwise the first start takes longer, and all else is the same."""
 
 if TYPE_CHECKING or QUICK:
-    from flexlab.numba_internals import Inlined, InlinedCompiler, QuickCache, QuickCompiler, fingerprint
+    from flexlab.numba_internals import (
+        DisjointCompiler,
+        Inlined,
+        InlinedCompiler,
+        QuickCache,
+        QuickCompiler,
+        fingerprint,
+    )
 
 _PACKAGE = Path(__file__).parent
 _KERNEL_ROOMS = ("numerics", "physics", "control", "sim")
@@ -69,11 +76,21 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """A kernel that only kernels call: always inlined, as handing over a whole system costs more than most of them."""
-    if PLAIN_PYTHON:
-        return function
-    if not QUICK:
+    return function if PLAIN_PYTHON else _inline(function, InlinedCompiler if QUICK else None)
+
+
+def disjoint(function: Callable[..., Any]) -> Callable[..., Any]:
+    """As `inlined`, for array arguments of which none shares memory with another that is written to.
+
+    Loops over them then use vector units without looking first where each array lies.
+    """
+    return function if PLAIN_PYTHON else _inline(function, DisjointCompiler if QUICK else None)
+
+
+def _inline(function: Callable[..., Any], compiler: Any) -> Callable[..., Any]:
+    if compiler is None:
         return _compile(function, forceinline=True)
-    return Inlined(_compile(function, forceinline=True, pipeline_class=InlinedCompiler))
+    return Inlined(_compile(function, forceinline=True, pipeline_class=compiler))
 
 
 def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:

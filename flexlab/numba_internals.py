@@ -225,6 +225,15 @@ class InlinedCompiler(QuickCompiler):
         return [pipeline]
 
 
+class DisjointCompiler(InlinedCompiler):
+    """The same for kernels whose arrays share no memory with one another, of which LLVM is told."""
+
+    def define_pipelines(self) -> list[Any]:
+        """The one pipeline."""
+        self.state.flags.noalias = True
+        return super().define_pipelines()
+
+
 class Inlined:
     """A kernel that numba compiles into its callers. Called from Python, it is the Python function that it is written as."""
 

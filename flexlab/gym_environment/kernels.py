@@ -37,7 +37,7 @@ class Variants(NamedTuple):
     """(variants, n_m, n_m)."""
     kappa: np.ndarray
     """(variants, 3)."""
-    V: np.ndarray
+    shapes: np.ndarray
     """(variants, n_q, n_m)."""
     compliance: np.ndarray
     """(variants, 2)."""
@@ -94,7 +94,7 @@ def begin_worlds(plant, variants, worlds, start, desired, ws):
         v, y = worlds.variant[w], worlds.y[w]
         own = Plant(
             plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
-            variants.kappa[v], variants.V[v], variants.compliance[v], plant.pull, plant.length,
+            variants.kappa[v], variants.shapes[v], variants.compliance[v], plant.pull, plant.length,
             variants.buckling_load[v], variants.axial[v],
         )  # fmt: skip
         for k in range(len(y)):
@@ -150,7 +150,7 @@ def step_worlds(
         v, y, held, line = worlds.variant[w], worlds.y[w], worlds.held[w], worlds.line[w]
         own = Plant(
             plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
-            variants.kappa[v], variants.V[v], variants.compliance[v], plant.pull, plant.length,
+            variants.kappa[v], variants.shapes[v], variants.compliance[v], plant.pull, plant.length,
             variants.buckling_load[v], variants.axial[v],
         )  # fmt: skip
         moving = System(own, system.control, system.trajectory, held)

@@ -23,6 +23,8 @@ TURNED = 0.6366197723675814
 QUARTER = (1.5707963267341256, 6.077094383272197e-11, 6.12323399409214e-17, 1.6446256936324258e-26)
 """π/2 in parts of 33, 21, 32 and 53 bits: multiplied by whole numbers of 20 bits, the first three are exact."""
 QUARTER_1, QUARTER_2, QUARTER_3, QUARTER_4 = QUARTER
+STRAIGHT_AHEAD = 0.785
+"""Angle, rad, a little below π/4, up to which nothing is to be taken away."""
 NEAR = 2.0**20
 """Angle, rad, up to which these parts are enough."""
 
@@ -62,7 +64,9 @@ FRACTION, ONE = 2**52 - 1, 1023 << 52
 @inlined
 def sin_cos(x):
     """sin x and cos x, x in rad; not numbers where x is infinite or none."""
-    if abs(x) <= NEAR:
+    if abs(x) <= STRAIGHT_AHEAD:
+        quadrant, r, rest = 0, x, 0.0
+    elif abs(x) <= NEAR:
         turns = (x * TURNED + ROUND) - ROUND
         near = (x - turns * QUARTER_1) - turns * QUARTER_2
         off = turns * QUARTER_3

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import inlined
+from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.elementary import atan2
 
 ARM = np.dtype(
@@ -95,16 +95,21 @@ def link_directions(l1, l2, elbow, rx, ry):
 
     The cosine is beyond ±1, and the rest not a number, where the wrist cannot be.
     """
-    distance2 = rx * rx + ry * ry
-    cos_elbow = (distance2 - l1 * l1 - l2 * l2) / (2 * l1 * l2)
+    # Divisors are known early: a division at the end of the chain costs three products.
+    distance2, per_product = rx * rx + ry * ry, 1 / (2 * l1 * l2)
+    per_distance2 = 1 / distance2
+    cos_elbow = (distance2 - (l1 * l1 + l2 * l2)) * per_product
     sin_elbow = elbow * np.sqrt(1 - cos_elbow * cos_elbow)
     along, across = l1 + l2 * cos_elbow, l2 * sin_elbow
-    c1 = (along * rx + across * ry) / distance2
-    s1 = (along * ry - across * rx) / distance2
-    return sin_elbow, cos_elbow, c1, s1, c1 * cos_elbow - s1 * sin_elbow, s1 * cos_elbow + c1 * sin_elbow
+    c1 = (along * rx + across * ry) * per_distance2
+    s1 = (along * ry - across * rx) * per_distance2
+    along, across = l2 + l1 * cos_elbow, l1 * sin_elbow
+    c2 = (along * rx - across * ry) * per_distance2
+    s2 = (along * ry + across * rx) * per_distance2
+    return sin_elbow, cos_elbow, c1, s1, c2, s2
 
 
-@inlined
+@disjoint
 def arm_configuration(arm, x, y, c, s, g, M, G, J, direction):
     """Fill 𝒥, M̄ and Ḡ of one arm for the pose (x, y, θ); g: gravity, m/s². Returns one of the outcomes."""
     rx = x + arm.reach * c - arm.base_x
@@ -117,25 +122,31 @@ def arm_configuration(arm, x, y, c, s, g, M, G, J, direction):
     direction[0], direction[1], direction[2], direction[3] = c1, s1, c2, s2
 
     first, second = 1 / (arm.l1 * sin_elbow), -1 / (arm.l2 * sin_elbow)
-    J[0, 0], J[0, 1], J[0, 2] = first * c2, first * s2, first * arm.reach * (s2 * c - c2 * s)
-    J[1, 0], J[1, 1], J[1, 2] = second * c1, second * s1, second * arm.reach * (s1 * c - c1 * s)
+    Jx, Jy, Jt = first * c2, first * s2, first * arm.reach * (s2 * c - c2 * s)
+    Kx, Ky, Kt = second * c1, second * s1, second * arm.reach * (s1 * c - c1 * s)
+    J[0, 0], J[0, 1], J[0, 2] = Jx, Jy, Jt
+    J[1, 0], J[1, 1], J[1, 2] = Kx, Ky, Kt
 
     M12 = arm.mu_12 * cos_elbow
     M13 = arm.mu_13 * arm.tip * (c1 * c + s1 * s)
     M23 = arm.mu_23 * arm.tip * (c2 * c + s2 * s)
-    for a in range(3):
-        third = 1.0 if a == 2 else 0.0
-        H1 = arm.mu_11 * J[0, a] + M12 * J[1, a] + M13 * third
-        H2 = M12 * J[0, a] + arm.mu_22 * J[1, a] + M23 * third
-        H3 = M13 * J[0, a] + M23 * J[1, a] + arm.mu_33 * third
-        for b in range(3):
-            M[a, b] = H1 * J[0, b] + H2 * J[1, b]
-        M[a, 2] += H3
-        G[a] = g * (arm.gamma_1 * c1 * J[0, a] + arm.gamma_2 * c2 * J[1, a] + arm.gamma_3 * arm.tip * c * third)
+    # M𝒥 by columns, and of the symmetric 𝒥ᵀM𝒥 one half.
+    H1, H2 = arm.mu_11 * Jx + M12 * Kx, M12 * Jx + arm.mu_22 * Kx
+    Mxx, Mxy = H1 * Jx + H2 * Kx, H1 * Jy + H2 * Ky
+    H1, H2 = arm.mu_11 * Jy + M12 * Ky, M12 * Jy + arm.mu_22 * Ky
+    Myy = H1 * Jy + H2 * Ky
+    H1, H2 = arm.mu_11 * Jt + M12 * Kt + M13, M12 * Jt + arm.mu_22 * Kt + M23
+    H3 = M13 * Jt + M23 * Kt + arm.mu_33
+    Mxt, Myt, Mtt = H1 * Jx + H2 * Kx, H1 * Jy + H2 * Ky, H1 * Jt + H2 * Kt + H3
+    M[0, 0], M[0, 1], M[0, 2] = Mxx, Mxy, Mxt
+    M[1, 0], M[1, 1], M[1, 2] = Mxy, Myy, Myt
+    M[2, 0], M[2, 1], M[2, 2] = Mxt, Myt, Mtt
+    G1, G2, G3 = g * arm.gamma_1 * c1, g * arm.gamma_2 * c2, g * arm.gamma_3 * arm.tip * c
+    G[0], G[1], G[2] = G1 * Jx + G2 * Kx, G1 * Jy + G2 * Ky, G1 * Jt + G2 * Kt + G3
     return OK
 
 
-@inlined
+@disjoint
 def arm_velocity_terms(arm, c, s, vx, vy, w, J, direction, C):
     """Fill C̄ of one arm for the pose rate (vx, vy, w), after `arm_configuration`."""
     c1, s1, c2, s2 = direction[0], direction[1], direction[2], direction[3]
@@ -145,7 +156,7 @@ def arm_velocity_terms(arm, c, s, vx, vy, w, J, direction, C):
     c1p, s1p = c1 * c + s1 * s, s1 * c - c1 * s
     c2p, s2p = c2 * c + s2 * s, s2 * c - c2 * s
     first, second = 1 / (arm.l1 * sin_elbow), -1 / (arm.l2 * sin_elbow)
-    shrink = cos_elbow * (a2 - a1) / sin_elbow
+    shrink = cos_elbow / sin_elbow * (a2 - a1)
     M12, M13, M23 = arm.mu_12 * cos_elbow, arm.mu_13 * arm.tip * c1p, arm.mu_23 * arm.tip * c2p
     C12, C13, C23 = -arm.mu_12 * sin_elbow, arm.mu_13 * arm.tip * s1p, arm.mu_23 * arm.tip * s2p
     for b in range(3):

@@ -3,7 +3,7 @@
 Read beside the module docstring of `physics.plant`, which defines the state and the equations.
 """
 
-from flexlab.compiled import compiled, inlined
+from flexlab.compiled import compiled, disjoint, inlined
 from flexlab.numerics.elementary import sin_cos
 from flexlab.physics.arm import arm_configuration
 from flexlab.physics.plant import AXIAL_WORK, DG, DH, DISSIPATED, ETA, OMEGA2, PULL, WORK, G, H, P, X, hand_of
@@ -24,7 +24,7 @@ def solve_symmetric(S, b):
     b[0] = b[0] / d0 - l10 * b[1] - l20 * z2
 
 
-@inlined
+@disjoint
 def block_product(block_start, matrix, z, product):
     """product = matrix z (n_m,) for a symmetric matrix, block by block."""
     for k in range(len(z)):

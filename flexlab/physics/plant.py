@@ -84,8 +84,8 @@ class Plant(NamedTuple):
     """(blocks + 1,)."""
     kappa: np.ndarray
     """hᵀh, hᵀg, gᵀg over the kept modes: A12 A21 in the frame of the virtual link, (3,)."""
-    V: np.ndarray
-    """Modal to nodal coordinates, (n_q, n_m)."""
+    shapes: np.ndarray
+    """Vᵀ: the nodal coordinates of each mode, (n_m, n_q)."""
     compliance: np.ndarray
     """Mid-span deflection per unit of lateral and of angular acceleration, -N(0)K_F⁻¹h and -N(0)K_F⁻¹g, (2,).
 

@@ -94,7 +94,7 @@ def _coordinates_in(motion: Motion, assembly: Assembly) -> tuple[np.ndarray, np.
     rate, eta_dot = motion.workspace.velocity.copy(), motion.workspace.eta_dot.copy()
     if old.levels.scheme(0).notes_rates and np.isfinite(noted_rates(motion.y, n)[-1]):
         eta_dot = noted_rates(motion.y, n).copy()  # the rates that the samples show
-    q, q_dot = plant.V @ motion.y[ETA : ETA + n], plant.V @ eta_dot
+    q, q_dot = motion.y[ETA : ETA + n] @ plant.shapes, eta_dot @ plant.shapes
     if not _same_mesh(motion.scenario, assembly.scenario):
         meshes = motion.scenario.payload, assembly.scenario.payload, assembly.beam.matrices.M_q
         q, q_dot = project_beam(*meshes, q), project_beam(*meshes, q_dot)

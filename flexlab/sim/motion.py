@@ -101,7 +101,11 @@ def _start(motion: Motion) -> Status | None:
     if fault is not None:
         motion.y[:3] = pose
         return fault
-    q = np.zeros(system.plant.V.shape[0]) if initial.beam_coordinates is None else np.array(initial.beam_coordinates)
+    q = (
+        np.zeros(system.plant.shapes.shape[1])
+        if initial.beam_coordinates is None
+        else np.array(initial.beam_coordinates)
+    )
     eta = to_modes(motion.assembly.beam, q)
     set_coordinates(motion, pose, rate, eta, np.zeros_like(eta))
     start_memory(scenario, system, outlook_of(motion, True), motion.y)

@@ -250,15 +250,19 @@ def _write_axial_load(plant, y, x_ddot, ws, row):
 @inlined
 def _write_beam(plant, y, beam_rate, row):
     """Write the mid-span deflection, q and q̇."""
-    n_q, n = plant.V.shape
+    n, n_q = plant.shapes.shape
     middle = 0.0
     for k in range(n):
         middle += plant.modal[MID, k] * y[ETA + k]
     row[MIDSPAN] = middle
     first = ARMS + PER_ARM * len(plant.arms)
+    q, rate = row[first : first + n_q], row[first + n_q : first + 2 * n_q]
     for j in range(n_q):
-        q = rate = 0.0
-        for k in range(n):
-            q += plant.V[j, k] * y[ETA + k]
-            rate += plant.V[j, k] * beam_rate[k]
-        row[first + j], row[first + n_q + j] = q, rate
+        q[j] = rate[j] = 0.0
+    for k in range(n):
+        # Mode by mode: no sum waits for another, and vector units fit whatever the order.
+        shape, eta, eta_dot = plant.shapes[k], y[ETA + k], beam_rate[k]
+        for j in range(n_q):
+            q[j] += eta * shape[j]
+        for j in range(n_q):
+            rate[j] += eta_dot * shape[j]

@@ -153,6 +153,15 @@ def add_product(block_start, n, operator, z, out):
         low, k = ETA + block_start[block], block_start[block + 1] - block_start[block]
         eta, pi = z[low : low + k], z[low + n : low + n + k]
         on_eta, on_pi = out[low : low + k], out[low + n : low + n + k]
+        if k == 2:  # As of two elements: what follows, without the price of loops.
+            own = operator[at : at + 16]
+            a, b, c, d = eta[0], eta[1], pi[0], pi[1]
+            on_eta[0] += (a * own[0] + b * own[4]) + (c * own[8] + d * own[12])
+            on_eta[1] += (a * own[1] + b * own[5]) + (c * own[9] + d * own[13])
+            on_pi[0] += (a * own[2] + b * own[6]) + (c * own[10] + d * own[14])
+            on_pi[1] += (a * own[3] + b * own[7]) + (c * own[11] + d * own[15])
+            at += 16
+            continue
         of_eta, of_pi = operator[at : at + 2 * k * k], operator[at + 2 * k * k : at + 4 * k * k]
         for j in range(0, k - 1, 2):
             add_four(eta[j], eta[j + 1], of_eta[2 * k * j :], pi[j], pi[j + 1], of_pi[2 * k * j :], on_eta, on_pi)
@@ -182,13 +191,13 @@ def classical_stage(low, high, stage, dt, y, ws):
 
 @inlined
 def add_rates(plant, etdrk4, function, z, out):
-    """out += the matrix function of this name times rates z, on the beam's part of two states."""
+    """out += the matrix function of this name times rates (or of HALF_EXP a state) z, on the beam's part of two states."""
     n = plant.modal.shape[1]
-    if etdrk4.forced.shape[1] > 0:
+    if etdrk4.forced.shape[1] > 0 and function != HALF_EXP:
         moves_all = beam_is_held(plant) or has_axial_load(plant)
         add_forced(plant.block_start, n, etdrk4.forced[function], etdrk4.soft_modes, moves_all, z, out)
     else:
-        add_product(plant.block_start, n, etdrk4.operators[function], z, out)
+        add_product(plant.block_start, n, etdrk4.operators[function if etdrk4.forced.shape[1] == 0 else 0], z, out)
 
 
 @inlined
@@ -199,38 +208,46 @@ def next_stage(plant, etdrk4, stage, y, ws):
     they are made of.
     """
     n = plant.modal.shape[1]
-    end, half_exp = ETA + 2 * n, etdrk4.operators[len(etdrk4.operators) - 1]
+    end = ETA + 2 * n
     N1, N2, N3, N4 = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3]
     a, z, d, whole = ws.stage[4], ws.stage[STATE], ws.stage[6], ws.stage[FREE]
     if etdrk4.forced.shape[1] > 0:
         factor_rates(plant, ws, ws.stage[stage])
+    # Of each product its function, what it takes and to what it is added; one place for all, as they are much machine code.
+    count, function, source, target = 1, HALF_PHI1, d, z
     if stage == 0:
+        count, source, target = 3, N1, whole
         for i in range(ETA, end):
             whole[i] = 0.0
-        add_rates(plant, etdrk4, HALF_PHI1, N1, whole)
-        for i in range(ETA, end):
-            a[i] = whole[i]
-        add_product(plant.block_start, n, half_exp, y, a)
-        add_product(plant.block_start, n, half_exp, a, whole)
-        for i in range(ETA, end):
-            z[i] = a[i]
     elif stage == 1:
+        function = HALF_PHI2
         for i in range(ETA, end):
             d[i] = N2[i] - N1[i]
             z[i] = a[i]
-        add_rates(plant, etdrk4, HALF_PHI2, d, z)
     elif stage == 2:
+        function = PHI2
         for i in range(ETA, end):
             d[i] = 2 * (N3[i] - N1[i])
             z[i] = whole[i]
-        add_rates(plant, etdrk4, PHI2, d, z)
     else:
+        count, function, target = 2, PHI2, y
         for i in range(ETA, end):
             y[i] = whole[i]
             d[i] = 2 * (N2[i] + N3[i]) - 3 * N1[i] - N4[i]
             z[i] = 4 * (N1[i] - N2[i] - N3[i] + N4[i])
-        add_rates(plant, etdrk4, PHI2, d, y)
-        add_rates(plant, etdrk4, PHI3, z, y)
+    for product in range(count):
+        if stage == 0 and product == 1:
+            function, source, target = HALF_EXP, y, a
+            for i in range(ETA, end):
+                a[i] = whole[i]
+        elif stage == 0 and product == 2:
+            source, target = a, whole
+        elif product == 1:
+            function, source = PHI3, z
+        add_rates(plant, etdrk4, function, source, target)
+    if stage == 0:
+        for i in range(ETA, end):
+            z[i] = a[i]
 
 
 @inlined

@@ -10,7 +10,7 @@ rotation takes ω²/Ω² of a mode's stiffness. A dense product of the whole rea
 
 import numpy as np
 
-from flexlab.compiled import inlined
+from flexlab.compiled import disjoint, inlined
 from flexlab.physics.plant import DG, DH, ETA, H
 
 FEWEST_COUPLED = 16
@@ -53,7 +53,7 @@ def factor_rates(plant, ws, N):
     N[ETA], N[ETA + 1], N[ETA + 2] = lateral, turn, lift
 
 
-@inlined
+@disjoint
 def add_two(a, column, b, other, on_eta, on_pi):
     """Add two columns (2k,) times two numbers to η and π (k,)."""
     k = len(on_eta)
@@ -64,7 +64,7 @@ def add_two(a, column, b, other, on_eta, on_pi):
         on_pi[i] += a * second[i] + b * fourth[i]
 
 
-@inlined
+@disjoint
 def add_four(a, b, columns, c, d, others, on_eta, on_pi):
     """Add four columns (2k,) times four numbers to η and π (k,); two columns each stand one behind the other.
 

@@ -41,17 +41,17 @@ NOW, START, END, SCRATCH = range(4)
 
 def buckling_load(length: float, EI: float, boundary: str) -> float:
     """P_cr = c π²EI/L², N: the compression under which a beam with these ends gives way."""
-    return BUCKLING[boundary] * np.pi**2 * EI / length**2
+    return BUCKLING[boundary] * np.pi * np.pi * EI / (length * length)
 
 
 def slope_functions(xi: float, length: float) -> np.ndarray:
     """First derivatives with respect to s of the Hermite functions, 1/m and 1, (4,)."""
     return np.array(
         [
-            (6 * xi**2 - 6 * xi) / length,
-            1 - 4 * xi + 3 * xi**2,
-            (6 * xi - 6 * xi**2) / length,
-            3 * xi**2 - 2 * xi,
+            (6 * xi * xi - 6 * xi) / length,
+            1 - 4 * xi + 3 * xi * xi,
+            (6 * xi - 6 * xi * xi) / length,
+            3 * xi * xi - 2 * xi,
         ]
     )
 
@@ -86,7 +86,7 @@ def geometric_matrices(length: float, rho: float, element_count: int, boundary: 
     forces = (
         lambda _: 1.0,
         lambda s: rho * (s + length / 2),
-        lambda s: rho / 2 * (length**2 / 4 - s**2),
+        lambda s: rho / 2 * (length * length / 4 - s * s),
     )
     return np.array([geometric_stiffness(length, element_count, boundary, force) for force in forces])
 

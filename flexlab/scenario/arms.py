@@ -37,7 +37,9 @@ class Arm(Part):
         """Link inertias about their centres, kg·m², with null filled in."""
         if self.link_inertia is not None:
             return self.link_inertia
-        first, second, third = (m * length**2 / 12 for m, length in zip(self.link_mass, self.link_length, strict=True))
+        first, second, third = (
+            m * length * length / 12 for m, length in zip(self.link_mass, self.link_length, strict=True)
+        )
         return first, second, third
 
     @model_validator(mode="after")

@@ -157,6 +157,17 @@ text = pydoc.render_doc(flexlab.Run, renderer=pydoc.plaintext)
 same = np.asarray(recording.samples.NAME).tobytes() == np.asarray(run.NAME).tobytes()
 print(json.dumps([np.asarray(run.NAME).tolist(), same, "NAME" in head, "NAME -- " in text, replay(recording).identical]))
 """
+NOTICED = (
+    READ_BACK.rpartition("print(")[0]
+    + """
+changed = np.array(recording.samples.NAME)
+changed[3] += 1e-9
+samples = type(recording.samples)(**(recording.samples.signals() | {"NAME": changed}))
+noticed = not replay(recording, [samples]).identical
+found = np.asarray(run.NAME).tolist(), same, "NAME" in head, "NAME -- " in text
+print(json.dumps([*found, replay(recording).identical, noticed]))
+"""
+)
 
 
 def test_a_signal_that_follows_from_others_is_one_property(copy: Path):
@@ -175,17 +186,36 @@ def test_a_signal_that_follows_from_others_is_one_property(copy: Path):
 
 def test_a_signal_that_is_simulated_is_one_row_and_its_line_in_the_same_file(copy: Path):
     file = copy / "flexlab/sim/signals.py"
-    row = '    speed_squared: np.ndarray = row("v²", "m²/s²", "squared speed of the payload", since=3)\n'
+    row = '    speed_squared: np.ndarray = row("v²", "m²/s²", "squared speed of the payload")\n'
     insert(file, "    tracking_error: np.ndarray = row(", row)
     insert(file, "    row[SATURATED] = 0.0\n", "    row[SPEED] = ws.velocity[0] ** 2 + ws.velocity[1] ** 2\n")
     insert(file, "\n\n@inlined\ndef write_sample(", '\nSPEED = COLUMN["speed_squared"]\n')
-    values, same, exported, documented, replayed = run(copy, READ_BACK.replace("NAME", "speed_squared"))
+    *found, replayed, noticed = run(copy, NOTICED.replace("NAME", "speed_squared"))
+    values, same, exported, documented = found
     assert len(values) == 5
     assert values[-1] > 0
     assert same
     assert exported
     assert documented
     assert replayed
+    assert noticed, "a replay compares it"
+
+
+def test_a_signal_of_a_format_that_is_not_written_yet_is_refused(copy: Path):
+    row = '    speed_squared: np.ndarray = row("v²", "m²/s²", "squared speed of the payload", since=3)\n'
+    insert(copy / "flexlab/sim/signals.py", "    tracking_error: np.ndarray = row(", row)
+    said = run(
+        copy,
+        """
+import json
+try:
+    import flexlab.recording.store.formats
+    print(json.dumps("nothing"))
+except ValueError as error:
+    print(json.dumps(str(error)))
+""",
+    )
+    assert said == "speed_squared: since is above format 2, which is written now: leave it out."
 
 
 CASE = '''

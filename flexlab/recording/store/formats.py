@@ -34,6 +34,16 @@ OLD_QUASI_STATIC = "quasi_static_deflection_of_format_1"
 """What format 1 called the quasi-static deflection: of the actual acceleration, which jumps."""
 
 
+def _check_table() -> None:
+    """Raises ValueError for a signal of a format that is not written yet: no replay would compare it."""
+    late = [name for name, signal in TABLE.items() if max(signal.since, signal.computed_since) > FORMAT]
+    if late:
+        raise ValueError(f"{', '.join(late)}: since is above format {FORMAT}, which is written now: leave it out.")
+
+
+_check_table()
+
+
 def readable(properties: dict) -> bool:
     """Whether this version understands a recording with these properties."""
     return properties["format"] <= FORMAT or properties.get("oldest_reader", properties["format"]) <= FORMAT

@@ -53,9 +53,7 @@ def compiling_the_rest() -> Generator[None]:
 def _tell(done: threading.Event, meanwhile: AbstractContextManager[object]) -> None:
     if done.wait(SOON):
         return
-    note(
-        "First start on this machine: compiling the equations of motion, once. This takes about a quarter of a minute."
-    )
+    note("Compiling the equations of motion, once for this version and this machine: about a quarter of a minute.")
     with meanwhile, _wheel():
         done.wait()
     note("Compiled.")

@@ -28,7 +28,7 @@ from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.state_json import state_json
 from flexlab.recording.store.formats import FORMAT, Changes, migrate
 from flexlab.recording.store.notes import replacing
-from flexlab.recording.table_columns import Column, from_columns, table_columns, to_columns
+from flexlab.recording.table_columns import Column, check_units, from_columns, table_columns, to_columns
 from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.samples import Run, Samples, Status
@@ -129,6 +129,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
         columns, text = read(path)
         metadata = writable(json.loads(text))
         scenario = parse_scenario(metadata["scenario"])
+        check_units(columns, scenario)
         samples = from_columns(columns, scenario)
         check_times(path.name, samples.time)
         events = [event_from_values(event) for event in metadata.get("events", ())]

@@ -5,11 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlab.errors import RecordingError
+from flexlab.plain_text import visible
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, COORDINATE, Axis, Signal
 from flexlab.sim.geometry import held_columns
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import TABLE, known_signals, own_signals
+
+LONGEST_SHOWN = 60
+"""Characters of a column's name that a sentence repeats."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,21 @@ def to_columns(samples: Samples, columns: Sequence[Column]) -> dict[str, np.ndar
         else nothing
         for column in columns
     }
+
+
+def check_units(names: Iterable[str], scenario: Scenario) -> None:
+    """Raises `RecordingError` for the column of a known signal that has another unit: it would be left out."""
+    units = {
+        "_".join([signal.name, *words]): unit
+        for signal in known_signals().values()
+        for words, unit, _ in _parts(signal, scenario)
+    }
+    for column in names:
+        name, _, unit = column.partition(" [")
+        known = units.get(name)
+        if known is not None and unit != f"{known}]":
+            shown = visible(column, LONGEST_SHOWN)
+            raise RecordingError(f"The column {shown!r} has a unit that is not known for it: give {name} [{known}].")
 
 
 def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:

@@ -178,3 +178,13 @@ def test_a_recording_whose_times_fall_back_is_refused(original: Recording, run: 
     with pytest.raises(RecordingError, match="is not later than the"):
         import_into(recording.path, tmp_path / "logs")
     assert list_runs(tmp_path / "logs") == []
+
+
+@pytest.mark.parametrize("unit", ["mm", "cubits", "\x1b[2J"])
+def test_a_column_of_an_unknown_unit_is_told_and_not_left_out(unit: str, original: Recording, tmp_path: Path) -> None:
+    file = tmp_path / "mine.csv"
+    export_recording(original, file)
+    file.write_text(file.read_text(encoding="utf-8").replace("pose_x [m]", f"pose_x [{unit}]", 1), encoding="utf-8")
+    with pytest.raises(RecordingError, match=r"has a unit that is not known for it: give pose_x \[m\]"):
+        import_into(file, tmp_path / "other")
+    assert not list(tmp_path.glob("other/*"))

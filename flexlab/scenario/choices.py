@@ -20,6 +20,25 @@ TITLES = {
 """Path → what the field is called."""
 
 
+WORDS = {
+    "zv": "ZV shaper",
+    "zvd": "ZVD shaper",
+    "ei-shaper": "EI shaper",
+    "lqr": "Linear-quadratic regulator",
+    "pd": "PD",
+    "joint-pd": "PD of the joints",
+    "rk4": "Runge-Kutta, 4th order",
+    "etdrk4": "Exponential, 4th order",
+    "kalman": "Kalman filter",
+}
+"""Word of a menu → what it stands for, where the word alone does not say it."""
+
+
+def in_words(word: str) -> str:
+    """How a menu shows a word: what it stands for with the name in code beside it, "ZVD shaper · zvd"; a plain word as it is."""
+    return f"{WORDS[word]} · {word}" if word in WORDS else word
+
+
 def options(path: str) -> dict[str, Any]:
     """The words that the field at `path` allows, and what they stand for."""
     *parents, name = path.split(".")

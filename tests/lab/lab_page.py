@@ -12,6 +12,7 @@ from waiting import wait_until as wait_until
 from flexlab.lab.scene.beam_mesh import GRAB_SIDES
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
+from flexlab.scenario.choices import TITLES, in_words
 from flexlab.sim.commands import Play, SetSpeed
 from flexlab.sockets import free_ports
 
@@ -211,7 +212,8 @@ class LabPage:
     def choose(self, label: str, option: str) -> None:
         """Choose from a menu."""
         self.page.get_by_role("combobox", name=label).or_(self.page.get_by_label(label, exact=True)).first.click()
-        self.page.get_by_role("option", name=option, exact=True).click()
+        shown = in_words(option) if label in TITLES.values() else option
+        self.page.get_by_role("option", name=shown, exact=True).click()
         self.page.evaluate(THROUGH_THE_GATE)
 
     def press(self, button: str) -> None:

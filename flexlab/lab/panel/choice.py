@@ -8,7 +8,7 @@ from flexlab.control.law import laws
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.scenario import Scenario
-from flexlab.scenario.choices import TITLES, options, word_of
+from flexlab.scenario.choices import TITLES, in_words, options, word_of
 from flexlab.scenario.settings import PERIOD, USUAL_PERIOD, with_period_if_needed
 
 HINTS = {
@@ -36,19 +36,22 @@ class Choice:
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState, path: str):
         self._lab_state, self._path = lab_state, path
-        self._options = options(path)
-        initial = word_of(lab_state.intended.get(path))
+        self._options = self._offered()
+        initial = in_words(word_of(lab_state.intended.get(path)))
         self._menu = gui.add_dropdown(TITLES[path], tuple(self._options), initial_value=initial, hint=HINTS[path])
         self._menu.on_update(handler(lab_state, lambda _: self._ask(self._menu.value)))
 
     def show(self, scenario: Scenario) -> None:
         """Show the scenario's value, among the options that there are now: a file may bring another one."""
-        self._options = options(self._path)
+        self._options = self._offered()
         if tuple(self._options) != tuple(self._menu.options):
             self._menu.options = tuple(self._options)
-        value = word_of(scenario.get(self._path))
+        value = in_words(word_of(scenario.get(self._path)))
         if self._menu.value != value:
             self._menu.value = value
+
+    def _offered(self) -> dict[str, Any]:
+        return {in_words(word): value for word, value in options(self._path).items()}
 
     def remove(self) -> None:
         """Take the menu off the screen."""
@@ -62,7 +65,9 @@ class Choice:
         try:
             self._lab_state.change(clocked)
             if clocked != wanted:
-                self._lab_state.say(f"{value} acts at control instants: {PERIOD} was set to {USUAL_PERIOD:g} s.")
+                self._lab_state.say(
+                    f"{self._options[value]} acts at control instants: {PERIOD} was set to {USUAL_PERIOD:g} s."
+                )
         finally:
             # A refused word is not something to go on typing at: the menu shows the truth at once.
             self.show(self._lab_state.intended)

@@ -16,6 +16,7 @@ from collections.abc import Callable
 import numpy as np
 
 from flexlab.compiled import inlined
+from flexlab.numerics.linear_algebra import product
 from flexlab.physics.beam import GAUSS_POINTS, free_coordinates, gauss_rule
 from flexlab.physics.dynamics import block_product, hand_load, pose_load, solve_symmetric
 from flexlab.physics.plant import ETA, FOLLOWS, OMEGA2, PULL, G, H, hand_of
@@ -97,13 +98,8 @@ def part_beyond(length: float, element_count: int, boundary: str, s: float) -> n
 
 
 def in_modes(matrix: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """VᵀGV, (n_m, n_m), symmetric to the last bit; sums in one order, as above."""
-    left = np.zeros_like(V)
-    for column, shape in zip(matrix.T, V, strict=True):
-        left += column[:, None] * shape
-    result = np.zeros((V.shape[1], V.shape[1]))
-    for shape, row in zip(V, left, strict=True):
-        result += shape[:, None] * row
+    """VᵀGV, (n_m, n_m), symmetric to the last bit."""
+    result = product(V.T, product(matrix, V))
     return (result + result.T) / 2
 
 

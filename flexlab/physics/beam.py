@@ -8,15 +8,15 @@ from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 
 from flexlab.boundaries import held_coordinates
+from flexlab.numerics.linear_algebra import cholesky, product, singular_vectors, solve
 
 GAUSS_POINTS = 4
 """Exact for polynomials up to degree 7; the mass integrand has degree 6."""
 
-KNOWN_INERTIAS = 8
-"""Meshes and densities whose inertia integrals are kept: a drag of the stiffness asks for the same ones again and again."""
+KNOWN_MESHES = 8
+"""Meshes whose integrals and modes are kept: stiffness, density and length only scale them."""
 
 COUPLING_TOLERANCE = 1e-9
 """Modal damping couplings below this fraction of their diagonal are rounding of the eigenvectors, not physics."""
@@ -37,8 +37,12 @@ class BeamMatrices(NamedTuple):
     """ρ∫Nᵀds, (n_q,)."""
     g: np.ndarray
     """ρ∫sNᵀds, (n_q,)."""
-    B: np.ndarray
-    """Curvature rows with K_F = BᵀB, (2n, n_q): their singular values give frequencies without squaring the condition."""
+    mesh: tuple[int, str]
+    """Elements, and boundary."""
+    unit_omega: float
+    """√(EI/ρl⁴) of elements of length l, rad/s: ω of a mode over that of the same mesh with EI = ρ = l = 1."""
+    unit_shapes: np.ndarray
+    """Entries of a mass-normalised shape over those of that mesh, (n_q,)."""
 
 
 class BeamModes(NamedTuple):
@@ -79,12 +83,14 @@ def free_coordinates(element_count: int, boundary: str) -> np.ndarray:
     return free
 
 
-@cache
 def gauss_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points in [-1, 1] and weights of Gauss quadrature, (count,) each, read-only: an eigenproblem to find."""
-    points, weights = np.polynomial.legendre.leggauss(count)
-    points.flags.writeable = weights.flags.writeable = False
-    return points, weights
+    """Points in [-1, 1] and weights of Gauss quadrature with 2 or 4 points, (count,) each."""
+    if count == 2:
+        point = np.sqrt(1 / 3)
+        return np.array([-point, point]), np.ones(2)
+    spread, share = 2 / 7 * np.sqrt(6 / 5), np.sqrt(30.0) / 36
+    near, far = np.sqrt(3 / 7 - spread), np.sqrt(3 / 7 + spread)
+    return np.array([-far, -near, near, far]), np.array([0.5 - share, 0.5 + share, 0.5 + share, 0.5 - share])
 
 
 def shape_row(s: float, length: float, element_count: int, boundary: str, derivative: int = 0) -> np.ndarray:
@@ -99,60 +105,75 @@ def shape_row(s: float, length: float, element_count: int, boundary: str, deriva
 
 def beam_matrices(length: float, rho: float, EI: float, element_count: int, boundary: str) -> BeamMatrices:
     """Assemble the finite-element integrals (Eqs. 5, 6) for n equal elements, exactly, by Gauss quadrature."""
-    M_q, h, g = _inertia(length, rho, element_count, boundary)
-    B = _curvature_rows(length, EI, element_count)[:, free_coordinates(element_count, boundary)]
-    return BeamMatrices(rho * length, rho * length * length * length / 12, M_q.copy(), B.T @ B, h.copy(), g.copy(), B)
+    unit, l = _unit_integrals(element_count, boundary), length / element_count  # noqa: E741
+    mass, stiffness = rho * l, EI / (l * l * l)
+    lengths = np.where(free_coordinates(element_count, boundary) % 2 == 1, l, 1.0)  # A slope is one per element length.
+    both = lengths[:, None] * lengths
+    return BeamMatrices(
+        m=rho * length,
+        I=rho * (length * length * length) / 12,
+        M_q=mass * (unit.M * both),
+        K_F=stiffness * (unit.K * both),
+        h=mass * (unit.h * lengths),
+        g=mass * l * (unit.g * lengths),
+        mesh=(element_count, boundary),
+        unit_omega=float(np.sqrt(EI / rho)) / (l * l),
+        unit_shapes=1 / (lengths * np.sqrt(mass)),
+    )
 
 
-@lru_cache(KNOWN_INERTIAS)
-def _inertia(length: float, rho: float, element_count: int, boundary: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M_q, h and g, to be copied."""
-    n = element_count
-    l = length / n  # noqa: E741
+class _UnitIntegrals(NamedTuple):
+    """Integrals of a mesh with EI = ρ = l = 1, and its curvature rows B with K = BᵀB, (2n, n_q)."""
+
+    M: np.ndarray
+    K: np.ndarray
+    h: np.ndarray
+    g: np.ndarray
+    B: np.ndarray
+
+
+@lru_cache(KNOWN_MESHES)
+def _unit_integrals(n: int, boundary: str) -> _UnitIntegrals:
     points, weights = gauss_rule(GAUSS_POINTS)
-    xi, weights = (points + 1) / 2, rho * weights * l / 2
-    N = np.array([shape_functions(x, l) for x in xi])
-    M_element, h_element, first_moment = (N.T * weights) @ N, weights @ N, (weights * xi * l) @ N
-    M = np.zeros((2 * n + 2, 2 * n + 2))
+    xi, weights = (points + 1) / 2, weights / 2
+    N = shape_functions(xi, 1.0).T
+    M_element, h_element, first_moment = product(N.T * weights, N), product(weights, N), product(weights * xi, N)
+    # Two points are exact for products of curvatures, which are linear.
+    bends = np.array([curvature_functions((x + 1) / 2, 1.0) for x in gauss_rule(2)[0]]) * np.sqrt(0.5)
+    K_element = product(bends.T, bends)
+    M, K, B = np.zeros((2 * n + 2, 2 * n + 2)), np.zeros((2 * n + 2, 2 * n + 2)), np.zeros((2 * n, 2 * n + 2))
     h, g = np.zeros(2 * n + 2), np.zeros(2 * n + 2)
     for element in range(n):
         own = slice(2 * element, 2 * element + 4)
         M[own, own] += M_element
+        K[own, own] += K_element
+        B[2 * element : 2 * element + 2, own] = bends
         h[own] += h_element
-        g[own] += first_moment + (element * l - length / 2) * h_element
+        g[own] += first_moment + (element - n / 2) * h_element
     free = free_coordinates(n, boundary)
-    return M[np.ix_(free, free)], h[free], g[free]
-
-
-def _curvature_rows(length: float, EI: float, n: int) -> np.ndarray:
-    """sqrt(EI weight) N'' at the two Gauss points of each element, (2n, 2n + 2): exact, as N'' is linear."""
-    l = length / n  # noqa: E741
-    points, weights = gauss_rule(2)
-    element_rows = np.array([curvature_functions((x + 1) / 2, l) for x in points])
-    element_rows *= np.sqrt(EI * weights * l / 2)[:, None]
-    rows = np.zeros((2 * n, 2 * n + 2))
-    for element in range(n):
-        rows[2 * element : 2 * element + 2, 2 * element : 2 * element + 4] = element_rows
-    return rows
+    return _UnitIntegrals(M[np.ix_(free, free)], K[np.ix_(free, free)], h[free], g[free], B[:, free])
 
 
 def undamped_modes(beam: BeamMatrices) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies ω (n_q,), ascending, and mass-normalised shapes V (n_q, n_q) of K_F v = ω² M_q v.
+    """Frequencies ω (n_q,), ascending, and mass-normalised shapes V (n_q, n_q) of K_F v = ω² M_q v."""
+    omega, V = _unit_modes(*beam.mesh)
+    return beam.unit_omega * omega, beam.unit_shapes[:, None] * V
 
-    ω are the singular values of B R⁻¹ with M_q = RᵀR: relative accuracy ε ω_max/ω instead of the ε (ω_max/ω)² that
+
+@lru_cache(KNOWN_MESHES)
+def _unit_modes(element_count: int, boundary: str) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies and shapes of a mesh with EI = ρ = l = 1.
+
+    ω are the singular values of B R⁻¹ with M = RᵀR: relative accuracy ε ω_max/ω instead of the ε (ω_max/ω)² that
     a generalised eigensolver gives, which matters for the lowest modes of fine meshes.
     """
-    # Deflections and slopes differ by an element length: a unit diagonal conditions M for every mesh.
-    scale = 1 / np.sqrt(np.diag(beam.M_q))
-    R = cholesky(beam.M_q * np.outer(scale, scale))
-    BR = solve_triangular(R, (beam.B * scale).T, trans="T").T
-    _, sigma, W = np.linalg.svd(BR)
-    V = scale[:, None] * solve_triangular(R, W[::-1].T)
+    unit = _unit_integrals(element_count, boundary)
+    R = cholesky(unit.M)
+    omega, W = singular_vectors(solve(R.T, unit.B.T).T)
+    V = solve(R, W)
     # One sign for ever: the leftmost coordinate that moves notably goes up.
-    for column in V.T:
-        lead = np.flatnonzero(np.abs(column / scale) > 0.1 * np.max(np.abs(column / scale)))[0]
-        column *= np.sign(column[lead])
-    return sigma[::-1].copy(), V
+    notable = np.abs(V) > 0.1 * np.abs(V).max(axis=0)
+    return omega, V * np.sign(V[np.argmax(notable, axis=0), np.arange(V.shape[1])])
 
 
 def _first_connected(coupled: np.ndarray) -> np.ndarray:

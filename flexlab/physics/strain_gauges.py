@@ -6,7 +6,8 @@ beam, at the Gauss points, so that every moment of w'' up to the third power of 
 
 import numpy as np
 
-from flexlab.physics.beam import BeamMatrices, shape_row
+from flexlab.numerics.linear_algebra import product, solve
+from flexlab.physics.beam import BeamMatrices, gauss_rule, shape_row
 
 GAUGES_PER_HALF = 2
 """Exact for products of two linear functions on each half: for a mesh of one or two elements, hᵀq to the last digit."""
@@ -14,7 +15,7 @@ GAUGES_PER_HALF = 2
 
 def gauge_places(length: float) -> tuple[np.ndarray, np.ndarray]:
     """Positions s of the gauges, m, (4,), and the weights of their quadrature over the beam, m, (4,)."""
-    points, weights = np.polynomial.legendre.leggauss(GAUGES_PER_HALF)
+    points, weights = gauss_rule(GAUGES_PER_HALF)
     half = length / 2
     places = np.concatenate([(points - 1) * half / 2, (points + 1) * half / 2])
     return places, np.tile(weights * half / 2, 2)
@@ -32,5 +33,5 @@ def load_moments(beam: BeamMatrices, EI: float, thickness: float, weights: np.nd
     hᵀq = (K_F⁻¹h)ᵀ K_F q = ∫ EI b''(s) w''(s) ds, where b = N K_F⁻¹h is the beam bent by the load h; the integral is the
     quadrature with `weights` over the gauges, and strains stand for the curvatures b'' and w''.
     """
-    bent = np.linalg.solve(beam.K_F, np.stack([beam.h, beam.g], axis=1))
-    return (4 * EI / (thickness * thickness)) * (rows @ bent).T * weights
+    bent = solve(beam.K_F, np.stack([beam.h, beam.g], axis=1))
+    return (4 * EI / (thickness * thickness)) * product(rows, bent).T * weights

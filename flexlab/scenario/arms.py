@@ -45,7 +45,7 @@ class Arm(Part):
     @model_validator(mode="after")
     def _has_inertia(self) -> "Arm":
         for joint in range(3):
-            moment = self.link_mass[joint] * self.link_center[joint] ** 2 + self.inertia[joint]
+            moment = self.link_mass[joint] * (self.link_center[joint] * self.link_center[joint]) + self.inertia[joint]
             if moment <= 0:
                 raise PydanticCustomError(
                     "inertia",

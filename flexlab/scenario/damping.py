@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from flexlab.numerics.linear_algebra import product
 from flexlab.quantities import Number, Part, quantity
 
 
@@ -29,7 +30,7 @@ class NodalDamping(DampingKind):
 
     def modal(self, omega: np.ndarray, V: np.ndarray) -> np.ndarray:
         """VᵀDV for D = c·1 on every nodal rate."""
-        return self.coefficient * (V.T @ V)
+        return self.coefficient * product(V.T, V)
 
 
 class StiffnessDamping(DampingKind):
@@ -42,7 +43,7 @@ class StiffnessDamping(DampingKind):
 
     def modal(self, omega: np.ndarray, V: np.ndarray) -> np.ndarray:
         """VᵀDV for D = β K_F."""
-        return np.diag(self.coefficient * omega**2)
+        return np.diag(self.coefficient * (omega * omega))
 
 
 class ModalDamping(DampingKind):

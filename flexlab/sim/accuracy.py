@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlab.numerics.elementary import exponentials
+from flexlab.numerics.linear_algebra import product
 from flexlab.physics.plant import ETA, G, H
 from flexlab.scenario import Scenario
 from flexlab.sim import row_layout
@@ -84,7 +85,7 @@ def _parts(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _sizes(errors: np.ndarray) -> tuple[float, float]:
     """Errors of the pose, m or rad, and of the force, N or N·m: amplitudes with no phase in common add up as squares do."""
     pose, force, ringing = _parts(errors)
-    return float(np.abs(pose).max()), max(float(force.sum()), math.sqrt(ringing @ ringing))
+    return float(np.abs(pose).max()), max(float(force.sum()), math.sqrt(product(ringing, ringing)))
 
 
 class Estimate(NamedTuple):

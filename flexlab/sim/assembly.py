@@ -5,17 +5,16 @@ a gain, and live, headless and replayed runs have the same bits whatever they kn
 """
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from typing import NamedTuple
 
 import numpy as np
 
 from flexlab.control.law import law_of, laws, nothing_derived
 from flexlab.control.path import paths
+from flexlab.numerics.linear_algebra import product
 from flexlab.physics.strain_gauges import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import advance
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam, build_beam, build_control, build_plant
 from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.integrators.scheme import Scheme
@@ -87,10 +86,8 @@ def build_assembly(
     if at_once and not laws()[law.kind].is_ready(law):
         raise Unprepared(scenario)
     same_beam = [old for old in known if old.scenario.payload == scenario.payload]
-    # Gains and paths need no library that has threads, and telling it so costs as much as a gain.
-    with nullcontext() if same_beam else one_blas_thread():
-        whole = [[old.whole or old for old in some] for some in (known, same_beam)]
-        return _refined(_derive(scenario, tick_period, *whole, at_once), tick_period, known, at_once)
+    whole = [[old.whole or old for old in some] for some in (known, same_beam)]
+    return _refined(_derive(scenario, tick_period, *whole, at_once), tick_period, known, at_once)
 
 
 def _derive(
@@ -243,7 +240,7 @@ def build_strains(scenario: Scenario, beam: Beam) -> np.ndarray:
     if not len(where):
         return np.zeros((0, len(beam.modes.omega)))
     rows = strain_rows(where, payload.length, payload.thickness, payload.element_count, payload.boundary)
-    return np.ascontiguousarray(rows @ beam.modes.V)
+    return np.ascontiguousarray(product(rows, beam.modes.V))
 
 
 def gauge_noise(scenario: Scenario, beam: Beam) -> np.ndarray:

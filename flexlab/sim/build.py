@@ -9,6 +9,7 @@ from flexlab.control.law import BOUND_ESTIMATES, law_of
 from flexlab.control.law_kernels import Control
 from flexlab.control.load_sharing import BelievedPayload
 from flexlab.control.observers.believed_plant import arm_records
+from flexlab.numerics.linear_algebra import product, solve
 from flexlab.physics.axial_load import buckling_load, followed, geometric_matrices, in_modes
 from flexlab.physics.beam import (
     BeamMatrices,
@@ -38,11 +39,16 @@ def build_beam(payload: Payload) -> Beam:
     """Matrices and modes of a payload; modes in ascending frequency within each damping block."""
     matrices = _matrices(payload)
     omega, V = undamped_modes(matrices)
-    h, g = V.T @ matrices.h, V.T @ matrices.g
+    loads = product(V.T, np.stack([matrices.h, matrices.g], axis=1))
     kept = slice(0, payload.mode_count)
     omega, V = omega[kept], V[:, kept]
     modes = beam_modes(omega, V, payload.damping.modal(omega, V))
-    return Beam(matrices, modes, np.array([h @ h, h @ g, g @ g]), _axial(payload, modes.V))
+    return Beam(matrices, modes, _load_forms(loads), _axial(payload, modes.V))
+
+
+def _load_forms(loads: np.ndarray) -> np.ndarray:
+    """hᵀh, hᵀg, gᵀg of loads (n, 2) on mass-normalised modes, (3,)."""
+    return product(loads.T, loads)[[0, 0, 1], [0, 1, 1]]
 
 
 def _axial(payload: Payload, V: np.ndarray) -> np.ndarray:
@@ -66,30 +72,31 @@ def _matrices(payload: Payload, length: float = 1, density: float = 1) -> BeamMa
 
 def nodal_damping_matrix(beam: Beam) -> np.ndarray:
     """D over nodal coordinates, (n_q, n_q): M V (VᵀDV) Vᵀ M."""
-    MV = beam.matrices.M_q @ beam.modes.V
-    return MV @ beam.modes.D @ MV.T
+    MV = product(beam.matrices.M_q, beam.modes.V)
+    return product(product(MV, beam.modes.D), MV.T)
 
 
 def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) -> Plant:
     """Arms and payload of a scenario; `arms`: their records, if they are known."""
     payload, (matrices, modes, *_) = scenario.payload, beam
-    h, g = modes.V.T @ matrices.h, modes.V.T @ matrices.g
+    loads = product(modes.V.T, np.stack([matrices.h, matrices.g], axis=1))
     middle = payload_row(payload, 0.0)
-    bend = np.linalg.solve(matrices.K_F, np.stack([matrices.h, matrices.g], axis=1))
+    bend = solve(matrices.K_F, np.stack([matrices.h, matrices.g], axis=1))
     loosest = middle if len(scenario.arms) == 2 else payload_row(payload, payload.length / 2)
-    shapes = (modes.V.T @ middle, modes.V.T @ loosest, np.zeros_like(h))
-    rows = [h, g, modes.D @ h, modes.D @ g, modes.omega**2, *shapes, followed(modes.omega, modes.D)]
+    shapes = product(np.stack([middle, loosest]), modes.V)
+    damped, stiffness = product(modes.D, loads), modes.omega * modes.omega
+    further = (stiffness, *shapes, np.zeros_like(stiffness), followed(modes.omega, modes.D))
     return Plant(
         arms=arm_records(scenario.arms, payload.length) if arms is None else arms,
         m=matrices.m,
         I=matrices.I,
         gravity=scenario.gravity,
-        modal=np.stack(rows),
+        modal=np.concatenate([loads.T, damped.T, further]),
         damping=modes.D,
         block_start=modes.block_start,
-        kappa=np.array([h @ h, h @ g, g @ g]),
+        kappa=_load_forms(loads),
         shapes=np.ascontiguousarray(modes.V.T),
-        compliance=-middle @ bend,
+        compliance=-product(middle, bend),
         pull=np.array(NO_HAND),
         length=payload.length,
         buckling_load=buckling_load(payload.length, payload.bending_stiffness, payload.boundary),
@@ -110,7 +117,7 @@ def build_control(scenario: Scenario, beam: Beam) -> Control:
     if factors != (1.0, 1.0):
         believed = _matrices(scenario.payload, *factors)
         loads = np.stack([believed.h, believed.g], axis=1)
-        kappa = (loads.T @ np.linalg.solve(believed.M_q, loads))[[0, 0, 1], [0, 1, 1]]
+        kappa = product(loads.T, solve(believed.M_q, loads))[[0, 0, 1], [0, 1, 1]]
     kernel, fastest_rate = law.addresses
     slices, arm_count = law.memory_slices(len(scenario.arms)), len(scenario.arms)
     return Control(

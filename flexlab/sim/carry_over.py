@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexlab.errors import ScenarioError
+from flexlab.numerics.linear_algebra import product
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.plant import ETA, noted_rates
 from flexlab.scenario import Scenario
@@ -94,7 +95,7 @@ def _coordinates_in(motion: Motion, assembly: Assembly) -> tuple[np.ndarray, np.
     rate, eta_dot = motion.workspace.velocity.copy(), motion.workspace.eta_dot.copy()
     if old.levels.scheme(0).notes_rates and np.isfinite(noted_rates(motion.y, n)[-1]):
         eta_dot = noted_rates(motion.y, n).copy()  # the rates that the samples show
-    q, q_dot = motion.y[ETA : ETA + n] @ plant.shapes, eta_dot @ plant.shapes
+    q, q_dot = product(motion.y[ETA : ETA + n], plant.shapes), product(eta_dot, plant.shapes)
     if not _same_mesh(motion.scenario, assembly.scenario):
         meshes = motion.scenario.payload, assembly.scenario.payload, assembly.beam.matrices.M_q
         q, q_dot = project_beam(*meshes, q), project_beam(*meshes, q_dot)

@@ -4,6 +4,7 @@ import numpy as np
 
 from flexlab.errors import ScenarioError
 from flexlab.numerics.elementary import sin_cos
+from flexlab.numerics.linear_algebra import product
 from flexlab.physics.axial_load import HAND, in_modes, part_beyond
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.plant import ETA, NO_HAND, ON_BEAM, PULL, Hand, P, Plant, Workspace, forget_rates
@@ -70,7 +71,7 @@ def without_hand(plant: Plant) -> Plant:
 def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:
     """Make the modes' shapes at the pulled point match `plant.pull`; none while no hand holds the beam."""
     hand = Hand(*plant.pull)
-    plant.modal[PULL] = beam.modes.V.T @ payload_row(payload, hand.position) if hand.arm == ON_BEAM else 0.0
+    plant.modal[PULL] = product(payload_row(payload, hand.position), beam.modes.V) if hand.arm == ON_BEAM else 0.0
     if payload.axial_load != "none" and hand.arm == ON_BEAM and hand.stiffness > 0:
         plant.axial[HAND] = beyond(payload, beam, hand.position)
 
@@ -86,11 +87,11 @@ def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None
     for axis, value in zip("xy", command.impulse, strict=True):
         _refuse(f"tap {axis}", value, "N·s", -MAX_IMPULSE, MAX_IMPULSE)
     n = len(beam.modes.omega)
-    shape = beam.modes.V.T @ payload_row(payload, command.beam_position)
+    shape = product(payload_row(payload, command.beam_position), beam.modes.V)
     s, c = sin_cos(float(y[2]))
     along = c * command.impulse[0] + s * command.impulse[1]
     across = c * command.impulse[1] - s * command.impulse[0]
-    deflection = float(shape @ y[ETA : ETA + n])
+    deflection = float(product(shape, y[ETA : ETA + n]))
     y[P : P + 2] += command.impulse
     y[P + 2] += command.beam_position * across - deflection * along
     y[ETA + n : ETA + 2 * n] += shape * across

@@ -9,10 +9,9 @@ import numpy as np
 from flexlab.control.motion import DesiredMotion
 from flexlab.control.path import build_motion
 from flexlab.errors import ScenarioError
-from flexlab.lapack import eigenvectors
+from flexlab.numerics.linear_algebra import eigenvalues, eigenvector
 from flexlab.physics.plant import ETA, P, X
 from flexlab.scenario import Scenario
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam, build_control, build_plant
 from flexlab.sim.closed_loop import System, new_workspace, rates_at, state_length
 
@@ -40,8 +39,7 @@ def first_mode(scenario: Scenario) -> Mode:
     there is none, as with fast-acting damping.
     """
     still = {"title": "", "watch": "", "trajectory": {"kind": "hold", "pose": scenario.trajectory.middle}}
-    with one_blas_thread():
-        return _found(_continuous(scenario).replace(still))
+    return _found(_continuous(scenario).replace(still))
 
 
 def _continuous(scenario: Scenario) -> Scenario:
@@ -69,23 +67,25 @@ def _found(scenario: Scenario) -> Mode:
     parts = np.concatenate([np.arange(X, X + 3), ETA + np.arange(n), np.arange(P, P + 3), ETA + n + np.arange(n)])
     scale = np.concatenate([np.ones(3), beam.modes.omega, np.ones(3 + n)])
     matrix = _slopes(system, np.array(scenario.trajectory.middle), parts, scale)
-    value, left, right = eigenvectors(matrix)
-    product = np.abs(left.conj() * right)
-    product /= np.maximum(product.sum(axis=0), np.finfo(float).tiny)
-    share = product[3 : 3 + n].sum(axis=0) + product[6 + n :].sum(axis=0)
-    theirs = np.flatnonzero((share > OWN_SHARE) & (value.imag > 0))
-    if len(theirs) == 0:
-        raise ScenarioError(
-            [
-                (
-                    "trajectory.shaper_frequency",
-                    "trajectory.shaper_frequency = null: no mode of the beam oscillates in this loop. "
-                    "Give the frequency that the shaper is made for, in Hz, or choose the shaper none.",
-                )
-            ]
-        )
-    pole = value[theirs[np.argmin(np.abs(value[theirs]))]]
-    return Mode(float(abs(pole)), float(np.clip(-pole.real / abs(pole), 0.0, MOST_DAMPED)))
+    value = eigenvalues(matrix)
+    size = np.sqrt(np.square(value.real) + np.square(value.imag))
+    for place in np.argsort(size, kind="stable"):
+        if value.imag[place] > 0 and _beams_share(matrix, value[place], n) > OWN_SHARE:
+            omega = float(size[place])
+            return Mode(omega, float(np.clip(-value.real[place] / omega, 0.0, MOST_DAMPED)))
+    text = (
+        "trajectory.shaper_frequency = null: no mode of the beam oscillates in this loop. "
+        "Give the frequency that the shaper is made for, in Hz, or choose the shaper none."
+    )
+    raise ScenarioError([("trajectory.shaper_frequency", text)])
+
+
+def _beams_share(matrix: np.ndarray, pole: complex, n: int) -> float:
+    """How much of an oscillation is the beam's, by the participation of the loop's states in it (x, η, p, π)."""
+    left, right = eigenvector(matrix.T, pole), eigenvector(matrix, pole)
+    real, imaginary = left.real * right.real - left.imag * right.imag, left.real * right.imag + left.imag * right.real
+    parts = np.sqrt(real * real + imaginary * imaginary)
+    return float((parts[3 : 3 + n].sum() + parts[6 + n :].sum()) / max(float(parts.sum()), np.finfo(float).tiny))
 
 
 def _slopes(system: System, pose: np.ndarray, parts: np.ndarray, scale: np.ndarray) -> np.ndarray:

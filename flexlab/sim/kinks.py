@@ -13,7 +13,6 @@ import numpy as np
 from flexlab.physics.plant import ETA
 from flexlab.sim import row_layout
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.closed_loop import System, Workspace
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.step_levels import StepWatch
@@ -74,8 +73,7 @@ def advance_in_pieces(
         y[since] = ticks_before
         length = end - begin
         count = max(1, int(np.ceil(length / dt - 1e-9)))
-        with one_blas_thread():
-            scheme = build_scheme(integrator, assembly.beam, length / count)
+        scheme = build_scheme(integrator, assembly.beam, length / count)
         _, code = move(
             system, assembly.sampling, *scheme, watch, level, deflection_limit, begin, 0, length, count, y,
             np.empty_like(y), ws, row, False,

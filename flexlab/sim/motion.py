@@ -8,6 +8,7 @@ import numpy as np
 
 from flexlab.control.law import Start
 from flexlab.errors import StudyError
+from flexlab.numerics.linear_algebra import product
 from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.plant import ETA, Workspace, forget_rates
 from flexlab.scenario import Scenario
@@ -115,7 +116,7 @@ def _start(motion: Motion) -> Status | None:
 
 def to_modes(beam: Beam, q: np.ndarray) -> np.ndarray:
     """η = VᵀM_q q."""
-    return beam.modes.V.T @ (beam.matrices.M_q @ q)
+    return product(product(beam.matrices.M_q, q), beam.modes.V)
 
 
 def set_coordinates(motion: Motion, pose: np.ndarray, rate: np.ndarray, eta: np.ndarray, eta_dot: np.ndarray) -> None:

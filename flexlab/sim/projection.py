@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from flexlab.numerics.linear_algebra import product, solve
 from flexlab.physics.beam import GAUSS_POINTS, gauss_rule
 from flexlab.scenario import Payload
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import payload_row
 from flexlab.sim.geometry import shape_functions
 
@@ -19,12 +19,11 @@ def project_beam(old: Payload, new: Payload, M_q: np.ndarray, q: np.ndarray) -> 
     points, weights = gauss_rule(GAUSS_POINTS)
     middles, halves = (cells[1:] + cells[:-1]) / 2, np.diff(cells) / 2
     s = (middles[:, None] + np.outer(halves, points)).ravel()
-    w = shape_functions(old, s) @ q
-    load = (new.linear_density * np.outer(halves, weights).ravel() * w) @ shape_functions(new, s)
+    w = product(shape_functions(old, s), q)
+    load = product(new.linear_density * np.outer(halves, weights).ravel() * w, shape_functions(new, s))
     middle = payload_row(new, 0.0)
-    with one_blas_thread():  # The bits of a factorisation depend on their number.
-        projected, correction = np.linalg.solve(M_q, np.stack([load, middle], axis=1)).T
-    give = middle @ correction
+    projected, correction = solve(M_q, np.stack([load, middle], axis=1)).T
+    give = product(middle, correction)
     if give > 0:
-        projected += correction * (payload_row(old, 0.0) @ q - middle @ projected) / give
+        projected += correction * (product(payload_row(old, 0.0), q) - product(middle, projected)) / give
     return projected

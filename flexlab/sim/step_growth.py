@@ -10,12 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexlab.numerics.elementary import log, sin_cos
+from flexlab.numerics.elementary import sin_cos
+from flexlab.numerics.linear_algebra import power_sizes, product, solve
+from flexlab.numerics.matrix_functions import doubled, doublings_to, phi_functions
 from flexlab.physics.plant import G
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import System, scratch_workspace
-from flexlab.sim.integrators.etdrk4 import doubled, phi_functions
 from flexlab.sim.step_rates import Rates, largest_ratios_at
 from flexlab.sim.step_size import Count
 
@@ -71,8 +71,7 @@ def growth_rate(system: System, beam: Beam, rates: Rates, pose: np.ndarray, dt: 
     largest_ratios_at(system.plant, pose[None], rates.forms[:1], ws, taken)  # It leaves the inertia S there.
     if taken[0] <= 0:
         return -math.inf
-    with one_blas_thread():
-        return _growth(beam, _loads(system, float(pose[2])), ws.S, dt)
+    return _growth(beam, _loads(system, float(pose[2])), ws.S, dt)
 
 
 def _loads(system: System, theta: float) -> np.ndarray:
@@ -85,13 +84,8 @@ def _loads(system: System, theta: float) -> np.ndarray:
 def _growth(beam: Beam, C: np.ndarray, S: np.ndarray, dt: float) -> float:
     """Rate at which errors of steps dt grow, 1/s, with the modes' loads C (3, n_m) on the inertia S (3, 3)."""
     step = one_step(beam.modes.omega, beam.modes.D.diagonal(), C, S, dt)
-    doublings = max(1, round(log(SPAN / dt) / log(2.0)))
-    size = half = 0.0
-    for _ in range(doublings):
-        step = step @ step
-        norm = float(np.linalg.norm(step))
-        step /= norm
-        half, size = size, 2 * size + log(norm)
+    doublings = max(1, doublings_to(SPAN, dt))
+    half, size = power_sizes(step, doublings)
     return (size - half) / (dt * 2.0 ** (doublings - 1))
 
 
@@ -102,10 +96,10 @@ def one_step(omega: np.ndarray, damping: np.ndarray, C: np.ndarray, S: np.ndarra
     z[:, 0, 1], z[:, 1, 0], z[:, 1, 1] = omega * dt, -omega * dt, -damping * dt
     half, whole = _phi_of_half_and_whole(z)
     force = np.concatenate([C * omega, C * damping], axis=1)
-    answer = np.concatenate([np.zeros((n, 3)), np.linalg.solve(S, C).T])
+    answer = np.concatenate([np.zeros((n, 3)), solve(S, C).T])
 
     def rest(x: np.ndarray) -> np.ndarray:
-        return dt * -(answer @ (force @ x))
+        return dt * -product(answer, product(force, x))
 
     start = np.eye(2 * n)
     N1 = rest(start)

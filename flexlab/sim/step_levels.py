@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 from flexlab.compiled import inlined
 from flexlab.control.law_kernels import fastest_control_rate
+from flexlab.numerics.matrix_functions import Functions
 from flexlab.physics.arm import joint_torques
 from flexlab.physics.plant import ETA
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import law_places
 from flexlab.sim.integrators.beam_flow import TICKS
-from flexlab.sim.integrators.etdrk4 import Functions, block_functions
+from flexlab.sim.integrators.etdrk4 import block_functions
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.step_size import CONTROLLED_STEP, SHORTEST_CHOSEN, build_scheme, control_limits
 
@@ -106,9 +106,8 @@ class StepLevels:
         if self._whole is not None:
             return self._whole.scheme(level + self._times)
         if level not in self._schemes:
-            with one_blas_thread():
-                known = self._known_functions(level)
-                self._schemes[level] = build_scheme(self.integrator, self._beam, self.step / 2**level, known)
+            known = self._known_functions(level)
+            self._schemes[level] = build_scheme(self.integrator, self._beam, self.step / 2**level, known)
         return self._schemes[level]
 
     def halved(self, times: int) -> "StepLevels":

@@ -11,6 +11,7 @@ from flexlab.control.motion import poses
 from flexlab.control.path import Trajectory
 from flexlab.control.rates import largest_form_ratio
 from flexlab.numerics.elementary import each, exponentials, sin
+from flexlab.numerics.linear_algebra import product, spectral_radius
 from flexlab.physics.dynamics import configure_arms, rigid_inertia
 from flexlab.physics.plant import G
 from flexlab.sim.build import Beam
@@ -104,15 +105,16 @@ def fastest_rate_at(plant, control, desired, memory, ws):
 def free_beam_rate(beam: Beam) -> float:
     """Fastest rate of the beam with its grips held, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ)."""
     omega, D, starts = beam.modes.omega, beam.modes.D, beam.modes.block_start
-    fastest = 0.0
-    for size in sorted(set(np.diff(starts).tolist())):
-        blocks = starts[:-1][np.diff(starts) == size]
-        L = np.zeros((len(blocks), 2 * size, 2 * size))
-        for block, low in zip(L, blocks, strict=True):
-            own = slice(low, low + size)
-            block[:size, size:], block[size:, :size] = np.diag(omega[own]), -np.diag(omega[own])
-            block[size:, size:] = -D[own, own]
-        fastest = max(fastest, float(np.max(np.abs(np.linalg.eigvals(L)))))
+    alone = D.diagonal() / 2
+    creeping = np.sqrt(np.maximum(alone * alone - omega * omega, 0.0))
+    fastest = float(
+        np.where(alone < omega, omega, alone + creeping)[starts[:-1][np.diff(starts) == 1]].max(initial=0.0)
+    )
+    for low, high in zip(starts[:-1], starts[1:], strict=True):
+        if high - low > 1:
+            own = slice(low, high)
+            stiff = np.diag(omega[own])
+            fastest = max(fastest, spectral_radius(np.block([[np.zeros_like(stiff), stiff], [-stiff, -D[own, own]]])))
     return fastest
 
 
@@ -139,7 +141,7 @@ def longest_creeping_step(system: System, desired: np.ndarray, beam: Beam, gives
         return math.inf
     forms = []
     for step in STEPS_TRIED:
-        (hh, hg), (_, gg) = (loads * (creeps * np.minimum(step * D, 1.0))) @ loads.T
+        (hh, hg), (_, gg) = product(loads * (creeps * np.minimum(step * D, 1.0)), loads.T)
         forms.append(_in_pose(hh, hg, gg))
     found = np.zeros(len(forms))
     largest_ratios_at(system.plant, desired, np.stack(forms), scratch_workspace(system), found)
@@ -152,7 +154,7 @@ def coupling_forms(system: System, beam: Beam) -> np.ndarray:
     loads, omega = system.plant.modal[: G + 1], beam.modes.omega
     forms = [_in_pose(*system.plant.kappa)]
     for weight in (omega, omega * exponentials(-FADED * ring_decay(beam))):
-        (hh, hg), (_, gg) = (loads * weight) @ loads.T
+        (hh, hg), (_, gg) = product(loads * weight, loads.T)
         forms.append(_in_pose(hh, hg, gg))
     return np.stack(forms)
 

@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.errors import ScenarioError
+from flexlab.numerics.linear_algebra import product
+from flexlab.numerics.matrix_functions import Functions
 from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import SMALLEST_STEP
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import System
-from flexlab.sim.integrators.etdrk4 import Functions, beam_operators, block_functions
+from flexlab.sim.integrators.etdrk4 import beam_operators, block_functions
 from flexlab.sim.integrators.generalized_alpha import effective_inverse
 from flexlab.sim.integrators.rk4 import STABILITY_LIMIT
 from flexlab.sim.integrators.scheme import ORDER, GeneralizedAlpha, Scheme
@@ -167,6 +169,11 @@ class Count(NamedTuple):
     """s."""
 
 
+def _root(value: float, order: int) -> float:
+    """value^(1/order) for an order of 2 or 4: square roots alone are the same on every machine."""
+    return math.sqrt(value) if order == 2 else math.sqrt(math.sqrt(value))
+
+
 def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> Count:
     """Steps per sample and per control period, so that both lie on steps no longer than `step`.
 
@@ -198,12 +205,12 @@ def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> Count
 def build_scheme(integrator: str, beam: Beam, dt: float, known: Sequence[Sequence[Functions]] = ()) -> Scheme:
     """The integrator's constants for step dt; `known`: what `block_functions` says of dt and dt/2, if it has been asked."""
     modes = beam.modes
-    loads = np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g])
+    loads = product(np.stack([beam.matrices.h, beam.matrices.g]), modes.V)
     if integrator == "etdrk4":
         linear = (modes.omega, modes.D, modes.block_start)
         functions = known or [block[:2] for block in block_functions(*linear, dt)]
         return Scheme(etdrk4=beam_operators(*linear, loads, dt, functions))
     if integrator == "generalized-alpha":
         inverse = effective_inverse(modes.omega, modes.D, modes.block_start, dt)
-        return Scheme(generalized_alpha=GeneralizedAlpha(inverse, loads @ inverse))
+        return Scheme(generalized_alpha=GeneralizedAlpha(inverse, product(loads, inverse)))
     return Scheme(rk4=True)

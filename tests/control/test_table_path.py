@@ -186,8 +186,8 @@ def test_wrong_waypoints_get_a_sentence(own: dict, sentence: str):
         (2.152194863018043e-6, (15.434245122114445, 181.00422823082184, 2899169.845494693)),
     ],
 )
-def test_limits_that_ruckig_loses_its_digits_with_are_kept_too(way: float, limits: tuple[float, float, float]):
-    """It refuses these: each phase still ends where the next one begins, and all within limits that leave nothing unused."""
+def test_very_large_limits_are_kept_too(way: float, limits: tuple[float, float, float]):
+    """Each phase still ends where the next one begins, and all within limits that leave nothing unused."""
     triples = tuple((limit,) * 3 for limit in limits)
     rows = phases(((0.0, 0.7, 0.0), (0.0, 0.7 + way, 0.0)), triples, 0.0)
     times, y = np.diff(rows[:, 0]), rows[:, 2::3]  # y, its rate, acceleration and jerk

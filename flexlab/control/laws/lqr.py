@@ -19,7 +19,6 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
-from scipy.linalg import solve_discrete_are
 
 from flexlab.compiled import pluggable
 from flexlab.control.controller import Controller
@@ -35,6 +34,8 @@ from flexlab.control.observers.kalman import (
     update_estimate,
 )
 from flexlab.errors import ScenarioError
+from flexlab.numerics.linear_algebra import NoSolution, inverse, product, singular_vectors, solve
+from flexlab.numerics.matrix_functions import discrete_riccati
 from flexlab.quantities import Number, Triple, quantity
 
 
@@ -83,29 +84,30 @@ def regulator_gain(scenario: Any) -> np.ndarray:
     plant = believed_plant(scenario, law.observer.observer_modes, law.observer.gauges)
     transition, inputs = hold(plant.state_matrix, plant.input_matrix[:, :3], law.control_period)
     beam = np.full(len(plant.omega), law.vibration_weight)
-    Q = np.diag(np.concatenate([law.pose_weight, beam * plant.omega**2, law.pose_rate_weight, beam]))
+    Q = np.diag(np.concatenate([law.pose_weight, beam * np.square(plant.omega), law.pose_rate_weight, beam]))
     R = np.diag(law.force_weight)
     try:
-        P = solve_discrete_are(transition, inputs, Q, R)
-    except (np.linalg.LinAlgError, ValueError):
+        P = discrete_riccati(transition, inputs, Q, R)
+        pushed = product(inputs.T, P)
+        return solve(R + product(pushed, inputs), product(pushed, transition))
+    except NoSolution:
         text = (
             "controller: no gain is found for these weights at this control period: observe fewer modes, or take weights "
             "nearer to one another."
         )
         raise ScenarioError([("controller", text)]) from None
-    return np.linalg.solve(R + inputs.T @ P @ inputs, inputs.T @ P @ transition)
 
 
 def _derive(scenario: Any) -> dict[str, Any]:
     law = scenario.controller
     plant, K = believed_plant(scenario, law.observer.observer_modes, law.observer.gauges), regulator_gain(scenario)
     n, late = len(plant.mass), float(law.input_delay)
-    rigid = np.linalg.inv(plant.mass[:3, :3])
-    stiffness, damping = rigid @ K[:, :3], rigid @ K[:, n : n + 3]
+    rigid = inverse(plant.mass[:3, :3])
+    stiffness, damping = product(rigid, K[:, :3]), product(rigid, K[:, n : n + 3])
     horizon = late if law.observer.horizon is None else law.observer.horizon
     return {
         "reference": np.hstack([K[:, :3], K[:, n : n + 3]]),
-        "rate": np.linalg.norm(damping, 2) + np.sqrt(np.linalg.norm(stiffness, 2)),
+        "rate": singular_vectors(damping)[0][-1] + np.sqrt(singular_vectors(stiffness)[0][-1]),
         **observer_constants(scenario, law.observer, lambda _: K, horizon),
     }
 

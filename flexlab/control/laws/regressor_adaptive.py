@@ -171,7 +171,7 @@ def known(scenario: Any) -> dict[str, np.ndarray]:
     payload, links = scenario.payload, np.ones((MOST_ARMS, 10))
     total = payload.linear_density * payload.length
     truth = np.zeros(PAYLOAD + LINKS * MOST_ARMS)
-    truth[:PAYLOAD] = total, total * payload.length**2 / 12
+    truth[:PAYLOAD] = total, total * (payload.length * payload.length) / 12
     for i, arm in enumerate(scenario.arms):
         side = -1 if i == 0 else 1
         reach = side * (payload.length / 2 + arm.link_length[2])

@@ -9,10 +9,11 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from flexlab.errors import ScenarioError
 from flexlab.numerics.elementary import sin_cos
+from flexlab.numerics.linear_algebra import inverse, product, solve
+from flexlab.numerics.matrix_functions import exponential
 from flexlab.physics.arm import ARM, arm_configuration, arm_constants
 from flexlab.physics.axial_load import geometric_matrices, in_modes
 from flexlab.physics.beam import beam_matrices, undamped_modes
@@ -46,14 +47,12 @@ class BelievedPlant(NamedTuple):
         n = len(self.mass)
         stiffness = np.zeros((n, n))
         stiffness[3:, 3:] = self.stiffness
-        return np.block(
-            [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(self.mass, np.hstack([stiffness, self.damping]))]]
-        )
+        return np.block([[np.zeros((n, n)), np.eye(n)], [-solve(self.mass, np.hstack([stiffness, self.damping]))]])
 
     @property
     def input_matrix(self) -> np.ndarray:
         """B, (2 n, n)."""
-        return np.vstack([np.zeros_like(self.mass), np.linalg.inv(self.mass)])
+        return np.vstack([np.zeros_like(self.mass), inverse(self.mass)])
 
 
 def hold(A: np.ndarray, B: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
@@ -61,7 +60,7 @@ def hold(A: np.ndarray, B: np.ndarray, period: float) -> tuple[np.ndarray, np.nd
     n, inputs = B.shape
     whole = np.zeros((n + inputs, n + inputs))
     whole[:n, :n], whole[:n, n:] = A, B
-    over = expm(period * whole)
+    over = exponential(period * whole)
     return over[:n, :n], over[:n, n:]
 
 
@@ -126,7 +125,7 @@ def _plant(
     beam = beam_matrices(length, density, payload.bending_stiffness * model.stiffness_factor, *mesh)
     omega, V = undamped_modes(beam)
     omega, V = omega[:mode_count], V[:, :mode_count]
-    h, g = V.T @ beam.h, V.T @ beam.g
+    h, g = product(np.stack([beam.h, beam.g]), V)
     s, c = sin_cos(pose[2])
     mass, damping = np.eye(3 + mode_count), np.zeros((3 + mode_count,) * 2)
     mass[:3, :3] = np.diag([beam.m, beam.m, beam.I])
@@ -138,8 +137,8 @@ def _plant(
     mass[:3, 3:] = np.stack([-s * h, c * h, g])
     mass[3:, :3] = mass[:3, 3:].T
     damping[3:, 3:] = payload.damping.modal(omega, V)
-    strain = strain_rows(length * np.array(gauges), length, payload.thickness, *mesh) @ V
-    stiffness = np.diag(omega**2)
+    strain = product(strain_rows(length * np.array(gauges), length, payload.thickness, *mesh), V)
+    stiffness = np.diag(omega * omega)
     if load is not None:
         G0, G1, _ = geometric_matrices(length, density, *mesh)
         stiffness = stiffness + in_modes(load[0] * G0 + load[1] * G1, V)

@@ -26,12 +26,13 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import field_validator
 from pydantic_core import PydanticCustomError
-from scipy.linalg import expm, solve_discrete_are
 
 from flexlab.compiled import inlined
 from flexlab.control.law import USUAL_GAUGES, Memory
 from flexlab.control.observers.believed_plant import BelievedPlant, believed_plant, hold
 from flexlab.errors import ScenarioError
+from flexlab.numerics.linear_algebra import NoSolution, product, solve
+from flexlab.numerics.matrix_functions import discrete_riccati, exponential
 from flexlab.physics.arm import task_input
 from flexlab.physics.law_input import MOST_DELAY, MOST_GAUGES
 from flexlab.quantities import Count, Number, Numbers, Part, Triple, quantity
@@ -117,15 +118,15 @@ def observer_constants(
     period, n = scenario.controller.control_period, observer.observer_modes
     plant = believed_plant(scenario, n, observer.gauges)
     A, B = plant.state_matrix, plant.input_matrix
-    weight = B[:, 3:] @ -plant.h[:, None]
+    weight = product(B[:, 3:], -plant.h[:, None])
     transition, inputs = hold(A, np.hstack([B, weight]), period)
     rows = rows_of(plant)
     whole = int(np.ceil(horizon))
     by_force = np.zeros((MOST_DELAY + 1, len(rows), 3))
     for k in range(whole):
         part = min(1.0, horizon - k)
-        later = expm(A * (horizon - k - part) * period)
-        by_force[k] = rows @ later @ hold(A, B[:, :3], part * period)[1]
+        later = exponential(A * (horizon - k - part) * period)
+        by_force[k] = product(product(rows, later), hold(A, B[:, :3], part * period)[1])
     ahead, weighed = hold(A, weight, horizon * period)
     gain = _steady_gain(scenario, observer, plant, transition, inputs[:, : 3 + n])
     return {
@@ -136,9 +137,9 @@ def observer_constants(
         "weight_input": padded(inputs[:, -1], (STATES,)),
         "observer_gain": padded(gain, (STATES, READINGS)),
         "strain_rows": padded(plant.strain, (MOST_GAUGES, MOST_MODES)),
-        "prediction": padded(rows @ ahead, (len(rows), STATES)),
+        "prediction": padded(product(rows, ahead), (len(rows), STATES)),
         "force_prediction": by_force,
-        "weight_prediction": rows @ weighed[:, 0],
+        "weight_prediction": product(rows, weighed[:, 0]),
         "predicted_periods": whole,
     }
 
@@ -153,18 +154,19 @@ def _steady_gain(
     C[6:, 3:n] = plant.strain
     strain = np.full(len(plant.strain), max(noise.strain, STRAIN_FLOOR))
     pose, rate = np.maximum(noise.pose, POSE_FLOOR), np.maximum(noise.pose_rate, RATE_FLOOR)
-    R = np.diag(np.concatenate([pose, rate, strain]) ** 2)
+    R = np.diag(np.square(np.concatenate([pose, rate, strain])))
     unknown = np.concatenate([observer.unknown_force, np.full(n - 3, observer.unknown_modal_force)])
     try:
-        P = solve_discrete_are(transition.T, C.T, (inputs * unknown**2) @ inputs.T, R)
-    except (np.linalg.LinAlgError, ValueError):
+        P = discrete_riccati(transition.T, C.T, product(inputs * np.square(unknown), inputs.T), R)
+        seen = product(C, P)
+        return solve(product(seen, C.T) + R, seen).T
+    except NoSolution:
         places = ", ".join(f"{place:g}" for place in observer.gauges)
         text = (
             f"controller.observer: no steady gain is found for {n - 3} modes and strain gauges at s/L = {places}: observe "
             "fewer modes, place the gauges elsewhere, or take unknown forces and a control period nearer to the usual ones."
         )
         raise ScenarioError([("controller.observer", text)]) from None
-    return np.linalg.solve(C @ P @ C.T + R, C @ P).T
 
 
 @inlined

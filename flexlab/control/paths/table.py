@@ -1,6 +1,6 @@
 """A path as a table of poses over time, joined by a quintic spline."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import lru_cache
 from typing import Annotated, Any, Literal
 
@@ -11,6 +11,7 @@ from pydantic_core import PydanticCustomError
 from flexlab.compiled import inlined, pluggable
 from flexlab.control.path import Path, Trajectory
 from flexlab.control.row_search import row_before
+from flexlab.numerics.linear_algebra import product, solve
 from flexlab.quantities import Number, Quartet, quantity
 
 MOST_ROWS = 10_000
@@ -142,30 +143,110 @@ def pieces(rows: tuple[tuple[float, ...], ...], ends: str) -> np.ndarray:
     return polynomials(np.array(rows), ends)
 
 
-def spline(table: np.ndarray, ends: str) -> Any:
-    """The quintic spline through rows (t, x, y, θ) as a function of time; `ends` as of `Table`, or "round": it repeats."""
-    rest = [(1, np.zeros(3)), (2, np.zeros(3))]
-    # Here, as every start of flexlab would wait a tenth of a second for it.
-    from scipy.interpolate import make_interp_spline
-
-    conditions: dict[str, Any] = {"at rest": (rest, rest), "free": None, "round": "periodic"}
-    return make_interp_spline(table[:, 0], table[:, 1:], k=DEGREE, bc_type=conditions[ends])
-
-
 def polynomials(table: np.ndarray, ends: str) -> np.ndarray:
-    """The spline's polynomials, rows (time of the knot, s; of x, y, θ each the six coefficients, highest power first)."""
-    through = spline(table, ends)
-    knots = table[:-1, 0]
-    found = np.empty((len(table), 1 + 3 * FREE_ROWS))
+    """The quintic spline through rows (t, x, y, θ): rows (time of the knot, s; of each axis six coefficients, highest first).
+
+    `ends` as of `Table`, or "round": it repeats.
+    """
+    unit = 2.0 ** np.frexp(np.median(np.diff(table[:, 0])))[1]
+    h, poses = np.diff(table[:, 0]) / unit, table[:, 1:]
+    slopes = _slopes(h, poses, ends)
+    last = len(h)
+    found = np.zeros((last + 1, 1 + 3 * FREE_ROWS))
     found[:, 0] = table[:, 0]
-    factorial = 1.0
-    for power in range(FREE_ROWS):
-        # Each knot's Taylor coefficients: what the spline is made of where free ends leave knots out, too.
-        factorial *= max(power, 1)
-        found[:-1, 1 + DEGREE - power :: FREE_ROWS] = through(knots, nu=power) / factorial
-    found[-1, 1:] = 0.0
-    found[-1, FREE_ROWS::FREE_ROWS] = table[-1, 1:]
+    coefficients = found[:, 1:].reshape(last + 1, 3, FREE_ROWS)
+    coefficients[:, :, DEGREE] = poses
+    taylor = _taylor(h[:, None], poses[:-1], poses[1:], slopes[:-1], slopes[1:])
+    for power, values in enumerate(taylor, 1):
+        coefficients[:last, :, DEGREE - power] = values / unit**power
     found.flags.writeable = False
+    return found
+
+
+def spline(table: np.ndarray, ends: str) -> Callable[[np.ndarray], np.ndarray]:
+    """That spline as a function of times (N,), within those of the table, whose poses are (N, 3)."""
+    rows = polynomials(table, ends)
+    coefficients = rows[:, 1:].reshape(-1, 3, FREE_ROWS)
+
+    def at(times: np.ndarray) -> np.ndarray:
+        k = np.clip(np.searchsorted(rows[:, 0], times, "right") - 1, 0, len(rows) - 2)
+        dt, found = (times - rows[k, 0])[:, None], np.zeros((len(times), 3))
+        for power in range(FREE_ROWS):
+            found = found * dt + coefficients[k, :, power]
+        return found
+
+    return at
+
+
+def _taylor(h: np.ndarray, p0: np.ndarray, p1: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> tuple[np.ndarray, ...]:
+    """First to fifth Taylor coefficient of the quintic over h between poses p and rates u = (v, a), (..., 2, k)."""
+    (v0, a0), (v1, a1) = np.moveaxis(u0, -2, 0), np.moveaxis(u1, -2, 0)
+    way, half = (p1 - p0) / h, h / 2
+    cubic = (10 * way - 6 * v0 - 4 * v1 - half * (3 * a0 - a1)) / (h * h)
+    quartic = (-15 * way + 8 * v0 + 7 * v1 + half * (3 * a0 - 2 * a1)) / (h * h * h)
+    quintic = (6 * way - 3 * (v0 + v1) - half * (a0 - a1)) / (h * h * h * h)
+    return v0, a0 / 2, cubic, quartic, quintic
+
+
+def _slopes(h: np.ndarray, poses: np.ndarray, ends: str) -> np.ndarray:
+    """Rates and accelerations (N, 2, 3) of the spline at its knots: third and fourth derivative go on at each."""
+    N = len(poses)
+    # The poses' own, with rest at both ends, and what a rate or an acceleration at one end adds.
+    values, given = np.zeros((N, 7)), np.zeros((2, 2, 7))
+    values[:, :3] = poses
+    given[0, :, 3:5] = given[1, :, 5:7] = np.eye(2)
+    slopes = _between_ends(h, values, given)
+    if ends == "at rest":
+        return slopes[:, :, :3]
+    jets = np.stack(_taylor(h[:, None], values[:-1], values[1:], slopes[:-1], slopes[1:]))
+    if ends == "free":
+        # The fifth derivative goes on, too, at the two knots next to each end.
+        missing = jets[4, [1, 2, N - 3, N - 2]] - jets[4, [0, 1, N - 4, N - 3]]
+    else:
+        step = h[-1]
+        third = 6 * jets[2, -1] + step * (24 * jets[3, -1] + step * 60 * jets[4, -1])
+        fourth = 24 * jets[3, -1] + step * 120 * jets[4, -1]
+        missing = np.stack([*(slopes[-1] - slopes[0]), third - 6 * jets[2, 0], fourth - 24 * jets[3, 0]])
+    shares = solve(missing[:, 3:], -missing[:, :3])
+    return slopes[:, :, :3] + product(slopes[:, :, 3:], shares)
+
+
+def _between_ends(h: np.ndarray, values: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """Rates and accelerations (N, 2, k) for values (N, k), with those `given` (2, 2, k) at the first knot and the last."""
+    inverse = 1 / h
+    square = inverse * inverse
+    cube = square * inverse
+    way = np.diff(values, axis=0) * cube[:, None]
+    left, right = slice(None, -1), slice(1, None)
+    before = np.array([[-24 * square[left], -3 * inverse[left]], [-168 * cube[left], -24 * square[left]]])
+    after = np.array([[24 * square[right], -3 * inverse[right]], [-168 * cube[right], 24 * square[right]]])
+    own = np.array(
+        [
+            [36 * (square[right] - square[left]), 9 * (inverse[left] + inverse[right])],
+            [-192 * (cube[left] + cube[right]), 36 * (square[left] - square[right])],
+        ]
+    )
+    steep = way * inverse[:, None]
+    sums = np.stack([60 * (way[right] - way[left]), -360 * (steep[left] + steep[right])], axis=1)
+    found = np.concatenate([given[:1], sums, given[1:]])
+    before, own, after = (np.moveaxis(each, 2, 0) for each in (before, own, after))
+    through = np.zeros((2, 2))
+    kept = np.zeros_like(after)
+    for k, (low, middle, high) in enumerate(zip(before.tolist(), own, after, strict=True)):
+        # Elimination of the knot before, which is the answer `found` less `through` times this one.
+        (l00, l01), (l10, l11) = low
+        lower = np.array(low)
+        block = middle - lower[:, :1] * through[0] - lower[:, 1:] * through[1]
+        (m00, m01), (m10, m11) = block.tolist()
+        determinant = m00 * m11 - m01 * m10
+        one = found[k + 1, 0] - l00 * found[k, 0] - l01 * found[k, 1]
+        other = found[k + 1, 1] - l10 * found[k, 0] - l11 * found[k, 1]
+        found[k + 1, 0] = (m11 * one - m01 * other) / determinant
+        found[k + 1, 1] = (m00 * other - m10 * one) / determinant
+        through = np.stack([m11 * high[0] - m01 * high[1], m00 * high[1] - m10 * high[0]]) / determinant
+        kept[k] = through
+    for k in range(len(kept), 0, -1):
+        found[k] -= kept[k - 1, :, :1] * found[k + 1, 0] + kept[k - 1, :, 1:] * found[k + 1, 1]
     return found
 
 

@@ -1,13 +1,12 @@
 """Through poses one after another, at rest in each, with limited velocity, acceleration and jerk."""
 
+import math
 from collections.abc import Collection, Mapping
 from functools import lru_cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
-from ruckig import InputParameter, Result, Ruckig, RuckigError
-from ruckig import Trajectory as Profiles
 
 from flexlab.compiled import pluggable
 from flexlab.control.path import Path, Trajectory
@@ -22,7 +21,8 @@ MILLI = 1e-3
 class Waypoints(Trajectory):
     """From pose to pose on straight lines, each as fast as the limits allow, `pause` s in each; the last one is held.
 
-    Between two poses jerk is piecewise constant (the library ruckig: Berscheid & Kröger, RSS 2021).
+    Between two poses jerk is piecewise constant: up to seven phases (Biagiotti and Melchiorri, Trajectory Planning for
+    Automatic Machines and Robots, 2008, section 3.4).
     """
 
     kind: Literal["waypoints"] = "waypoints"
@@ -140,31 +140,43 @@ def _leg(here: Triple, there: Triple, limits: tuple[Triple, ...]) -> np.ndarray:
     """As `phases`, of one straight way from rest to rest: the share of the way moves from 0 to 1 within all limits."""
     way = np.subtract(there, here)
     allowed = [float(np.min(np.array(limit)[way != 0] / np.abs(way[way != 0]))) for limit in limits]
-    try:
-        found, unit = _profile(*allowed), 1.0
-    except RuckigError:
-        # Of very large limits ruckig loses the digits, but not with a unit of time, s, in which the jerk is 1.
-        unit = allowed[2] ** (-1 / 3)
-        found = _profile(allowed[0] * unit, allowed[1] * unit**2, 1.0)
-    last = len(found.t)
-    rows = np.zeros((last + 1, 13))
-    rows[:, 0] = np.cumsum([0.0, *found.t]) * unit
-    rows[:, 1:4] = here + np.outer(found.p, way)
-    for order, values in enumerate((found.v, found.a, [*found.j, 0.0]), 1):
-        rows[:, 1 + 3 * order : 4 + 3 * order] = np.outer(values, way) / unit**order
-    rows[last, 1:] = (*there, *[0.0] * 9)
+    rising, steady, cruise = _durations(*allowed)
+    jerks = allowed[2] * np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])
+    spans = np.array([rising, steady, rising, cruise, rising, steady, rising])
+    lasting = spans > 0
+    spans, jerks = spans[lasting], jerks[lasting]
+    rows, state = np.zeros((len(spans) + 1, 13)), (0.0, 0.0, 0.0)
+    rows[:, 0] = np.cumsum([0.0, *spans])
+    for row, t, j in zip(rows, spans.tolist(), jerks.tolist(), strict=False):
+        p, v, a = state
+        row[1:] = np.concatenate([here + p * way, v * way, a * way, j * way])
+        state = p + t * (v + t * (a / 2 + t * j / 6)), v + t * (a + t * j / 2), a + t * j
+    rows[-1, 1:] = (*there, *[0.0] * 9)
     return rows[np.append(np.diff(rows[:, 0]) > 0, True)]
 
 
-def _profile(velocity: float, acceleration: float, jerk: float) -> Any:
-    """ruckig's phases of the share from 0 to 1 within these limits. Raises `RuckigError`."""
-    wanted = InputParameter(1)
-    wanted.target_position = [1.0]
-    wanted.max_velocity, wanted.max_acceleration, wanted.max_jerk = [velocity], [acceleration], [jerk]
-    profiles = Profiles(1)
-    if Ruckig(1).calculate(wanted, profiles) not in (Result.Working, Result.Finished):
-        raise RuckigError(f"no way within {velocity}, {acceleration}, {jerk}")
-    return profiles.profiles[0][0]
+def _durations(velocity: float, acceleration: float, jerk: float) -> tuple[float, float, float]:
+    """Of the fastest way of length 1 from rest to rest: time to the largest acceleration, time at it, and time at speed, s."""
+    rising = acceleration / jerk
+    if velocity >= acceleration * rising:
+        steady = velocity / acceleration - rising
+    else:
+        rising, steady = math.sqrt(velocity / jerk), 0.0
+    cruise = 1 / velocity - (2 * rising + steady)
+    if cruise >= 0:
+        return rising, steady, cruise
+    # The speed is not reached: a (T_j + T_a)(2 T_j + T_a) = 1, or 2 j T_j³ = 1 where the acceleration is not, either.
+    rising = acceleration / jerk
+    steady = (math.sqrt(rising * rising + 4 / acceleration) - 3 * rising) / 2
+    return (rising, steady, 0.0) if steady >= 0 else (_cube_root(0.5 / jerk), 0.0, 0.0)
+
+
+def _cube_root(value: float) -> float:
+    """Of a positive number: by Newton's method, from a power of two above it."""
+    root = math.ldexp(1.0, -(-math.frexp(value)[1] // 3))
+    while (lower := root - (root - value / (root * root)) / 3) < root:
+        root = lower
+    return root
 
 
 @pluggable

@@ -24,6 +24,7 @@ as after a start, the parabola misses the line by as much at both ends.
 import numpy as np
 
 from flexlab.compiled import inlined
+from flexlab.numerics.linear_algebra import product
 from flexlab.physics.axial_load import END, NOW, SCRATCH, has_axial_load
 from flexlab.physics.axial_load import START as BEFORE
 from flexlab.physics.dynamics import acceleration, beam_is_held, block_product, solve_symmetric
@@ -59,15 +60,14 @@ def flow_rows(
     _, phi1, phi2, phi3 = phi
     rows[FAST] = dt * damping.diagonal() > FAST_DAMPING
     straight, curved = dt * (2 * phi2 - phi1), dt * (12 * phi3 - 6 * phi2 + phi1)
-    for direction, load in enumerate(loads):
-        for row, function in ((BEGUN, curved - straight), (MET, curved + straight)):
-            rows[row + direction] = rows[FAST] * (function[k:, k:] @ -load) / 2
-            rows[row + 2 + direction] = damping @ rows[row + direction]
-        for power, function in enumerate((dt * phi1, dt * dt * phi2)):
-            answer = function[:, k:] @ -load
-            rows[4 * direction + 2 * power] = answer[:k] / omega
-            rows[4 * direction + 2 * power + 1] = answer[k:]
-        rows[DAMPED + direction] = damping @ (load / (omega * omega))
+    across, both = -loads.T, loads.T / (omega * omega)[:, None]
+    for row, function in ((BEGUN, curved - straight), (MET, curved + straight)):
+        answer = rows[FAST][:, None] * product(function[k:, k:], across) / 2
+        rows[row : row + 2], rows[row + 2 : row + 4] = answer.T, product(damping, answer).T
+    for power, function in enumerate((dt * phi1, dt * dt * phi2)):
+        answer = product(function[:, k:], across)
+        rows[2 * power : 8 : 4], rows[2 * power + 1 : 8 : 4] = answer[:k].T / omega, answer[k:].T
+    rows[DAMPED : DAMPED + 2] = product(damping, both).T
     return rows
 
 

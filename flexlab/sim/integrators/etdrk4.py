@@ -14,11 +14,11 @@ modes only e^{hL/2} is a dense matrix; for the others see `forcing`.
 """
 
 from collections.abc import Sequence
-from functools import cache
 
 import numpy as np
 
 from flexlab.compiled import inlined
+from flexlab.numerics.matrix_functions import Functions, doubled, phi_functions
 from flexlab.physics.axial_load import END, NOW, START, has_axial_load
 from flexlab.physics.dynamics import beam_is_held
 from flexlab.physics.plant import ETA, memory_start
@@ -43,62 +43,24 @@ FREE = 7
 HALVINGS_KEPT = 8
 """Steps h, h/2, … whose matrix functions are kept: more than the levels that a disturbance asks for."""
 
-TAYLOR_TERMS = 18
-"""Enough for φ functions to double precision where the norm is at most 1/2."""
-
-
-Functions = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-
-
-def phi_functions(z: np.ndarray) -> list[Functions]:
-    """φ0 = exp, φ1, φ2, φ3 of square matrices z (..., k, k), then of z/2, z/4, … as far as they are found on the way.
-
-    By Taylor series and doubling: φ_k(z) = Σ_j z^j/(j + k)!;  φ_k(2z) = 2^-k (φ0 φ_k + Σ_{j=1..k} φ_j/(k - j)!).
-    """
-    norm = float(np.max(np.abs(z).sum(axis=-1), initial=0.5))
-    doublings = max(0, int(np.ceil(np.log2(norm / 0.5))))
-    z = z / 2.0**doublings
-    one = np.broadcast_to(np.eye(z.shape[-1]), z.shape)
-    phi3 = one / _factorial(TAYLOR_TERMS + 3)
-    for j in range(TAYLOR_TERMS - 1, -1, -1):
-        phi3 = z @ phi3 + one / _factorial(j + 3)
-    phi2 = z @ phi3 + one / 2
-    phi1 = z @ phi2 + one
-    phi0 = z @ phi1 + one
-    found = [(phi0, phi1, phi2, phi3)]
-    for _ in range(doublings):
-        found.append(doubled(*found[-1]))
-    return found[::-1]
-
-
-def doubled(phi0: np.ndarray, phi1: np.ndarray, phi2: np.ndarray, phi3: np.ndarray) -> Functions:
-    """φ0, φ1, φ2, φ3 of 2z from those of z."""
-    return (
-        phi0 @ phi0,
-        (phi0 @ phi1 + phi1) / 2,
-        (phi0 @ phi2 + phi1 + phi2) / 4,
-        (phi0 @ phi3 + phi1 / 2 + phi2 + phi3) / 8,
-    )
-
-
-@cache
-def _factorial(k: int) -> float:
-    return float(np.prod(np.arange(1, k + 1, dtype=float)))
-
 
 def block_functions(
     omega: np.ndarray, damping: np.ndarray, block_start: np.ndarray, dt: float
 ) -> list[list[Functions]]:
     """Of each block of modes φ0 to φ3(hL) in (ωη, π) for h = dt, dt/2, …: at least two, at most `HALVINGS_KEPT`."""
-    blocks = []
-    for low, high in zip(block_start[:-1], block_start[1:], strict=True):
-        own, k = omega[low:high], high - low
+    sizes, found = np.diff(block_start), [[]] * (len(block_start) - 1)
+    for k in sorted(set(sizes.tolist())):
+        alike = np.flatnonzero(sizes == k)
+        own = block_start[alike][:, None] + np.arange(k)
         # In (ωη, π) the undamped part is skew: its powers keep their size and the doubling loses no digits.
-        L = np.zeros((2 * k, 2 * k))
-        L[:k, k:], L[k:, :k], L[k:, k:] = np.diag(own), -np.diag(own), -damping[low:high, low:high]
+        L, place = np.zeros((len(alike), 2 * k, 2 * k)), np.arange(k)
+        L[:, place, k + place], L[:, k + place, place] = omega[own], -omega[own]
+        L[:, k:, k:] = -damping[own[:, :, None], own[:, None]]
         halves = phi_functions(L * (dt / 2))[: HALVINGS_KEPT - 1]
-        blocks.append([doubled(*halves[0]), *halves])
-    return blocks
+        steps = [doubled(*halves[0]), *halves]
+        for at, block in enumerate(alike.tolist()):
+            found[block] = [tuple(function[at] for function in step) for step in steps]
+    return found
 
 
 def beam_operators(

@@ -11,6 +11,7 @@ rotation takes ω²/Ω² of a mode's stiffness. A dense product of the whole rea
 import numpy as np
 
 from flexlab.compiled import disjoint, inlined
+from flexlab.numerics.linear_algebra import product
 from flexlab.physics.plant import DG, DH, ETA, H
 
 FEWEST_COUPLED = 16
@@ -31,10 +32,9 @@ def is_factored(block_start: np.ndarray) -> bool:
 def forced_columns(function: np.ndarray, damping: np.ndarray, loads: np.ndarray) -> np.ndarray:
     """Of one block φ (2k, 2k) in (η, π) times the fixed forces, then times a unit force on each mode, (3 + k, 2k)."""
     k = len(damping)
-    h, g = loads
-    moving = np.array([np.concatenate([-load, damping @ load]) for load in (h, g)])
-    common = np.concatenate([moving, [np.concatenate([np.zeros(k), -h])]])
-    return np.concatenate([common @ function.T, function[:, k:].T])
+    moving = np.concatenate([-loads, product(loads, damping.T)], axis=1)
+    common = np.concatenate([moving, [np.concatenate([np.zeros(k), -loads[0]])]])
+    return np.concatenate([product(common, function.T), function[:, k:].T])
 
 
 def soft_modes(omega: np.ndarray, block_start: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ which belong to a slightly shifted instant, are carried at the end of the state.
 import numpy as np
 
 from flexlab.compiled import inlined
+from flexlab.numerics.linear_algebra import inverse as inverse_of
 from flexlab.physics.dynamics import acceleration, block_product, set_momenta, solve_symmetric
 from flexlab.physics.plant import ETA, WORK, G, H, X, memory_start
 from flexlab.sim.integrators.scheme import STATE
@@ -30,9 +31,9 @@ def effective_inverse(omega: np.ndarray, damping: np.ndarray, block_start: np.nd
     inverse = np.zeros_like(damping)
     for low, high in zip(block_start[:-1], block_start[1:], strict=True):
         own = slice(low, high)
-        stiffness = np.diag(omega[own] ** 2)
-        effective = (1 - ALPHA_F) * (GAMMA * dt * damping[own, own] + BETA * dt * dt * stiffness)
-        inverse[own, own] = np.linalg.inv(effective + (1 - ALPHA_M) * np.eye(high - low))
+        stiffness = np.diag(omega[own] * omega[own])
+        effective = (1 - ALPHA_F) * (GAMMA * dt * damping[own, own] + BETA * (dt * dt) * stiffness)
+        inverse[own, own] = inverse_of(effective + (1 - ALPHA_M) * np.eye(high - low))
     return inverse
 
 

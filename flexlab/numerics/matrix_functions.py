@@ -1,0 +1,142 @@
+"""Exponential and φ functions of matrices, and Riccati equations, with the same bits on every machine."""
+
+import math
+from functools import cache
+
+import numpy as np
+
+from flexlab.numerics.linear_algebra import NoSolution, balanced, inverse, product, solve
+
+TAYLOR_NORM, TAYLOR_TERMS = 2.0, 22
+"""Norm up to which, and terms with which, Taylor series give exponential and φ functions to double precision."""
+MOST_DOUBLINGS = 60
+"""Of a Riccati equation's horizon: eight to twenty are usual."""
+NEWTON_STEPS = 2
+"""That follow: each squares the error that is left."""
+CONVERGED = 1e-15
+"""Change of its solution in one doubling, over the solution, from which on nothing more comes."""
+
+Functions = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def phi_functions(z: np.ndarray) -> list[Functions]:
+    """φ0 = exp, φ1, φ2, φ3 of square matrices z (..., k, k), then of z/2, z/4, … as far as they are found on the way.
+
+    By Taylor series and doubling: φ_k(z) = Σ_j z^j/(j + k)!;  φ_k(2z) = 2^-k (φ0 φ_k + Σ_{j=1..k} φ_j/(k - j)!).
+    """
+    halves = doublings_to(float(np.max(np.abs(z).sum(axis=-1), initial=0.0)), TAYLOR_NORM)
+    z = z / 2.0**halves
+    one = np.broadcast_to(np.eye(z.shape[-1]), z.shape)
+    phi3 = one / _factorial(TAYLOR_TERMS + 3)
+    for j in range(TAYLOR_TERMS - 1, -1, -1):
+        phi3 = product(z, phi3) + one / _factorial(j + 3)
+    phi2 = product(z, phi3) + one / 2
+    phi1 = product(z, phi2) + one
+    phi0 = product(z, phi1) + one
+    found = [(phi0, phi1, phi2, phi3)]
+    for _ in range(halves):
+        found.append(doubled(*found[-1]))
+    return found[::-1]
+
+
+def doubled(phi0: np.ndarray, phi1: np.ndarray, phi2: np.ndarray, phi3: np.ndarray) -> Functions:
+    """φ0, φ1, φ2, φ3 of 2z from those of z."""
+    k = phi0.shape[-1]
+    times = product(phi0, np.concatenate([phi0, phi1, phi2, phi3], axis=-1))
+    whole, first, second, third = (times[..., j * k : (j + 1) * k] for j in range(4))
+    return (
+        np.ascontiguousarray(whole),
+        (first + phi1) / 2,
+        (second + phi1 + phi2) / 4,
+        (third + phi1 / 2 + phi2 + phi3) / 8,
+    )
+
+
+def doublings_to(value: float, unit: float) -> int:
+    """The smallest whole k ≥ 0 with unit · 2ᵏ ≥ value."""
+    mantissa, exponent = math.frexp(value / unit)
+    return max(0, exponent - (mantissa == 0.5))
+
+
+@cache
+def _factorial(k: int) -> float:
+    return float(np.prod(np.arange(1, k + 1, dtype=float)))
+
+
+def exponential(A: np.ndarray) -> np.ndarray:
+    """exp A of a matrix (n, n): Taylor series and doubling, after scaling by powers of two. Raises `NoSolution`."""
+    even, scale = balanced(A)
+    if not np.isfinite(even).all():
+        raise NoSolution("the matrix is not finite")
+    halves = doublings_to(float(np.max(np.abs(even).sum(axis=-1), initial=0.0)), TAYLOR_NORM)
+    z = even / 2.0**halves
+    # e^z - 1, which loses nothing of a slow part beside a fast one: (1 + E)² - 1 = 2 E + E².
+    E = np.zeros_like(z)
+    for j in range(TAYLOR_TERMS, 0, -1):
+        E = product(z / j, E + np.eye(len(z)))
+    for _ in range(halves):
+        E = 2 * E + product(E, E)
+    return (E + np.eye(len(z))) * scale[:, None] / scale
+
+
+def discrete_riccati(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """The stabilising P (n, n) of P = AᵀPA - AᵀPB (R + BᵀPB)⁻¹BᵀPA + Q. Raises `NoSolution`.
+
+    By doubling the horizon (SDA: Chu, Fan, Lin, Wang, Int. J. Control 77(8), 2004, 767), which loses digits where weights are far
+    apart, and Newton's steps that bring them back. Shapes: A, Q (n, n), B (n, m), R (m, m).
+    """
+    G, H = product(product(B, inverse(R)), B.T), np.array(Q, dtype=float)
+    # States of one size, by powers of two.
+    scale = _state_scale(G, H)
+    A, B, Q, G, H = (
+        A / scale[:, None] * scale,
+        B / scale[:, None],
+        Q * scale[:, None] * scale,
+        G / scale[:, None] / scale,
+        H * scale[:, None] * scale,
+    )
+    P = _doubled_horizon(A, G, H)
+    for _ in range(NEWTON_STEPS):
+        pushed = product(B.T, P)
+        K = solve(R + product(pushed, B), product(pushed, A))
+        closed = A - product(B, K)
+        change = product(product(A.T, P), closed) + Q - P
+        P = P + _sum_of_powers(closed, (change + change.T) / 2)
+    return P / scale[:, None] / scale
+
+
+def _doubled_horizon(A: np.ndarray, G: np.ndarray, H: np.ndarray) -> np.ndarray:
+    """P of P = Aᵀ P (1 + G P)⁻¹ A + H, (n, n) each."""
+    n, one = len(A), np.eye(len(A))
+    for _ in range(MOST_DOUBLINGS):
+        both = solve(one + product(G, H), np.concatenate([A, G], axis=1))
+        over, through = both[:, :n], both[:, n:]
+        gain = product(product(over.T, H), A)
+        more = product(product(A, through), A.T)
+        A, G, H = product(A, over), G + (more + more.T) / 2, H + (gain + gain.T) / 2
+        size = np.abs(H).max()
+        if not np.isfinite(size):
+            break
+        if np.abs(gain).max() <= CONVERGED * size:
+            return H
+    raise NoSolution("the Riccati equation has no stabilising solution")
+
+
+def _sum_of_powers(F: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Σ (Fᵀ)ᵏ X Fᵏ over all k ≥ 0, of F (n, n) whose powers fade and a symmetric X. Raises `NoSolution` if they do not."""
+    for _ in range(MOST_DOUBLINGS):
+        more = product(product(F.T, X), F)
+        X, F = X + (more + more.T) / 2, product(F, F)
+        if np.abs(more).max() <= CONVERGED * np.abs(X).max():
+            return X
+        if not np.isfinite(X).all():
+            break
+    raise NoSolution("the closed loop is not stable")
+
+
+def _state_scale(G: np.ndarray, H: np.ndarray) -> np.ndarray:
+    """Powers of two (n,) with which diagonal entries of G and H, each state's, are of one size."""
+    g, h = np.diag(G), np.diag(H)
+    known = (g > 0) & (h > 0)
+    exponents = np.where(known, (np.frexp(np.where(known, g, 1.0))[1] - np.frexp(np.where(known, h, 1.0))[1]) // 4, 0)
+    return 2.0**exponents

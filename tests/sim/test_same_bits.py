@@ -1,0 +1,78 @@
+"""The same scenario gives the same bits with every BLAS, C library, numpy dispatch and instruction set that this machine has.
+
+Runs of every preset, law, path, integrator and live change are made in processes whose libraries and compiler take another
+processor for this one, and their hashes are compared.
+"""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flexlab.compiled import PLAIN_PYTHON
+
+RUNS = Path(__file__).with_name("same_bits_runs.py")
+PATIENCE = 280
+"""s for all runs of one environment, its compilation included."""
+
+ON_X86 = platform.machine() in ("x86_64", "AMD64")
+
+WITHOUT_FUSED = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4"}
+OTHER_NUMPY = {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"}
+ENVIRONMENTS = {
+    "an old processor": {"OPENBLAS_CORETYPE": "Prescott", **WITHOUT_FUSED, **OTHER_NUMPY},
+    "Haswell": {"OPENBLAS_CORETYPE": "Haswell"},
+    "SkylakeX": {"OPENBLAS_CORETYPE": "SkylakeX"},
+}
+"""Environments that compile nothing anew."""
+COMPILED_FOR = ("generic", "haswell")
+"""Instruction sets that the kernels are compiled for."""
+
+
+def features() -> set[str]:
+    """What this processor can do, as numpy finds it."""
+    from numpy._core._multiarray_umath import __cpu_features__ as known
+
+    return {name for name, there in known.items() if there}
+
+
+def start(**environment: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, str(RUNS)], env=os.environ | environment, stdout=subprocess.PIPE, text=True
+    )
+
+
+def hashes(process: "subprocess.Popen[str]") -> dict[str, str]:
+    output, _ = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+    return json.loads(output)
+
+
+@pytest.fixture(scope="module")
+def here() -> dict[str, str]:
+    return hashes(start())
+
+
+def differing(here: dict[str, str], there: dict[str, str]) -> list[str]:
+    assert here.keys() == there.keys()
+    return [name for name in here if here[name] != there[name]]
+
+
+@pytest.mark.skipif(not ON_X86, reason="these variables choose among kernels for x86-64")
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_libraries_for_another_processor_change_no_bit(name: str, here: dict[str, str]) -> None:
+    if name == "SkylakeX" and "AVX512_SKX" not in features():
+        pytest.skip("this processor has no AVX-512, which OpenBLAS's kernels for SkylakeX need")
+    assert differing(here, hashes(start(**ENVIRONMENTS[name]))) == []
+
+
+@pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
+@pytest.mark.parametrize("name", COMPILED_FOR)
+def test_machine_code_for_another_processor_changes_no_bit(name: str, here: dict[str, str], tmp_path: Path) -> None:
+    if name == "haswell" and not (ON_X86 and {"AVX2", "FMA3"} <= features()):
+        pytest.skip("this processor has no AVX2 and fused multiplication, which code for haswell needs")
+    assert differing(here, hashes(start(NUMBA_CPU_NAME=name, NUMBA_CACHE_DIR=str(tmp_path)))) == []

@@ -56,8 +56,11 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
     @cached_property
     def metrics(self) -> RunMetrics:
-        """Tracking errors, vibration, settling time, torques…: of the whole run, in SI units; `print` shows a table."""
-        return run_metrics(self)
+        """Tracking errors, vibration, settling time, torques…: of the whole run, in SI units; `print` shows a table.
+
+        NaN, but for the duration, for a run that stopped before its end.
+        """
+        return run_metrics(self, finished=not self.status.failed)
 
     @cached_property
     def explanations(self) -> tuple["Explained", ...]:

@@ -85,7 +85,9 @@ def run_and_record(
         status = world.status if world.status.failed else finished(world)
         recording.end(status)
     took = time.perf_counter() - began
-    ended = EndedRun(name, recording.path, world, status, summary.count, took, hashed.text(), metrics.compute())
+    ended = EndedRun(
+        name, recording.path, world, status, summary.count, took, hashed.text(), metrics.compute(not status.failed)
+    )
     if not quiet:
         _tell(ended, summary)
         if kept:

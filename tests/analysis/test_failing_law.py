@@ -41,3 +41,12 @@ def test_studies_of_the_loop_say_it(law: Path):
     with pytest.raises(FlexlabError, match=f"line {LINE}: RuntimeError"):
         flexlab.linearize(run.scenario)
     assert isinstance(run.explanations, (list, tuple))
+
+
+def test_metrics_of_a_run_that_stopped_are_not_numbers(law: Path):
+    run = flexlab.simulate("paper", 0.1, law=law)
+    assert run.metrics.duration == 0.0
+    rows = [row for row in run.metrics.rows if row.column.field != "window"]
+    assert all(row.value != row.value for row in rows)
+    assert {row.text for row in rows} == {"did not finish"}
+    assert flexlab.simulate("paper", 0.1).metrics.peak_torque > 0

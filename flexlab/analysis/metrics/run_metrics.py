@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import inf, isnan
+from math import inf, isnan, nan
 from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 Window = tuple[float, float]
 """First and last instant, s."""
 
+DURATION, NOT_FINISHED = "duration", "did not finish"
+"""The metric that a stopped run has, and what stands for the others."""
 ROUNDING = 1e-9
 """Of a window's limits, s: sample instants are products of whole numbers and periods."""
 
@@ -26,6 +28,8 @@ class MetricRow:
     column: Column
     value: float
     """In `column.unit`."""
+    finished: bool = True
+    """Whether the run came to its end."""
 
     @property
     def title(self) -> str:
@@ -45,7 +49,7 @@ class MetricRow:
     @property
     def text(self) -> str:
         """The value with four digits, or what stands for a missing one."""
-        return value_text(self.column, self.value)
+        return value_text(self.column, self.value) if self.finished or self.value == self.value else NOT_FINISHED
 
 
 def value_text(column: Column, value: Any) -> str:
@@ -61,10 +65,15 @@ class RunMetrics:
     A metric of one number is a float, one of several a tuple; NaN where it has no value. `print` shows a table.
     """
 
-    def __init__(self, window: Window | None, values: dict[str, tuple[float, ...]]):
-        """`window`: first and last instant, s; None without samples. `values`: numbers by the metrics' names."""
+    def __init__(self, window: Window | None, values: dict[str, tuple[float, ...]], finished: bool = True):
+        """`window`: first and last instant, s; None without samples. `values`: numbers by the metrics' names.
+
+        Of a run that stopped before its end only the duration is a number: what it did not do yet, nobody knows.
+        """
         self.window = window
-        self._values = values
+        if not finished:
+            values = {name: numbers if name == DURATION else (nan,) * len(numbers) for name, numbers in values.items()}
+        self._values, self._finished = values, finished
 
     def __getattr__(self, name: str) -> Any:
         values = self.__dict__.get("_values", {}).get(name)
@@ -82,7 +91,7 @@ class RunMetrics:
     def rows(self) -> tuple[MetricRow, ...]:
         """All numbers with titles and units for people (mm, mrad), in the order of a table."""
         return tuple(
-            MetricRow(column, column.scale * value)
+            MetricRow(column, column.scale * value, self._finished)
             for name, values in self._values.items()
             for column, value in zip(METRICS[name].columns, values, strict=True)
         )
@@ -142,16 +151,16 @@ class MetricCollection:
         own = self._span or span
         self._span = (min(own[0], span[0]), max(own[1], span[1]))
 
-    def compute(self) -> RunMetrics:
-        """The metrics of all pieces so far."""
-        return RunMetrics(self._span, {name: metric.compute() for name, metric in self._metrics.items()})
+    def compute(self, finished: bool = True) -> RunMetrics:
+        """The metrics of all pieces so far; `finished`: whether the run came to its end."""
+        return RunMetrics(self._span, {name: metric.compute() for name, metric in self._metrics.items()}, finished)
 
 
-def run_metrics(samples: "Samples", window: Window = (-inf, inf)) -> RunMetrics:
-    """The metrics of a run, or of what of it lies within a window, s."""
+def run_metrics(samples: "Samples", window: Window = (-inf, inf), finished: bool = True) -> RunMetrics:
+    """The metrics of a run, or of what of it lies within a window, s; `finished`: whether it came to its end."""
     collection = MetricCollection(window)
     collection.update(samples)
-    return collection.compute()
+    return collection.compute(finished)
 
 
 def between(samples: "Samples", first: float, last: float) -> "Samples":

@@ -13,6 +13,7 @@ TITLES = {
     "controller.observer.kind": "Observer",
     "payload.damping.kind": "Damping kind",
     "payload.boundary": "Boundary",
+    "payload.axial_load": "Force along the beam",
     "simulation.integrator": "Integrator",
     "left_arm.elbow": "Elbow side, left",
     "right_arm.elbow": "Elbow side, right",

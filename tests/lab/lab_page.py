@@ -150,6 +150,8 @@ class LabPage:
             return now.run_number > run and now.scenario == paper and now.playing and now.target_speed == 1.0
 
         wait_until(begun, "a new run of the paper's preset")
+        self.open_tab("View")
+        self.press("Payload")  # Where a new window's camera is.
         self.open_tab("Parameters")
         self._close_notifications()
         wait_until(lambda: self.box(EI).input_value() == "100", "the page shows its stiffness")

@@ -77,6 +77,10 @@ def test_dragging_the_beam_pulls_it_and_clicking_taps_it(page: LabPage) -> None:
 
 
 def test_dragging_a_link_pulls_the_arm(page: LabPage) -> None:
+    first = page.camera()
+    page.open_tab("View")
+    page.press("Overview")  # The link's middle stands beside what the first view shows.
+    wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the whole machine is in the picture")
     hold(page)
     points = arm_points(page.snapshot.scenario, page.snapshot.display)[0, 0]
     middle = 0.5 * (points[1] + points[2])

@@ -19,6 +19,7 @@ HINTS = {
     "controller.observer.kind": "Rates of the beam: measured, or estimated from strain gauges by a sampled law.",
     "payload.damping.kind": "Acts at once.",
     "payload.boundary": "Reshapes the beam's mesh; its shape is carried over.",
+    "payload.axial_load": "Whether the beam feels the force along it. Acts at once.",
     "simulation.integrator": "Acts at once.",
     "left_arm.elbow": "Sign of joint 2. Starts a new run.",
     "right_arm.elbow": "Sign of joint 2. Starts a new run.",

@@ -116,7 +116,9 @@ def _tried(assembly: Assembly, tick_period: float, tick: int, times: int) -> Tri
     finer_ticks = watch.disturbed * DISTURBED_TICKS
     if tick > 0 and finer_ticks > 0:
         motion.y[disturbed], finer_ticks = finer_ticks, 0  # A kink has no shorter steps.
-    rows = np.zeros((finer_ticks + TRIED, motion.row_length))
+    coordinates, signals = assembly.beam.modes.V.shape[0], assembly.system.control.signal_count
+    width = row_layout.row_length(len(assembly.scenario.arms), coordinates) + signals
+    rows = np.zeros((finer_ticks + TRIED, width))
     ticks, code = move_on(motion, rows)
     return Trial(rows, motion.y) if ticks == len(rows) and code == 0 else None
 

@@ -1,8 +1,11 @@
 """Random scenarios over the ranges of the sliders, each run again with steps that are finer by far.
 
-`python tests/sim/random_scenarios.py 300` judges the first 300 (a quarter of an hour); a few of them are in the suite.
+`python tests/sim/random_scenarios.py 300` judges the first 300 (a quarter of an hour), with `--wide` those with other paths,
+limits and integrators; a few of them are in the suite.
 """
 
+import math
+import re
 import sys
 import time
 from dataclasses import dataclass
@@ -30,6 +33,12 @@ SHORT_STEPS, TIMED = 30, 30
 
 FORCE_BOUND = 1e-4
 """Of the force's peak: what a run that is called accurate keeps."""
+
+POSE_BOUND = 1e-8
+"""The same of the pose, m or rad."""
+
+EXCEEDED = 3.0
+"""By how much an error may be larger than what is said of it."""
 
 DAMPINGS = (
     lambda rng: {"kind": "nodal", "coefficient": float(rng.uniform(0, 1))},
@@ -91,9 +100,43 @@ def random_scenario(seed: int) -> Scenario:
             continue
 
 
-def judge(seed: int, longest_reference: float = LONGEST_REFERENCE) -> Judgement:
+def wide_scenario(seed: int) -> Scenario:
+    """A random scenario with another path, shaper, sampling, delay, torque limits or integrator as well."""
+    rng, scenario = np.random.default_rng([seed, 1]), random_scenario(seed)
+    while True:
+        path = {"kind": str(rng.choice(["sine", "rest-to-rest", "bang-bang", "circle", "figure-eight", "waypoints"]))}
+        changes: dict = {
+            "trajectory": path,
+            "trajectory.smooth_start": float(rng.choice([0.0, 0.0, rng.uniform(0.05, 0.5)])),
+        }
+        changes["trajectory.shaper"] = str(rng.choice(["none", "none", "none", "zv", "zvd", "ei-shaper"]))
+        changes["payload.bending_stiffness"] = float(10 ** rng.uniform(0, 6))
+        if rng.random() < 0.2:
+            changes["controller.torque_limit"] = tuple(
+                (np.array([300, 150, 60]) * 10 ** rng.uniform(-0.5, 0.5)).tolist()
+            )
+        if rng.random() < 0.3:
+            changes["controller.control_period"] = float(rng.choice([0.0005, 0.001, 0.002, 0.005]))
+            changes["controller.input_delay"] = int(rng.integers(0, 3))
+        if rng.random() < 0.2:
+            changes["simulation.integrator"] = str(rng.choice(["rk4", "etdrk4", "generalized-alpha"]))
+        try:
+            found = scenario.replace(changes)
+            if not World(found).status.failed:
+                return found
+        except ScenarioError:
+            continue
+
+
+def stated_size(what: str, warning: str) -> float:
+    """The size that a warning gives of the error of the "pose" or "force", m or parts of its peak; not finite: none."""
+    said = re.search(rf"{what} may be off by ([\d.e+-]+) (of its peak|m or rad)", warning)
+    return float(said[1]) if said else math.inf
+
+
+def judge(seed: int, longest_reference: float = LONGEST_REFERENCE, wide: bool = False) -> Judgement:
     """Run a scenario as it is and with finer steps."""
-    scenario = random_scenario(seed)
+    scenario = wide_scenario(seed) if wide else random_scenario(seed)
     world = World(scenario)
     finer = 16 if world.assembly.watch.disturbed else 4
     step = max(world.step / finer, 1e-7)
@@ -113,6 +156,11 @@ def judge(seed: int, longest_reference: float = LONGEST_REFERENCE) -> Judgement:
     pose = float(np.abs(run.pose[:both] - exact.pose[:both]).max())
     if not world.accuracy_warning and not reference.status.failed and force > FORCE_BOUND:
         complaints.append(f"force off by {force:.1e} of its peak")
+    if not world.accuracy_warning and not reference.status.failed and pose > POSE_BOUND:
+        complaints.append(f"pose off by {pose:.1e} m or rad")
+    for what, size, bound in (("pose", pose, POSE_BOUND), ("force", force, FORCE_BOUND)):
+        if size > EXCEEDED * max(bound, stated_size(what, world.accuracy_warning)):
+            complaints.append(f"{what} off by {size:.1e}, more than is said")
     beam, law = scenario.payload, scenario.controller
     text = (
         f"{beam.boundary} n={beam.element_count} EI={beam.bending_stiffness:.3g} ρ={beam.linear_density:.2g} "
@@ -139,11 +187,12 @@ def pace_after_the_start(world: World) -> tuple[float, str]:
 
 def main() -> None:
     """Judge scenarios `first` to `last` (one number: from 0 on) and print those with complaints."""
-    numbers = [int(text) for text in sys.argv[1:]] or [20]
+    wide = "--wide" in sys.argv
+    numbers = [int(text) for text in sys.argv[1:] if text != "--wide"] or [20]
     first, last = (0, numbers[0]) if len(numbers) == 1 else numbers[:2]
     bad = 0
     for seed in range(first, last):
-        judged = judge(seed)
+        judged = judge(seed, wide=wide)
         bad += bool(judged.complaints)
         mark = " | ".join([*judged.complaints, *(["slower than real time, unannounced"] if judged.crawls else [])])
         print(f"{seed}: {mark or 'fine'}   [{judged.text}]", flush=True)

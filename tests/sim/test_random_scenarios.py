@@ -13,3 +13,9 @@ LONGEST_REFERENCE = 2.0
 def test_a_random_scenario_is_right_or_called_inaccurate(seed: int):
     judged = judge(seed, LONGEST_REFERENCE)
     assert not judged.complaints, judged.text
+
+
+@pytest.mark.parametrize("seed", [5, 6, 8, 9, 12])
+def test_so_is_one_with_another_path_limits_or_integrator(seed: int):
+    judged = judge(seed, LONGEST_REFERENCE, wide=True)
+    assert not judged.complaints, judged.text

@@ -28,8 +28,7 @@ PARTS, LARGEST_PART = 64, 256
 """A sweep is cut into about so many parts, which are computed and saved one by one, of at most so many cells."""
 
 DEFAULT_ACCURACY = 1e-7
-"""Pose accuracy of a cell, m: metrics are right to three digits, most to five, and steps are up to five times as long as those of
-a lab's run."""
+"""Pose accuracy of a cell, m: metrics are exact to about 1e-5, and steps up to five times as long as those of a lab's run."""
 
 
 @dataclass(frozen=True)

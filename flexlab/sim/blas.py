@@ -1,7 +1,4 @@
-"""Linear algebra on one thread while a world is built: its matrices are small, and idle BLAS threads spin on busy cores.
-
-One thread also keeps the bits of a result independent of how many cores the machine has.
-"""
+"""BLAS on one thread for what is analysed or drawn beside runs: its matrices are small, and idle threads spin on busy cores."""
 
 import threading
 from collections.abc import Iterator

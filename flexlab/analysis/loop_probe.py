@@ -12,7 +12,7 @@ from flexlab.control.path import build_motion, paths
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import set_momenta
-from flexlab.physics.plant import ETA, P, X, forget_rates
+from flexlab.physics.plant import ETA, FELT, P, X, forget_rates
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import build_strains, build_system
 from flexlab.sim.build import build_beam
@@ -145,7 +145,8 @@ class LoopProbe:
         self.forces(motion, torque)
         left, along, spin, _ = self._workspace.axial
         G0, G1, G2, _ = self.system.plant.axial
-        return left * G0 + along * G1 + spin * G2
+        feels = self.system.plant.modal[FELT]
+        return (left * G0 + along * G1 + spin * G2) * feels * feels[:, None]
 
     @property
     def line_length(self) -> int:

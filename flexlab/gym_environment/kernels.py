@@ -32,7 +32,7 @@ class Variants(NamedTuple):
     """The beams that worlds may have, stacked: what of a system differs with EI."""
 
     modal: np.ndarray
-    """(variants, 9, n_m)."""
+    """(variants, 10, n_m)."""
     damping: np.ndarray
     """(variants, n_m, n_m)."""
     kappa: np.ndarray

@@ -39,6 +39,7 @@ class ViewSettings:
     follow_deflection: bool = True
     follow_speed: bool = True
     strain: bool = False
+    axial: bool = False
     forces: bool = True
     moving_force: bool = False
     moments: bool = False
@@ -57,6 +58,8 @@ class Legend:
 
     scales: tuple[tuple[str, str], ...] = ()
     strain: float = 0.0
+    axial: float = 0.0
+    """N at the ends of the colours of the force along the beam, 0 without."""
     caption: str = ""
     """What the drawn deflection is of the true one."""
 
@@ -65,6 +68,7 @@ SWITCHES = {
     "follow_deflection": "Exaggeration suits each run",
     "follow_speed": "Plot window follows the speed",
     "strain": "Strain colours",
+    "axial": "Axial force colours",
     "forces": "Internal force",
     "moments": "Internal moment",
     "moving_force": "Moving force",

@@ -19,10 +19,17 @@ from flexlab.compiled import inlined
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.beam import GAUSS_POINTS, free_coordinates, gauss_rule
 from flexlab.physics.dynamics import block_product, hand_load, pose_load, solve_symmetric
-from flexlab.physics.plant import ETA, FOLLOWS, OMEGA2, PULL, G, H, hand_of
+from flexlab.physics.plant import ETA, FELT, FOLLOWS, OMEGA2, PULL, G, H, hand_of
 
 FOLLOWED = 3000.0
 """1/s. What rings or decays faster than this does so within a step: N takes what it does on the average."""
+
+FELT_MODES = 32
+"""Lowest modes that feel the force along the beam. It changes the square of the frequency of mode k by P/(P_cr k²) of itself,
+so that the others keep their stiffness to a thousandth, at a fraction of the price for fine meshes."""
+
+STIFF_MODE = 3e5
+"""rad/s. Stiffer modes keep their stiffness, too: a force of 1000 N takes less than a thousandth of it."""
 
 BUCKLING = {
     "pinned-pinned": 1.0,
@@ -108,6 +115,12 @@ def followed(omega: np.ndarray, damping: np.ndarray) -> np.ndarray:
     return np.where((omega <= FOLLOWED) & (damping.diagonal() <= FOLLOWED), 1.0, 0.0)
 
 
+def felt(omega: np.ndarray) -> np.ndarray:
+    """1 for each mode that feels the force along the beam, else 0, (n_m,)."""
+    rank = np.argsort(np.argsort(omega, kind="stable"), kind="stable")
+    return np.where((rank < FELT_MODES) & (omega <= STIFF_MODE), 1.0, 0.0)
+
+
 @inlined
 def has_axial_load(plant):
     """Whether the beam feels the force along it."""
@@ -170,6 +183,8 @@ def geometric_force(plant, terms, y, force):
         force[k] = 0.0
     left, along, spin, hand = terms[N_LEFT], terms[ALONG], terms[SPIN], terms[HAND]
     for j in range(n):
+        if plant.modal[FELT, j] == 0:
+            continue
         # Row by row: no sum waits for another, and vector units fit whatever the order.
         eta, G0, G1, G2 = y[ETA + j], plant.axial[0, j], plant.axial[1, j], plant.axial[2, j]
         for k in range(n):
@@ -178,6 +193,8 @@ def geometric_force(plant, terms, y, force):
             G_F = plant.axial[3, j]
             for k in range(n):
                 force[k] -= eta * hand * G_F[k]
+    for k in range(n):
+        force[k] *= plant.modal[FELT, k]
 
 
 @inlined

@@ -31,9 +31,10 @@ def memory_start(plant):
     return ETA + 3 * plant.modal.shape[1] + 3
 
 
-H, G, DH, DG, OMEGA2, MID, BEND, PULL, FOLLOWS = range(9)
+H, G, DH, DG, OMEGA2, MID, BEND, PULL, FOLLOWS, FELT = range(10)
 """Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape where the beam bends
-most (mid-span or the free end), shape at the pulled point N(s)V, whether the axial load follows the mode (`axial_load`)."""
+most (mid-span or the free end), shape at the pulled point N(s)V, whether the axial load follows the mode, and whether the mode
+feels it (`axial_load`)."""
 
 ON_BEAM = -1.0
 """`Hand.arm` of a hand that holds the beam."""
@@ -77,7 +78,7 @@ class Plant(NamedTuple):
     gravity: float
     """Along -y, m/s²."""
     modal: np.ndarray
-    """(9, n_m), rows as named above."""
+    """(10, n_m), rows as named above."""
     damping: np.ndarray
     """Modal damping D, dense within its blocks, (n_m, n_m)."""
     block_start: np.ndarray

@@ -14,6 +14,7 @@ TITLES = {
     "payload.damping.kind": "Damping kind",
     "payload.boundary": "Boundary",
     "payload.axial_load": "Force along the beam",
+    "controller.model.axial_load": "Believed force along the beam",
     "simulation.integrator": "Integrator",
     "left_arm.elbow": "Elbow side, left",
     "right_arm.elbow": "Elbow side, right",

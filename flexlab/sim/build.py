@@ -10,7 +10,7 @@ from flexlab.control.law_kernels import Control
 from flexlab.control.load_sharing import BelievedPayload
 from flexlab.control.observers.believed_plant import arm_records
 from flexlab.numerics.linear_algebra import product, solve
-from flexlab.physics.axial_load import buckling_load, followed, geometric_matrices, in_modes
+from flexlab.physics.axial_load import buckling_load, felt, followed, geometric_matrices, in_modes
 from flexlab.physics.beam import (
     BeamMatrices,
     BeamModes,
@@ -85,7 +85,8 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
     loosest = middle if len(scenario.arms) == 2 else payload_row(payload, payload.length / 2)
     shapes = product(np.stack([middle, loosest]), modes.V)
     damped, stiffness = product(modes.D, loads), modes.omega * modes.omega
-    further = (stiffness, *shapes, np.zeros_like(stiffness), followed(modes.omega, modes.D))
+    axial = (followed(modes.omega, modes.D), felt(modes.omega))
+    further = (stiffness, *shapes, np.zeros_like(stiffness), *axial)
     return Plant(
         arms=arm_records(scenario.arms, payload.length) if arms is None else arms,
         m=matrices.m,

@@ -7,7 +7,7 @@ from flexlab.numerics.elementary import sin_cos
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.axial_load import HAND, in_modes, part_beyond
 from flexlab.physics.dynamics import velocities_at
-from flexlab.physics.plant import ETA, NO_HAND, ON_BEAM, PULL, Hand, P, Plant, Workspace, forget_rates
+from flexlab.physics.plant import ETA, FELT, NO_HAND, ON_BEAM, PULL, Hand, P, Plant, Workspace, forget_rates
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam, payload_row
 from flexlab.sim.commands import Pull, Tap
@@ -118,5 +118,6 @@ def apply_axial_impulse(
         left = c * by_arm[0] + s * by_arm[1]
     G0, G1, _, _ = plant.axial
     impulse = left * G0 + along * G1 - tapped * beyond(payload, beam, command.beam_position)
-    for row, eta in zip(impulse, y[ETA : ETA + n], strict=True):
-        y[ETA + n : ETA + 2 * n] -= row * eta
+    feels = plant.modal[FELT]
+    for row, eta in zip(impulse, y[ETA : ETA + n] * feels, strict=True):
+        y[ETA + n : ETA + 2 * n] -= row * eta * feels

@@ -4,6 +4,7 @@ import pytest
 from lab_page import LabPage, wait_until
 
 from flexlab.lab.panel.all_fields import GROUPS, SWITCHES, present
+from flexlab.lab.panel.sections import CHOSEN
 from flexlab.presets import load_preset, preset_names
 from flexlab.quantities import Part
 from flexlab.scenario import Scenario
@@ -13,7 +14,7 @@ from flexlab.scenario.differences import ENGINE
 def shown_in_sections(path: str) -> bool:
     """Whether a field has a place among the sliders or menus of the upper folders."""
     name = path.rsplit(".", 1)[-1]
-    return Scenario().about(path).slider is not None or name in ("boundary", "shaper")
+    return Scenario().about(path).slider is not None or name == "shaper" or path in CHOSEN
 
 
 def leaves(part: Part, path: str = "") -> list[str]:

@@ -10,13 +10,14 @@ from flexlab.lab.plots.spectrum import POINTS, amplitude_spectrum, thinned
 from flexlab.lab.reference_run import ReferenceRun, common_metrics, differences, whole_run
 from flexlab.lab.scene.pull_arrow import held_point
 from flexlab.lab.scene.reach import elbow_sines, shade
-from flexlab.lab.scene.strain import PIECES, curvature_functions, strain_colors
+from flexlab.lab.scene.strain import PIECES, axial_loads, curvature_functions, strain_colors
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.geometry import arm_points, beam_points, deflection_at
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
+from flexlab.sim.signals import PLACES
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import TICK
 
@@ -158,3 +159,13 @@ def test_a_busy_engine_leaves_no_gap_in_the_plots() -> None:
     samples = unbroken(runner, newest, missing=0.1, window=5.0)
     assert samples.time[0] <= (newest + 1) * TICK
     assert len(unbroken(runner, newest, missing=0.1, window=0.2)) <= 201, "no more than the window shows"
+
+
+def test_the_force_along_the_beam_is_drawn_as_it_is_recorded() -> None:
+    run = simulate(load_preset("spin-up"), 2.0, 0.01)
+    drawn = axial_loads(run.scenario, run.slice(200, 201), 1000)
+    place = np.array(PLACES) * 1000 + 499.5
+    np.testing.assert_allclose(np.interp(place, np.arange(1000), drawn), run.axial_load[200], rtol=1e-4)
+    # Pulled all along by what spins beyond, and by nothing at the free end.
+    assert drawn[0] > drawn[500] > drawn[-1] > 0
+    assert drawn[-1] < 0.01 * drawn[0]

@@ -53,6 +53,7 @@ GROUPS = (
         "controller.model.linear_density_factor",
         "controller.model.length_factor",
         "controller.model.stiffness_factor",
+        "controller.model.axial_load",
     )),
     Group("Path, part by part", (PATH_NUMBERS,)),
     Group("Start of a run", ("initial.pose", "initial.pose_rate")),
@@ -88,7 +89,7 @@ SWITCHES: dict[str, tuple[str, Callable[[Scenario], Any]]] = {
     "payload.mode_count": ("Keep fewer modes", lambda scenario: scenario.payload.coordinate_count),
 }
 """Fields that may be left out: the words of their switch, and the value that it begins with."""
-CHOSEN = ("simulation.integrator", "left_arm.elbow", "right_arm.elbow")
+CHOSEN = ("simulation.integrator", "left_arm.elbow", "right_arm.elbow", "controller.model.axial_load")
 
 
 def present(scenario: Scenario, group: Group) -> tuple[str, ...]:

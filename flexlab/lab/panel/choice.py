@@ -20,6 +20,7 @@ HINTS = {
     "payload.damping.kind": "Acts at once.",
     "payload.boundary": "Reshapes the beam's mesh; its shape is carried over.",
     "payload.axial_load": "Whether the beam feels the force along it. Acts at once.",
+    "controller.model.axial_load": "Whether the observer reckons with the steady force along the beam.",
     "simulation.integrator": "Acts at once.",
     "left_arm.elbow": "Sign of joint 2. Starts a new run.",
     "right_arm.elbow": "Sign of joint 2. Starts a new run.",

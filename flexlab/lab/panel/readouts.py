@@ -40,7 +40,9 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
         *legend.scales,
     ]
     if legend.strain:
-        rows.append(("strain, 1 mm off the axis", _strain_legend(legend.strain)))
+        rows.append(("strain, 1 mm off the axis", _color_legend(legend.strain, "µm/m")))
+    if legend.axial:
+        rows.append(("force along the beam, squeeze to pull", _color_legend(legend.axial, "N")))
     if snapshot.dropped_samples:
         rows.append(("samples not recorded", f'<span class="fl-bad">{snapshot.dropped_samples}</span>'))
     grid = "".join(f"<span>{name}</span><span>{value}</span>" for name, value in rows)
@@ -68,11 +70,11 @@ def _torque(sample: Samples) -> str:
     return f"{fixed_text(float(np.abs(sample.joint_torque[0]).max()), 1)} N·m{limit}"
 
 
-def _strain_legend(limit: float) -> str:
-    """A strip of the strain colours with its ends in µm/m."""
+def _color_legend(limit: float, unit: str) -> str:
+    """A strip of the colours with its ends in their unit."""
     ends = f"{colors.css(colors.BLUE)}, #e1e1e1, {colors.css(colors.VERMILION)}"
     strip = f'<span class="fl-strip" style="background: linear-gradient(90deg, {ends})"></span>'
-    return f"−{number(limit)} {strip} +{number(limit)} µm/m"
+    return f"−{number(limit)} {strip} +{number(limit)} {unit}"
 
 
 def notices_html(snapshot: Snapshot, notice: Notice) -> str:

@@ -78,8 +78,8 @@ class Beam:
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
         """Bend the tube as `sample` (N = 1) has it, exaggerated as `view` asks; hidden while strain is coloured."""
         line = beam_points(scenario, sample, STATIONS, view.exaggeration)[0]
-        self.mesh.visible = not view.strain
-        if not view.strain:
+        self.mesh.visible = not (view.strain or view.axial)
+        if not (view.strain or view.axial):
             self.mesh.vertices = self._around(line)
         self.grab.vertices = self._grab_around(line)
 

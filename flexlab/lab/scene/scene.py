@@ -66,7 +66,9 @@ class Scene:
 
     def legend(self, view: ViewSettings) -> Legend:
         """What the picture is now drawn to."""
-        return Legend(tuple(self._forces.scales(view)), self._strain.limit if view.strain else 0.0, self._caption)
+        limit = self._strain.limit
+        strain, axial = (limit, 0.0) if view.strain else (0.0, limit if view.axial else 0.0)
+        return Legend(tuple(self._forces.scales(view)), strain, axial, self._caption)
 
     def _bent(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> tuple[Samples, str]:
         """What the beam is drawn from, and the words about it: the run, or the mode that is animated in its place."""

@@ -1,4 +1,4 @@
-"""The beam coloured by its bending strain: short pieces in place of the tube, one batch."""
+"""The beam coloured by its bending strain, or by the force along it: short pieces in place of the tube, one batch."""
 
 import numpy as np
 import viser
@@ -14,6 +14,7 @@ from flexlab.physics.beam import shape_row
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.geometry import beam_points
 from flexlab.sim.samples import Samples
+from flexlab.sim.signals import PLACES
 
 PIECES = 48
 OVERLAP = 1.15
@@ -22,7 +23,7 @@ FIBRE = 1e-3
 """Distance from the neutral axis at which strain is stated, m; the model's beam has no thickness of its own."""
 MICRO = 1e6
 LEAST_STRAIN = 1.0
-"""The colour range never falls below this, µm/m."""
+"""The colour range never falls below this, µm/m or N."""
 FRAMES_BEFORE_SHRINKING = 75
 """Pictures without a large strain before the colours are spread anew (2.5 s)."""
 NEUTRAL = (225, 225, 225)
@@ -44,12 +45,25 @@ def strain_colors(share: np.ndarray) -> np.ndarray:
     return np.round(255 * (mixed / 255) ** 2.2).astype(np.uint8)
 
 
+def axial_loads(scenario: Scenario, sample: Samples, count: int) -> np.ndarray:
+    """N(s) of a sample (N = 1) at the middles of `count` equal pieces, N, (count,): the parabola through its places.
+
+    Exact but for a hand at the beam, at which N jumps.
+    """
+    middle = (np.arange(count) + 0.5) / count - 0.5
+    load = sample.axial_load[0]
+    if not np.isfinite(load).all():
+        return np.zeros(count)
+    return np.polyval(np.polyfit(PLACES, load, 2), middle)
+
+
 class StrainBeam:
-    """Draws the payload in strain colours when the view asks for it."""
+    """Draws the payload in colours of its strain, or of the force along it, when the view asks for it."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._size = scene_size(scenario)
         self._payload: Payload | None = None
+        self._shown = ""
         self._curvature = np.zeros((PIECES, 0))
         self._range = Range(LEAST_STRAIN, FRAMES_BEFORE_SHRINKING)
         radius = TUBE_RADIUS * self._size
@@ -69,18 +83,24 @@ class StrainBeam:
 
     @property
     def limit(self) -> float:
-        """Strain at the ends of the colour range, µm/m at `FIBRE` from the neutral axis."""
+        """At the ends of the colour range: strain, µm/m at `FIBRE` from the neutral axis, or the force along the beam, N."""
         return self._range.limit
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
         """Colour and bend as `sample` (N = 1) has it."""
-        self._pieces.visible = view.strain
-        if not view.strain:
+        shown = "strain" if view.strain else "axial" if view.axial else ""
+        self._pieces.visible = bool(shown)
+        if shown != self._shown:
+            self._shown, self._range = shown, Range(LEAST_STRAIN, FRAMES_BEFORE_SHRINKING)
+        if not shown:
             return
         if scenario.payload != self._payload:
             self._payload = scenario.payload
             self._curvature = curvature_functions(scenario.payload, PIECES)
-        strain = -MICRO * FIBRE * self._curvature @ sample.beam_coordinates[0]
+        if shown == "strain":
+            strain = -MICRO * FIBRE * self._curvature @ sample.beam_coordinates[0]
+        else:
+            strain = axial_loads(scenario, sample, PIECES)
         self._range.fit(float(np.abs(strain).max()))
         line = beam_points(scenario, sample, PIECES + 1, view.exaggeration)[0]
         along = np.diff(line, axis=0)

@@ -156,8 +156,7 @@ def add_rates(plant, etdrk4, function, z, out):
     """out += the matrix function of this name times rates (or of HALF_EXP a state) z, on the beam's part of two states."""
     n = plant.modal.shape[1]
     if etdrk4.forced.shape[1] > 0 and function != HALF_EXP:
-        moves_all = beam_is_held(plant) or has_axial_load(plant)
-        add_forced(plant.block_start, n, etdrk4.forced[function], etdrk4.soft_modes, moves_all, z, out)
+        add_forced(plant.block_start, n, etdrk4.forced[function], etdrk4.soft_modes, beam_is_held(plant), z, out)
     else:
         add_product(plant.block_start, n, etdrk4.operators[function if etdrk4.forced.shape[1] == 0 else 0], z, out)
 

@@ -12,13 +12,12 @@ import numpy as np
 
 from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.linear_algebra import product
+from flexlab.physics.axial_load import STIFF_MODE
 from flexlab.physics.plant import DG, DH, ETA, H
 
 FEWEST_COUPLED = 16
 """Modes that damping couples from which on this pays: with fewer, whole matrices are as fast."""
 
-STIFF_MODE = 3e5
-"""rad/s. Of stiffer modes rotation takes about a billionth of the stiffness, at 10 rad/s: that is left out."""
 
 COMMON = 3
 """Fixed forces: lateral and angular velocity of the grips, and their lift ω v1 + gravity cos θ."""
@@ -38,7 +37,10 @@ def forced_columns(function: np.ndarray, damping: np.ndarray, loads: np.ndarray)
 
 
 def soft_modes(omega: np.ndarray, block_start: np.ndarray) -> np.ndarray:
-    """How many modes of each block, which stand in ascending order, rotation is notable in, (blocks,)."""
+    """How many modes of each block, which stand in ascending order, rotation is notable in, (blocks,).
+
+    Of those above `STIFF_MODE` it takes about a billionth of the stiffness, at 10 rad/s.
+    """
     blocks = zip(block_start[:-1], block_start[1:], strict=True)
     return np.array([np.count_nonzero(omega[low:high] <= STIFF_MODE) for low, high in blocks], dtype=np.int64)
 

@@ -12,7 +12,7 @@ from flexlab.analysis.explanations import EXPLANATIONS, Background, Evidence, ex
 from flexlab.analysis.explanations.after_the_stop import share_left
 from flexlab.analysis.modes import modes
 from flexlab.lab.plots.plot_signals import tabs
-from flexlab.presets import load_preset
+from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Tap
 from flexlab.sim.samples import Run
@@ -165,6 +165,19 @@ def test_each_names_an_equation_and_a_plot_of_the_lab():
         assert any(title.startswith(each.plot) for title in shown), each
         assert re.search(r"[=≤≥<≈~|]|conditions", each.equation), each
     assert [each.place for each in EXPLANATIONS.values()] == sorted(each.place for each in EXPLANATIONS.values())
+
+
+@pytest.mark.parametrize(
+    ("preset", "duration", "sample_period"), [*((name, 3.0, 0.001) for name in preset_names()), ("paper", 400.0, 0.01)]
+)
+def test_an_error_exceeds_no_bound_that_its_sentence_names(preset: str, duration: float, sample_period: float):
+    """Wherever in the path's last period the run ends: what the law has learnt acts with ‖ẋ‖², which is small at the turns."""
+    scenario = load_preset(preset)
+    run = simulate(scenario, duration, sample_period)
+    for less in (0.0, 0.13, 0.25, 0.41):
+        said = sentences(scenario, run.slice(0, len(run) - round(less / sample_period))).get("error within the layer", "")
+        if " at most" in said:
+            assert advised(r"error of ([\d.]+) mm", said) <= advised(r"give ([\d.]+) mm at most", said)
 
 
 @pytest.mark.parametrize("preset", ["paper", "single-arm"])

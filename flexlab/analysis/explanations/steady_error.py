@@ -15,7 +15,7 @@ WORTH = 1e-5
 OFTEN = 0.05
 """Share of the time for which s must be outside of its layer."""
 AGREES = (0.4, 1.25)
-"""Measured over predicted error: the prediction bounds it, and should not be far from it."""
+"""Measured over predicted error: the prediction bounds that of a slow motion, and should not be far from it."""
 
 
 class _Layer(NamedTuple):
@@ -38,13 +38,13 @@ def _error(span: Samples) -> float:
     return float(np.linalg.norm(span.tracking_error[:, :2], axis=1).max())
 
 
-def _stiffness(seen: Evidence, layer: float) -> float:
-    """K + ρ/ε, N·s/m: what feeds s back inside its boundary layer; ρ: the constant bound, or the learnt one at the end."""
+def _stiffness(seen: Evidence, span: Samples, layer: float) -> float:
+    """K + ρ/ε, N·s/m: what feeds s back inside its boundary layer; ρ: the constant bound, or the smallest learnt one."""
     gain, bound = seen.field("feedback_gain", 0.0) or 0.0, seen.field("bound")
     if bound is None:
-        b, samples = seen.samples.bound_estimates[-1], seen.samples
-        x, v = np.linalg.norm(samples.pose[-1]), np.linalg.norm(samples.pose_rate[-1])
-        bound = float(b[0] + b[1] * x + b[2] * v**2) if np.isfinite(b).all() else 0.0
+        x, v = np.linalg.norm(span.pose, axis=1), np.linalg.norm(span.pose_rate, axis=1)
+        learnt = np.sum(span.bound_estimates * np.stack([np.ones_like(x), x, v**2], axis=1), axis=1)
+        bound = float(learnt.min()) if np.isfinite(learnt).all() else 0.0
     return gain + bound / layer
 
 
@@ -75,15 +75,16 @@ def error_within_the_layer(seen: Evidence) -> str | None:
     span, layer, around = found
     if seen.scenario.trajectory.bending_feedforward or seen.field("feedback_gain") is None:
         return None
-    stiffness = _stiffness(seen, layer)
+    stiffness = _stiffness(seen, span, layer)
     error = _error(span)
     predicted = around.largest_reaction / (stiffness * slope)
     inside = float(np.linalg.norm(span.sliding_variable, axis=1).max()) <= layer
     if not inside or error < WORTH or not AGREES[0] < error / predicted < AGREES[1]:
         return None
+    share, limit = ("", "at most") if error <= predicted else ("mostly ", "for a slow motion")
     return (
-        f"The error of {length(error)} is the beam's reaction over the feedback: ‖Ψ‖ = {n(around.largest_reaction)} N over "
-        f"{n(stiffness)} N·s/m and Λ = {n(slope)} 1/s give {length(predicted)} at most. Twice the K or Λ nearly halves it; "
+        f"The error of {length(error)} is {share}the beam's reaction over the feedback: ‖Ψ‖ = {n(around.largest_reaction)} N "
+        f"over {n(stiffness)} N·s/m and Λ = {n(slope)} 1/s give {length(predicted)} {limit}. Twice the K or Λ nearly halves it; "
         "feed-forward of the bending takes its cause away."
     )
 

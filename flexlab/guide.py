@@ -112,12 +112,12 @@ def lessons() -> tuple[Lesson, ...]:
 
 
 def _numbered(folder: Path) -> list[Path]:
-    return sorted(folder.glob("[0-9]-*.md"))
+    return sorted(folder.glob("[0-9]*-*.md"), key=lambda file: (int(file.stem.partition("-")[0]), file.name))
 
 
 def _chapter(file: Path) -> Chapter:
     title, _, text = file.read_text(encoding="utf-8").partition("\n")
-    return Chapter(file.stem[2:], title.removeprefix("# "), _complete(text.strip(), file.parent))
+    return Chapter(file.stem.partition("-")[2], title.removeprefix("# "), _complete(text.strip(), file.parent))
 
 
 def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
@@ -218,7 +218,7 @@ def _parts(file: Path, text: str) -> dict[str, str]:
 
 
 def _lesson(file: Path) -> Lesson:
-    return read_lesson(file, file.parent.parent)._replace(id=file.stem[2:])
+    return read_lesson(file, file.parent.parent)._replace(id=file.stem.partition("-")[2])
 
 
 def _complete(text: str, folder: Path) -> str:

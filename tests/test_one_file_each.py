@@ -260,7 +260,7 @@ It rings for half a second.
 
 
 def test_a_lesson_is_one_file(copy: Path):
-    (copy / "web_assets/guide/lessons/9-quiet.md").write_text(LESSON, encoding="utf-8")
+    (copy / "web_assets/guide/lessons/11-quiet.md").write_text(LESSON, encoding="utf-8")
     found = run(
         copy,
         """

@@ -175,7 +175,9 @@ def test_an_error_exceeds_no_bound_that_its_sentence_names(preset: str, duration
     scenario = load_preset(preset)
     run = simulate(scenario, duration, sample_period)
     for less in (0.0, 0.13, 0.25, 0.41):
-        said = sentences(scenario, run.slice(0, len(run) - round(less / sample_period))).get("error within the layer", "")
+        said = sentences(scenario, run.slice(0, len(run) - round(less / sample_period))).get(
+            "error within the layer", ""
+        )
         if " at most" in said:
             assert advised(r"error of ([\d.]+) mm", said) <= advised(r"give ([\d.]+) mm at most", said)
 

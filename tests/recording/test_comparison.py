@@ -56,7 +56,7 @@ def test_every_view_has_one_place_in_the_layout(recording_file: Path, softer: Pa
 def test_tables_say_what_differs(recording_file: Path, softer: Path) -> None:
     found = compare([recording_file, softer])
     assert ("payload.bending_stiffness", ("100", "60")) in found.settings
-    assert ("payload.damping", ("nodal", "modal")) in found.settings
+    assert ("payload.damping.kind", ("nodal", "modal")) in found.settings
     text = found.text()
     assert found.duration == (1.0, 0.5)
     assert "## Metrics of the first 0.5 s of each run" in text

@@ -26,6 +26,15 @@ from flexlab.sim.world import World
 from flexlab.sim.world_state import Origin
 
 
+OF_THE_PATH = (
+    {"trajectory.frequency": (0.9, 0.8, 0.7)},
+    {"trajectory.duration": 0.8},
+    {"trajectory.pose": (0.01, 0.76, 0.02)},
+    {"trajectory.start": 0.1},
+)
+"""Changes of a path, of which the first that it has is made."""
+
+
 def live_recording(
     preset: str, logs: Path, scenario: Scenario | None = None, origin: Origin | None = None
 ) -> Recording:
@@ -38,9 +47,7 @@ def live_recording(
         ChangeScenario({"payload.bending_stiffness": 61.0}),
         Tap(half, (0.02, 0.05)),
         Pull(0.1 * half, (0.1, 0.8), 30.0),
-        ChangeScenario({"trajectory.frequency": (0.9, 0.8, 0.7)})
-        if runner.snapshot.scenario.has("trajectory.frequency")
-        else ChangeScenario({"trajectory.duration": 0.8}),
+        ChangeScenario(next(change for change in OF_THE_PATH if runner.snapshot.scenario.has(next(iter(change))))),
         Pull(0.3, (-0.8, 0.5), 40.0, (1, 2)),
         ChangeScenario({"gravity": 1.0, "payload.damping.coefficient": 0.05})
         if runner.snapshot.scenario.payload.damping.kind == "nodal"

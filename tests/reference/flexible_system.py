@@ -88,6 +88,8 @@ class Seen(NamedTuple):
     """Believed A11 - A12 A22⁻¹A21 at q = 0, (3, 3)."""
     beam_rate: np.ndarray
     """hᵀq̇, gᵀq̇."""
+    coming: np.ndarray
+    """As `desired`, when the torques that are asked for now act."""
 
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """M̄_i, C̄_i, Ḡ_i with the arms' true masses, first axis: arm."""
@@ -152,7 +154,11 @@ class FlexibleSystem:
         q_dot = state[6 + n : 6 + 2 * n]
         arms = [arm_at(self.scenario, i, x, v) for i in range(len(self.scenario.arms))]
         rate = np.array([self.h @ q_dot, self.g @ q_dot])
-        return Seen(self.scenario, arms, x, v, self.desired(t), self.share, self.m, self.believed_inertia(x[2]), rate)
+        law = self.scenario.controller
+        coming = self.desired(t + law.input_delay * (law.control_period or 0.0))
+        return Seen(
+            self.scenario, arms, x, v, self.desired(t), self.share, self.m, self.believed_inertia(x[2]), rate, coming
+        )
 
     def believed_inertia(self, theta: float) -> np.ndarray:
         """`Seen.A` at an angle."""

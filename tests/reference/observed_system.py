@@ -95,10 +95,9 @@ class ObservedSystem(FlexibleSystem):
         forces = [self.net(seen, torque) for torque in line]
         law, (M, C, G) = self.scenario.controller, seen.sums()
         if law.kind == "lqr":
-            z, (x_d, v_d, a_d) = self.ahead(z, seen, forces, [1.0] * self.delay), seen.desired
-            late = self.delay * self.period
+            z, (_, v_d, a_d) = self.ahead(z, seen, forces, [1.0] * self.delay), seen.desired
             aim = np.zeros_like(z)
-            aim[:3], aim[3 + self.modes : 6 + self.modes] = x_d + late * v_d + late**2 / 2 * a_d, v_d + late * a_d
+            aim[:3], aim[3 + self.modes : 6 + self.modes] = seen.coming[:2]
             common = seen.A @ a_d + [0, seen.m * self.scenario.gravity, 0] - self.regulator @ (z - aim)
             return M @ a_d + C @ v_d + G + seen.share[:, None] * common, np.zeros(len(memory))
         u, rate = self.law(seen._replace(scenario=self.own), memory)

@@ -22,7 +22,8 @@ def test_every_preset_fits_into_a_link(name: str):
     scenario = load_preset(name)
     word = encode_scenario(scenario)
     assert decode_scenario(word) == scenario
-    assert len(word) < LONGEST_LINK / 3
+    # The rows of a table have to go into the link; other presets leave room for much more.
+    assert len(word) < LONGEST_LINK / (1.5 if scenario.trajectory.kind == "table" else 3)
 
 
 @given(stiffness=st.floats(1.0, 1000.0), title=st.text(max_size=40))

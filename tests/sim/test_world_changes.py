@@ -208,7 +208,7 @@ def test_a_path_that_would_begin_outside_its_range_is_refused(kind: str, restart
     turned = {"trajectory.center": (0.0, 0.75, 6 * np.pi + 0.3), "trajectory.amplitude": (0.0, 0.0, 1.0)}
     world, other = (World(load_preset("paper").replace(turned)) for _ in range(2))
     world.advance(250)
-    with pytest.raises(ScenarioError, match=r"20\.1.* outside the allowed range -20 to 20"):
+    with pytest.raises(ScenarioError, match=r"20\.1.* outside the allowed range −20 to 20"):
         world.apply(ChangeScenario({"trajectory.kind": kind, **restart}))
     assert world.scenario == other.scenario
     other.advance(250)

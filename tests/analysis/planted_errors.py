@@ -62,7 +62,12 @@ PLANTED = (
     PlantedError("adaptation", "control/laws/adaptive_sliding_mode.py", "b_rate[1] = s_norm", "b_rate[1] = -s_norm"),
     PlantedError("boundary", "boundaries.py", '"pinned-pinned": (0, -2)', '"pinned-pinned": (0, -1)'),
     PlantedError("stiffness of the beam", "physics/beam.py", "- 4), 6 - 12 * xi", "- 4), 6 + 12 * xi"),
-    PlantedError("damping of the beam", "scenario/damping.py", "self.coefficient * product(V.T", "-self.coefficient * product(V.T"),
+    PlantedError(
+        "damping of the beam",
+        "scenario/damping.py",
+        "self.coefficient * product(V.T",
+        "-self.coefficient * product(V.T",
+    ),
     PlantedError("joint rates", "physics/arm.py", "J[1, 2] = Kx, Ky, Kt", "J[1, 2] = -Kx, Ky, Kt"),
     PlantedError(
         "inertia of an arm", "physics/arm.py", "M23 = arm.mu_23 * arm.tip * (c2", "M23 = arm.mu_23 * arm.tip * (-c2"
@@ -236,7 +241,9 @@ PLANTED = (
         "regulator's weight of the beam", "control/laws/lqr.py", "beam * np.square(plant.omega)", "beam * plant.omega"
     ),
     PlantedError("regulator's gain", "control/laws/lqr.py", "total = -feedback[r]", "total = -0.5 * feedback[r]"),
-    PlantedError("stiffness damping", "scenario/damping.py", "self.coefficient * (omega * omega)", "self.coefficient * omega"),
+    PlantedError(
+        "stiffness damping", "scenario/damping.py", "self.coefficient * (omega * omega)", "self.coefficient * omega"
+    ),
     PlantedError("modal damping", "scenario/damping.py", "2 * self.ratio * omega", "self.ratio * omega"),
 )
 

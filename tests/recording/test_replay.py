@@ -25,7 +25,6 @@ from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 from flexlab.sim.world_state import Origin
 
-
 OF_THE_PATH = (
     {"trajectory.frequency": (0.9, 0.8, 0.7)},
     {"trajectory.duration": 0.8},

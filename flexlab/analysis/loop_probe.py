@@ -145,8 +145,9 @@ class LoopProbe:
         self.forces(motion, torque)
         left, along, spin, _ = self._workspace.axial
         G0, G1, G2, _ = self.system.plant.axial
-        feels = self.system.plant.modal[FELT]
-        return (left * G0 + along * G1 + spin * G2) * feels * feels[:, None]
+        feels, whole = np.flatnonzero(self.system.plant.modal[FELT]), np.zeros((self.mode_count, self.mode_count))
+        whole[np.ix_(feels, feels)] = left * G0 + along * G1 + spin * G2
+        return whole
 
     @property
     def line_length(self) -> int:

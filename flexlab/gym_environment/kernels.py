@@ -32,7 +32,7 @@ class Variants(NamedTuple):
     """The beams that worlds may have, stacked: what of a system differs with EI."""
 
     modal: np.ndarray
-    """(variants, 10, n_m)."""
+    """(variants, 13, n_m)."""
     damping: np.ndarray
     """(variants, n_m, n_m)."""
     kappa: np.ndarray
@@ -44,7 +44,7 @@ class Variants(NamedTuple):
     buckling_load: np.ndarray
     """(variants,)."""
     axial: np.ndarray
-    """(variants, 4, n_m, n_m)."""
+    """(variants, 4, n_f, n_f)."""
     etdrk4: Etdrk4
     """Each array with an axis (variants,) before its own."""
     step_count: np.ndarray

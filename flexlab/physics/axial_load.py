@@ -15,11 +15,23 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexlab.compiled import inlined
+from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.beam import GAUSS_POINTS, free_coordinates, gauss_rule
-from flexlab.physics.dynamics import block_product, hand_load, pose_load, solve_symmetric
-from flexlab.physics.plant import ETA, FELT, FOLLOWS, OMEGA2, PULL, G, H, hand_of
+from flexlab.physics.dynamics import hand_load, pose_load, solve_symmetric
+from flexlab.physics.plant import (
+    ETA,
+    FELT,
+    FOLLOWED_DG,
+    FOLLOWED_DH,
+    FOLLOWED_G,
+    FOLLOWED_H,
+    OMEGA2,
+    PULL,
+    G,
+    H,
+    hand_of,
+)
 
 FOLLOWED = 3000.0
 """1/s. What rings or decays faster than this does so within a step: N takes what it does on the average."""
@@ -43,8 +55,8 @@ BUCKLING = {
 N_LEFT, ALONG, SPIN, HAND = range(4)
 """N_L, a₁, ω² and F₁ in `Workspace.axial`, and what multiplies each in `Plant.axial`: G0, G1, G2, -G_F."""
 
-NOW, START, END, SCRATCH = range(4)
-"""Rows of `Workspace.axial_force`: K_G η at the present state, and at the first and the last stage of a step of etdrk4."""
+NOW, START, END, SCRATCH, GATHERED = range(5)
+"""Rows of `Workspace.axial_force`: K_G η now, at the first and at the last stage of a step of etdrk4, and scratch."""
 
 
 def buckling_load(length: float, EI: float, boundary: str) -> float:
@@ -110,15 +122,26 @@ def in_modes(matrix: np.ndarray, V: np.ndarray) -> np.ndarray:
     return (result + result.T) / 2
 
 
-def followed(omega: np.ndarray, damping: np.ndarray) -> np.ndarray:
-    """1 for each mode that N follows, else 0, (n_m,); `damping`: modal D (n_m, n_m)."""
-    return np.where((omega <= FOLLOWED) & (damping.diagonal() <= FOLLOWED), 1.0, 0.0)
+def followed_loads(omega: np.ndarray, damping: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """Vᵀh and Vᵀg (n_m, 2), 0 but for the modes that N follows, then FD times those, F of the same modes, (4, n_m).
+
+    `damping`: modal D (n_m, n_m).
+    """
+    follows = np.where((omega <= FOLLOWED) & (damping.diagonal() <= FOLLOWED), 1.0, 0.0)[:, None]
+    return np.concatenate([(follows * loads).T, (follows * product(damping, follows * loads)).T])
 
 
 def felt(omega: np.ndarray) -> np.ndarray:
-    """1 for each mode that feels the force along the beam, else 0, (n_m,)."""
+    """Whether each mode has a place in `Plant.axial`, (n_m,)."""
     rank = np.argsort(np.argsort(omega, kind="stable"), kind="stable")
-    return np.where((rank < FELT_MODES) & (omega <= STIFF_MODE), 1.0, 0.0)
+    return rank < FELT_MODES
+
+
+def in_felt_modes(matrix: np.ndarray, omega: np.ndarray, V: np.ndarray) -> np.ndarray:
+    """VᵀGV of the modes that feel the force along the beam, 0 for those that keep their stiffness, (n_f, n_f)."""
+    feels = felt(omega)
+    soft = omega[feels] <= STIFF_MODE
+    return in_modes(matrix, V[:, feels]) * soft * soft[:, None]
 
 
 @inlined
@@ -175,49 +198,66 @@ def first_stiffness(plant):
     return least
 
 
-@inlined
-def geometric_force(plant, terms, y, force):
-    """force (n_m,) = K_G η for `axial_terms`, or what it integrates to for those of an impulse."""
-    n = plant.modal.shape[1]
-    for k in range(n):
-        force[k] = 0.0
-    left, along, spin, hand = terms[N_LEFT], terms[ALONG], terms[SPIN], terms[HAND]
-    for j in range(n):
-        if plant.modal[FELT, j] == 0:
-            continue
+@disjoint
+def add_stiffness(G0, G1, G2, left, along, spin, eta, force):
+    """force (n_f,) += (N_L G0 + a₁ G1 + ω² G2) η."""
+    for j in range(len(eta)):
         # Row by row: no sum waits for another, and vector units fit whatever the order.
-        eta, G0, G1, G2 = y[ETA + j], plant.axial[0, j], plant.axial[1, j], plant.axial[2, j]
+        a, b, c, of_left, of_along, of_spin = left * eta[j], along * eta[j], spin * eta[j], G0[j], G1[j], G2[j]
+        for k in range(len(eta)):
+            force[k] += a * of_left[k] + b * of_along[k] + c * of_spin[k]
+
+
+@inlined
+def geometric_force(plant, terms, y, ws):
+    """Fill ws.axial_force[NOW] with K_G η for `axial_terms`."""
+    n, felt_count, all_force = plant.modal.shape[1], plant.axial.shape[1], ws.axial_force[NOW]
+    eta, force = y[ETA : ETA + n], all_force
+    if felt_count < n:
+        eta, force, i = ws.axial_force[GATHERED, :felt_count], ws.axial_force[SCRATCH, :felt_count], 0
         for k in range(n):
-            force[k] += eta * (left * G0[k] + along * G1[k] + spin * G2[k])
-        if hand != 0:
-            G_F = plant.axial[3, j]
-            for k in range(n):
-                force[k] -= eta * hand * G_F[k]
-    for k in range(n):
-        force[k] *= plant.modal[FELT, k]
+            if plant.modal[FELT, k] > 0:
+                eta[i] = y[ETA + k]
+                i += 1
+    for k in range(felt_count):
+        force[k] = 0.0
+    G0, G1, G2 = plant.axial[0], plant.axial[1], plant.axial[2]
+    add_stiffness(G0, G1, G2, terms[N_LEFT], terms[ALONG], terms[SPIN], eta, force)
+    if terms[HAND] != 0:
+        for j in range(felt_count):
+            pulled, G_F = terms[HAND] * eta[j], plant.axial[HAND, j]
+            for k in range(felt_count):
+                force[k] -= pulled * G_F[k]
+    if felt_count < n:
+        i = 0
+        for k in range(n):
+            all_force[k] = 0.0
+            if plant.modal[FELT, k] > 0:
+                all_force[k] = force[i]
+                i += 1
 
 
 @inlined
 def find_axial_load(plant, y, ws):
     """Fill ws.axial with `axial_terms`, and ws.axial_force[NOW] with K_G η, after `find_state`."""
-    n = plant.modal.shape[1]
     c, s, w = ws.arm.trig[0], ws.arm.trig[1], ws.velocity[2]
-    slow = ws.axial_force[SCRATCH]
-    for k in range(n):
-        slow[k] = plant.modal[FOLLOWS, k] * ws.eta_dot[k]
-    block_product(plant.block_start, plant.damping, slow, ws.damping_force)
     f1, f2, pull_turn = hand_load(plant, y, ws)
     h_force = g_force = eta_eta_dot = hh = hg = gg = 0.0
-    for k in range(n):
-        h, g = plant.modal[H, k], plant.modal[G, k]
-        eta_eta_dot += y[ETA + k] * ws.eta_dot[k]
-        if plant.modal[FOLLOWS, k] > 0:
-            force = (plant.modal[OMEGA2, k] - w * w) * y[ETA + k] + ws.damping_force[k] - plant.modal[PULL, k] * f2
-            force += h * plant.gravity * c
-            h_force += h * force
-            g_force += g * force
-        else:
-            hh, hg, gg = hh + h * h, hg + h * g, gg + g * g
+    weight, softer = plant.gravity * c, w * w
+    for k in range(plant.modal.shape[1]):
+        h, g, own_h, own_g = (
+            plant.modal[H, k],
+            plant.modal[G, k],
+            plant.modal[FOLLOWED_H, k],
+            plant.modal[FOLLOWED_G, k],
+        )
+        eta, rate = y[ETA + k], ws.eta_dot[k]
+        eta_eta_dot += eta * rate
+        force = (plant.modal[OMEGA2, k] - softer) * eta - plant.modal[PULL, k] * f2 + h * weight
+        h_force += own_h * force + plant.modal[FOLLOWED_DH, k] * rate
+        g_force += own_g * force + plant.modal[FOLLOWED_DG, k] * rate
+        h, g = h - own_h, g - own_g
+        hh, hg, gg = hh + h * h, hg + h * g, gg + g * g
     S, x_ddot = ws.axial_inertia, ws.axial_acceleration
     for a in range(3):
         for b in range(3):
@@ -227,4 +267,4 @@ def find_axial_load(plant, y, ws):
     pose_load(plant, ws.w_bar[0], ws.beam_rate[0], eta_eta_dot, h_force, g_force, f1, f2, pull_turn, ws.u, ws, x_ddot)
     solve_symmetric(S, x_ddot)
     axial_terms(plant, x_ddot, f1, ws.u, ws, ws.axial)
-    geometric_force(plant, ws.axial, y, ws.axial_force[NOW])
+    geometric_force(plant, ws.axial, y, ws)

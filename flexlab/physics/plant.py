@@ -31,10 +31,10 @@ def memory_start(plant):
     return ETA + 3 * plant.modal.shape[1] + 3
 
 
-H, G, DH, DG, OMEGA2, MID, BEND, PULL, FOLLOWS, FELT = range(10)
+H, G, DH, DG, OMEGA2, MID, BEND, PULL, FELT, FOLLOWED_H, FOLLOWED_G, FOLLOWED_DH, FOLLOWED_DG = range(13)
 """Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape where the beam bends
-most (mid-span or the free end), shape at the pulled point N(s)V, whether the axial load follows the mode, and whether the mode
-feels it (`axial_load`)."""
+most (mid-span or the free end), shape at the pulled point N(s)V, whether the mode has a place in `Plant.axial`, and the first
+four for modes that the axial load follows, else 0 (`axial_load`)."""
 
 ON_BEAM = -1.0
 """`Hand.arm` of a hand that holds the beam."""
@@ -78,7 +78,7 @@ class Plant(NamedTuple):
     gravity: float
     """Along -y, m/s²."""
     modal: np.ndarray
-    """(10, n_m), rows as named above."""
+    """(13, n_m), rows as named above."""
     damping: np.ndarray
     """Modal damping D, dense within its blocks, (n_m, n_m)."""
     block_start: np.ndarray
@@ -99,8 +99,8 @@ class Plant(NamedTuple):
     buckling_load: float
     """P_cr, N."""
     axial: np.ndarray
-    """VᵀGV of `axial_load`, (4, n_m, n_m): G0, G1, G2 and, which commands change in place, G_F; (4, 0, 0): the paper's beam,
-    which does not feel the force along it."""
+    """VᵀGV of `axial_load` in the n_f modes that feel it, (4, n_f, n_f): G0, G1, G2 and, which commands change in place, G_F;
+    (4, 0, 0): the paper's beam, which does not feel the force along it."""
 
 
 class Workspace(NamedTuple):
@@ -135,7 +135,7 @@ class Workspace(NamedTuple):
     axial: np.ndarray
     """N_L, a₁, ω² and F₁ of `axial_load`, (4,)."""
     axial_force: np.ndarray
-    """K_G η, (4, n_m), rows as `axial_load` names them."""
+    """K_G η, (5, n_m), rows as `axial_load` names them."""
     axial_inertia: np.ndarray
     """Scratch of `find_axial_load`, (3, 3)."""
     axial_acceleration: np.ndarray
@@ -199,7 +199,7 @@ def make_workspace(arm_count: int, mode_count: int, memory_size: int = 3, signal
         eta_dot=np.zeros(mode_count),
         damping_force=np.zeros(mode_count),
         axial=np.zeros(4),
-        axial_force=np.zeros((4, mode_count)),
+        axial_force=np.zeros((5, mode_count)),
         axial_inertia=np.zeros((3, 3)),
         axial_acceleration=np.zeros(3),
         restoring=np.zeros(mode_count),

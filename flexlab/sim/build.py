@@ -10,7 +10,7 @@ from flexlab.control.law_kernels import Control
 from flexlab.control.load_sharing import BelievedPayload
 from flexlab.control.observers.believed_plant import arm_records
 from flexlab.numerics.linear_algebra import product, solve
-from flexlab.physics.axial_load import buckling_load, felt, followed, geometric_matrices, in_modes
+from flexlab.physics.axial_load import buckling_load, felt, followed_loads, geometric_matrices, in_felt_modes
 from flexlab.physics.beam import (
     BeamMatrices,
     BeamModes,
@@ -43,7 +43,7 @@ def build_beam(payload: Payload) -> Beam:
     kept = slice(0, payload.mode_count)
     omega, V = omega[kept], V[:, kept]
     modes = beam_modes(omega, V, payload.damping.modal(omega, V))
-    return Beam(matrices, modes, _load_forms(loads), _axial(payload, modes.V))
+    return Beam(matrices, modes, _load_forms(loads), _axial(payload, modes))
 
 
 def _load_forms(loads: np.ndarray) -> np.ndarray:
@@ -51,12 +51,13 @@ def _load_forms(loads: np.ndarray) -> np.ndarray:
     return product(loads.T, loads)[[0, 0, 1], [0, 1, 1]]
 
 
-def _axial(payload: Payload, V: np.ndarray) -> np.ndarray:
-    """`Plant.axial` of a payload with these modes (n_q, n_m)."""
+def _axial(payload: Payload, modes: BeamModes) -> np.ndarray:
+    """`Plant.axial` of a payload with these modes."""
     if payload.axial_load == "none":
         return np.zeros((4, 0, 0))
     matrices = geometric_matrices(payload.length, payload.linear_density, payload.element_count, payload.boundary)
-    return np.stack([*(in_modes(G, V) for G in matrices), np.zeros((V.shape[1], V.shape[1]))])
+    felt_by = [in_felt_modes(G, modes.omega, modes.V) for G in matrices]
+    return np.stack([*felt_by, np.zeros_like(felt_by[0])])
 
 
 def _matrices(payload: Payload, length: float = 1, density: float = 1) -> BeamMatrices:
@@ -85,7 +86,7 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
     loosest = middle if len(scenario.arms) == 2 else payload_row(payload, payload.length / 2)
     shapes = product(np.stack([middle, loosest]), modes.V)
     damped, stiffness = product(modes.D, loads), modes.omega * modes.omega
-    axial = (followed(modes.omega, modes.D), felt(modes.omega))
+    axial = (felt(modes.omega), *followed_loads(modes.omega, modes.D, loads))
     further = (stiffness, *shapes, np.zeros_like(stiffness), *axial)
     return Plant(
         arms=arm_records(scenario.arms, payload.length) if arms is None else arms,

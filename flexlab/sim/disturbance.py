@@ -5,7 +5,7 @@ import numpy as np
 from flexlab.errors import ScenarioError
 from flexlab.numerics.elementary import sin_cos
 from flexlab.numerics.linear_algebra import product
-from flexlab.physics.axial_load import HAND, in_modes, part_beyond
+from flexlab.physics.axial_load import HAND, in_felt_modes, part_beyond
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.plant import ETA, FELT, NO_HAND, ON_BEAM, PULL, Hand, P, Plant, Workspace, forget_rates
 from flexlab.scenario import Payload, Scenario
@@ -77,8 +77,9 @@ def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:
 
 
 def beyond(payload: Payload, beam: Beam, s: float) -> np.ndarray:
-    """VᵀG_F V of a hand at s, m, (n_m, n_m)."""
-    return in_modes(part_beyond(payload.length, payload.element_count, payload.boundary, s), beam.modes.V)
+    """VᵀG_F V of a hand at s, m, as in `Plant.axial`."""
+    whole = part_beyond(payload.length, payload.element_count, payload.boundary, s)
+    return in_felt_modes(whole, beam.modes.omega, beam.modes.V)
 
 
 def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None:
@@ -118,6 +119,5 @@ def apply_axial_impulse(
         left = c * by_arm[0] + s * by_arm[1]
     G0, G1, _, _ = plant.axial
     impulse = left * G0 + along * G1 - tapped * beyond(payload, beam, command.beam_position)
-    feels = plant.modal[FELT]
-    for row, eta in zip(impulse, y[ETA : ETA + n] * feels, strict=True):
-        y[ETA + n : ETA + 2 * n] -= row * eta * feels
+    feels = plant.modal[FELT] > 0
+    y[ETA + n : ETA + 2 * n][feels] -= product(impulse, y[ETA : ETA + n][feels])

@@ -119,7 +119,7 @@ def end_flow(plant, flow, dt, free, y, ws):
     b[0], b[1] = lateral + dt / 2 * lateral_slope + kept[START + 2], turn + dt / 2 * turn_slope
     lateral, turn = lateral - dt / 2 * lateral_slope, turn - dt / 2 * turn_slope
     kept[LINE], kept[LINE + 1] = lateral + kept[START + 2], turn
-    loss, axial = 0.0, has_axial_load(plant)
+    loss, axial, per_step = 0.0, has_axial_load(plant), 1 / dt
     for k in range(n):
         h, g, stiffness = plant.modal[H, k], plant.modal[G, k], plant.modal[OMEGA2, k]
         eta = free[ETA + k] + lateral * flow[0, k] + lateral_slope * flow[2, k] + turn * flow[4, k]
@@ -128,7 +128,7 @@ def end_flow(plant, flow, dt, free, y, ws):
         rate[k] += lateral * flow[1, k] + lateral_slope * flow[3, k] + turn * flow[5, k] + turn_slope * flow[7, k]
         slope = h * lateral_slope + g * turn_slope
         if axial:
-            slope += (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) / dt
+            slope += (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) * per_step
             ws.axial_force[SCRATCH, k] = eta - kept[k]
         u_0 = kept[k] - (kept[2 * n + k] - h * lateral - g * turn) / stiffness
         u_1 = eta - kept[k] + dt * slope / stiffness
@@ -140,8 +140,8 @@ def end_flow(plant, flow, dt, free, y, ws):
     if axial:
         block_product(plant.block_start, plant.damping, ws.axial_force[SCRATCH], ws.damping_force)
         for k in range(n):
-            turned = ws.axial_force[END, k] - ws.axial_force[BEFORE, k]
-            loss -= turned / dt / plant.modal[OMEGA2, k] * ws.damping_force[k]
+            slope = (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) * per_step
+            loss -= slope / plant.modal[OMEGA2, k] * ws.damping_force[k]
     y[DISSIPATED] += loss
 
 

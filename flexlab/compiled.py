@@ -5,15 +5,18 @@ digest of all kernel sources: any edit compiles afresh and no stale machine code
 """
 
 import hashlib
+import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
+from time import perf_counter
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
 from llvmlite import ir
-from numba.core import config
+from numba.core import config, event
 from numba.extending import intrinsic
 
 _settings: Any = config
@@ -64,6 +67,54 @@ _DIGEST = _digest()
 def is_warm() -> bool:
     """Whether the engine's main kernel has been compiled for these sources before."""
     return any(cache_folder().rglob("advance*.nbi"))
+
+
+A_MOMENT = 1.5
+"""s of compiling after which a person starts to wonder."""
+COMPILING = (
+    "flexlab is compiling the equations of motion that it needs here for the first time, once for this version on this machine: "
+    "usually less than half a minute."
+)
+
+
+class Compilation(event.Listener):
+    """Says once that kernels are being compiled, when those that no cache held have taken a moment and one more begins.
+
+    Numba holds its lock meanwhile. A log's warning reaches people where nobody set up logging; commands have their own way.
+    """
+
+    def __init__(self) -> None:
+        self.tell: Callable[[], None] = lambda: logging.getLogger("flexlab").warning(COMPILING)
+        self.told = False
+        self._depth, self._began, self._spent = 0, 0.0, 0.0
+
+    def on_start(self, event: Any) -> None:
+        """One more kernel; those that it calls are compiled within it."""
+        if not _is_own(event):
+            return
+        now = perf_counter()
+        if self._depth == 0:
+            self._began = now
+        self._depth += 1
+        if not self.told and self._spent + now - self._began > A_MOMENT:
+            self.told = True
+            self.tell()
+
+    def on_end(self, event: Any) -> None:
+        """It is compiled, or cannot be."""
+        if not _is_own(event):
+            return
+        self._depth -= 1
+        if self._depth == 0:
+            self._spent += perf_counter() - self._began
+
+
+def _is_own(event: Any) -> bool:
+    return event.data["dispatcher"].py_func.__module__.startswith("flexlab.")
+
+
+COMPILATION = Compilation()
+event.register("numba:compile", COMPILATION)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -184,10 +235,16 @@ def _call(context: Any, builder: Any, signature: Any, values: Any, result: Any) 
     return builder.call(builder.inttoptr(address, kind.as_pointer()), given)
 
 
+def attributes(flat: np.ndarray, record: np.dtype) -> SimpleNamespace:
+    """The fields of a record that lies flat in memory. A `np.recarray` has a `mean`, `size` and `T` of its own."""
+    values = flat.view(record)[0]
+    return SimpleNamespace(**{name: values[name] for name in record.names or ()})
+
+
 def _call_plainly(address, parameters, arguments):
     """The kernel at `address`, called as the Python function that it is written as."""
     function, record = _plain[address]
-    return function(parameters.view(record).view(np.recarray)[0], *arguments)
+    return function(attributes(parameters, record), *arguments)
 
 
 @intrinsic

@@ -78,7 +78,8 @@ def _fill(folder: Path, source: Path, recording: Recording) -> None:
         if event.command is not None
     ]
     recorded = {name: recording.properties[name] for name in these_versions() if name in recording.properties}
-    metrics = {**run_metrics(recording.samples).as_data(), "result_hash": result_hash(recording.samples)}
+    found = run_metrics(recording.samples, finished=not recording.status.failed)
+    metrics = {**found.as_data(), "result_hash": result_hash(recording.samples)}
     documents = {
         "scenario.json": json.loads(scenario_text(recording.scenario)),
         "commands.json": commands,

@@ -97,7 +97,7 @@ class Comparison:
 def compare(paths: Sequence[Path]) -> Comparison:
     """Read recordings and compare them. Raises `RecordingError`."""
     recordings = tuple(read_recording(path, with_samples=False) for path in paths)
-    whole = [_metrics(path) for path in paths]
+    whole = [_metrics(path, finished=not run.status.failed) for path, run in zip(paths, recordings, strict=True)]
     durations = tuple(metrics.duration for metrics in whole)
     window = min(durations, default=0.0)
     metrics = [
@@ -128,8 +128,8 @@ def difference_text(first: MetricRow, other: MetricRow) -> str:
     return number_difference(first.value, other.value)
 
 
-def _metrics(path: Path, seconds: float = inf) -> RunMetrics:
-    """Of a run, or of its first `seconds`; reads no further than that."""
+def _metrics(path: Path, seconds: float = inf, finished: bool = True) -> RunMetrics:
+    """Of a run, or of its first `seconds`; reads no further than that. `finished`: whether it came to their end."""
     collection = None
     last = inf
     for block in read_blocks(path):
@@ -140,7 +140,7 @@ def _metrics(path: Path, seconds: float = inf) -> RunMetrics:
         if block.time[0] > last:
             break
         collection.update(block)
-    return (collection or MetricCollection()).compute()
+    return (collection or MetricCollection()).compute(finished)
 
 
 def _value(recording: Recording, path: str) -> str:

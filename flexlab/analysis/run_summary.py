@@ -16,7 +16,7 @@ from flexlab.scenario import Scenario
 from flexlab.scenario.differences import differences
 from flexlab.scenario.field_text import told, value_text
 from flexlab.sim.commands import ChangeScenario, LoadScenario
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event
 
 DIGITS = 4
@@ -49,9 +49,9 @@ class MetricNotes:
         elif isinstance(command, ChangeScenario) and event.level != "error":
             self._changes.append(f"t = {event.time:.3f} s: {event.text}")
 
-    def result(self) -> dict[str, Any]:
+    def result(self, status: Status) -> dict[str, Any]:
         """Metrics, what was changed against the preset, first instant and duration in s."""
-        metrics = self._metrics.compute()
+        metrics = self._metrics.compute(not status.failed)
         return {
             "metrics": {row.key: _rounded(row.value) for row in metrics.rows},
             "changes": self._changes,
@@ -83,7 +83,7 @@ def note_metrics(path: Path) -> dict[str, Any]:
         gathering.add_event(event)
     for block in read_blocks(path):
         gathering.add(block)
-    notes = gathering.result()
+    notes = gathering.result(recording.status)
     try:
         write_notes(path, **notes)
     except OSError as error:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from flexlab.cli.console import output
+from flexlab.cli.console import note, output
 from flexlab.cli.options import LOGS, Logs
 
 
@@ -18,8 +18,11 @@ def command(
     """Take FILE into logs as a recording with the same samples, bit for bit; FILE stays as it is."""
     from flexlab.analysis.run_summary import note_metrics
     from flexlab.recording.importing import import_into
+    from flexlab.recording.store.run_index import read_row
 
     path = import_into(file, logs)
     note_metrics(path)
+    if left_out := read_row(path).note:
+        note(left_out)
     run = path.stem if logs == LOGS else path
     output().print(f"Recorded in {path}. Look at it with: flexlab review {run}", soft_wrap=True)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics import Column as MetricColumn
-from flexlab.analysis.metrics.noted import UNKNOWN, measured, noted_text, noted_texts
+from flexlab.analysis.metrics.noted import UNKNOWN, measured, noted_text, noted_texts, results
 from flexlab.cli.console import note, output
 from flexlab.errors import StudyError
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
@@ -47,7 +47,7 @@ def sorted_rows(rows: Sequence[RunRow], field: str, reverse: bool = False, searc
 
 def _value(row: RunRow, field: str) -> Any:
     if field in COLUMNS:
-        value = row.metrics.get(COLUMNS[field].key)
+        value = results(row.metrics, row.is_stopped).get(COLUMNS[field].key)
         return value if isinstance(value, (int, float)) else None
     return getattr(row, field)
 
@@ -79,7 +79,7 @@ def _plain(row: RunRow) -> dict[str, Any]:
         "note": row.note,
         "tags": row.tags,
         "changes": row.changes,
-        "metrics": row.metrics,
+        "metrics": results(row.metrics, row.is_stopped),
     }
 
 
@@ -156,7 +156,7 @@ def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[Column], list[str]]
 
 
 def _metric_text(column: MetricColumn) -> Callable[[RunRow], str]:
-    return lambda row: noted_text(column, row.metrics)
+    return lambda row: noted_text(column, row.metrics, row.is_stopped)
 
 
 def _width(column: Column, rows: Sequence[RunRow]) -> int:
@@ -192,7 +192,7 @@ def print_runs(rows: Sequence[RunRow]) -> None:
                 "state",
                 ", ".join(dict.fromkeys(filter(None, (state_word(row), row.status, "kept" if row.kept else "")))),
             ),
-            *((title, text) for title, text in noted_texts(row.metrics).items() if text != UNKNOWN),
+            *((title, text) for title, text in noted_texts(row.metrics, row.is_stopped).items() if text != UNKNOWN),
             ("problem", row.problem),
             ("tags", ", ".join(row.tags)),
             ("note", row.note),

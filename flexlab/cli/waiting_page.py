@@ -17,7 +17,8 @@ PAGE = """<!doctype html>
 </style>
 <main>
   <svg width="220" height="80"><path d="M10 40 Q110 5 210 40"/></svg>
-  <p>flexlab is compiling the equations of motion.<br>This happens once and takes about a quarter of a minute.</p>
+  <p>flexlab is compiling the equations of motion.<br>
+  This happens once for this version on this machine and usually takes less than half a minute.</p>
   <p>The lab will open here by itself.</p>
 </main>
 <script>

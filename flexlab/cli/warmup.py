@@ -2,33 +2,30 @@
 
 import subprocess
 import sys
-import threading
 from collections.abc import Generator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 
 from flexlab.cli.console import note, notes
 from flexlab.scenario import Scenario
 
-SOON = 1.5
-"""s after which a person starts to wonder; with a warm cache the engine is ready in a fifth of that."""
-
 
 def warm_up(scenario: Scenario, meanwhile: AbstractContextManager[object] | None = None) -> None:
-    """Have the engine compiled; if that takes long, tell the person and hold `meanwhile` open until it is done.
-
-    Whether it takes long is seen by waiting, not by looking into the cache, which may hold code of another checkout.
-    """
+    """Have the engine compiled; if that takes long, tell the person and hold `meanwhile` open until it is done."""
+    from flexlab.compiled import COMPILATION, COMPILING
     from flexlab.sim.world import World
 
-    done = threading.Event()
-    teller = threading.Thread(target=_tell, args=(done, meanwhile or nullcontext()), name="warm-up", daemon=True)
-    teller.start()
-    try:
+    with ExitStack() as shown:
+
+        def tell() -> None:
+            note(COMPILING)
+            shown.callback(note, "Compiled.")
+            for each in (meanwhile or nullcontext(), _wheel()):
+                shown.enter_context(each)
+
+        shown.callback(setattr, COMPILATION, "tell", COMPILATION.tell)
+        COMPILATION.tell = tell
         # One sample period of simulation goes through every kernel.
         World(scenario).run(1)
-    finally:
-        done.set()
-        teller.join()
 
 
 @contextmanager
@@ -48,15 +45,6 @@ def compiling_the_rest() -> Generator[None]:
     finally:
         process.terminate()
         process.communicate()
-
-
-def _tell(done: threading.Event, meanwhile: AbstractContextManager[object]) -> None:
-    if done.wait(SOON):
-        return
-    note("Compiling the equations of motion, once for this version and this machine: about a quarter of a minute.")
-    with meanwhile, _wheel():
-        done.wait()
-    note("Compiled.")
 
 
 def _wheel() -> AbstractContextManager[object]:

@@ -40,7 +40,7 @@ def run_page(run: Run, name: str, version: str) -> str:
         right=right,
         start=float(run.time[0]),
         end=float(run.time[-1]),
-        metrics=Markup(run_metrics(run)._repr_html_()),
+        metrics=Markup(run_metrics(run, finished=not run.status.failed)._repr_html_()),
         result=result_hash(run),
         version=version,
         scenario=scenario_text(run.scenario),

@@ -28,7 +28,7 @@ from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.state_json import state_json
 from flexlab.recording.store.formats import FORMAT, Changes, migrate
 from flexlab.recording.store.notes import replacing
-from flexlab.recording.table_columns import Column, check_units, from_columns, table_columns, to_columns
+from flexlab.recording.table_columns import Column, check_units, from_columns, left_out_text, table_columns, to_columns
 from flexlab.recording.time_range import within
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.samples import Run, Samples, Status
@@ -123,14 +123,17 @@ def _export(
 
 
 def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
-    """(run, metadata) of a file that was exported. Raises `RecordingError` for any other file."""
+    """(run, metadata) of a file that was exported; "left_out" says which columns are no signals.
+
+    Raises `RecordingError` for any other file.
+    """
     _, read = _format(path)
     try:
         columns, text = read(path)
         metadata = writable(json.loads(text))
         scenario = parse_scenario(metadata["scenario"])
         check_units(columns, scenario)
-        samples = from_columns(columns, scenario)
+        samples, left_out = from_columns(columns, scenario), left_out_text(columns, scenario)
         check_times(path.name, samples.time)
         events = [event_from_values(event) for event in metadata.get("events", ())]
         check_events(path.name, events)
@@ -148,7 +151,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
     ) as error:  # Archives fail in a dozen ways: locked, torn, packed unusually, too large by what they say.
         reason = visible(str(error).split("\n")[0], LONGEST_REASON)
         raise RecordingError(f"{path} is not a run exported by flexlab ({reason}).") from None
-    return Run(**samples.signals(), scenario=scenario, status=status), metadata
+    return Run(**samples.signals(), scenario=scenario, status=status), metadata | {"left_out": left_out}
 
 
 def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:

@@ -37,8 +37,8 @@ IMPORTED = (SUFFIX, *FORMATS)
 def import_into(path: Path, logs: Path, **notes: str) -> Path:
     """Take a recording or an exported run into `logs`; returns the new recording. The file itself stays as it is.
 
-    `notes` stand beside the run. Raises `RecordingError`, and leaves nothing in `logs`, for a file that holds no run or if
-    `logs` takes no more.
+    `notes` stand beside the run; its "note" says which columns were left out. Raises `RecordingError`, and leaves nothing in
+    `logs`, for a file that holds no run or if `logs` takes no more.
     """
     if path.suffix.lower() not in IMPORTED:
         raise RecordingError(f"{path.name} has no known format: let its name end in {', '.join(IMPORTED)}.")
@@ -89,6 +89,8 @@ def _take_table(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         reason = visible(error, LONGEST_REASON)
         raise RecordingError(f"{path.name} was not exported by this version of flexlab ({reason}).") from None
+    if metadata["left_out"]:
+        notes = {"note": metadata["left_out"], **notes}
     return take_run(run, info, path.name, logs, [event for event in events if not event.text.startswith(END)], **notes)
 
 

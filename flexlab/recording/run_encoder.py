@@ -148,7 +148,7 @@ class RunEncoder:
 
     def summary(self, status: Status, dropped: int) -> dict[str, Any]:
         """What the notes beside the file say of a run that has ended."""
-        notes = {} if self._notes is None else self._notes.result()
+        notes = {} if self._notes is None else self._notes.result(status)
         return {
             "ended": True,
             "preset": self.info.name,

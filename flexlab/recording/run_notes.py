@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from flexlab.recording.run_info import RunInfo
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event
 
 
@@ -19,8 +19,8 @@ class RunNotes(Protocol):
         """Take in an event."""
         ...
 
-    def result(self) -> dict[str, Any]:
-        """Notes by name, plain enough for JSON."""
+    def result(self, status: Status) -> dict[str, Any]:
+        """Notes by name, plain enough for JSON; `status`: how the run ended."""
         ...
 
 

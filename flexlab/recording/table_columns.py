@@ -1,6 +1,6 @@
 """Every signal of `Samples` as named columns with units, for tables, and back."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,8 @@ from flexlab.sim.signals import TABLE, known_signals, own_signals
 
 LONGEST_SHOWN = 60
 """Characters of a column's name that a sentence repeats."""
+MOST_SHOWN = 8
+"""Columns that a sentence names."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,14 @@ def table_columns(scenario: Scenario, later: Iterable[Scenario] = ()) -> tuple[C
     `later`: the scenarios that changes made of it, whose laws may have other signals of their own.
     """
     own = {signal.name: signal for each in (scenario, *later) for signal in own_signals(each)}
-    return tuple(
+    return tuple(column for signal in (*TABLE.values(), *own.values()) for column in _columns(signal, scenario))
+
+
+def _columns(signal: Signal, scenario: Scenario) -> list[Column]:
+    return [
         Column(f"{'_'.join([signal.name, *words])} [{unit}]", signal.name, index)
-        for signal in (*TABLE.values(), *own.values())
         for words, unit, index in _parts(signal, scenario)
-    )
+    ]
 
 
 def _parts(signal: Signal, scenario: Scenario) -> list[tuple[tuple[str, ...], str, tuple[int, ...]]]:
@@ -91,22 +96,37 @@ def check_units(names: Iterable[str], scenario: Scenario) -> None:
             raise RecordingError(f"The column {shown!r} has a unit that is not known for it: give {name} [{known}].")
 
 
+def _whole_signals(names: Collection[str], scenario: Scenario) -> Iterator[list[Column]]:
+    """The columns of each signal that is there with all of them."""
+    for signal in known_signals().values():
+        columns = _columns(signal, scenario)
+        if columns and all(column.name in names for column in columns):
+            yield columns
+
+
+def left_out_text(names: Collection[str], scenario: Scenario) -> str:
+    """A sentence that names the columns that `from_columns` makes nothing of; empty: there are none."""
+    taken = {column.name for columns in _whole_signals(names, scenario) for column in columns}
+    left = [repr(visible(name, LONGEST_SHOWN)) for name in names if name not in taken]
+    if not left:
+        return ""
+    more = f" and {len(left) - MOST_SHOWN} more" if len(left) > MOST_SHOWN else ""
+    return f"Columns left out, of no signal that is known here and whole: {', '.join(left[:MOST_SHOWN])}{more}."
+
+
 def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
     """The samples that `to_columns` was given, read-only. Raises KeyError if there is no column of times.
 
     A signal whose columns are not all there is absent.
     """
-    known = [(signal, _parts(signal, scenario)) for signal in known_signals().values()]
     signals: dict[str, np.ndarray] = {}
-    for signal, parts in known:
-        names = [f"{'_'.join([signal.name, *words])} [{unit}]" for words, unit, _ in parts]
-        if parts and all(name in values for name in names):
-            shape = tuple(1 + max(index[axis] for _, _, index in parts) for axis in range(len(signal.axes)))
-            array = np.empty((len(values[names[0]]), *shape))
-            for name, (_, _, index) in zip(names, parts, strict=True):
-                array[(slice(None), *index)] = values[name]
-            array.flags.writeable = False
-            signals[signal.name] = array
+    for columns in _whole_signals(values, scenario):
+        shape = tuple(1 + max(places) for places in zip(*(column.index for column in columns), strict=True))
+        array = np.empty((len(values[columns[0].name]), *shape))
+        for column in columns:
+            array[(slice(None), *column.index)] = values[column.name]
+        array.flags.writeable = False
+        signals[columns[0].signal] = array
     if "time" not in signals:
         raise KeyError("time [s]")
     return Samples(**signals)

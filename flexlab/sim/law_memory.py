@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from flexlab.compiled import attributes
 from flexlab.control.law import Start, law_of
 from flexlab.physics.arm import arm_velocity_terms, task_input
 from flexlab.physics.dynamics import velocities_at
@@ -74,7 +75,7 @@ def outlook(
     for i in range(len(system.plant.arms)):
         task_input(ws.arm.J[i], system.held_torque[i], ws.u[i])
     now = complete_input(system, y[:3], ws.velocity, desired_at(system.trajectory, time), ws)
-    gains = control.gains.view(law.gains_type).view(np.recarray)[0]
+    gains = attributes(control.gains, law.gains_type)
     wait = 0.0
     if period is not None and not acts_now:
         wait = (math.floor(time / period + LATE) + 1) * period - time

@@ -10,6 +10,7 @@ from recording_helpers import assert_same_bits
 
 from flexlab.analysis.replay import replay
 from flexlab.errors import RecordingError
+from flexlab.plain_text import visible
 from flexlab.presets import load_preset
 from flexlab.recording.export import FORMATS, export_recording
 from flexlab.recording.headless import HeadlessRecording
@@ -18,6 +19,7 @@ from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs
+from flexlab.recording.store.run_index import read_row
 from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import Event
@@ -188,3 +190,23 @@ def test_a_column_of_an_unknown_unit_is_told_and_not_left_out(unit: str, origina
     with pytest.raises(RecordingError, match=r"has a unit that is not known for it: give pose_x \[m\]"):
         import_into(file, tmp_path / "other")
     assert not list(tmp_path.glob("other/*"))
+
+
+@pytest.mark.parametrize(
+    "change", [("pose_x [m]", "wind [m/s]"), ("pose_x [m]", "\x1b[2J"), ("input_work [J]", "input_works [J]")]
+)
+def test_a_column_of_an_unknown_name_is_left_out_and_said_so(
+    change: tuple[str, str], original: Recording, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.csv"
+    export_recording(original, file)
+    file.write_text(file.read_text(encoding="utf-8").replace(*change, 1), encoding="utf-8")
+    taken = import_into(file, tmp_path / "other")
+    said = read_row(taken).note
+    assert repr(visible(change[1])) in said
+    assert ("'pose_y [m]'" in said) == change[0].startswith("pose"), (
+        "a signal of which a part is missing is left out, too"
+    )
+    assert "torque" not in said
+    export_recording(original, file)
+    assert not read_row(import_into(file, tmp_path / "whole")).note

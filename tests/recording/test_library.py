@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from recording_helpers import wait_until
 
+from flexlab.analysis.comparison import compare
+from flexlab.analysis.metrics.noted import noted_texts, results
 from flexlab.analysis.run_summary import note_metrics, note_missing_metrics, run_notes, scenario_differences
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
@@ -16,6 +18,7 @@ from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.retention import removable_runs, remove_runs
 from flexlab.recording.store.run_files import list_runs
+from flexlab.recording.store.run_index import read_row
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run, Status
 from flexlab.sim.simulate import simulate
@@ -58,6 +61,28 @@ def test_metrics_that_an_earlier_version_noted_are_measured_again(run: Run, tmp_
 def test_a_run_that_has_not_settled_is_noted_as_such(tmp_path: Path) -> None:
     short = simulate(load_preset("paper"), duration=0.2)
     assert note_metrics(write_run(short, tmp_path, "paper"))["metrics"]["Vibration below 1 % after [s]"] is None
+
+
+def test_a_run_that_stopped_before_its_end_has_no_metrics_but_its_duration(run: Run, tmp_path: Path) -> None:
+    """Nor has one whose numbers an earlier version noted; and a comparison gives none either."""
+    with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario), run_notes) as recording:
+        recording.write(run.slice(0, 301))
+        recording.end(Status("diverged", "The run diverged.", 0.3))
+    whole = write_run(run, tmp_path, "paper")
+    written = read_notes(recording.path)["metrics"]
+    assert written == note_metrics(recording.path)["metrics"]
+    assert {key for key, value in written.items() if value is not None} == {"Duration [s]"}
+    for noted in (written, note_metrics(whole)["metrics"]):
+        write_notes(recording.path, metrics=noted)
+        row = read_row(recording.path)
+        texts = noted_texts(row.metrics, row.is_stopped)
+        assert texts.pop("Duration [s]") not in ("did not finish", "–")
+        assert set(texts.values()) == {"did not finish"}
+        assert {results(row.metrics, row.is_stopped)[key] for key in texts} == {None}
+    for rows in compare([recording.path, whole]).metrics:
+        assert rows[1].value == rows[1].value or rows[1].text != "did not finish"
+        assert (rows[0].text == "did not finish") == (rows[0].key != "Duration [s]")
+    assert not read_row(whole).is_stopped
 
 
 def test_a_recorder_notes_metrics_and_changes_as_a_run_ends(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from math import nan
 from typing import Any
 
 from flexlab.analysis.metrics.metric import METRICS, Column
-from flexlab.analysis.metrics.run_metrics import value_text
+from flexlab.analysis.metrics.run_metrics import DURATION, NOT_FINISHED, value_text
 
 UNKNOWN = "–"
 
@@ -17,25 +17,38 @@ def measured(noted: Any) -> bool:
     )
 
 
-def noted_text(column: Column, noted: Mapping[str, Any]) -> str:
-    """A number as a table shows it: "not settled" for one that had no value, "–" for one that was never measured."""
+def results(noted: Mapping[str, Any], stopped: bool) -> dict[str, Any]:
+    """The metrics that are results: of a run that stopped before its end only the duration, whatever earlier versions noted."""
+    kept = {column.key for column in METRICS[DURATION].columns}
+    return {key: None if stopped and key not in kept else value for key, value in noted.items()}
+
+
+def noted_text(column: Column, noted: Mapping[str, Any], stopped: bool = False) -> str:
+    """A number as a table shows it: "not settled" for one that had no value, "–" for one that was never measured.
+
+    `stopped`: whether the run stopped before its end.
+    """
     if column.key not in noted:
         return UNKNOWN
-    value = noted[column.key]
+    value = results(noted, stopped)[column.key]
+    if value is None and stopped:
+        return NOT_FINISHED
     return value_text(column, nan if value is None else value)
 
 
-def noted_value(column: Column, noted: Mapping[str, Any]) -> float:
+def noted_value(column: Column, noted: Mapping[str, Any], stopped: bool = False) -> float:
     """A number to sort by: what has no value comes after all others."""
-    value = noted.get(column.key)
+    value = results(noted, stopped).get(column.key)
     usable = isinstance(value, (int, float)) and not isinstance(value, bool)
     return float(value) if usable else 1e300 if column.key in noted else 2e300
 
 
-def noted_texts(noted: Mapping[str, Any]) -> dict[str, str]:
+def noted_texts(noted: Mapping[str, Any], stopped: bool = False) -> dict[str, str]:
     """All of them by title and unit, those that this version does not know too."""
     columns = {column.key: column for metric in METRICS.values() for column in metric.columns}
     return {
-        str(key): noted_text(columns[key], noted) if key in columns else value_text(Column("", "", "", ""), value)
+        str(key): noted_text(columns[key], noted, stopped)
+        if key in columns
+        else value_text(Column("", "", "", ""), value)
         for key, value in noted.items()
     }

@@ -23,7 +23,7 @@ import numpy as np
 from pydantic import Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from flexlab.compiled import call_kernel, call_number_kernel, pluggable
+from flexlab.compiled import attributes, call_kernel, call_number_kernel, pluggable
 from flexlab.control.conditions import Circumstances, Condition, fed_modes
 from flexlab.control.controller import Controller
 from flexlab.control.law import USUAL_GAUGES, Law, Memory, Start, law_of, laws, on_new_law
@@ -157,7 +157,7 @@ def _with_slow(slow: Law, own: tuple[Memory, ...]) -> Law:
 
     def alone(given: Start) -> Start:
         gains = np.array(given.gains.slow_gains[: int(given.gains.slow_gain_count)])
-        return given._replace(gains=gains.view(slow.gains_type).view(np.recarray)[0])
+        return given._replace(gains=attributes(gains, slow.gains_type))
 
     return replace(
         LAW,

@@ -81,6 +81,11 @@ class RunRow:
         return self.status == MEASURED_STATUS
 
     @property
+    def is_stopped(self) -> bool:
+        """Whether the run stopped before its end; its metrics are then no results."""
+        return self.status not in ("", "running", "finished", MEASURED_STATUS)
+
+    @property
     def address(self) -> str:
         """`id` as part of an address."""
         return quote(self.id, safe="")

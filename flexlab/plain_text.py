@@ -2,7 +2,11 @@
 
 import logging
 import re
+import sys
+import threading
+import traceback
 from collections.abc import Iterable
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -16,10 +20,11 @@ DELETE, DELETE_PICTURE = 0x7F, 0x2421
 _PICTURES = {code: CONTROL_PICTURES + code for code in range(0x20) if chr(code) not in "\t\n"} | {
     DELETE: DELETE_PICTURE
 }
-# Without pictures: controls of the second kind, changes of the writing direction, other line ends, letters without width, tags,
-# and lone surrogates.
+# Without pictures: controls of the second kind, changes of the writing direction, other line ends, letters that nobody sees
+# (some of them may stand in Python's names), tags, and lone surrogates. Those that emoji need stay.
 _WITHOUT_PICTURE = re.compile(
-    "[\x80-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff\U000e0000-\U000e007f]"
+    "[\x80-\x9f\xad\u034f\u061c\u115f\u1160\u17b4\u17b5\u180b-\u180f\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f"
+    "\u3164\ufe00-\ufe0e\ufeff\uffa0\ufff9-\ufffb\ud800-\udfff\U0001d173-\U0001d17a\U000e0000-\U000e0fff]"
 )
 _OBEYED = re.compile(f"\x7f|{_WITHOUT_PICTURE.pattern}")
 
@@ -74,6 +79,19 @@ class PlainFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         """The line."""
         return visible(super().format(record))
+
+
+def tell_failures_plainly() -> None:
+    """Have this process write what is logged, and the tracebacks of its threads, as `visible` has them."""
+    if logging.lastResort is not None:
+        logging.lastResort.setFormatter(PlainFormatter())
+
+    def tell(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
+        if sys.stderr is not None and not issubclass(kind, SystemExit):
+            sys.stderr.write(visible("".join(traceback.format_exception(kind, error, trace))))
+
+    sys.excepthook = tell
+    threading.excepthook = lambda told: tell(told.exc_type, told.exc_value, told.exc_traceback)
 
 
 def writable(value: Any) -> Any:

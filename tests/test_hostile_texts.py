@@ -6,6 +6,7 @@ import logging
 import os
 import re
 import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr
 from pathlib import Path
@@ -25,11 +26,11 @@ from flexlab.sim.simulate import simulate
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
-HOSTILE = "\x1b[2J\x1b[8m\x1b]0;owned\x07\x1b]8;;http://x\x1b\\\x9b31m\x85\x7f\x08\x0b\x0c\r\u202e\u2066\u200b\u200f\u2028\ufeff\U000e0041"
+HOSTILE = "\x1b[2J\x1b[8m\x1b]0;owned\x07\x1b]8;;http://x\x1b\\\x9b31m\x85\x7f\x08\x0b\x0c\r\u202e\u2066\u200b\u200f\u2028\ufeff\U000e0041\u3164\u00ad\ufe01"
 """Erases, conceals, names the window, links, goes back, turns the direction, hides."""
 MARKUP = "[red]not red[/red] :bomb: [link=http://x]no link[/link]"
 OBEYED = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\U000e0000-\U000e007f]"
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\u3164\xad\ufe01\U000e0000-\U000e007f]"
 )
 NAME = "odd\x1b[31m\x9b8m\u202ename"
 """Of files: without what a file system refuses."""
@@ -176,6 +177,41 @@ def test_what_libraries_log_is_shown_and_not_obeyed(flexlab_process: Command, ca
         flexlab.cli.main(["--version"])
     record = logging.LogRecord("a", logging.WARNING, "", 0, "%s", (HOSTILE,), None)
     assert OBEYED.findall(logging.lastResort.format(record)) == []
+
+
+FAILS = """
+import sys, threading, asyncio
+import flexlab.cli
+from flexlab.server.tasks import Tasks
+from flexlab.server.limits import THE_SERVER
+
+def fail(text):
+    raise ValueError(text)
+
+if __name__ == "__main__":
+    try:
+        flexlab.cli.main(["--version"])
+    except SystemExit:
+        pass
+    if sys.argv[1] == "task":
+        asyncio.run(Tasks().run(THE_SERVER, fail, TEXT))
+    if sys.argv[1] == "thread":
+        thread = threading.Thread(target=fail, args=(TEXT,))
+        thread.start()
+        thread.join()
+    if sys.argv[1] == "main":
+        fail(TEXT)
+"""
+"""A defect of flexlab's own while it works on what somebody else wrote."""
+
+
+@pytest.mark.parametrize("where", ["task", "thread", "main"])
+def test_tracebacks_are_shown_and_not_obeyed(where: str, tmp_path: Path):
+    script = tmp_path / "fails.py"
+    script.write_text(FAILS.replace("TEXT", repr(HOSTILE)))
+    told = subprocess.run([sys.executable, script, where], capture_output=True, text=True, check=False).stderr
+    assert "ValueError" in told
+    assert OBEYED.findall(told) == []
 
 
 def test_every_command_is_asked(root: Path):

@@ -166,9 +166,11 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
                     raise RecordingError(
                         f"{archive_path}: {name!r:.80} was changed or is missing: get the archive again."
                     )
+    except RecordingError:
+        raise
     except FileNotFoundError:
         raise RecordingError(f"There is no file {archive_path}: check the name.") from None
-    except (OSError, zipfile.BadZipFile, ValueError, KeyError, TypeError, AttributeError, NotImplementedError) as error:
+    except Exception as error:  # Archives fail in a dozen ways, as those of `export.import_run` do.
         reason = " ".join(str(error).split())
         raise RecordingError(f"{archive_path} cannot be read as an archive of a run ({reason:.120}).") from None
     return folder / RUN

@@ -7,7 +7,6 @@ import difflib
 import functools
 import importlib
 import io
-import logging
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr
@@ -15,7 +14,7 @@ from typing import Any
 
 from flexlab.cli.console import complain, notes
 from flexlab.errors import FlexlabError
-from flexlab.plain_text import PlainFormatter
+from flexlab.plain_text import tell_failures_plainly
 
 COMMANDS = (
     "lab",
@@ -46,8 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     reconfigure: Any = getattr(sys.stdout, "reconfigure", None)  # A test's stream has none.
     if reconfigure is not None:  # A name that is no text must not end a listing.
         reconfigure(errors="backslashreplace")
-    if logging.lastResort is not None:
-        logging.lastResort.setFormatter(PlainFormatter())
+    tell_failures_plainly()
     try:
         sys.exit(_dispatch(words))
     except FlexlabError as error:

@@ -12,6 +12,8 @@ from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING
 
+from flexlab.plain_text import tell_failures_plainly
+
 if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
 
@@ -68,6 +70,17 @@ def leave_interrupts_to_the_server() -> None:
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+
+@contextlib.contextmanager
+def failures_told_plainly() -> Generator[None, None, None]:
+    """In the process itself: end with a traceback that no terminal obeys, as it may quote what a visitor sent."""
+    tell_failures_plainly()
+    try:
+        yield
+    except Exception:
+        sys.excepthook(*sys.exc_info())
+        sys.exit(1)
 
 
 def end_with_the_server() -> None:

@@ -10,12 +10,13 @@ from pathlib import Path
 from flexlab.analysis.metrics.noted import measured
 from flexlab.analysis.run_summary import note_missing_metrics
 from flexlab.recording.store.run_index import RunRow
-from flexlab.server.child_processes import end_with_the_server
+from flexlab.server.child_processes import end_with_the_server, failures_told_plainly
 
 LOW_PRIORITY = 19
 """Unix niceness: the labs must not notice."""
 
 
+@failures_told_plainly()
 def measure(logs: Path) -> None:
     """The life of the measuring process."""
     end_with_the_server()

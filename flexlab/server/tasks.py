@@ -15,7 +15,12 @@ from typing import Any, TypeVar
 from flexlab.control.own_files import know_own_files
 from flexlab.control.own_law_hosts import allowed
 from flexlab.errors import FlexlabError, LabError
-from flexlab.server.child_processes import end_with_the_server, leave_interrupts_to_the_server, without_interrupt
+from flexlab.server.child_processes import (
+    end_with_the_server,
+    failures_told_plainly,
+    leave_interrupts_to_the_server,
+    without_interrupt,
+)
 from flexlab.server.limits import Asker, Limit
 
 AT_ONCE = 3
@@ -60,6 +65,7 @@ class Failed:
     sentence: str
 
 
+@failures_told_plainly()
 def carry_out(
     work: Callable[..., Any], arguments: tuple[Any, ...], reports: bool, own_laws: dict[str, str], pipe: Connection
 ) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from recording_helpers import start_script
 
+from flexlab.analysis.capsule import METADATA, unpack_capsule
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.export import export_run
@@ -97,6 +98,23 @@ def test_nested_metadata_are_one_sentence(exported: Path, tmp_path: Path, text: 
     path = change_metadata(exported, tmp_path / "odd.npz", text)
     with pytest.raises(RecordingError, match="is not a run exported by flexlab"):
         import_into(path, tmp_path / "logs")
+
+
+@pytest.mark.parametrize("change", [bytearray.clear, locked, torn, packed_by(1), packed_by(99)])
+@pytest.mark.parametrize("text", ["[" * 100_000, "[1]", '{"@graph":[{"@id":[],"@type":"File","sha256":1}]}'])
+def test_an_odd_archive_of_a_run_is_one_sentence(
+    tmp_path: Path, change: Callable[[bytearray], None], text: str
+) -> None:
+    path = tmp_path / "odd.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(METADATA, text)
+    with pytest.raises(RecordingError, match=r"odd\.zip cannot be read as an archive of a run"):
+        unpack_capsule(path, tmp_path)
+    data = bytearray(path.read_bytes())
+    change(data)
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=r"odd\.zip cannot be read as an archive of a run"):
+        unpack_capsule(path, tmp_path)
 
 
 def test_halves_of_characters_are_replaced(exported: Path, tmp_path: Path) -> None:

@@ -12,7 +12,12 @@ from pathlib import Path
 from flexlab.control.own_files import know_own_files
 from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.recording.live import LiveHub, Take
-from flexlab.server.child_processes import lab_processes, leave_interrupts_to_the_server, without_interrupt
+from flexlab.server.child_processes import (
+    failures_told_plainly,
+    lab_processes,
+    leave_interrupts_to_the_server,
+    without_interrupt,
+)
 from flexlab.server.labs.lab_provider import Choice, Hold
 from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
 
@@ -91,6 +96,7 @@ def _sender(pipe: Connection) -> Take:
     return take
 
 
+@failures_told_plainly()
 def work(order: Order, pipe: Connection, live: Connection | None) -> None:
     """The worker's life: open, report, follow, close. Ends when the server says so or is no more."""
     leave_interrupts_to_the_server()

@@ -205,7 +205,8 @@ def _welcome(front_server: "FrontServer") -> None:
     lines = [f"The lab is open at {front_server.lab_url}", f"Start page, with all runs: {front_server.url}"]
     if settings.private:
         lines.append(
-            f"Private labs: at most {settings.max_sessions} at once ({capacity().text}); who comes later waits in line."
+            f"Private labs: at most {settings.max_sessions} at once, {settings.labs_per_address} of one address "
+            f"({capacity().text}); who comes later waits in line."
         )
     if settings.private or not settings.is_local:
         lines.append(f"All labs at a glance, for the teacher: {front_server.teacher_url}")

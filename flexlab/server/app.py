@@ -20,6 +20,7 @@ from flexlab.server.pages.start_page import start_page
 from flexlab.server.pages.study_pages import add_study_pages
 from flexlab.server.pages.teacher_page import add_teacher_pages
 from flexlab.server.pages.upload import add_upload
+from flexlab.server.visitors import greet
 
 STATIC = Path(__file__).resolve().parent / "static"
 """Style sheet, scripts and the icon of the server's pages."""
@@ -28,7 +29,7 @@ STATIC_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 
 
 def build_app(context: Context) -> web.Application:
     """The web application of one server."""
-    app = web.Application(middlewares=[watch_patience, answer_in_sentences, check], client_max_size=LARGEST_BODY)
+    app = web.Application(middlewares=[watch_patience, answer_in_sentences, check, greet], client_max_size=LARGEST_BODY)
     app[CONTEXT] = context
     app.on_response_prepare.append(add_headers)
     app.router.add_get("/", start_page)

@@ -13,7 +13,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from flexlab.errors import FlexlabError
 from flexlab.log_limits import limited
 from flexlab.recording.store.run_files import SUFFIX
-from flexlab.server.limits import BusyError
+from flexlab.server.limits import BusyError, network_of
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import HAS_CLASS, button, render
@@ -113,7 +113,7 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
     if context.is_open or request.path.startswith(OPEN_TO_ALL) or has_pass(request):
         return await handler(request)
     if "token" in request.query and request.method in SAFE_METHODS and not is_websocket(request):
-        address = request.remote or ""
+        address = network_of(request.remote or "")
         if context.guesses.is_flooding(address):
             return refuse(request, 429, TOO_MANY)
         for kind, token in (("teacher", context.teacher_token), ("token", context.token)):

@@ -78,8 +78,8 @@ def failures_told_plainly() -> Generator[None, None, None]:
     tell_failures_plainly()
     try:
         yield
-    except Exception:
-        sys.excepthook(*sys.exc_info())
+    except Exception as error:
+        sys.excepthook(type(error), error, error.__traceback__)
         sys.exit(1)
 
 

@@ -8,10 +8,12 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
+from typing import Any
 
 from aiohttp import web
 
 from flexlab.log_limits import limited
+from flexlab.server.limits import network_of
 
 HEAD_TIME = 10.0
 """s that a visitor may take from connecting, or from the first byte of a further request, to the end of its head."""
@@ -19,14 +21,18 @@ KEPT_OPEN = 30.0
 """s that a connection may rest between two requests."""
 BODY_TIME, BODY_RATE = 10.0, 5_000.0
 """s after which a body must have come at least this fast on average, bytes/s: modems are faster."""
-MOST_RESTING, MOST_RESTING_PER_ADDRESS = 200, 64
-"""Connections in which no request is going on; beyond it the oldest make room, those first that never had one."""
+MOST_RESTING, MOST_RESTING_PER_ADDRESS = 400, 240
+"""Connections in which no request is going on; beyond it the oldest make room, those first that never had one. A class of 40
+behind one address has 240, as browsers open six each."""
 RESTING_SHARE = 4
 """Of all handles that this process may have, one in so many may be such a connection."""
 MOST_OF_ADDRESS, ADDRESS_SHARE = 1000, 2
 """Connections of one address, resting or not, and the share of all handles that they may take: others must come in too."""
 MOST_HANDLES = 65_536
 """Handles asked of the system at start: far more than labs and visitors need."""
+STALLED_TIME = 60.0
+"""s after which a visitor who takes nothing of what is sent is left: their connection would stay for ever. On Linux; elsewhere
+only who is gone is noticed."""
 LOOK = 1.0
 """s between two looks at slow connections."""
 PAUSE = 0.2
@@ -57,7 +63,7 @@ class Visit(web.RequestHandler):
         """It begins."""
         super().connection_made(transport)
         peer = transport.get_extra_info("peername")
-        self.address = str(peer[0]) if peer else ""
+        self.address = network_of(str(peer[0])) if peer else ""
         self.connections.add(self)
 
     def connection_lost(self, exc: BaseException | None) -> None:
@@ -106,6 +112,13 @@ class Visit(web.RequestHandler):
         answer = web.Response(status=status, text=MALFORMED)
         answer.force_close()
         return answer
+
+    def log_exception(self, *words: Any, **more: Any) -> None:
+        """Tell of a visitor who took nothing of a file in one line: there aiohttp takes the timeout for a defect."""
+        if isinstance(more.get("exc_info"), TimeoutError):
+            log.warning("Left %s, who took nothing of what was sent for %g s.", self.address, STALLED_TIME)
+        else:
+            super().log_exception(*words, **more)
 
     def cut(self) -> None:
         """End it at once."""
@@ -175,6 +188,8 @@ class Connections:
             plug.setblocking(False)
             with contextlib.suppress(OSError):
                 plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                if hasattr(socket, "TCP_USER_TIMEOUT"):
+                    plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(1e3 * STALLED_TIME))
                 await loop.connect_accepted_socket(lambda: Visit(self, self._manager, loop), plug)
 
     async def _look(self) -> None:

@@ -7,6 +7,7 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import aiohttp
@@ -42,6 +43,9 @@ from flexlab.sockets import listen
 
 CLOSING_TIME = 1.0
 """s that open pages get when the server closes: a lab's page never ends by itself."""
+
+MOST_THREADS = 32
+"""That wait for disks and processes, beside one for each private lab: labs that open together must not hold up pages."""
 
 log = logging.getLogger(__name__)
 
@@ -141,6 +145,8 @@ class FrontServer:
 
     async def _serve(self) -> None:
         self._loop, self._closing = asyncio.get_running_loop(), asyncio.Event()
+        threads = MOST_THREADS + self.settings.max_sessions
+        self._loop.set_default_executor(ThreadPoolExecutor(threads, thread_name_prefix="flexlab-server-thread"))
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
             measuring, tasks = Measuring(self.settings.logs), Tasks()
             tidying = asyncio.create_task(tidy_up(self.settings))

@@ -1,6 +1,7 @@
 """How many things of a kind one visitor, one address and all together may have at once; the teacher finds a place beside."""
 
 import contextlib
+import ipaddress
 from collections.abc import Generator
 from dataclasses import dataclass
 
@@ -11,6 +12,22 @@ class BusyError(LabError):
     """Too much of something is going on: the same request may be answered later."""
 
 
+HOUSEHOLD = 64
+"""Bits of an IPv6 address that name a network, such as a household's: a machine in it chooses the others freely."""
+
+
+def network_of(address: str) -> str:
+    """By what addresses are told from one another: of IPv6 its network, as one machine has as many addresses as it likes."""
+    try:
+        number = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    if isinstance(number, ipaddress.IPv4Address):
+        return address
+    mapped = number.ipv4_mapped
+    return str(mapped or ipaddress.ip_network((int(number), HOUSEHOLD), strict=False))
+
+
 @dataclass(frozen=True)
 class Asker:
     """Who asks for something that costs."""
@@ -18,6 +35,7 @@ class Asker:
     visitor: str
     """The id of their cookie; empty without one."""
     address: str
+    """As `network_of` has it."""
     is_teacher: bool = False
 
     @property
@@ -44,10 +62,11 @@ class Limit:
         if asker.is_teacher:
             bounds = [("This server has", len(self._taken), self._of_all + self._for_teacher)]
         else:
-            mine = sum(other.person == asker.person for other in self._taken)
+            mine = sum(other.visitor == asker.visitor for other in self._taken)
             near = sum(other.address == asker.address for other in self._taken)
+            # Those without a cookie are many at some addresses, so that only their address bounds them.
             bounds = [
-                ("You have", mine, self._of_one),
+                ("You have", mine if asker.visitor else 0, self._of_one),
                 ("Your address has", near, self._of_address),
                 ("This server has", len(self._taken), self._of_all),
             ]

@@ -51,9 +51,13 @@ def inside_connector() -> aiohttp.TCPConnector:
 
 
 async def proxy_page(request: web.Request, place: Lab, path: str) -> web.StreamResponse:
-    """The lab's page, or another file of it."""
+    """The lab's page, or another file of it. Raises `BusyError` for one page too many."""
     if request.method not in ("GET", "HEAD"):
         raise web.HTTPMethodNotAllowed(request.method, ("GET", "HEAD"))
+    if not path:
+        context_of(request).pages.check(
+            asker_of(request)
+        )  # Said here: a page that gets no connection would say nothing.
     inside = context_of(request).inside
     try:
         url = f"http://{LOOPBACK}:{place.port}/{path}"

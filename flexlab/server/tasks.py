@@ -10,6 +10,7 @@ from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, TypeVar
 
 from flexlab.control.own_files import know_own_files
@@ -35,6 +36,9 @@ MOST_MEMORY = 4_000_000_000
 """Bytes that a task may take: a hostile upload could unpack into any size."""
 LONGEST = 600.0
 """s that a task may take."""
+
+OUT_OF_MEMORY = Path("/proc/self/oom_score_adj")
+"""Of Linux: 1000 there says that this process goes first where memory runs out, before labs and the server."""
 
 TOO_LARGE = (
     f"This takes more than {MOST_MEMORY / 1e9:g} GB of memory: choose a shorter range of time, or use the command line."
@@ -97,6 +101,8 @@ def _limit_memory() -> None:
         hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
         limit = MOST_MEMORY if hard == resource.RLIM_INFINITY else min(MOST_MEMORY, hard)
         resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
+        with contextlib.suppress(OSError):
+            OUT_OF_MEMORY.write_text("1000", encoding="ascii")
 
 
 class Turns:
@@ -161,7 +167,12 @@ class Tasks:
         """
         with self._limit.place(asker):
             async with self._turns.turn(asker):
-                return await self._run(work, arguments, on_progress)
+                try:
+                    return await self._run(work, arguments, on_progress)
+                except OSError as error:  # No handle, process or memory is left.
+                    raise LabError(
+                        f"This task cannot begin ({error.strerror}): this machine has too much to do. Try again later."
+                    ) from None
 
     async def _run(self, work: Callable[..., T], arguments: tuple[Any, ...], on_progress: Any) -> T:
         context = multiprocessing.get_context("spawn")
@@ -184,9 +195,10 @@ class Tasks:
         except TimeoutError:
             raise LabError(f"This takes longer than {LONGEST:g} s: use the command line instead.") from None
         finally:
-            await asyncio.shield(starting)
-            process.kill()
-            await asyncio.shield(asyncio.to_thread(process.join))
+            await asyncio.wait([starting])
+            if starting.exception() is None:
+                process.kill()
+                await asyncio.shield(asyncio.to_thread(process.join))
             self._processes.discard(process)
         if isinstance(word, Done):
             return word.result

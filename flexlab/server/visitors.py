@@ -6,7 +6,7 @@ import hmac
 import os
 import secrets
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -19,7 +19,7 @@ from flexlab.recording.store.notes import is_regular
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import RunRow, find_row, no_such_run, read_rows
 from flexlab.server.labs.run_owner import owner_word
-from flexlab.server.limits import Asker
+from flexlab.server.limits import Asker, network_of
 from flexlab.server.pages.page_context import Context, context_of
 
 KEY_FILE = ".flexlab-cookie-key"
@@ -93,7 +93,9 @@ def visitor_of(request: web.Request) -> Visitor:
         name = checked_name(unquote(given, errors="strict"))
     except (LabError, UnicodeDecodeError):
         name = UNNAMED
-    return Visitor(_issued(context, request.cookies.get(context.visitor_cookie, "")), name, request.remote or "")
+    return Visitor(
+        _issued(context, request.cookies.get(context.visitor_cookie, "")), name, network_of(request.remote or "")
+    )
 
 
 def _issued(context: Context, given: str) -> str:
@@ -105,7 +107,8 @@ def _issued(context: Context, given: str) -> str:
 
 def asker_of(request: web.Request) -> Asker:
     """Who asks, as limits know them."""
-    return Asker(visitor_of(request).id, request.remote or "", is_teacher(request))
+    visitor = visitor_of(request)
+    return Asker(visitor.id, visitor.address, is_teacher(request))
 
 
 def known_visitor_of(request: web.Request) -> Visitor:
@@ -118,7 +121,20 @@ def known_visitor_of(request: web.Request) -> Visitor:
     return Visitor(f"{word}.{signature}", visitor.name, visitor.address)
 
 
-def keep_visitor(request: web.Request, answer: web.Response, visitor: Visitor) -> None:
+@web.middleware
+async def greet(
+    request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+) -> web.StreamResponse:
+    """Give whoever sees a first page a cookie, so that many at one address are not one person."""
+    answer = await handler(request)
+    first = answer.status == 200 and answer.content_type == "text/html" and not answer.prepared
+    known = is_teacher(request) or visitor_of(request).id or context_of(request).visitor_cookie in answer.cookies
+    if first and not known:
+        keep_visitor(request, answer, known_visitor_of(request))
+    return answer
+
+
+def keep_visitor(request: web.Request, answer: web.StreamResponse, visitor: Visitor) -> None:
     """Let a visitor's browser keep who they are."""
     context = context_of(request)
     # Lax, not strict: whoever follows a link from elsewhere should find their lab too.

@@ -229,6 +229,7 @@ def test_one_visitor_opens_some_pages_and_viewers_not_all(server: FrontServer):
         for _ in range(MOST_PAGES[0]):
             open_pages.enter_context(looking(server.url, path, anna.cookies))
         assert anna.ask(path, **upgrade()).status == 503
+        assert "open pages of labs already" in anna.ask(f"{path}/").text, "rather than a page that never connects"
         assert Person(server, TEACHER).ask(path, **upgrade()).status == 101
     live = f"/live/{path.rpartition('/')[2]}.rrd"
     with contextlib.ExitStack() as closing:

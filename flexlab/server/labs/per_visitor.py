@@ -99,8 +99,10 @@ class PrivateLabs:
             return await asyncio.shield(opening)
         place = self.of_visitor(visitor)
         if place is None:
+            # At once, before others who ask in this moment count as having a lab.
+            self._admit(visitor, address)
             # Two pages opened at once by one visitor share what the first one starts.
-            opening = asyncio.ensure_future(self._open(visitor, choice or self._first, address, name))
+            opening = asyncio.ensure_future(self._open(visitor, choice or self._first, name))
             self._opening[visitor] = opening
             opening.add_done_callback(lambda _: self._opening.pop(visitor, None))
             return await asyncio.shield(opening)
@@ -108,17 +110,21 @@ class PrivateLabs:
             await asyncio.to_thread(place.worker.load, choice)
         return place
 
-    async def _open(self, visitor: str, choice: Choice, address: str, name: str) -> PrivateLab:
-        if self._watch is None:
-            self._watch = asyncio.create_task(self._close_idle_ones())
+    def _admit(self, visitor: str, address: str) -> None:
+        """Raises `FullError` as long as there is no lab for this visitor."""
         self._wait_for_turn(visitor, address)
-        most = self._settings.labs_per_address
-        self._addresses = {other: self._addresses.get(other, "") for other in self._taken()} | {visitor: address}
-        if sum(self._addresses.get(other) == address for other in self._taken() | {visitor}) > most:
+        most, others = self._settings.labs_per_address, self._taken() - {visitor}
+        if sum(self._addresses.get(other) == address for other in others) >= most:
             raise FullError(
                 f"Your address has {most} of {most} labs that one address may have. Come back in a few minutes, or use the "
-                "browser in which you opened one: a lab that nobody looks at is closed."
+                "browser in which you opened one: a lab that nobody looks at is closed. Who runs this server can allow "
+                "more (--max-per-address)."
             )
+        self._addresses = {other: self._addresses.get(other, "") for other in others} | {visitor: address}
+
+    async def _open(self, visitor: str, choice: Choice, name: str) -> PrivateLab:
+        if self._watch is None:
+            self._watch = asyncio.create_task(self._close_idle_ones())
         loop = asyncio.get_running_loop()
         lab = secrets.token_urlsafe(ID_BYTES)
 

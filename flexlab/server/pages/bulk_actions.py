@@ -15,7 +15,7 @@ from flexlab.recording.store.run_index import (
 )
 from flexlab.server.pages.layout import message, page
 from flexlab.server.pages.page_context import context_of
-from flexlab.server.pages.run_actions import TABLES, check_room, file_on_its_way, send_download
+from flexlab.server.pages.run_actions import TABLES, claim_room, file_on_its_way, send_download, table_size
 from flexlab.server.pages.templating import button
 from flexlab.server.run_jobs import archive_into
 from flexlab.server.visitors import asker_of, run_for
@@ -69,7 +69,7 @@ async def export(request: web.Request) -> web.StreamResponse:
         raise RecordingError(odd)
     try:
         async with file_on_its_way(request) as folder:
-            await asyncio.to_thread(check_room, folder, size)
+            await claim_room(request, folder, sum(table_size(row, kind) for row in rows))
             archive = await context.tasks.run(
                 asker_of(request), archive_into, tuple(row.path for row in rows), kind, folder
             )

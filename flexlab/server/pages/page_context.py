@@ -21,10 +21,10 @@ from flexlab.server.token_guesses import Guesses
 
 MOST_PAGES = 12, 120, 128, 8
 """Live connections of lab's pages: of one visitor, of one address, of all, and more for the teacher."""
-MOST_VIEWERS = 4, 12, 16, 2
-"""Viewers of live data: each takes as much of the line as a film."""
-MOST_FILES = 2, 6, 8, 2
-"""Files of up to 4 GB."""
+MOST_VIEWERS = 4, 40, 48, 4
+"""Viewers of live data: each takes as much of the line as a film, and a class behind one address has one each."""
+MOST_FILES = 2, 30, 40, 4
+"""Files on their way: a class behind one address asks for one each at once. `claim_room` bounds their bytes."""
 SIGNATURE = 40
 """Hexadecimal digits of a signature in a cookie."""
 
@@ -62,6 +62,8 @@ class Context:
     viewers: Limit = field(default_factory=lambda: Limit("viewers of live data", *MOST_VIEWERS))
     files: Limit = field(default_factory=lambda: Limit("files on their way", *MOST_FILES))
     """Uploads, exports and archives, which take room on the disk until the other side has them."""
+    claimed: dict[Path, int] = field(default_factory=dict[Path, int])
+    """Folder of a file on its way → bytes that it may take."""
 
     @property
     def is_open(self) -> bool:

@@ -3,15 +3,16 @@
 import asyncio
 import contextlib
 import math
+import os
 import shutil
 import tempfile
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Mapping
 from pathlib import Path
 
 from aiohttp import hdrs, web
 from markupsafe import Markup
 
-from flexlab.errors import FlexlabError, RecordingError
+from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.log_limits import limited
 from flexlab.plain_text import shown
 from flexlab.recording.store.run_index import RunRow, size_text
@@ -31,8 +32,11 @@ PIECE = 1024 * 1024
 """Bytes sent at once."""
 KEPT_FREE = 200_000_000
 """Bytes of the disk that uploads and archives leave free."""
-READING_TIME = 30.0
-"""s that the other side may take for one piece: its file takes room on this disk until then."""
+READING_TIME, DOWNLOAD_TIME = 30.0, 3600.0
+"""s that the other side may take for one piece and for all, the largest archive over a line of 10 Mbit/s: the file takes room
+on this disk until then."""
+LARGEST_SHARE = {"csv": 4.0, "parquet": 1.5, "npz": 1.5}
+"""Bytes of a table for each byte of its recording, at most."""
 BACK = Markup('<a class="button" href="/runs/{}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>')
 
 log = limited(__name__)
@@ -107,6 +111,7 @@ async def export(request: web.Request) -> web.StreamResponse:
         start, end = (read_time(name, request.query.get(name)) for name in ("start", "end"))
         work = figures_into if kind in FIGURES else export_into
         async with file_on_its_way(request) as folder:
+            await claim_room(request, folder, table_size(row, kind))
             file = await context.tasks.run(asker_of(request), work, row.path, kind, start, end, folder)
             return await send_download(request, file)
     except FlexlabError as error:
@@ -121,24 +126,49 @@ async def file_on_its_way(request: web.Request) -> AsyncGenerator[Path]:
         folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="file-", dir=context.workshop))
         try:
             yield folder
+        except FlexlabError as error:
+            if str(folder) not in str(error):
+                raise
+            # Files have the visitor's names; where they lie meanwhile is nothing that a visitor knows.
+            raise LabError(str(error).replace(f"{folder}{os.sep}", "")) from None
         finally:
+            context.claimed.pop(folder, None)
             await asyncio.shield(asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True))
 
 
-def check_room(folder: Path, size: float) -> None:
-    """Raises `RecordingError` if the disk of `folder` has no room for `size` bytes: labs record on after it."""
+async def claim_room(request: web.Request, folder: Path, size: float) -> None:
+    """Raises `RecordingError` if the disk has no room for `size` bytes beside what others on their way will take."""
+    claimed = context_of(request).claimed
+    claimed[folder] = int(size)
+    await asyncio.to_thread(_check_room, folder, dict(claimed))
+
+
+def _check_room(folder: Path, claimed: Mapping[Path, int]) -> None:
+    missing = sum(max(size - _taken(other), 0) for other, size in claimed.items())
     free = shutil.disk_usage(folder).free
-    if free - size < KEPT_FREE:
+    if free - missing < KEPT_FREE:
         raise RecordingError(
-            f"The disk of {folder.parent} has {size_text(int(free))} free, too little for {size_text(int(size))} beside "
-            f"the {size_text(KEPT_FREE)} that stay free: make room on it."
+            f"The disk of this server has {size_text(int(free))} free, too little for {size_text(claimed[folder])} beside "
+            f"other files and the {size_text(KEPT_FREE)} that stay free for labs: make room on it."
         )
+
+
+def _taken(folder: Path) -> int:
+    """Bytes of the files in a folder."""
+    with contextlib.suppress(OSError):  # It may be going just now.
+        return sum(file.stat().st_size for file in folder.iterdir())
+    return 0
+
+
+def table_size(row: RunRow, kind: str) -> float:
+    """Bytes that a run takes as a table, or as it was recorded, at most."""
+    return row.size * LARGEST_SHARE.get(kind, 1.0)
 
 
 async def send_download(request: web.Request, path: Path) -> web.StreamResponse:
     """A file as a download, all of it: when this returns, the file may go (aiohttp's own answer opens it later).
 
-    Who takes nothing for `READING_TIME` is left.
+    Who takes nothing for `READING_TIME`, or not all in `DOWNLOAD_TIME`, is left.
     """
     answer = web.StreamResponse()
     answer.content_type = "application/octet-stream"
@@ -149,8 +179,9 @@ async def send_download(request: web.Request, path: Path) -> web.StreamResponse:
     if request.method != "HEAD":
         with path.open("rb") as file:
             try:
-                while piece := await asyncio.to_thread(file.read, PIECE):
-                    await asyncio.wait_for(answer.write(piece), READING_TIME)
+                async with asyncio.timeout(DOWNLOAD_TIME):
+                    while piece := await asyncio.to_thread(file.read, PIECE):
+                        await asyncio.wait_for(answer.write(piece), READING_TIME)
             except TimeoutError:
                 log.warning("Left %s, who did not take a download to its end.", request.remote)
                 if request.transport is not None:

@@ -13,7 +13,7 @@ from flexlab.recording.store.run_files import file_word
 from flexlab.recording.store.run_index import size_text
 from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import context_of
-from flexlab.server.pages.run_actions import check_room, file_on_its_way
+from flexlab.server.pages.run_actions import claim_room, file_on_its_way
 from flexlab.server.pages.templating import button
 from flexlab.server.run_jobs import take_in
 from flexlab.server.visitors import asker_of, is_teacher, visitor_of
@@ -24,6 +24,8 @@ PIECE = 256 * 1024
 """Bytes read at once."""
 UPLOAD_TIME = 900.0
 """s that an upload may take: the largest one over a line of 10 Mbit/s."""
+MOST_PARTS = 8
+"""Of an upload: its form has one."""
 MULTIPART = "multipart/form-data"
 ALL_RUNS = button("/runs", "All runs")
 
@@ -73,10 +75,14 @@ async def _receive(request: web.Request, folder: Path) -> Path:
         raise RecordingError("This upload does not say how large it is: send it with a Content-Length.")
     if request.content_length > LARGEST_UPLOAD + PIECE:
         raise RecordingError(TOO_LARGE)
-    await asyncio.to_thread(check_room, folder, request.content_length)
+    await claim_room(request, folder, request.content_length)
     try:
         async with asyncio.timeout(UPLOAD_TIME):
-            async for part in await request.multipart():
+            parts = await request.multipart()
+            for _ in range(MOST_PARTS):
+                part = await parts.next()
+                if part is None:
+                    break
                 if isinstance(part, BodyPartReader) and part.name == "file" and part.filename:
                     return await _keep(part, folder)
     except TimeoutError:

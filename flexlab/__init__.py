@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flexlab.presets import load_preset, preset_names
     from flexlab.scenario import Scenario, parse_scenario
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOMES = {
     "load_preset": "flexlab.presets",

@@ -36,7 +36,8 @@
     addEventListener("DOMContentLoaded", () => {
       const word = Object.assign(document.createElement("p"), { textContent: NO_PICTURE, className: "fl-no-picture" });
       word.setAttribute("role", "status");
-      Object.assign(word.style, { position: "fixed", left: "var(--fl-picture-middle, 50%)", top: "40%", zIndex: 1,
+      Object.assign(word.style, { position: "fixed", left: "var(--fl-picture-middle, 50%)", zIndex: 1,
+        top: "var(--fl-picture-center, 40%)",
         transform: "translate(-50%, -50%)", width: "min(26em, var(--fl-picture-width, 80vw))", padding: "0.8em 1em", margin: 0,
         boxSizing: "border-box", font: "15px/1.4 system-ui, sans-serif", color: "#222", background: "#fff", borderRadius: "6px" });
       document.body.append(word);
@@ -134,14 +135,16 @@
     requestAnimationFrame(() => requestAnimationFrame(() => { drawnRun = run; look(); }));
   }
 
-  // Where the picture is between the panels: what floats over it stands in its middle.
+  // Where the picture is between the panels: what floats over it stands in the middle of what is free of it.
   function measurePicture() {
     const box = window.__viserMutable?.canvas?.getBoundingClientRect();
     if (!box?.width) return;
     const style = document.documentElement.style;
+    const [above, below] = covered();
+    style.setProperty("--fl-picture-center", `${Math.round(box.top + (1 + above - below) / 2 * box.height)}px`);
     style.setProperty("--fl-picture-middle", `${Math.round(box.left + box.width / 2)}px`);
     style.setProperty("--fl-picture-left", `${Math.round(box.left)}px`);
-    style.setProperty("--fl-picture-below", `${Math.round(innerHeight - box.bottom + covered()[1] * box.height)}px`);
+    style.setProperty("--fl-picture-below", `${Math.round(innerHeight - box.bottom + below * box.height)}px`);
     style.setProperty("--fl-picture-width", `${Math.round(box.width)}px`);
   }
 

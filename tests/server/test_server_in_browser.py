@@ -23,6 +23,10 @@ from flexlab.server.labs.lab_provider import state_of
 SCENE = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > 2"""
 PLOTTED = "() => Object.values(window.__viserTestpoints?.uplots ?? {}).some(({ chart }) => chart.data[0].length > 10)"
+WORD_IS_FREE = """() => {
+  const word = document.querySelector(".fl-no-picture"), box = word.getBoundingClientRect();
+  return [box.top + 1, box.bottom - 1].every((y) => document.elementFromPoint(box.left + box.width / 2, y) === word); }"""
+"""Whether nothing lies over the notice that the scene cannot be drawn."""
 
 MILLI = 1e3
 NEAR, SHARE = 24, 0.0005
@@ -137,8 +141,10 @@ def test_without_webgl_the_run_goes_on_and_panel_and_plots_work(
     with window(blind, f"{front_server.url}lab/") as page:
         page.get_by_text("This browser cannot draw the scene").wait_for()
         wait_until(lambda: state_of(lab) == "running", "the run goes on")
+        page.get_by_text("Motion", exact=True).first.click()
         page.get_by_text("Tracking error", exact=True).first.wait_for()
         page.wait_for_function(PLOTTED)
+        page.wait_for_function(WORD_IS_FREE)
         page.get_by_label("Control law", exact=True).first.wait_for()
         page.keyboard.press("Space")
         wait_until(lambda: state_of(lab) == "paused", "keys reach the lab")

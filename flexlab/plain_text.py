@@ -61,12 +61,17 @@ def console(stderr: bool = False) -> "Console":
     """A terminal on which every text is shown as `visible` has it, and none is markup, a name of an emoji or a link."""
     from rich.console import Console
     from rich.segment import Segment
+    from rich.text import Text
 
     class PlainConsole(Console):
         def render_str(self, text: str, **options: Any) -> Any:
             return super().render_str(visible(text), **options)
 
         def render(self, renderable: Any, options: Any = None) -> Iterable[Segment]:
+            # Before lines are broken: what has no width in a control character's place has one, and would be cut off.
+            if isinstance(renderable, Text):
+                renderable = renderable.copy()
+                renderable.plain = visible(renderable.plain)
             for part in super().render(renderable, options):
                 yield part if part.control else Segment(visible(part.text), part.style)
 

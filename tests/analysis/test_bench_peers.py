@@ -1,10 +1,10 @@
 """Other engines are given the same system, and reproduce its motion."""
 
 import io
+from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from flexlab.benchmarks.peers import chain_comparison, peer_comparison
 from flexlab.benchmarks.peers.bodies import make_bodies
@@ -20,6 +20,7 @@ from flexlab.benchmarks.peers.peer_comparison import PeerComparison, PeerRow, Se
 from flexlab.benchmarks.peers.peer_law import joint_torque_law
 from flexlab.benchmarks.tables import chain_table, peers_table
 from flexlab.physics.plant import make_workspace
+from flexlab.plain_text import console
 from flexlab.presets import load_preset
 from flexlab.sim.build import build_beam
 from flexlab.sim.simulate import simulate
@@ -163,14 +164,18 @@ def test_the_cheapest_chain_that_is_as_exact_is_the_equal_one():
     assert ChainComparison([own], [coarse], None).ratio is None
 
 
-def test_a_table_says_how_to_install_what_is_missing_and_fits_a_terminal():
+def test_a_table_says_how_to_install_what_is_missing_and_fits_a_terminal(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("COLUMNS", "80")
     own = ChainRow("flexlab", 2, "etdrk4", 1e-3, 4e-6, 2e-4, 5.0)
     chain = ChainRow("MuJoCo", 32, "implicitfast", 2e-5, 1e-5, 7e-5, 12345.6)
     text = io.StringIO()
-    show = Console(file=text, width=80)
-    show.print(chain_table(ChainComparison([own], [chain], None)))
-    show.print(chain_table(ChainComparison([own], [], "not installed: pip install 'flexlab[peers]'")))
-    show.print(peers_table(PeerComparison(PeerRow("flexlab", "", 1e-3, 1e-9, 1e-9, 2.0), [], {"X": "flexlab[peers]"})))
+    with redirect_stdout(text):
+        show = console()
+        show.print(chain_table(ChainComparison([own], [chain], None)))
+        show.print(chain_table(ChainComparison([own], [], "not installed: pip install 'flexlab[peers]'")))
+        show.print(
+            peers_table(PeerComparison(PeerRow("flexlab", "", 1e-3, 1e-9, 1e-9, 2.0), [], {"X": "flexlab[peers]"}))
+        )
     assert text.getvalue().count("[peers]") == 2
     assert "…" not in text.getvalue()
     assert "implicitfast" in text.getvalue()

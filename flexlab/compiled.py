@@ -30,6 +30,7 @@ QUICK = FIRST_KNOWN <= numba.version_info.short < FIRST_UNKNOWN and not os.envir
 
 if TYPE_CHECKING or QUICK:
     from flexlab.numba_internals import (
+        CalledCompiler,
         DisjointCompiler,
         Inlined,
         InlinedCompiler,
@@ -120,9 +121,11 @@ event.register("numba:compile", COMPILATION)
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """A kernel that Python calls: cached machine code, no global lock, IEEE division; `.py_func` is the plain Python.
 
-    Reference counting is off: a kernel that would allocate memory does not compile.
+    Reference counting is off: a kernel that would allocate memory does not compile. Kernels call it, too: what they seldom need
+    is then compiled once, and not as a part of each of them.
     """
-    return _compile(function, cache=True)
+    # Not said, `forceinline` would be as the kernel has it for which this one happens to be compiled.
+    return _compile(function, cache=True, forceinline=False, **({"pipeline_class": CalledCompiler} if QUICK else {}))
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:

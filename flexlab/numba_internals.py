@@ -19,6 +19,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
+from numba.core.lowering import Lower
 from numba.core.targetconfig import ConfigStack, TargetConfig
 from numba.core.typed_passes import NativeLowering
 from numba.core.types.functions import BaseFunction
@@ -127,6 +128,27 @@ class BitcodeLowering(NativeLowering):
         return done
 
 
+class _OutOfLine(Lower):
+    """Lowers a function that is called, and never copied into its callers."""
+
+    def setup_function(self, fndesc: Any) -> None:
+        """As numba's, and say so to LLVM."""
+        super().setup_function(fndesc)
+        self.function.attributes.add("noinline")
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class CalledLowering(NativeLowering):
+    """Lowers a kernel that Python calls: what other kernels need of it now and then is no part of their loops."""
+
+    _name = "flexlab_called_lowering"
+
+    @property
+    def lowering_class(self) -> type[Lower]:
+        """What lowers."""
+        return _OutOfLine
+
+
 class _Typing:
     """What numba has found for calls of built-in functions, by function and argument types."""
 
@@ -203,26 +225,32 @@ def quick_compiler() -> Iterator[None]:
 class QuickCompiler(CompilerBase):
     """Numba's compiler, hurried along."""
 
+    lowering = NativeLowering
+
     def _compile_core(self) -> Any:
         with quick_compiler():
             return super()._compile_core()
 
     def define_pipelines(self) -> list[Any]:
         """The one pipeline."""
-        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+        pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        at = next(k for k, (each, _) in enumerate(pipeline.passes) if each is NativeLowering)
+        pipeline.passes[at] = (self.lowering, "lowering")
+        pipeline._finalized = False
+        pipeline.finalize()
+        return [pipeline]
+
+
+class CalledCompiler(QuickCompiler):
+    """The same with `CalledLowering` in the place of numba's lowering."""
+
+    lowering = CalledLowering
 
 
 class InlinedCompiler(QuickCompiler):
     """The same with `BitcodeLowering` in the place of numba's lowering."""
 
-    def define_pipelines(self) -> list[Any]:
-        """The one pipeline."""
-        (pipeline,) = super().define_pipelines()
-        at = next(k for k, (each, _) in enumerate(pipeline.passes) if each is NativeLowering)
-        pipeline.passes[at] = (BitcodeLowering, "inlined lowering")
-        pipeline._finalized = False
-        pipeline.finalize()
-        return [pipeline]
+    lowering = BitcodeLowering
 
 
 class DisjointCompiler(InlinedCompiler):

@@ -158,13 +158,13 @@ def product_rest(a, b, product):
 def atan2(y, x):
     """The angle of (x, y), rad, with the sign of y: from -π to π."""
     if SMALL < max(abs(x), abs(y)) < LARGE:
-        return _angle(y, x)
+        return direction_angle(y, x)
     return _extreme_angle(y, x)
 
 
 @inlined
-def _angle(y, x):
-    """`atan2` of numbers that are neither too small nor too large."""
+def direction_angle(y, x):
+    """`atan2` of numbers that are neither too small nor too large, as sine and cosine."""
     across, along = abs(y), abs(x)
     steep, back = across > along, x < 0
     small, big = (along, across) if steep else (across, along)
@@ -208,14 +208,14 @@ def _extreme_angle(y, x):
     if x != x or y != y:
         return np.nan
     if abs(x) == np.inf or abs(y) == np.inf:
-        angle = _angle(1.0 if abs(y) == np.inf else 0.0, np.copysign(1.0 if abs(x) == np.inf else 0.0, x))
+        x, y = np.copysign(1.0 if abs(x) == np.inf else 0.0, x), np.copysign(1.0 if abs(y) == np.inf else 0.0, y)
     elif max(abs(x), abs(y)) >= LARGE:
-        angle = _angle(abs(y) / RESCALE, x / RESCALE)
+        x, y = x / RESCALE, y / RESCALE
     elif x != 0 or y != 0:
-        angle = _angle(abs(y) * RESCALE, x * RESCALE)
+        x, y = x * RESCALE, y * RESCALE
     else:
-        angle = 0.0 if np.copysign(1.0, x) > 0 else STRAIGHT
-    return np.copysign(angle, y)
+        x = np.copysign(1.0, x)
+    return direction_angle(y, x)
 
 
 @inlined

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import disjoint, inlined
-from flexlab.numerics.elementary import atan2
+from flexlab.numerics.elementary import direction_angle
 
 ARM = np.dtype(
     [
@@ -178,7 +178,7 @@ def arm_velocity_terms(arm, c, s, vx, vy, w, J, direction, C):
         C[2, b] += H3
 
 
-@inlined
+@disjoint
 def joint_torques(arm, c, s, direction, u, tau):
     """Torques of the relative joints, N·m (3,), that do the work of the task-space input u (3,): u = 𝒥ᵀτ."""
     on_first = arm.l1 * (direction[0] * u[1] - direction[1] * u[0])
@@ -190,7 +190,7 @@ def joint_torques(arm, c, s, direction, u, tau):
     tau[0] = on_first + on_second + on_third
 
 
-@inlined
+@disjoint
 def task_input(J, tau, u):
     """u = 𝒥ᵀτ (3,) of relative joint torques τ (3,)."""
     on_first, on_second = tau[0] - tau[1], tau[1] - tau[2]
@@ -199,11 +199,11 @@ def task_input(J, tau, u):
     u[2] += tau[2]
 
 
-@inlined
+@disjoint
 def joint_angles(theta, arm, direction, angle):
     """Relative joint angles, rad (3,), after `arm_configuration`."""
-    alpha_1 = atan2(direction[1], direction[0])
+    alpha_1 = direction_angle(direction[1], direction[0])
     c1, s1, c2, s2 = direction[0], direction[1], direction[2], direction[3]
     angle[0] = alpha_1
-    angle[1] = atan2(c1 * s2 - s1 * c2, c1 * c2 + s1 * s2)
+    angle[1] = direction_angle(c1 * s2 - s1 * c2, c1 * c2 + s1 * s2)
     angle[2] = theta + (np.pi if arm.tip < 0 else 0.0) - alpha_1 - angle[1]

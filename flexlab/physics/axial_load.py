@@ -19,6 +19,7 @@ from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.beam import GAUSS_POINTS, free_coordinates, gauss_rule
 from flexlab.physics.dynamics import hand_load, pose_load, solve_symmetric
+from flexlab.physics.internal_force import grip_force
 from flexlab.physics.plant import (
     ETA,
     FELT,
@@ -151,8 +152,8 @@ def has_axial_load(plant):
 
 
 @inlined
-def axial_terms(plant, x_ddot, along, u, ws, terms):
-    """Fill N_L, a₁, ω² and F₁ (4,) for ẍ (3,), after `find_velocities` and `hand_load`; `along`: F₁, N."""
+def axial_terms(plant, x_ddot, along, grip, ws, terms):
+    """Fill N_L, a₁, ω² and F₁ (4,) for ẍ (3,), after `find_velocities`; `along`: F₁, N; grip (3,): `grip_force` of arm 0."""
     c, s, v = ws.arm.trig[0], ws.arm.trig[1], ws.velocity
     terms[ALONG] = c * x_ddot[0] + s * x_ddot[1] + plant.gravity * s
     terms[SPIN], terms[HAND] = v[2] * v[2], along
@@ -161,10 +162,7 @@ def axial_terms(plant, x_ddot, along, u, ws, terms):
         return
     total = 0.0
     for a in range(2):
-        grip = u[0, a] + ws.hand[0, a] - ws.arm.G[0, a]
-        for b in range(3):
-            grip -= ws.arm.M[0, a, b] * x_ddot[b] + ws.arm.C[0, a, b] * v[b]
-        total -= (c if a == 0 else s) * grip
+        total -= (c if a == 0 else s) * grip[a]
     terms[N_LEFT] = total
 
 
@@ -266,5 +264,7 @@ def find_axial_load(plant, y, ws):
     S[2, 0], S[2, 1], S[2, 2] = S[2, 0] - s * hg, S[2, 1] + c * hg, S[2, 2] + gg
     pose_load(plant, ws.w_bar[0], ws.beam_rate[0], eta_eta_dot, h_force, g_force, f1, f2, pull_turn, ws.u, ws, x_ddot)
     solve_symmetric(S, x_ddot)
-    axial_terms(plant, x_ddot, f1, ws.u, ws, ws.axial)
+    grip = ws.momentum
+    grip_force(ws.arm, 0, ws.u, ws.hand, x_ddot, ws.velocity, grip)
+    axial_terms(plant, x_ddot, f1, grip, ws, ws.axial)
     geometric_force(plant, ws.axial, y, ws)

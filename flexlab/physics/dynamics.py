@@ -281,7 +281,7 @@ def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
     """ẍ (3,) from Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`.
 
     `beam_rate` (n_m,): the η̇ that damping acts on. Leaves in ws.restoring what gives η̈ = -restoring - A21 ẍ, and in ws.hand
-    what a hand on a link does.
+    what a hand on a link does. Returns what one at the beam does along e1, N.
     """
     n = plant.modal.shape[1]
     c, w, g = ws.arm.trig[0], ws.velocity[2], plant.gravity
@@ -303,3 +303,4 @@ def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
             g_force += plant.modal[G, k] * force
     pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, pull_turn, u, ws, result)
     solve_symmetric(ws.S, result)
+    return f1

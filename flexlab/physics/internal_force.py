@@ -2,27 +2,22 @@
 
 import numpy as np
 
-from flexlab.compiled import inlined
+from flexlab.compiled import disjoint
 from flexlab.physics.beam import BeamMatrices
 
 
-@inlined
-def internal_forces(terms, u, hand, x_ddot, v, force, moving):
-    """F_i = J_iᵀf_i - share f (arms, 3), with J_iᵀf_i = u_i - M̄_iẍ - C̄_iẋ - Ḡ_i and f their sum; moving = share f (3,).
+@disjoint
+def grip_force(terms, i, u, hand, x_ddot, v, force):
+    """force (3,) = J_iᵀf_i = u_i - M̄_iẍ - C̄_iẋ - Ḡ_i of arm i (Eq. 13).
 
-    Eqs. (13)-(15) with equal shares. `hand` (arms, 3): what a hand on an arm's link adds to its u.
+    The internal force is what of it is beyond an equal share of all arms' sum (Eqs. 14, 15). `hand` (arms, 3): what a hand on
+    an arm's link adds to its u.
     """
     for a in range(3):
-        total = 0.0
-        for i in range(len(u)):
-            grip = u[i, a] + hand[i, a] - terms.G[i, a]
-            for b in range(3):
-                grip -= terms.M[i, a, b] * x_ddot[b] + terms.C[i, a, b] * v[b]
-            force[i, a] = grip
-            total += grip
-        moving[a] = total / len(u)
-        for i in range(len(u)):
-            force[i, a] -= moving[a]
+        grip = u[i, a] + hand[i, a] - terms.G[i, a]
+        for b in range(3):
+            grip -= terms.M[i, a, b] * x_ddot[b] + terms.C[i, a, b] * v[b]
+        force[a] = grip
 
 
 def internal_force_by_eq_26(

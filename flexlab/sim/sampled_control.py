@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import call_whole_kernel, has_address, inlined, pluggable, whole_address
+from flexlab.compiled import call_whole_kernel, compiled, has_address, inlined, pluggable, whole_address
 from flexlab.control.bending_feedforward import feed_forward_bending
 from flexlab.control.law_kernels import control_law
 from flexlab.control.motion import desired_motion
@@ -65,7 +65,7 @@ def mix(z):
     return z ^ (z >> np.uint64(31))
 
 
-@inlined
+@compiled
 def gaussian(seed, instant, channel):
     """A standard normal number that depends on its three whole-number arguments only, so that a replay draws it again."""
     key = mix(np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(instant))

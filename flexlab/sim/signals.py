@@ -13,14 +13,14 @@ from typing import Any, dataclass_transform
 
 import numpy as np
 
-from flexlab.compiled import inlined
+from flexlab.compiled import disjoint, inlined
 from flexlab.control.law import law_of, laws
 from flexlab.control.sliding_surface import sliding_variable
 from flexlab.physics.arm import joint_angles, joint_torques
 from flexlab.physics.axial_load import SPIN, axial_load_at, axial_terms, first_stiffness, largest_compression
-from flexlab.physics.dynamics import acceleration, hand_load
+from flexlab.physics.dynamics import acceleration
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
-from flexlab.physics.internal_force import internal_forces
+from flexlab.physics.internal_force import grip_force
 from flexlab.physics.plant import AXIAL_WORK, DISSIPATED, ETA, MID, WORK, memory_start
 from flexlab.physics.quasi_static import quasi_static_deflection
 from flexlab.scenario import Scenario
@@ -202,9 +202,8 @@ AT_LIMIT = 1e-9
 def write_sample(system, t, y, beam_rate, ws, row):
     """Write the sample of state y at time t into `row`, after `rates` at the same instant; beam_rate (n_m,): η̇."""
     plant = system.plant
-    c, s = ws.arm.trig[0], ws.arm.trig[1]
     x_ddot = row[ACCELERATION : ACCELERATION + 3]
-    acceleration(plant, y, beam_rate, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
+    along = acceleration(plant, y, beam_rate, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
     row[TIME] = t
     estimates = memory_start(plant) + system.control.estimates
     sliding_variable(system.control.sliding_slope, y[0:3], ws.velocity, ws.desired, row[SLIDING : SLIDING + 3])
@@ -212,23 +211,12 @@ def write_sample(system, t, y, beam_rate, ws, row):
         row[POSE + a], row[RATE + a] = y[a], ws.velocity[a]
         row[DESIRED + a], row[ERROR + a] = ws.desired[0, a], y[a] - ws.desired[0, a]
         row[ESTIMATES + a] = y[estimates + a] if system.control.estimates >= 0 else np.nan
-    row[SATURATED] = 0.0
-    arms = row[ARMS : ARMS + PER_ARM * len(plant.arms)].reshape(len(plant.arms), PER_ARM)
-    force = arms[:, INTERNAL : INTERNAL + 3]
-    internal_forces(ws.arm, ws.u, ws.hand, x_ddot, ws.velocity, force, row[MOVING : MOVING + 3])
-    for i in range(len(plant.arms)):
-        joint_angles(y[2], plant.arms[i], ws.arm.direction[i], arms[i, ANGLE : ANGLE + 3])
-        joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], arms[i, TORQUE : TORQUE + 3])
-        for a in range(3):
-            arms[i, INPUT + a] = ws.u[i, a]
-            if abs(arms[i, TORQUE + a]) >= (1 - AT_LIMIT) * system.control.torque_limit[a]:
-                row[SATURATED] = 1.0
+    _write_arms(system, y, x_ddot, along, ws, row)
     row[QUASI_STATIC] = quasi_static_deflection(plant.compliance, plant.gravity, ws.desired)
     row[KINETIC] = kinetic_energy(y, ws.velocity, ws.eta_dot)
     row[ELASTIC] = elastic_energy(plant, y)
     row[GRAVITY] = gravity_energy(plant, ws.arm, y, ws.w_bar[0])
     row[INPUT_WORK], row[DISSIPATION], row[WORK_ALONG] = y[WORK], y[DISSIPATED], y[AXIAL_WORK]
-    _write_axial_load(plant, y, x_ddot, ws, row)
     _write_beam(plant, y, beam_rate, row)
     own, first = memory_start(plant) + system.control.memory_size, len(row) - system.control.signal_count
     for k in range(system.control.signal_count):
@@ -236,11 +224,37 @@ def write_sample(system, t, y, beam_rate, ws, row):
 
 
 @inlined
-def _write_axial_load(plant, y, x_ddot, ws, row):
-    """Write N at its places and what it and the spin are beside what the beam bears."""
-    along, _, _ = hand_load(plant, y, ws)
+def _write_arms(system, y, x_ddot, along, ws, row):
+    """Write angles, torques, inputs and forces of the arms, and the axial load; `along`: F₁, N."""
+    plant, moving, saturated = system.plant, row[MOVING : MOVING + 3], 0.0
+    c, s, limit = ws.arm.trig[0], ws.arm.trig[1], system.control.torque_limit
+    for a in range(3):
+        moving[a] = 0.0
+    for i in range(len(plant.arms)):
+        arm = row[ARMS + PER_ARM * i : ARMS + PER_ARM * (i + 1)]
+        tau, force = arm[TORQUE : TORQUE + 3], arm[INTERNAL : INTERNAL + 3]
+        joint_angles(y[2], plant.arms[i], ws.arm.direction[i], arm[ANGLE : ANGLE + 3])
+        joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], tau)
+        grip_force(ws.arm, i, ws.u, ws.hand, x_ddot, ws.velocity, force)
+        for a in range(3):
+            arm[INPUT + a] = ws.u[i, a]
+            moving[a] += force[a]
+            if abs(tau[a]) >= (1 - AT_LIMIT) * limit[a]:
+                saturated = 1.0
+    row[SATURATED] = saturated
+    first = row[ARMS + INTERNAL : ARMS + INTERNAL + 3]
+    _write_axial_load(plant, x_ddot, along, first, ws, row)
+    for a in range(3):
+        moving[a] /= len(plant.arms)
+        for i in range(len(plant.arms)):
+            row[ARMS + PER_ARM * i + INTERNAL + a] -= moving[a]
+
+
+@inlined
+def _write_axial_load(plant, x_ddot, along, grip, ws, row):
+    """Write N at its places and what it and the spin are beside what the beam bears; grip (3,): `grip_force` of arm 0."""
     terms = ws.axial
-    axial_terms(plant, x_ddot, along, ws.u, ws, terms)
+    axial_terms(plant, x_ddot, along, grip, ws, terms)
     for j in range(GAUGES):
         row[LOAD + j] = axial_load_at(plant, terms, PLACES[j] * plant.length)
     row[LOAD_SHARE] = largest_compression(plant, terms) / plant.buckling_load
@@ -256,13 +270,26 @@ def _write_beam(plant, y, beam_rate, row):
         middle += plant.modal[MID, k] * y[ETA + k]
     row[MIDSPAN] = middle
     first = ARMS + PER_ARM * len(plant.arms)
-    q, rate = row[first : first + n_q], row[first + n_q : first + 2 * n_q]
+    _add_modes(plant.shapes, y[ETA : ETA + n], beam_rate, row[first : first + n_q], row[first + n_q : first + 2 * n_q])
+
+
+@disjoint
+def _add_modes(shapes, eta, eta_dot, q, rate):
+    """Write q and q̇ (n_q,) of modal coordinates and rates (n_m,). Four modes at a time are added to a sum, in their order."""
+    n, n_q = shapes.shape
     for j in range(n_q):
         q[j] = rate[j] = 0.0
-    for k in range(n):
-        # Mode by mode: no sum waits for another, and vector units fit whatever the order.
-        shape, eta, eta_dot = plant.shapes[k], y[ETA + k], beam_rate[k]
+    k = 0
+    while k + 4 <= n:
+        s0, s1, s2, s3 = shapes[k], shapes[k + 1], shapes[k + 2], shapes[k + 3]
+        a0, a1, a2, a3 = eta[k], eta[k + 1], eta[k + 2], eta[k + 3]
+        b0, b1, b2, b3 = eta_dot[k], eta_dot[k + 1], eta_dot[k + 2], eta_dot[k + 3]
         for j in range(n_q):
-            q[j] += eta * shape[j]
+            q[j] = (((q[j] + a0 * s0[j]) + a1 * s1[j]) + a2 * s2[j]) + a3 * s3[j]
+            rate[j] = (((rate[j] + b0 * s0[j]) + b1 * s1[j]) + b2 * s2[j]) + b3 * s3[j]
+        k += 4
+    while k < n:
         for j in range(n_q):
-            rate[j] += eta_dot * shape[j]
+            q[j] += eta[k] * shapes[k, j]
+            rate[j] += eta_dot[k] * shapes[k, j]
+        k += 1

@@ -19,7 +19,7 @@ from flexlab.compiled import inlined, pluggable
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law
 from flexlab.control.rates import largest_form_ratio
-from flexlab.numerics.elementary import atan2, sin_cos
+from flexlab.numerics.elementary import direction_angle, sin_cos
 from flexlab.physics.arm import link_directions, task_input
 from flexlab.physics.law_input import MOST_ARMS
 from flexlab.quantities import Triple, quantity
@@ -60,9 +60,9 @@ def joint_errors(now, geometry, J, direction, error, rate_error):
     wx, wy = v_d[0] - reach * s * v_d[2], v_d[1] + reach * c * v_d[2]
     first, second = (c2 * wx + s2 * wy) / (l1 * sin_d), -(c1 * wx + s1 * wy) / (l2 * sin_d)
     C1, S1, C2, S2 = direction[0], direction[1], direction[2], direction[3]
-    turned = atan2(S1 * c1 - C1 * s1, C1 * c1 + S1 * s1)
+    turned = direction_angle(S1 * c1 - C1 * s1, C1 * c1 + S1 * s1)
     sine, cosine = C1 * S2 - S1 * C2, C1 * C2 + S1 * S2
-    bent = atan2(sine * cos_d - cosine * sin_d, cosine * cos_d + sine * sin_d)
+    bent = direction_angle(sine * cos_d - cosine * sin_d, cosine * cos_d + sine * sin_d)
     error[0], error[1], error[2] = turned, bent, now.x[2] - x_d[2] - turned - bent
     for a in range(3):
         first -= J[0, a] * v[a]

@@ -137,6 +137,24 @@ def _total(numbers):
     return result
 
 
+def test_a_kernel_that_python_calls_is_no_part_of_the_kernels_that_call_it():
+    total = compiled(_total)
+
+    @inlined
+    def next_total(numbers):
+        return total(numbers) + 1
+
+    @numba.njit(pipeline_class=QuickCompiler)
+    def whole(numbers):
+        return next_total(numbers)
+
+    assert whole(np.arange(4.0)) == 7
+    (text,) = whole.inspect_llvm().values()
+    defined = [line for line in text.splitlines() if line.startswith("define")]
+    assert any("_total" in line and "next_total" not in line for line in defined)
+    assert not any("next_total" in line for line in defined)
+
+
 UNKNOWN_NUMBA = """
 import numpy as np
 from flexlab.compiled import QUICK, call_number_kernel, compiled, entry_point, inlined, kernel_address, pluggable

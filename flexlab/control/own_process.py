@@ -84,6 +84,8 @@ class OwnProcess:
         if process is None:
             return
         os.close(self._lifeline)
+        if hasattr(signal, "SIGCONT"):
+            process.send_signal(signal.SIGCONT)  # The text may have stopped the one that is to end it.
         try:
             process.wait(ENDING_LIMIT)
         except subprocess.TimeoutExpired:

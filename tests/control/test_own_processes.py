@@ -88,6 +88,15 @@ def test_all_that_a_law_started_ends_when_it_fails_or_dies():
     wait_until(lambda: marked(mark) == [], "their end")
 
 
+def test_all_that_a_law_started_ends_although_it_stopped_its_supervisor():
+    mark = f"flexlab-test-{os.getpid()}-stopped"
+    law = Apart(CHILDREN.format(mark=mark) + "os.kill(os.getppid(), 19)\n" + PD, "own_pd.py")
+    law.ensure()
+    wait_until(lambda: len(marked(mark)) == 3, "its processes")
+    law.dispose()
+    assert marked(mark) == []
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_all_that_a_law_started_ends_with_a_killed_lab(number: int, tmp_path: Path):
     mark = f"flexlab-test-{os.getpid()}-lab-{number}"

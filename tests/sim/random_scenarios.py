@@ -1,12 +1,13 @@
 """Random scenarios over the ranges of the sliders, each run again with steps that are finer by far.
 
 `python tests/sim/random_scenarios.py 300` judges the first 300 (a quarter of an hour), with `--wide` those with other paths,
-limits and integrators; a few of them are in the suite.
+limits and integrators, with `--axial` beams that feel the force along them; a few of them are in the suite. `--seconds 2`
+gives each finer run so much processor time.
 """
 
+import argparse
 import math
 import re
-import sys
 import time
 from dataclasses import dataclass
 
@@ -134,9 +135,13 @@ def stated_size(what: str, warning: str) -> float:
     return float(said[1]) if said else math.inf
 
 
-def judge(seed: int, longest_reference: float = LONGEST_REFERENCE, wide: bool = False) -> Judgement:
-    """Run a scenario as it is and with finer steps."""
+def judge(
+    seed: int, longest_reference: float = LONGEST_REFERENCE, wide: bool = False, axial: bool = False
+) -> Judgement:
+    """Run a scenario as it is and with finer steps; `axial`: its beam feels the force along it."""
     scenario = wide_scenario(seed) if wide else random_scenario(seed)
+    if axial:
+        scenario = scenario.replace({"payload.axial_load": "first-order"})
     world = World(scenario)
     finer = 16 if world.assembly.watch.disturbed else 4
     step = max(world.step / finer, 1e-7)
@@ -187,12 +192,16 @@ def pace_after_the_start(world: World) -> tuple[float, str]:
 
 def main() -> None:
     """Judge scenarios `first` to `last` (one number: from 0 on) and print those with complaints."""
-    wide = "--wide" in sys.argv
-    numbers = [int(text) for text in sys.argv[1:] if text != "--wide"] or [20]
-    first, last = (0, numbers[0]) if len(numbers) == 1 else numbers[:2]
+    asked = argparse.ArgumentParser()
+    asked.add_argument("numbers", type=int, nargs="*", default=[20])
+    asked.add_argument("--wide", action="store_true")
+    asked.add_argument("--axial", action="store_true")
+    asked.add_argument("--seconds", type=float, default=LONGEST_REFERENCE)
+    given = asked.parse_args()
+    first, last = (0, given.numbers[0]) if len(given.numbers) == 1 else given.numbers[:2]
     bad = 0
     for seed in range(first, last):
-        judged = judge(seed, wide=wide)
+        judged = judge(seed, given.seconds, given.wide, given.axial)
         bad += bool(judged.complaints)
         mark = " | ".join([*judged.complaints, *(["slower than real time, unannounced"] if judged.crawls else [])])
         print(f"{seed}: {mark or 'fine'}   [{judged.text}]", flush=True)

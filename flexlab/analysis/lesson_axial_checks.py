@@ -13,6 +13,8 @@ from flexlab.sim.snapshot import Event
 
 SETTLED, SHORTEST = 0.5, 1.5
 """s after a change before its ring is looked at, and how long it is looked at, at least."""
+FIRST, SECOND, MIDDLE = 30, 40, 35.0
+"""N: the two squeezes of the lesson, and what lies between them."""
 APART = 2.0
 """N between two squeezes that a line may go through."""
 AGREES = 0.05
@@ -34,7 +36,7 @@ def check_buckling(scenario: Scenario, samples: Samples, events: Sequence[Event]
     facts = f"f1 = {hertz:.2f} Hz at P = {force:.1f} N"
     other = next((ring for ring in reversed(rings) if abs(ring[0] - force) > APART), None)
     if other is None:
-        return Verdict(False, f"{facts}. Now set Wanted internal force F_d to 40.")
+        return Verdict(False, f"{facts}. Now set Wanted internal force F_d to {FIRST if force > MIDDLE else SECOND}.")
     slope = (hertz**2 - other[1] ** 2) / (force - other[0])
     zero = force - hertz**2 / slope
     line = f"{facts}, and {other[1]:.2f} Hz at {other[0]:.1f} N: f² over P comes to zero at {zero:.1f} N"

@@ -260,6 +260,8 @@ def test_a_squeeze_until_it_buckles():
     before = verdict("buckling", preset, change, duration=6.0, until=3.0)
     assert not before.done
     assert "set Wanted internal force F_d to 40" in before.sentence
+    other = verdict("buckling", preset, (0.0, force, 40.0), duration=3.0)
+    assert "set Wanted internal force F_d to 30" in other.sentence
     after = verdict("buckling", preset, change, duration=6.0)
     assert after.done, after.sentence
     assert "π²EI/L² is 50.1 N" in after.sentence

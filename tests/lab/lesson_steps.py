@@ -8,6 +8,7 @@ from lab_page import PATIENCE, LabPage, wait_until
 from playwright.sync_api import Locator
 
 from flexlab.guide import Lesson
+from flexlab.scenario.choices import in_words
 
 WORDS = {"a": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0}
 NAME = r"\*\*([^*]+)\*\*"
@@ -196,7 +197,7 @@ def _set(names: str, value: str) -> Callable[[LabPage], None]:
             before, control = page.snapshot.scenario, _control(page, name)
             if control.get_attribute("role") == "combobox" or control.get_attribute("aria-haspopup") == "listbox":
                 control.click()
-                page.page.get_by_role("option", name=value, exact=True).click()
+                page.page.get_by_role("option", name=in_words(value), exact=True).click()
             else:
                 control.fill(value)
             page.page.wait_for_timeout(200)

@@ -14,12 +14,15 @@ import viser
 
 from flexlab.lab.browser_messages import Count, Identifier
 from flexlab.lab.panel.number_control import put
+from flexlab.lab.panel.text import escaped
 from flexlab.lab.viser_internals import widget_uuid
 from flexlab.lab.viser_server import set_theme
 from flexlab.log_limits import limited
 
-PAGE_SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
-"""What a page needs to tell it."""
+PAGE_SCRIPT = "".join(
+    Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("page.js", "accessibility.js")
+)
+"""What a page needs to tell it, and what viser's page lacks for keyboards and screen readers."""
 LONGEST_SILENCE = 10.0
 """s after which a browser that never told anything counts as one that sees whatever it is sent."""
 AGAIN_PERIOD = 1.0
@@ -57,8 +60,14 @@ _DECODER = msgspec.json.Decoder(Report)
 class _Page:
     """One browser."""
 
+    way: str
+    """uuid of the field in which it reports."""
+    mark: viser.GuiHtmlHandle
+    """What is told to it alone."""
     since: float = field(default_factory=time.monotonic)
     report: Report | None = None
+    said: int = 0
+    """Sentences that were said to it."""
 
 
 class PageReports:
@@ -116,16 +125,24 @@ class PageReports:
                 found[uuid] = min(first, before[0]), max(last, before[1])
         return found
 
+    def say(self, client: viser.ClientHandle, text: str) -> None:
+        """Have one browser's screen reader say a text."""
+        page = self._pages.get(client.client_id)
+        if page is not None:
+            page.said += 1
+            page.mark.content = _own_mark(page.way, page.said, text)
+
     def _all(self) -> list[_Page]:
         with self._lock:
             return list(self._pages.values())
 
     async def _greet(self, client: viser.ClientHandle) -> None:
-        page = _Page()
-        with self._lock:
-            self._pages[client.client_id] = page
         # Of this browser alone: what one tells is no news for the others.
         way = client.gui.add_text("page", "", visible=False)
+        uuid = widget_uuid(way)
+        page = _Page(uuid, client.gui.add_html(_own_mark(uuid, 0, "")))
+        with self._lock:
+            self._pages[client.client_id] = page
 
         async def told(_: object) -> None:
             try:
@@ -144,11 +161,14 @@ class PageReports:
             page.report = report
 
         way.on_update(told)
-        client.gui.add_html(f'<i hidden class="fl-reports" data-way="{html.escape(widget_uuid(way))}"></i>')
 
     async def _forget(self, client: viser.ClientHandle) -> None:
         with self._lock:
             self._pages.pop(client.client_id, None)
+
+
+def _own_mark(way: str, said: int, text: str) -> str:
+    return f'<i hidden class="fl-reports" data-way="{html.escape(way)}" data-count="{said}" data-said="{escaped(text)}"></i>'
 
 
 def _mark(run_number: int, name: str) -> str:

@@ -23,6 +23,7 @@ from flexlab.lab.reference_run import Recorded
 from flexlab.lab.render_loop import RenderLoop
 from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, payload_view
 from flexlab.lab.scene.scene import Scene
+from flexlab.lab.spoken_summary import SpokenSummary
 from flexlab.lab.viser_internals import GuardedServer, fold_panel, set_panel_width
 from flexlab.lab.viser_server import open_server
 from flexlab.scenario import Scenario
@@ -162,10 +163,12 @@ class Session:
             self._recording,
             self._link,
             presentation.toggle,
+            lambda client: reports.say(client, summary.text),
             self._recorded,
         )
         plots = Plots(server.gui, board, self._scenario, lab_state.view.plot_window)
         explanations = ExplanationList(server.gui, self.runner, self._study, plots.homes)
+        summary = SpokenSummary(server.gui, self.runner, lambda: explanations.sentences)
         with reading.add_tab("Guide"):
             guide = Guide(server.gui, lab_state, self.runner)
 
@@ -192,5 +195,5 @@ class Session:
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position
         self.guard.watch(server, lab_state)
-        readouts = (guide, explanations)
+        readouts = (guide, explanations, summary)
         return RenderLoop(server, self.runner, lab_state, scene, cameras, panel, plots, readouts, reports, attendance)

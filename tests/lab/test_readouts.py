@@ -1,9 +1,11 @@
-"""What the head of the panel and the notices over the picture say of a run."""
+"""What the head of the panel, the notices over the picture and its text for screen readers say of a run."""
 
 import pytest
 
+from flexlab.analysis.explanations import Explained
 from flexlab.lab.lab_state import Notice
-from flexlab.lab.panel.readouts import notices_html
+from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html
+from flexlab.lab.spoken_summary import summary_text
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
@@ -35,3 +37,15 @@ def test_bending_beside_the_middle_is_flagged(share: float, flagged: bool):
     shape = (0.0, crest, 0.0, 0.0, 0.0, -crest, 0.0, 0.0)
     world = paper.replace({"initial.beam_coordinates": shape})
     assert ("Large deflection" in notices(world)) is flagged
+
+
+def test_the_picture_is_told_in_sentences_with_what_is_wrong_and_what_the_plots_show():
+    runner = Runner(bent_at_its_free_end(0.063), playing=False)
+    shown = Explained("ringing", "The beam rings.", "w = q sin ωt", "Deflection")
+    told = summary_text(runner.snapshot, runner.recent(SEEN_TOGETHER), [shown])
+    assert told.startswith(
+        f"{runner.snapshot.scenario.title}: One arm holds a flexible beam. Paused at t = 0.00 s, speed 1 ×. "
+    )
+    assert "first beam frequency" in told
+    assert "Large deflection: |w|/L = 6 %" in told
+    assert told.endswith(" Deflection: The beam rings.")

@@ -11,6 +11,10 @@ from flexlab.lab.panel.text import escaped
 from flexlab.presets import load_preset, preset_names
 
 NUMBER_KEYS = 9
+MORE = (
+    "Tab goes from one control to the next; arrows move a slider. "
+    "Elsewhere arrows turn the camera, and A, D, W, S, Q, E move it. Ctrl+K opens the palette of commands, Esc closes."
+)
 
 
 class Key(NamedTuple):
@@ -65,9 +69,7 @@ def _show_list(event: Any, keys: list[Key]) -> None:
     rows += f"<tr><td>1 … {NUMBER_KEYS}</td><td>Load a preset</td><td>In the order of the menu</td></tr>"
     gui = event.client.gui
     with gui.add_modal("Keys") as modal:
-        gui.add_html(
-            f'<div class="fl"><table class="fl-table">{rows}</table>Ctrl+K opens the palette of commands.</div>'
-        )
+        gui.add_html(f'<div class="fl"><table class="fl-table">{rows}</table>{MORE}</div>')
         close = gui.add_button("Close")
 
     async def shut(_: Any) -> None:

@@ -153,7 +153,7 @@ def _beam_html(result: Modes) -> str:
         ratio = number(100 * float(result.damping_ratio[k]), 2)
         rows.append(f"<tr><td>{k + 1}</td><td>{result.frequency[k]:.2f}</td><td>{ratio}</td><td>{moved}</td></tr>")
     return (
-        '<div class="fl-title">Beam with its grips held</div>'
+        '<h2 class="fl-title">Beam with its grips held</h2>'
         '<table class="fl-table"><tr><th>mode</th><th>f (Hz)</th><th>ζ (%)</th><th>excited by grips moving</th></tr>'
         f"{''.join(rows)}</table>"
     )
@@ -162,7 +162,7 @@ def _beam_html(result: Modes) -> str:
 def _poles_html(result: Modes) -> str:
     note = f'<div class="fl-line">{escaped(result.note)}</div>' if result.note else ""
     if not len(result.poles):
-        return f'<div class="fl-title">Arms, beam and controller together</div>{note}'
+        return f'<h2 class="fl-title">Arms, beam and controller together</h2>{note}'
     kind = "sampled" if result.control_period is not None else "continuous"
     sampling = (
         sampling_text(result.control_period, result.input_delay) if kind == "sampled" else "controller continuous"
@@ -176,7 +176,7 @@ def _poles_html(result: Modes) -> str:
         rate = number(result.growth, 3)
         alarm = f'<div class="fl-box fl-error">Unstable: small motions grow at {rate} 1/s.</div>'
     return (
-        f'<div class="fl-title">Poles of the {kind} loop</div><div class="fl-dim">{sampling}</div>{alarm}'
+        f'<h2 class="fl-title">Poles of the {kind} loop</h2><div class="fl-dim">{sampling}</div>{alarm}'
         '<table class="fl-table"><tr><th>f (Hz)</th><th>ζ (%)</th><th>rate (1/s)</th><th>of</th></tr>'
         f"{cells}</table>{note}"
     )
@@ -198,7 +198,7 @@ def _margin_html(margin: DiskMargin | None) -> str:
         for who, of in (("all alike", margin.alike), ("each its own way", margin.each))
     )
     return (
-        '<div class="fl-title">How much the motors may deviate</div>'
+        '<h2 class="fl-title">How much the motors may deviate</h2>'
         f'<table class="fl-table"><tr><th>motors</th><th>gain and phase together</th></tr>{rows}</table>'
     )
 

@@ -46,9 +46,13 @@ class Panel:
         recording: Callable[[], str],
         link: Callable[[Scenario], str] | None,
         present: Callable[[viser.ClientHandle], None],
+        say: Callable[[viser.ClientHandle], None],
         recorded: Recorded | None,
     ):
-        """`present` begins or ends the presentation in one browser; `recorded` as for `Comparing`."""
+        """`present` begins or ends the presentation in one browser, `say` has its screen reader say what happens.
+
+        `recorded` as for `Comparing`.
+        """
         self._lab_state, self._runner, self._recording = lab_state, runner, recording
         self._run_number = lab_state.snapshot.run_number
         self._last_event: Event | None = None
@@ -82,7 +86,7 @@ class Panel:
         with tabs.add_tab("Events"):
             self._events = Events(gui, lab_state)
         self._play = PlayScreen(gui, lab_state, touch)
-        add_keys(gui, lab_state, self._keys(present))
+        add_keys(gui, lab_state, self._keys(present, say))
 
     def update(self, snapshot: Snapshot, legend: Legend) -> None:
         """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them."""
@@ -129,7 +133,9 @@ class Panel:
             self._told, note = scenario, three_valued(scenario)
             put(self._note, content=f'<div class="fl fl-dim">{escaped(note)}</div>', visible=bool(note))
 
-    def _keys(self, present: Callable[[viser.ClientHandle], None]) -> list[Key]:
+    def _keys(
+        self, present: Callable[[viser.ClientHandle], None], say: Callable[[viser.ClientHandle], None]
+    ) -> list[Key]:
         lab_state, drive = self._lab_state, self._drive
         return [
             Key("Play or pause", "Hold or go on with simulation time", "space", None, lambda _: drive.pressed_key()),
@@ -147,6 +153,7 @@ class Panel:
                 None,
                 lambda event: present(event.client),
             ),
+            Key("Tell", "Have a screen reader say what happens", "T", None, lambda event: say(event.client)),
             Key("Back to preset", "A new run without your changes", None, None, lambda _: lab_state.back_to_baseline()),
         ]
 

@@ -19,7 +19,7 @@ SPEEDS = tuple(2.0**power for power in range(2, -9, -1))
 STEPS_PER_SECOND = 10.0
 """While the step button is held."""
 SAME_PRESS = 0.25
-"""A click on play or pause that follows its key within this time is the key's, wall seconds."""
+"""A click that follows the key, or the hold, of the same button within this time belongs to it, wall seconds."""
 KEY_REPEATS = 0.1
 """The same of a key that follows itself: somebody holds it, wall seconds."""
 
@@ -29,7 +29,7 @@ class Playback:
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState):
         self._lab_state = lab_state
-        self._key_at = -math.inf
+        self._key_at = self._held_at = -math.inf
         self._seen_speed = lab_state.snapshot.target_speed
         self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, hint="Hold or go on with simulation time")
         step = gui.add_button(
@@ -47,8 +47,9 @@ class Playback:
             "Speed", tuple(self._speeds), initial_value=factor(1.0), hint="Simulated time per real time"
         )
         self._play.on_click(handler(lab_state, lambda _: self._clicked()))
-        # Pressing steps once and holding goes on; a click handler beside it would step twice.
-        step.on_hold(handler(lab_state, lambda _: self.step()), callback_hz=STEPS_PER_SECOND)
+        # Pressing steps once and holding goes on; the click that ends it is no step, but that of the keyboard is one.
+        step.on_hold(handler(lab_state, lambda _: self._held_step()), callback_hz=STEPS_PER_SECOND)
+        step.on_click(handler(lab_state, lambda _: self._clicked_step()))
         reset.on_click(handler(lab_state, lambda _: self.reset()))
         self._speed.on_update(handler(lab_state, lambda _: self._set_speed(self._speed.value)))
 
@@ -79,6 +80,14 @@ class Playback:
 
     def _toggle(self) -> None:
         self._lab_state.submit(Pause() if self._lab_state.playing else Play())
+
+    def _held_step(self) -> None:
+        self._held_at = time.monotonic()
+        self.step()
+
+    def _clicked_step(self) -> None:
+        if time.monotonic() - self._held_at >= SAME_PRESS:
+            self.step()
 
     def reset(self) -> None:
         """A new run with the same settings."""

@@ -41,13 +41,13 @@ class Presets:
         self.refresh()
         baseline, now = self._lab_state.baseline, self._lab_state.intended
         if not self._lab_state.changed:
-            head = f'<div class="fl-title">{escaped(baseline.title or self._lab_state.name)}</div>'
+            head = f'<h2 class="fl-title">{escaped(baseline.title or self._lab_state.name)}</h2>'
             put(self._text, content=f'<div class="fl">{head}{escaped(with_units(baseline.watch))}</div>')
             return
         # What the preset's words promise is no longer what runs.
         words = [f"{title}: {old} → {new}" for title, old, new in told_html(baseline, now)]
         more = f"<br>… and {len(words) - MOST_CHANGES} more" if len(words) > MOST_CHANGES else ""
-        head = f'<div class="fl-title">{escaped(self._lab_state.name)}, changed <span class="fl-badge">not saved</span></div>'
+        head = f'<h2 class="fl-title">{escaped(self._lab_state.name)}, changed <span class="fl-badge">not saved</span></h2>'
         put(self._text, content=f'<div class="fl">{head}{"<br>".join(words[:MOST_CHANGES])}{more}</div>')
 
     def _load(self, name: str) -> None:

@@ -48,15 +48,20 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
     grid = "".join(f"<span>{name}</span><span>{value}</span>" for name, value in rows)
     dot = f'<span class="fl-dot" style="background:{tone}"></span>'
     kept = f'<div class="fl-dim fl-line">{escaped(with_units(recording))}</div>' if recording else ""
-    return f'<div class="fl"><div class="fl-title">{dot}{word}</div><div class="fl-grid">{grid}</div>{kept}</div>'
+    return f'<div class="fl"><h2 class="fl-title">{dot}{word}</h2><div class="fl-grid">{grid}</div>{kept}</div>'
 
 
 def number_html(recent: Samples, snapshot: Snapshot) -> str:
     """What matters of the run at a glance, for the back rows of a room: `recent` holds what is seen together."""
-    vibration = 1e3 * float(np.abs(recent.vibration).max()) if len(recent) else 0.0
-    shown = f"{fixed_text(vibration, 2)} mm" if vibration >= SMALLEST_IN_MM else f"{fixed_text(1e3 * vibration, 1)} µm"
+    shown = largest_vibration(recent)
     first = f"f<sub>1</sub> = {fixed_text(snapshot.first_frequency, 1)} Hz"
     return f'<div class="fl fl-number"><span>largest vibration</span><b>{shown}</b><span>{first}</span></div>'
+
+
+def largest_vibration(recent: Samples) -> str:
+    """With its unit."""
+    vibration = 1e3 * float(np.abs(recent.vibration).max()) if len(recent) else 0.0
+    return f"{fixed_text(vibration, 2)} mm" if vibration >= SMALLEST_IN_MM else f"{fixed_text(1e3 * vibration, 1)} µm"
 
 
 def _measured(speed: float) -> str:
@@ -79,7 +84,7 @@ def _color_legend(limit: float, unit: str) -> str:
 
 def notices_html(snapshot: Snapshot, notice: Notice) -> str:
     """What needs attention now, floating over the picture so that nothing in the panel moves; empty if all is well."""
-    boxes = [_box(text, "error") for text in _warnings(snapshot)]
+    boxes = [_box(text, "error") for text in warnings(snapshot)]
     if notice.text and not (snapshot.status.failed and notice.text == snapshot.status.text):
         boxes.append(_box(notice.text, notice.level))
     return f'<div class="fl fl-float">{"".join(boxes)}</div>' if boxes else ""
@@ -96,29 +101,35 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
     return colors.css(colors.ORANGE), "Paused"
 
 
-def _warnings(snapshot: Snapshot) -> list[str]:
-    warnings = []
+def status_word(snapshot: Snapshot) -> str:
+    """Whether it runs."""
+    return _status(snapshot)[1]
+
+
+def warnings(snapshot: Snapshot) -> list[str]:
+    """What is wrong with the run now, a sentence each."""
+    found = []
     if snapshot.status.failed:
-        warnings.append(snapshot.status.text)
+        found.append(snapshot.status.text)
     if snapshot.accuracy_warning:
-        warnings.append(snapshot.accuracy_warning)
+        found.append(snapshot.accuracy_warning)
     if snapshot.axial_warning:
-        warnings.append(snapshot.axial_warning)
+        found.append(snapshot.axial_warning)
     payload = snapshot.scenario.payload
     bending = peak_deflection(payload, snapshot.latest.beam_coordinates[0]) / payload.length
     if bending > LARGE_DEFLECTION:
-        warnings.append(
+        found.append(
             f"Large deflection: |w|/L = {100 * bending:.0f} %, above {100 * LARGE_DEFLECTION:.0f} %. "
             "The beam model is linear and no longer exact here."
         )
     if snapshot.pace_warning:
-        warnings.append(snapshot.pace_warning)
+        found.append(snapshot.pace_warning)
     elif snapshot.too_slow and snapshot.actual_speed < CLEARLY_SLOWER * snapshot.target_speed:
-        warnings.append(
+        found.append(
             f"Too slow: this machine reaches {_measured(snapshot.actual_speed)} instead of {factor(snapshot.target_speed)}. "
             "Choose a lower speed or fewer elements."
         )
-    return warnings
+    return found
 
 
 def _box(text: str, level: str) -> str:
@@ -132,7 +143,7 @@ def events_html(snapshot: Snapshot) -> str:
         bad = ' class="fl-bad"' if event.level != "info" else ""
         time = f"{fixed_text(event.time, 3)} s"
         lines.append(f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(event.text)}</span></div>')
-    return f'<div class="fl fl-list">{"".join(lines) or "Nothing yet."}</div>'
+    return f'<div class="fl fl-list" tabindex="0">{"".join(lines) or "Nothing yet."}</div>'
 
 
 def _without_drags(events: tuple[Event, ...]) -> list[Event]:

@@ -73,7 +73,7 @@ class ScenarioFiles:
             address = escaped(self._link(lab_state.intended))
             self._address.content = (
                 '<div class="fl">This scenario in another browser (click, then copy):'
-                f'<div class="fl-code">{address}</div></div>'
+                f'<div class="fl-code" tabindex="0">{address}</div></div>'
             )
 
     def save(self) -> None:

@@ -5,6 +5,21 @@ widgets stand below one another at their usual size.
 """
 
 SHEET = """
+/* Text has at least 4.5 times the brightness of its ground, or the reverse; viser's grays and its blue have 3.3 to 4. */
+:root[data-mantine-color-scheme] { --mantine-color-dimmed: #5b6670; --fl-bad: #c92a2a; --mantine-color-red-text: #c92a2a;
+  --mantine-color-anchor: var(--mantine-color-blue-8); --mantine-color-blue-filled: var(--mantine-color-blue-8);
+  --mantine-color-blue-filled-hover: var(--mantine-color-blue-9); --mantine-color-gray-filled: var(--mantine-color-gray-7);
+  --mantine-color-gray-filled-hover: var(--mantine-color-gray-8); --mantine-color-placeholder: #5b6670; }
+:root[data-mantine-color-scheme="dark"] { --mantine-color-dimmed: #a6a6a6; --fl-bad: #ff8787; --mantine-color-red-text: #ff8787;
+  --mantine-color-anchor: var(--mantine-color-blue-4); --mantine-color-placeholder: #a6a6a6; }
+.mantine-Slider-markLabel { color: var(--mantine-color-dimmed) !important; }
+[role="tab"] { opacity: 1 !important; }
+[data-mantine-color-scheme="dark"] [role="tab"][aria-selected="true"] { color: var(--mantine-color-blue-4) !important; }
+@media (prefers-reduced-motion: reduce) {
+  *, ::before, ::after { animation: none !important; transition: none !important; scroll-behavior: auto !important; } }
+/* For screen readers alone. */
+.fl-unseen { position: absolute; clip-path: inset(50%); width: 1px; height: 1px; margin: 0; overflow: hidden; }
+[data-fl-pressed]:focus-visible { outline: 2px solid var(--mantine-color-blue-filled); outline-offset: 1px; }
 /* A quantity is a number box with its slider below: the box's label is wide, the slider has neither label nor box. */
 div:has(> div > .mantine-NumberInput-root):not(:has(.mantine-Slider-root)) > div:first-child,
 div:has(> div > div > .mantine-NumberInput-root):not(:has(.mantine-Slider-root)) > div:first-child {
@@ -63,7 +78,7 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
 }
 
 .fl { padding: 0 1.1em 0.5em 0.75em; font-size: 0.875em; line-height: 1.4; }
-.fl-title { font-weight: 600; font-size: 1.05em; }
+.fl-title { font-weight: 600; font-size: 1.05em; line-height: inherit; margin: 0; }
 .fl-dim { color: var(--mantine-color-dimmed); }
 .fl-grid { display: grid; grid-template-columns: auto auto; gap: 0 0.75em; font-variant-numeric: tabular-nums; }
 .fl-grid > :nth-child(odd) { color: var(--mantine-color-dimmed); }
@@ -76,7 +91,7 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
 .fl-code { user-select: all; cursor: copy; overflow-wrap: anywhere; font-family: monospace; font-size: 0.85em;
   max-height: 6em; overflow-y: auto; padding: 0.3em 0.5em; border: 1px solid var(--mantine-color-default-border); }
 .fl-line { overflow-wrap: anywhere; }
-.fl-bad { color: var(--mantine-color-red-text, #e03131); }
+.fl-bad { color: var(--fl-bad); }
 .fl-float { position: fixed; bottom: 52px; left: var(--fl-picture-middle, 50%); transform: translateX(-50%); z-index: 300;
   pointer-events: none; width: clamp(14em, calc(var(--fl-picture-width, 40em) - 2em), 36em); padding: 0; }
 .fl-float .fl-box { background: var(--mantine-color-body); box-shadow: 0 2px 12px rgba(0, 0, 0, 0.35); }

@@ -63,6 +63,8 @@ class ExplanationList:
     def __init__(self, gui: viser.GuiApi, runner: Runner, study: ModeStudy, tabs: Sequence[viser.GuiTabHandle]):
         self._runner, self._study = runner, study
         self._calm = CalmList()
+        self.sentences: Sequence[Explained] = ()
+        """Those that are shown."""
         self._run_number, self._count, self._time = -1, 0, -1.0
         self._places = []
         for tab in tabs:
@@ -89,6 +91,7 @@ class ExplanationList:
         return explain(evidence(background, self._runner.recent(LONGEST_LOOK), snapshot.events, snapshot.start_time))
 
     def _show(self, sentences: Sequence[Explained]) -> None:
+        self.sentences = sentences
         text = list_html(sentences)
         for place in self._places:
             put(place, content=text, visible=bool(text))
@@ -109,4 +112,4 @@ def list_html(sentences: Sequence[Explained]) -> str:
         f'<span class="fl-dim">{escaped(each.equation)}</span></div>'
         for each in sentences
     )
-    return f'<div class="fl"><div class="fl-title">What the plots show</div>{items}</div>' if items else ""
+    return f'<div class="fl"><h2 class="fl-title">What the plots show</h2>{items}</div>' if items else ""

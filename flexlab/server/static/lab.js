@@ -62,7 +62,7 @@
     const state = await answer.json();
     if (!state.open) return look();
     const address = new URL(state.link, location.href).href;
-    const shown = element("input", { value: address, readOnly: true });
+    const shown = element("input", { value: address, readOnly: true, ariaLabel: "Link to this lab" });
     const done = () => { sharing = false; word.hidden = true; };
     const copy = async () => {
       shown.select();
@@ -76,7 +76,7 @@
   }
 
   document.addEventListener("DOMContentLoaded", () => {
-    const bar = element("div", { id: "server-bar" }, link("/", "Start"), link("/runs", "Runs"), link("/studies", "Studies"),
+    const bar = element("nav", { id: "server-bar", ariaLabel: "flexlab" }, link("/", "Start"), link("/runs", "Runs"), link("/studies", "Studies"),
       button("Share", share), live);
     document.body.append(bar, word);
     look();

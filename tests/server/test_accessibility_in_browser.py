@@ -1,0 +1,148 @@
+"""What people meet who use a keyboard, a screen reader or strong contrast: every page, light and dark, in one window."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from browser_window import open_window
+from http_client import wait_until
+from person import TEACHER, TOKEN
+from playwright.sync_api import Browser, Page
+
+from flexlab.analysis.leaderboard.board import make_tasks, run_board
+from flexlab.analysis.leaderboard.case import cases
+from flexlab.analysis.leaderboard.entrants import chosen_entrants
+from flexlab.analysis.leaderboard.store import RowStore
+from flexlab.presets import load_preset
+from flexlab.server.front_server import open_front_server
+from flexlab.server.settings import Settings
+
+GRAVE = ("serious", "critical")
+"""Findings of axe that no page has."""
+RUNS = "2026-01-01T00-00-00-alpha", "2026-01-02T00-00-00-beta"
+PAGES = (
+    "/",
+    "/runs",
+    f"/runs/{RUNS[0]}",
+    f"/compare?run={RUNS[0]}&run={RUNS[1]}",
+    "/studies",
+    "/leaderboard",
+    "/teacher",
+)
+TABS = ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events")
+CALM = 1100
+"""ms until a page has named what has come."""
+PANEL = '[data-dock-region="right"]'
+
+
+@pytest.fixture(scope="module")
+def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """One window for all tests, at the page that asks for the token; two runs and a leaderboard are there."""
+    logs = tmp_path_factory.mktemp("accessible") / "logs"
+    logs.mkdir()
+    for name in RUNS:
+        shutil.copy(recorded, logs / f"{name}.rrd")
+    quick = [replace(cases()[name], duration=0.012) for name in ("B1", "B2")]
+    run_board(make_tasks(quick, chosen_entrants(["pd", "lqr"])), RowStore(logs.parent / "leaderboard"))
+    settings = Settings(logs, port=0, token=TOKEN, teacher_token=TEACHER, private=True, shadows=False)
+    with open_front_server(settings, load_preset("paper"), "paper") as server:
+        window = open_window(
+            plain_chromium, 1440, 900, base_url=f"http://127.0.0.1:{server.port}", reduced_motion="reduce"
+        )
+        opened = window.new_page()
+        # Rerun's viewer is a page of its own, of others, and all of it one canvas.
+        opened.route("**/viewer/**", lambda request: request.abort())
+        opened.goto("/")
+        yield opened
+        window.close()
+
+
+def grave(page: Page, part: str | None = None) -> list[str]:
+    """What axe holds against a page, or a part of it, as it is: what, where, why."""
+    findings = Axe().run(page, part).response["violations"]
+    return [
+        f"{page.url}: {finding['id']}: {node['html'][:300]}: {node['failureSummary']}"
+        for finding in findings
+        if finding["impact"] in GRAVE
+        for node in finding["nodes"]
+    ]
+
+
+def light_and_dark(page: Page, part: str | None = None) -> list[str]:
+    """Both, in the order that costs one change."""
+    dark = page.evaluate("matchMedia('(prefers-color-scheme: dark)').matches")
+    findings = grave(page, part)
+    scheme = "light" if dark else "dark"
+    page.emulate_media(color_scheme=scheme)
+    if page.locator("[data-mantine-color-scheme]").count():
+        page.locator(f"[data-mantine-color-scheme={scheme}]").wait_for()
+    return [*findings, *grave(page, part)]
+
+
+def test_the_servers_pages_have_no_grave_findings(page: Page) -> None:
+    findings = light_and_dark(page)
+    page.get_by_label("Token").fill(TEACHER)
+    page.get_by_role("button", name="Open").click()
+    page.get_by_role("link", name="Class").wait_for()
+    for path in PAGES:
+        page.goto(path)
+        page.locator("h1").wait_for()
+        findings += light_and_dark(page)
+    assert findings == []
+
+
+def test_play_screen_and_lab_have_no_grave_findings_and_are_used_by_keyboard(page: Page) -> None:
+    page.goto(f"/lab/?play&token={TEACHER}")
+    page.locator(".fl-summary").wait_for(state="attached")
+    page.get_by_role("img", name=re.compile("^The paper's experiment: 2 arms hold a flexible beam. ")).wait_for()
+    findings = light_and_dark(page)
+    stiffness = page.get_by_role("slider", name="Stiffness EI", exact=True)
+    assert stiffness.get_attribute("aria-valuetext") == "100 N·m²"
+    page.get_by_role("button", name="More").focus()
+    page.keyboard.press("Enter")
+    slider = page.get_by_role("slider", name="Bending stiffness EI", exact=True)
+    slider.focus()
+    for _ in range(100):
+        page.keyboard.press("ArrowLeft")
+    wait_until(lambda: slider.get_attribute("aria-valuetext") == "3.162 N·m²", "it says its value in its unit")
+    assert page.get_by_role("button", name="Pause").count() == 1, "an arrow on a slider is no step of the run"
+    page.get_by_role("button", name="Bending stiffness EI: back to its usual value").focus()
+    page.keyboard.press("Enter")
+    wait_until(lambda: slider.get_attribute("aria-valuetext") == "100 N·m²", "and goes back")
+    beam = page.get_by_role("button", name="Beam", exact=True)
+    assert beam.get_attribute("aria-expanded") == "true"
+    beam.focus()
+    page.keyboard.press("Enter")
+    wait_until(lambda: beam.get_attribute("aria-expanded") == "false", "Enter folds it")
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Pause", exact=True).press("Enter")
+    page.get_by_role("button", name="Play", exact=True).wait_for()
+    shown = page.locator(".fl-grid > :nth-child(2)")
+    before = shown.inner_text()
+    page.get_by_role("button", name="Step", exact=True).press("Enter")
+    wait_until(lambda: shown.inner_text() != before, "Enter steps once")
+    for folded in ("Guide", "Motion"):
+        page.get_by_role("tab", name=folded, exact=True).focus()
+        page.keyboard.press("Enter")
+    page.get_by_role("img", name=re.compile(r"^Tracking error\. t \(s\): ")).wait_for()
+    findings += light_and_dark(page)
+    folded = page.locator(f"{PANEL} [data-fl-pressed][aria-expanded=false]")
+    folded.evaluate_all("heads => heads.forEach((head) => head.click())")
+    for tab in TABS:
+        page.get_by_role("tab", name=tab, exact=True).focus()
+        page.keyboard.press("Enter")
+        page.wait_for_timeout(CALM)
+        findings += grave(page, PANEL)
+    findings += light_and_dark(page, PANEL)
+    page.keyboard.press("t")
+    page.get_by_role("status").filter(has_text="first beam frequency").wait_for(state="attached")
+    page.keyboard.press("Shift+?")
+    page.get_by_role("dialog", name="Keys").get_by_text("Have a screen reader say").wait_for()
+    findings += light_and_dark(page)
+    page.keyboard.press("Escape")
+    page.get_by_role("dialog", name="Keys").wait_for(state="detached")
+    assert findings == []

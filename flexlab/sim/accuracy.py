@@ -21,7 +21,7 @@ from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
 from flexlab.sim.row_survey import Survey, survey_rows
-from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, SPIN_SHARE
+from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, SATURATED, SPIN_SHARE
 from flexlab.sim.step_rates import ring_decay
 from flexlab.sim.world_state import WorldState
 
@@ -33,9 +33,10 @@ CHECK_TICKS = 1021
 """Then a tick is redone every so many: with 128 the copies that it takes cost a small beam as much as its motion. A prime
 number, so that the looks fall on all phases of path and control."""
 
-CLOSE_TICKS = 67
-"""The same where errors as large as those just seen would pass their bounds within `CHECK_TICKS`: most of them fade. A prime
-number too."""
+CLOSE_TICKS, CLOSEST_TICKS = 67, 13
+"""The same where errors as large as those just seen would pass their bounds within `CHECK_TICKS`, and within `CLOSE_TICKS`:
+most of them fade. So it is while a torque is at its limit: nothing leads errors back, and a law that begins or ends to be limited
+many times in a tick does in one of them what no look before has shown. Prime numbers too."""
 
 FIRST_VERDICT, STEADY = 8, 1.1
 """Ticks after a disturbance before which nothing is judged, and up to the last of `LOOKS` nothing but what is at a force that
@@ -116,11 +117,11 @@ class Estimate(NamedTuple):
 
 
 def _ticks_kept(decay: np.ndarray, ticks: int, tick_period: float) -> np.ndarray:
-    """How many ticks' errors are left of those of `ticks` where they decay at these rates, 1/s: at least the last one's."""
+    """How many ticks' errors are left of those of `ticks` where they decay at these rates, 1/s: all of the last one's."""
     span = max(ticks, 0) * tick_period
     # Slower rates leave the same to six digits.
     rate = np.maximum(decay, 1e-6 / max(span, tick_period))
-    return np.maximum((1 - exponentials(-rate * span)) / (rate * tick_period), min(ticks, 1))
+    return (1 - exponentials(-rate * span)) / (1 - exponentials(-rate * tick_period))
 
 
 def nothing_yet(assembly: Assembly, tick: int) -> Estimate:
@@ -227,14 +228,17 @@ def note(
     """The estimate after the tick from number `tick` on, redone as `again`; `row`: its sample, `y`: the state after it."""
     n, now = len(assembly.beam.modes.omega), _tick_errors(assembly, row, y, again)
     decay = np.empty(3 + 2 * n)
-    decay[:3] = 0.0 if assembly.scenario.controller.kind == "none" else LOOP_DECAY
+    limited = row[SATURATED] > 0
+    decay[:3] = 0.0 if limited or assembly.scenario.controller.kind == "none" else LOOP_DECAY
     decay[3 : 3 + n] = decay[3 + n :] = ring_decay(assembly.beam)
+    # The sample shows what the tick has done itself; in those to come, its phase is not known.
+    now[3 + n :] *= exponentials(-decay[3 + n :] * tick_period)
     since, ticks = tick - old.disturbed, tick - old.looked
-    # Ticks between two looks did no worse than the worse of the two; but what a disturbance does, none before it did.
-    between = old.rate if since == 0 else np.where(np.abs(old.rate) > np.abs(now), old.rate, now)
+    # Ticks between two looks did, on average, what the two did; but what a disturbance does, none before it did.
+    between = old.rate if since == 0 else (old.rate + now) / 2
     left = old.left * exponentials(-decay * (ticks * tick_period)) + now
     if ticks > 1:
-        left += between * _ticks_kept(decay, ticks - 1, tick_period)
+        left += between * exponentials(-decay * tick_period) * _ticks_kept(decay, ticks - 1, tick_period)
     pose, force = map(max, (old.pose, old.force), _sizes(left))
     seen = old._replace(left=left, rate=now, looked=tick, pose=pose, force=force, peak_before=old.seen.peak)
     if old.warning or since < FIRST_VERDICT:
@@ -243,14 +247,16 @@ def note(
     if assembly.amplifies and pose > AMPLIFIED:
         said = _amplified(assembly.scenario)
     elif since >= LOOKS[-1]:
-        for wait in (CHECK_TICKS, CLOSE_TICKS):
+        for wait in (CHECK_TICKS, CLOSE_TICKS, CLOSEST_TICKS):
             ahead = left * exponentials(-decay * (wait * tick_period)) + now * _ticks_kept(decay, wait, tick_period)
             coming = map(max, (pose, force), _sizes(ahead))
             said, seen = _warning(*coming, seen, assembly.scenario, (tick + 1) * tick_period), seen._replace(wait=wait)
-            if not said:
+            if not said and (wait == CLOSEST_TICKS or not limited):
                 break
     elif old.seen.peak <= STEADY * old.peak_before:
         said = _warning(pose, force, seen, assembly.scenario, (tick + 1) * tick_period)
+    if said and limited and pose > max(POSE_BOUND, assembly.scenario.simulation.accuracy):
+        said = _unled((tick + 1) * tick_period)
     return seen._replace(warning=said)
 
 
@@ -304,6 +310,14 @@ def _amplified(scenario: Scenario) -> str:
     return (
         f"Results depend on rounding: with a control period of {period:g} s this controller answers each error with a larger "
         "one, whatever the step. Choose a shorter control period or lower gains."
+    )
+
+
+def _unled(time: float) -> str:
+    """The sentence of errors that grow as torques are at their limits."""
+    return (
+        f"Results are no longer accurate since about t = {time:.3f} s: a torque is at its limit, so that nothing leads errors of "
+        "the steps back, and they grow. Reset with a higher controller.torque_limit, lower gains or a slower path."
     )
 
 

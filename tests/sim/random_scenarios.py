@@ -21,6 +21,7 @@ from flexlab.scenario import Scenario
 from flexlab.scenario.payload import HELD_COORDINATES, Payload
 from flexlab.sim.pace import seconds_per_second
 from flexlab.sim.samples import Samples
+from flexlab.sim.step_levels import LIMITED_STEP
 from flexlab.sim.world import World
 
 DURATION = 0.3
@@ -144,7 +145,8 @@ def judge(
         scenario = scenario.replace({"payload.axial_load": "first-order"})
     world = World(scenario)
     finer = 16 if world.assembly.watch.disturbed else 4
-    step = max(world.step / finer, 1e-7)
+    limited = scenario.controller.torque_limit is not None and scenario.controller.control_period is None
+    step = max(min(world.step, LIMITED_STEP if limited else math.inf) / finer, 1e-7)
     pace = seconds_per_second(world.integrator, world.beam, step)
     ticks = max(20, int(min(DURATION, longest_reference / pace) / world.tick_period))
     run = world.run(ticks)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.control.law import law_of
+from flexlab.control.own_law import OwnController
 from flexlab.numerics.elementary import exponentials
 from flexlab.physics.plant import ETA
 from flexlab.sim import accuracy, row_layout
@@ -60,15 +60,13 @@ def halvings(assembly: Assembly, tick_period: float, at_once: bool) -> int:
 
     `at_once`: raise `Unprepared` instead of trying more than one halving.
     """
+    if isinstance(assembly.scenario.controller, OwnController):
+        return 0  # A person's own code is asked at the run's instants alone: it may keep count of them.
     pace = seconds_per_second(assembly.levels.integrator, assembly.beam, assembly.steps.step)
     most, swift = (_times(assembly, slowest / pace) for slowest in (SLOWEST_TRIED, SLOWEST_PACE))
     needed = 0
     for tick in _instants(assembly, tick_period) if most > 0 else ():
         needed = _needed(assembly, tick_period, tick, needed, most, at_once)
-    law = law_of(assembly.scenario.controller)
-    if law.problem(assembly.scenario.controller):
-        # Ready again: a law that failed in a trial is to fail in the run, at that instant.
-        law.gains(assembly.scenario)
     return needed if needed <= most else swift
 
 

@@ -73,7 +73,7 @@ def test_limits_sampling_and_arms_are_set_in_their_folders(page: LabPage) -> Non
     assert page.snapshot.scenario.right_arm is not None
     assert page.snapshot.scenario.right_arm.link_mass == (8.0, 8.0, 4.0)
     wait_until(lambda: page.snapshot.run_number > run, "a new arm begins a new run")
-    back = page.page.get_by_role("button", name="↺")
+    back = page.page.get_by_role("button").filter(has_text="↺")
     fields = ("left_arm.link_mass", "controller.input_delay", "controller.control_period")
     wait_until(lambda: back.count() == 3, "each change has its way back on the screen")
     for left, changed in zip((2, 1, 0), fields, strict=True):

@@ -88,7 +88,7 @@ def test_from_the_start_page_into_the_lab(plain_chromium: Browser, front_server:
         page.get_by_role("button", name="Share").click()
         link = page.locator(".server-word input").input_value()
         assert link.startswith(f"{front_server.url}lab/?scenario=")
-        page.get_by_role("button", name="Close").click()
+        page.locator(".server-word").get_by_role("button", name="Close").click()
         picture(page, "server-lab")
         page.locator("#server-bar").get_by_role("link", name="Runs").click()
         page.get_by_role("searchbox").wait_for()

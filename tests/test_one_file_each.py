@@ -188,7 +188,7 @@ def test_a_signal_that_is_simulated_is_one_row_and_its_line_in_the_same_file(cop
     file = copy / "flexlab/sim/signals.py"
     row = '    speed_squared: np.ndarray = row("v²", "m²/s²", "squared speed of the payload")\n'
     insert(file, "    tracking_error: np.ndarray = row(", row)
-    insert(file, "    row[SATURATED] = 0.0\n", "    row[SPEED] = ws.velocity[0] ** 2 + ws.velocity[1] ** 2\n")
+    insert(file, "    row[SATURATED] = saturated\n", "    row[SPEED] = ws.velocity[0] ** 2 + ws.velocity[1] ** 2\n")
     insert(file, "\n\n@inlined\ndef write_sample(", '\nSPEED = COLUMN["speed_squared"]\n')
     *found, replayed, noticed = run(copy, NOTICED.replace("NAME", "speed_squared"))
     values, same, exported, documented = found

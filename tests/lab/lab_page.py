@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from typing import Any
 
 from browser_window import PICTURES, REST, open_window
@@ -197,8 +198,8 @@ class LabPage:
         return self.page.wait_for_function(MID_VERTEX).json_value()
 
     def box(self, label: str) -> Locator:
-        """The first number box with a label: both arms have the same ones."""
-        return self.page.get_by_label(label, exact=True).first
+        """The first number box with a label: both arms have the same ones, and some fields several numbers."""
+        return self.page.get_by_label(re.compile(rf"^{re.escape(label)}(, 1 of \d)?$")).first
 
     def enter(self, label: str, value: str) -> None:
         """Type a number into a box."""

@@ -18,8 +18,10 @@ from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.modes import modes
 from flexlab.analysis.pole_table import PoleRow
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY
+from flexlab.analysis.validation import axial_load as buckling
 from flexlab.assets import presets_folder, web_assets_folder
 from flexlab.control.own_path_sampling import AGREED, TOLERATED
+from flexlab.physics.axial_load import buckling_load
 from flexlab.physics.beam import beam_matrices
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import AdaptiveSlidingMode
@@ -213,6 +215,13 @@ def crossings(of: Run) -> float:
     return float((len(upwards) - 1) / (of.time[upwards[-1]] - of.time[upwards[0]]))
 
 
+def share_that_buckles() -> float:
+    """Compression that takes all stiffness from the beam's matrices, in % of the buckling load that is stated."""
+    return (
+        100 * buckling.critical_load(16, "pinned-pinned") / buckling_load(buckling.LENGTH, buckling.EI, "pinned-pinned")
+    )
+
+
 CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
     "README": (
         (r"pose accuracy of (\S+) µm", lambda: 1e6 * DEFAULT_ACCURACY),
@@ -325,6 +334,7 @@ CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
         (r"`paper`: (\S+) mm after the start", lambda: 1e3 * max(metrics("paper").peak_error[:2])),
         (r"at most (\S+) mm from t", lambda: 1e3 * max(metrics("paper", 1.0).peak_error[:2])),
         (r"the first at (\S+) Hz", lambda: first_mode("paper")),
+        (r"linear beam; at (\S+) % it buckles", share_that_buckles),
     ),
     "1-ring": (
         (r"moves at (\S+) m/s", lambda: path_rate("paper")),

@@ -13,7 +13,9 @@ from flexlab.own_laws.message import FAILED, OUTCOME, WAIT
 ANSWER_LIMIT = 0.05
 """s until an answer counts as late: fifty control periods of 1 ms."""
 PATIENCE = 2.0
-"""s after which a late answer is given up however busy the machine is."""
+"""s after which a late answer is given up, wherever the law is."""
+LONGEST_PATIENCE = 10.0
+"""s after which it is given up however busy the machine is."""
 PROBES = 2
 """Looks in a row at a process that could work, after which it is asked for its line."""
 STARVED = 0.3
@@ -65,15 +67,17 @@ class Apart(OwnProcess):
 
     def _is_worth_waiting(self) -> bool:
         """Whether the answer came after all. Given up is a law that could work and is still at it, or anything after long."""
-        end, probes = time.monotonic() + PATIENCE, 0
+        begin, probes = time.monotonic(), 0
         while self._is_alive() and not self._problem:
-            before = self._waited()
+            before, heard = self._waited(), self._heard
             if self._has_answer(PROBE):
                 return True
+            self._listen(0.0)  # Who writes more reports than the socket holds is held up until they are read.
             if self._problem:
                 return False
-            probes = 0 if self._waited() - before > STARVED * PROBE else probes + 1
-            late = time.monotonic() > end
+            is_held_up = self._heard > heard or self._waited() - before > STARVED * PROBE
+            probes = 0 if is_held_up else probes + 1
+            late = time.monotonic() - begin > (LONGEST_PATIENCE if is_held_up else PATIENCE)
             if probes < PROBES and not late:
                 continue
             line = self._line()

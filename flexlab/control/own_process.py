@@ -42,7 +42,7 @@ class OwnProcess:
         self._lock = threading.RLock()
         self._calls = socket.socket(socket.AF_UNIX)  # holds a number that stays the same for all processes to come
         self._reports: socket.socket | None = None
-        self._said = b""
+        self._said, self._heard = b"", 0
         self._process: subprocess.Popen[bytes] | None = None
         self._lifeline = -1
         self._worker = 0
@@ -157,6 +157,7 @@ class OwnProcess:
                 while taken < MOST_READ and (data := reports.recv(65536)):
                     self._said += data
                     taken += len(data)
+                    self._heard += len(data)
             except OSError:
                 pass
             lines = self._said.split(b"\n")

@@ -35,7 +35,7 @@ SHOWS = {
     r"/runs/[^/]+/delete": "() => document.querySelector('main form button') != null",
     r"/compare": VIEWER,
     r"/studies": "() => document.querySelector('main form select') != null",
-    r"/studies/\w+": "() => document.querySelectorAll('a.cell').length === 2",
+    r"/studies/[\w-]+": "() => document.querySelectorAll('a.cell').length === 2",
     r"/leaderboard": "() => document.querySelector('main form button') != null",
     r"/teacher": "() => document.querySelector('#labs > *') != null",
 }
@@ -108,7 +108,8 @@ def test_every_page_shows_its_content_at_each_visit(plain_chromium: Browser, ser
 
     def shown() -> None:
         path = urlsplit(page.url).path
-        (kind,) = [pattern for pattern in SHOWS if re.fullmatch(pattern, path)]
+        kind = next((pattern for pattern in SHOWS if re.fullmatch(pattern, path)), None)
+        assert kind is not None, f"{page.url} is no page that was looked for"
         page.wait_for_function(SHOWS[kind])
         met.add(kind)
         led.update(urlsplit(to).path for to in page.evaluate(LINKS))

@@ -1,28 +1,47 @@
-"""A scenario as a link: JSON, compressed, in letters that an address may hold."""
+"""A scenario as a link: JSON of what differs from the defaults, compressed, in letters that an address may hold."""
 
 import base64
 import binascii
 import json
+import math
 import zlib
-from typing import Any
+from itertools import accumulate
+from typing import Any, cast
+
+from pydantic import BaseModel, StrictInt, TypeAdapter
 
 from flexlab.control.own_path import OwnTrajectory
 from flexlab.errors import PresetError
 from flexlab.presets import DuplicateField, unique_fields
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD
 
 LONGEST_LINK = 6000
-"""Characters: web servers refuse an address of more than about 8000; a scenario takes about 800."""
+"""Characters: web servers refuse an address of more than about 8000; a scenario takes about 400."""
 LONGEST_TEXT = 200_000
 """Bytes of JSON that a link may hold when unpacked: a scenario has about 2000, a hostile link could have gigabytes."""
+COLUMNS = "columns"
+"""Of a path: its rows as `_columns` has them."""
+MOST_DIGITS, HIGHEST_ORDER = 9, 4
+"""Digits after the point, and how often differences are taken, of a table's columns."""
+WHOLE_NUMBERS = TypeAdapter(list[list[StrictInt]])
+LARGEST_DIFFERENCE = 2**53
+"""Whole numbers up to here are floats, too."""
 
 
 def encode_scenario(scenario: Scenario) -> str:
     """The scenario as a word for a link. Numbers keep every bit."""
-    data = scenario.anew().model_dump(mode="json")
+    scenario = scenario.anew()
+    data = scenario.model_dump(mode="json")
     if isinstance(scenario.trajectory, OwnTrajectory):  # Its poses are too long for a link, and follow from its text.
         del data["trajectory"]["table"], data["trajectory"]["table_of"]
-    text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    said: dict[str, Any] = {FORMAT_FIELD: FORMAT, **_said(scenario, data)}
+    path: dict[str, Any] = said.get("trajectory", {})
+    columns = _columns(path["rows"]) if "rows" in path else None
+    if columns is not None:
+        path[COLUMNS] = columns
+        del path["rows"]
+    text = _text(said)
     return base64.urlsafe_b64encode(zlib.compress(text.encode(), 9)).decode().rstrip("=")
 
 
@@ -42,11 +61,71 @@ def decode_scenario(word: str) -> Scenario:
         if not unpacker.eof:
             raise ValueError("it does not end")
         data = json.loads(text, parse_constant=_refuse, object_pairs_hook=unique_fields)
+        _unpack_rows(data)
     except DuplicateField as error:
         raise PresetError(f"This link's scenario is not clear: {error}. Make the link again.") from None
     except (ValueError, binascii.Error, zlib.error, RecursionError):
         raise PresetError("This link holds no scenario, or was cut off on its way: copy it again as a whole.") from None
     return parse_scenario(data)
+
+
+def _said(part: BaseModel, data: dict[str, Any]) -> dict[str, Any]:
+    """What plain `data` of a part has beside the defaults of its fields, and its kind."""
+    said: dict[str, Any] = {}
+    for name, value in data.items():
+        usual, own = type(part).model_fields[name].get_default(call_default_factory=True), getattr(part, name)
+        plain = usual.model_dump(mode="json") if isinstance(usual, BaseModel) else usual
+        # As text: -0.0 is another number than 0.0.
+        if name == "kind" or _text(value) != _text(plain):
+            said[name] = _said(own, value) if isinstance(own, BaseModel) else value
+    return said
+
+
+def _columns(rows: list[list[float]]) -> list[list[int]] | None:
+    """Rows of few digits as [[digits], [order, differences...] of each column]; None for others.
+
+    A smooth column of whole numbers has small differences: a tenth of the letters of a table that a path goes through.
+    """
+    values = [value for row in rows for value in row]
+    digits = next((d for d in range(MOST_DIGITS + 1) if all(_has_digits(value, d) for value in values)), None)
+    if digits is None:
+        return None
+    columns = [[digits]]
+    for column in zip(*rows, strict=True):
+        orders = [[round(value * 10**digits) for value in column]]
+        for _ in range(HIGHEST_ORDER):
+            orders.append([b - a for a, b in zip([0, *orders[-1]], orders[-1], strict=False)])
+        order = min(range(len(orders)), key=lambda k: len(_text(orders[k])))
+        columns.append([order, *orders[order]])
+    return columns
+
+
+def _has_digits(value: float, digits: int) -> bool:
+    """Whether a number is, to the bit, one of so many digits after the point; -0.0 is none."""
+    return round(value * 10**digits) / 10**digits == value and (value != 0 or math.copysign(1, value) > 0)
+
+
+def _unpack_rows(data: Any) -> None:
+    """Put rows in the place of what `_columns` made of them; raises ValueError for anything else."""
+    path: Any = cast("dict[str, Any]", data).get("trajectory") if isinstance(data, dict) else None
+    if not isinstance(path, dict) or COLUMNS not in path:
+        return
+    path = cast("dict[str, Any]", path)
+    [digits], *packed = WHOLE_NUMBERS.validate_python(path.pop(COLUMNS))
+    if not 0 <= digits <= MOST_DIGITS or len({len(column) for column in packed}) != 1:
+        raise ValueError("these columns make no rows")
+    columns: list[list[float]] = []
+    for order, *values in packed:
+        if not 0 <= order <= HIGHEST_ORDER or max(map(abs, values), default=0) > LARGEST_DIFFERENCE:
+            raise ValueError("these columns hold no differences")
+        for _ in range(order):
+            values = list(accumulate(values))
+        columns.append([value / 10**digits for value in values])
+    path["rows"] = [list(row) for row in zip(*columns, strict=True)]
+
+
+def _text(data: Any) -> str:
+    return json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
 def _refuse(word: str) -> Any:

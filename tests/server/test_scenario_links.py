@@ -22,14 +22,54 @@ def test_every_preset_fits_into_a_link(name: str):
     scenario = load_preset(name)
     word = encode_scenario(scenario)
     assert decode_scenario(word) == scenario
-    # The rows of a table have to go into the link; other presets leave room for much more.
-    assert len(word) < LONGEST_LINK / (1.5 if scenario.trajectory.kind == "table" else 3)
+    assert len(word) < LONGEST_LINK / 3
 
 
 @given(stiffness=st.floats(1.0, 1000.0), title=st.text(max_size=40))
 def test_numbers_keep_every_bit_and_texts_every_letter(stiffness: float, title: str):
     scenario = load_preset("paper").replace({"payload.bending_stiffness": stiffness, "title": title})
     assert decode_scenario(encode_scenario(scenario)) == scenario
+
+
+def test_a_link_of_an_earlier_version_with_every_field_opens():
+    scenario = load_preset("spin-up")
+    assert decode_scenario(packed(json.dumps(scenario.model_dump(mode="json")).encode())) == scenario
+
+
+ROWS = st.lists(
+    st.tuples(*[st.one_of(st.floats(-1e6, 1e6), st.decimals(-1000, 1000, places=5).map(float), st.just(-0.0))] * 3),
+    min_size=2,
+    max_size=20,
+)
+
+
+@given(ROWS)
+def test_rows_of_a_table_keep_every_bit(places: list[tuple[float, ...]]):
+    rows = tuple((0.1 * k, *place) for k, place in enumerate(places))
+    changes = {"trajectory.kind": "table", "trajectory.rows": rows}
+    scenario = load_preset("paper").replace(changes)
+    assert repr(decode_scenario(encode_scenario(scenario)).trajectory.rows) == repr(scenario.trajectory.rows)
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        7,
+        [],
+        [5],
+        [[5]],
+        [[5], 3],
+        [[2], [9, 1]],
+        [[1], [0, 1], [0]],
+        [[99], [0, 1]],
+        [[1], [0, 0.5]],
+        [[0], [4, 10**80]],
+    ],
+)
+def test_columns_that_are_no_rows_are_refused_in_a_sentence(columns: object):
+    data = {"trajectory": {"kind": "table", "columns": columns}}
+    with pytest.raises(PresetError, match=r"copy it again"):
+        decode_scenario(packed(json.dumps(data).encode()))
 
 
 @pytest.mark.parametrize(

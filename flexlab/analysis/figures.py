@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexlab.errors import StudyError
-from flexlab.recording.time_range import within
+from flexlab.recording.reader import within
 from flexlab.sim.samples import Samples
 
 FORMATS = ("png", "svg")

@@ -24,7 +24,7 @@ DIGITS = 4
 
 
 class MetricNotes:
-    """The notes of one run, gathered while it is written or read (see `flexlab.recording.run_notes`)."""
+    """The notes of one run, gathered while it is written or read (see `flexlab.recording.run_info`)."""
 
     def __init__(self, name: str, scenario: Scenario):
         """`name`: the preset or file that `scenario`, the run's first, came from."""

@@ -133,7 +133,7 @@ def _kept(
     from flexlab.analysis.run_summary import note_metrics
     from flexlab.errors import RecordingError
     from flexlab.presets import load_preset
-    from flexlab.recording.measurement import take_measurement
+    from flexlab.recording.importing import take_measurement
 
     if unit != "m":
         note(f"{source.name} is not kept as a run: {unit or 'a number without a unit'} is no deflection.")

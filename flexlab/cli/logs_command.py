@@ -126,7 +126,7 @@ def _edit(rows: "list[RunRow]", note: str | None, tags: str | None, kept: bool |
 
 
 def _over_limits(logs: Path, gigabytes: float | None, days: float | None) -> "list[RunRow]":
-    from flexlab.recording.store.retention import removable_runs
+    from flexlab.recording.store.run_files import removable_runs
     from flexlab.recording.store.run_index import read_row
 
     for option, limit, unit in (("max-size", gigabytes, "GB"), ("max-age", days, "days")):

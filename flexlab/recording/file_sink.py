@@ -14,9 +14,9 @@ from flexlab.errors import RecordingError
 from flexlab.recording.recorded_plots import PlotSignal
 from flexlab.recording.rerun_internals.columns import Column
 from flexlab.recording.rrd_file import Refusal, allow
+from flexlab.recording.run_encoder import Kept
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.run_stream import RunStream, open_file_stream
-from flexlab.recording.sink import Kept
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import RunFile, claim_run_file
 

@@ -9,8 +9,7 @@ from types import TracebackType
 from flexlab.errors import RecordingError
 from flexlab.recording.repair import finish
 from flexlab.recording.run_encoder import RunEncoder
-from flexlab.recording.run_info import RunInfo
-from flexlab.recording.run_notes import StartNotes
+from flexlab.recording.run_info import RunInfo, StartNotes
 from flexlab.recording.run_stream import RunStream, open_file_stream
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import claim_run_file, remove_run

@@ -1,6 +1,7 @@
 """Takes a run from elsewhere into a logs folder: a recording as it is, an exported table as a recording of the same bits."""
 
 import contextlib
+import hashlib
 import json
 import os
 import shutil
@@ -22,11 +23,14 @@ from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.run_encoder import END
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.state_json import state_from_json
-from flexlab.recording.store.notes import write_notes
-from flexlab.recording.store.run_files import SUFFIX, claim_run_file, remove_run
+from flexlab.recording.run_json import state_from_json
+from flexlab.recording.store.notes import read_notes, write_notes
+from flexlab.recording.store.run_files import SUFFIX, claim_run_file, file_word, list_runs, remove_run
 from flexlab.recording.store.run_index import LONGEST_NAME
-from flexlab.sim.samples import MEASURED, Run
+from flexlab.scenario import Scenario
+from flexlab.sim.row_layout import row_length, rows_to_samples
+from flexlab.sim.samples import MEASURED, Run, Status
+from flexlab.sim.signals import MIDSPAN, QUASI_STATIC, TIME, own_signals
 from flexlab.sim.snapshot import TICK, Event
 from flexlab.sim.world_state import WorldState
 
@@ -146,3 +150,38 @@ def _write(recording: HeadlessRecording, run: Run, events: Sequence[Event]) -> N
 def _write_rows(recording: HeadlessRecording, run: Run, first: int, end: int) -> None:
     for start in range(first, end, BLOCK_ROWS):
         recording.write(run.slice(start, min(start + BLOCK_ROWS, end)))
+
+
+NOTE = "measured"
+"""In the notes: a digest of the samples and of the scenario that they are held against."""
+
+
+def take_measurement(
+    source: Path, scenario: Scenario, time: np.ndarray, deflection: np.ndarray, rest: np.ndarray, what: str, logs: Path
+) -> Path:
+    """Take the deflection at mid-span (N,), m, at `time` (N,), s, rising, into `logs`; returns the recording.
+
+    Time is counted from the first sample, as in a comparison. `rest` (N,), m: what it rings about, so that the difference is
+    the run's vibration. `scenario`: what the beam is believed to be; `what`: which data these are, in words. The same data are
+    taken in once. Raises `RecordingError`.
+    """
+    digest = _digest(scenario, time, deflection, rest)
+    for run in list_runs(logs):
+        if read_notes(run).get(NOTE) == digest:
+            return run
+    own = own_signals(scenario)
+    arms = len(scenario.arms)
+    rows = np.full((len(time), row_length(arms, scenario.payload.coordinate_count, own)), np.nan)
+    rows[:, TIME], rows[:, MIDSPAN], rows[:, QUASI_STATIC] = time - time[0], deflection, rest
+    said = f"Measured, not simulated: {what}."
+    status = Status(MEASURED, said, float(rows[-1, TIME]))
+    run = Run(**rows_to_samples(rows, arms, own).signals(), scenario=scenario, status=status)
+    info = RunInfo(file_word(source.stem), scenario, float(np.median(np.diff(time))), measured=said)
+    return take_run(run, info, source.name, logs, **{NOTE: digest})
+
+
+def _digest(scenario: Scenario, *arrays: np.ndarray) -> str:
+    found = hashlib.sha256(scenario.model_dump_json().encode())
+    for array in arrays:
+        found.update(np.ascontiguousarray(array, float).tobytes())
+    return found.hexdigest()

@@ -1,21 +1,24 @@
 """Reads a recording back: exact samples, scenario, events, and how the run ended. Torn files are read up to the tear."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
 from flexlab.errors import RecordingError, ScenarioError
-from flexlab.recording.commands_json import command_from_json
-from flexlab.recording.rrd_rows import Rows, read_rows, rows_in_order
+from flexlab.recording.rerun_internals.chunk_reader import Row, Unreadable, entity_times, stream_rows
+from flexlab.recording.rerun_internals.tool import Mending
+from flexlab.recording.run_json import command_from_json, state_from_json
 from flexlab.recording.sample_codec import decode_with_format
-from flexlab.recording.state_json import state_from_json
 from flexlab.recording.store.formats import Changes, migrate, readable, same_numbers
-from flexlab.recording.store.run_files import State, run_state
-from flexlab.recording.time_range import within
+from flexlab.recording.store.run_files import State, check_recording, run_state
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.row_layout import empty_samples
 from flexlab.sim.samples import Run, Samples, Status, join_blocks
@@ -29,6 +32,8 @@ COMPARISON = "comparison"
 """The property by which a file of several runs is known."""
 
 NamedScenario = tuple[str, Scenario]
+Rows = dict[str, list[Row]]
+"""Entity → its rows in the order of times."""
 
 
 @dataclass(frozen=True)
@@ -196,3 +201,96 @@ def _event(record: dict[str, Any]) -> Event:
     command = record["command"]
     known = None if command is None else command_from_json(json.dumps(command))
     return Event(record["time"], record["text"], known, record["level"])
+
+
+def read_rows(path: Path, content: list[str]) -> Rows:
+    """The rows of the entities that match; of a torn file through a mended copy. Raises `RecordingError`."""
+    check_recording(path)
+    try:
+        return _rows_by_entity(path, content)
+    except Unreadable:
+        with _mended(path) as copy:
+            return _rows_by_entity(copy, content)
+
+
+def rows_in_order(path: Path, entity: str) -> Iterator[Row]:
+    """The rows of one entity in the order of times, few of them in memory at once.
+
+    Of a torn file through a mended copy. Raises `RecordingError`.
+    """
+    check_recording(path)
+    with ExitStack() as closing:
+        try:
+            times = entity_times(path, entity)
+        except Unreadable:
+            path = closing.enter_context(_mended(path))
+            times = entity_times(path, entity)
+        # A file that was indexed may hold some rows before their turn: those wait.
+        turns = np.argsort(np.argsort(times, kind="stable"), kind="stable")
+        waiting: dict[int, Row] = {}
+        following = 0
+        try:
+            # A run that is being recorded has grown meanwhile: what came later is left out.
+            for turn, (_, row) in zip(turns.tolist(), stream_rows(path, [entity]), strict=False):
+                waiting[turn] = row
+                while following in waiting:
+                    yield waiting.pop(following)
+                    following += 1
+        except Unreadable:
+            raise RecordingError(f"{path} changed while it was read: try again.") from None
+
+
+@contextmanager
+def _mended(path: Path) -> Iterator[Path]:
+    """A copy up to the tear. Raises `RecordingError` if nothing of the run can be read."""
+    with TemporaryDirectory(prefix="flexlab-") as folder:
+        copy = Path(folder) / path.name
+        try:
+            found = Mending().rewrite(path, copy)
+        except OSError as error:
+            raise RecordingError(
+                f"{path} has no end, and a mended copy of it cannot be put into {folder} ({error.strerror}): make room."
+            ) from None
+        try:
+            if found:
+                yield copy
+                return
+        except Unreadable:
+            pass
+    raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
+
+
+def _rows_by_entity(path: Path, content: list[str]) -> Rows:
+    rows: Rows = {}
+    for entity, row in stream_rows(path, content):
+        rows.setdefault(entity, []).append(row)
+    for entity in rows.values():
+        entity.sort(key=lambda row: row[0])
+    return rows
+
+
+def within(blocks: Iterable[Samples], start: float | None, end: float | None) -> Iterator[Samples]:
+    """The samples with start <= time <= end (s; None: no limit), in blocks of N >= 1. `blocks`: in the order of time.
+
+    Reads no further than needed. Raises `RecordingError` if there are none.
+    """
+    low, high = -np.inf if start is None else start, np.inf if end is None else end
+    first = last = None
+    found = False
+    for block in blocks:
+        if len(block) == 0:
+            continue
+        first, last = float(block.time[0]) if first is None else first, float(block.time[-1])
+        row, stop = np.searchsorted(block.time, low, "left"), np.searchsorted(block.time, high, "right")
+        if row < stop:
+            found = True
+            yield block.slice(int(row), int(stop))
+        elif found:
+            return
+    if first is None:
+        raise RecordingError("The run has no samples.")
+    if not found:
+        low, high = first if start is None else start, last if end is None else end
+        raise RecordingError(
+            f"From {low:g} to {high:g} s there is no sample: choose times within {first:g} to {last:g} s."
+        )

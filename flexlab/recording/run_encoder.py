@@ -1,24 +1,41 @@
 """Turns a run's samples and events into columns for its sinks. No thread, no queue, no files: see `recorder`."""
 
 import json
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import rerun as rr
 
 from flexlab.errors import ScenarioError
-from flexlab.recording.commands_json import command_to_json
-from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, plot_signals
+from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, PlotSignal, plot_signals
 from flexlab.recording.rerun_internals.columns import Column, blobs, line_strips, scalars, texts
-from flexlab.recording.run_info import RunInfo
-from flexlab.recording.run_notes import StartNotes
+from flexlab.recording.run_info import RunInfo, StartNotes
+from flexlab.recording.run_json import command_to_json
 from flexlab.recording.sample_codec import encode_block
 from flexlab.recording.scene_log import FRAMES_PER_SECOND, desired_path, moving_shapes
-from flexlab.recording.sink import Kept, Sink
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event
+
+Kept = Literal["no", "as it was", "as it stands"]
+"""Whether a file that begins later in the run is told: not, as it was then, or from its beginning on (the latest only)."""
+
+
+class Sink(Protocol):
+    """One place that a run goes to. It tells of its own troubles; the encoder does not wait for it."""
+
+    def send(
+        self, entity: str, time: np.ndarray, columns: Iterable[Column], *, exact: bool = False, kept: Kept = "no"
+    ) -> None:
+        """Take columns for the instants `time` (N,), s. `exact`: only for who keeps samples in full precision."""
+
+    def name_curves(self, signals: Iterable[PlotSignal]) -> None:
+        """Take what the curves are called that will be sent, and how they look."""
+
+    def send_property(self, name: str, values: rr.AsComponents) -> None:
+        """Take a property, as seen in listings."""
+
 
 LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 """Levels of events as rerun names them."""

@@ -1,14 +1,15 @@
 """What is known of a run when its recording is opened."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
+from typing import Any, Protocol
 from uuid import uuid4
 
 from flexlab.recording.scene_log import exaggeration
 from flexlab.scenario import Scenario
-from flexlab.sim.snapshot import TICK
+from flexlab.sim.samples import Samples, Status
+from flexlab.sim.snapshot import TICK, Event
 from flexlab.sim.world_state import WorldState
 
 
@@ -48,3 +49,23 @@ class RunInfo:
         """The run's name in the viewer."""
         part = f", part {self.part}" if self.part > 1 else ""
         return f"{self.name} {self.started:%Y-%m-%d %H:%M:%S}{part}"
+
+
+class RunNotes(Protocol):
+    """Looks at all samples and events of one run; what it makes of them goes into the notes beside the recording."""
+
+    def add(self, samples: Samples) -> None:
+        """Take in a block (N >= 1)."""
+        ...
+
+    def add_event(self, event: Event) -> None:
+        """Take in an event."""
+        ...
+
+    def result(self, status: Status) -> dict[str, Any]:
+        """Notes by name, plain enough for JSON; `status`: how the run ended."""
+        ...
+
+
+StartNotes = Callable[[RunInfo], RunNotes]
+"""Begins the notes of a run."""

@@ -12,10 +12,10 @@ from flexlab.recording.documents import parameters_text, run_properties, signals
 from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, PlotSignal, plot_signals
 from flexlab.recording.rerun_internals.columns import Column, send_columns
 from flexlab.recording.rrd_file import Refusal, RrdFile, allow
+from flexlab.recording.run_encoder import Kept
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_json import state_json
 from flexlab.recording.scene_log import fixed_shapes
-from flexlab.recording.sink import Kept
-from flexlab.recording.state_json import state_json
 from flexlab.recording.store.run_files import RunFile
 
 APPLICATION = "flexlab"

@@ -4,8 +4,7 @@ import asyncio
 import logging
 
 from flexlab.errors import FlexlabError
-from flexlab.recording.store.retention import removable_runs
-from flexlab.recording.store.run_files import remove_run
+from flexlab.recording.store.run_files import removable_runs, remove_run
 from flexlab.server.settings import Settings
 
 LOOK = 60.0

@@ -16,8 +16,7 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.recording.store.retention import removable_runs, remove_runs
-from flexlab.recording.store.run_files import list_runs
+from flexlab.recording.store.run_files import list_runs, removable_runs, remove_runs
 from flexlab.recording.store.run_index import read_row
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run, Status

@@ -7,8 +7,8 @@ import pytest
 import rerun as rr
 
 from flexlab.errors import RecordingError
+from flexlab.recording.reader import stream_rows
 from flexlab.recording.rrd_file import RrdFile
-from flexlab.recording.rrd_rows import stream_rows
 
 
 class Narrow:

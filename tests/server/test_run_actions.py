@@ -19,7 +19,7 @@ from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.recording.export import import_run
 from flexlab.recording.headless import write_run
-from flexlab.recording.measurement import take_measurement
+from flexlab.recording.importing import take_measurement
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from flexlab.analysis.law_conditions import law_conditions
+from flexlab.cli.run_report import explained
 from flexlab.control.law import laws
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset, preset_names
@@ -27,12 +29,27 @@ def test_default_gains_run_every_preset_for_two_seconds(preset: str):
         assert run.status == "finished", (kind, run.status.text)
 
 
+@pytest.mark.parametrize("preset", preset_names())
+def test_the_linear_regulator_says_of_which_paths_it_is_not_made(preset: str):
+    """Before the run, below its gains; and the run says so among what it explains."""
+    scenario = load_preset(preset).replace({"controller.kind": "lqr", "controller.control_period": 0.001})
+    said = law_conditions(scenario)[0]
+    assert said.sentence.startswith("|λ(Φ - ΓK)| < 1 on the path: the law is made for one pose, ")
+    assert said.met == (("lqr", preset) not in BEYOND)
+    if not said.met:
+        assert said.sentence.endswith("1/s: take a path that turns less, or a law that follows the pose.")
+        run = simulate(scenario, 2.0)
+        assert run.status == "diverged"
+        assert said.sentence in " ".join(explained(run, scenario))
+
+
 @pytest.mark.parametrize("turns", [0.0, 0.5])
 def test_a_linear_regulator_holds_a_beam_at_the_pose_that_it_is_made_for_and_not_half_a_turn_away(turns: float):
     path = load_preset("spin-up").trajectory
     first, last = path.rows[0], (path.rows[-1][0], *path.rows[0][1:3], 4 * np.pi * (3 + turns))
     changes = {"trajectory.rows": (first, last), "controller": {"kind": "lqr", "control_period": 0.001}}
-    run = simulate(load_preset("spin-up").replace(changes), 0.2)
+    scenario = load_preset("spin-up").replace(changes)
+    run = simulate(scenario, 0.2)
     assert run.status == ("finished" if turns == 0 else "diverged"), run.status.text
 
 

@@ -8,8 +8,9 @@ K = (R + ΓᵀPΓ)⁻¹ΓᵀPΦ, P from the discrete Riccati equation, Q = diag(
 and R = diag(r) (Anderson and Moore, Optimal Control: Linear Quadratic Methods, 1990). Shapes: K (3, 2 (3 + n_o)), N and N·m
 per m, rad, m·kg^½ and per second of those. Arms carry their own parts of the feedforward and share the rest.
 Stability: Φ - ΓK is stable for any Q ≥ 0, R > 0, and by separation so are regulator, observer and delay together, with
-V = zᵀPz falling, if the plant is the model: at the path's centre, for small motions, with these modes alone. Other poses, modes
-that are not estimated, and torque limits are outside of that; the sampled poles (`flexlab.modes`) tell for each pose and plant.
+V = zᵀPz falling, if the plant is the model: at the path's centre, for small motions, with these modes alone. Modes that are not
+estimated and torque limits are outside of that; the sampled poles (`flexlab.modes`) tell for each pose and plant. Poses are, too:
+`conditions` says whether |λ(Φ - ΓK)| < 1 at those of the path.
 An observed loop has no margins of its own (Doyle, IEEE Trans. Automatic Control 23(4), 1978): see its disk margin.
 """
 
@@ -21,6 +22,7 @@ from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
 from flexlab.compiled import pluggable
+from flexlab.control.conditions import Circumstances, Condition, n
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law
 from flexlab.control.load_sharing import drive_arms
@@ -133,6 +135,28 @@ def fastest_rate(gains, now, memory, S, kappa):
     return gains.rate
 
 
+def conditions(around: Circumstances) -> tuple[Condition, ...]:
+    """Whether the regulator, made for one pose, holds arms and observed modes at every pose of the path: |λ(Φ - ΓK)| < 1."""
+    scenario = around.scenario
+    poses, K = around.path.desired[:, 0], regulator_gain(scenario)
+    growth = [_growth(scenario, K, pose) for pose in poses]
+    worst = int(np.argmax(growth))
+    made_for, there = (", ".join(n(value) for value in pose) for pose in (scenario.trajectory.middle, poses[worst]))
+    text = f"|λ(Φ - ΓK)| < 1 on the path: the law is made for one pose, ({made_for}), and at ({there}) its loop "
+    if growth[worst] < 0:
+        return (Condition(f"{text}decays with {n(-growth[worst])} 1/s.", True),)
+    cure = "take a path that turns less, or a law that follows the pose"
+    return (Condition(f"{text}grows with {n(growth[worst])} 1/s: {cure}.", False),)
+
+
+def _growth(scenario: Any, K: np.ndarray, pose: np.ndarray) -> float:
+    """Rate of the regulated plant's fastest growing state at a pose, 1/s; below 0 all decay."""
+    law = scenario.controller
+    plant = believed_plant(scenario, law.observer.observer_modes, law.observer.gauges, pose.tolist())
+    transition, inputs = hold(plant.state_matrix, plant.input_matrix[:, :3], law.control_period)
+    return float(np.log(np.abs(np.linalg.eigvals(transition - inputs @ K)).max()) / law.control_period)
+
+
 def _for_settings(settings: LinearQuadratic) -> Law:
     return replace(LAW, memory=(settings.observer.memory(),))
 
@@ -150,5 +174,6 @@ LAW = Law(
     derive=_derive,
     for_settings=_for_settings,
     gauges=_gauges,
+    conditions=conditions,
     place=30,
 )

@@ -82,8 +82,10 @@ def arm_records(arms: Sequence[Any], payload_length: float) -> np.ndarray:
     return records
 
 
-def believed_plant(scenario: Any, mode_count: int, gauges: tuple[float, ...]) -> BelievedPlant:
-    """The plant that a scenario's controller believes in, at its path's centre, with gauges at s/L.
+def believed_plant(
+    scenario: Any, mode_count: int, gauges: tuple[float, ...], pose: Sequence[float] | None = None
+) -> BelievedPlant:
+    """The plant that a scenario's controller believes in, at a pose (None: its path's centre), with gauges at s/L.
 
     Raises `ScenarioError` for more modes than the beam's mesh has.
     """
@@ -95,7 +97,8 @@ def believed_plant(scenario: Any, mode_count: int, gauges: tuple[float, ...]) ->
             "or give the beam more elements."
         )
         raise ScenarioError([("controller.observer.observer_modes", text)])
-    model, pose = scenario.controller.model, tuple(scenario.trajectory.middle)
+    model = scenario.controller.model
+    pose = tuple(scenario.trajectory.middle if pose is None else pose)
     along = None if model.axial_load == "none" else steady_load(scenario)
     return _plant(payload, scenario.arms, model, pose, mode_count, gauges, along)
 

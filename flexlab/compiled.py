@@ -238,10 +238,18 @@ def _call(context: Any, builder: Any, signature: Any, values: Any, result: Any) 
     return builder.call(builder.inttoptr(address, kind.as_pointer()), given)
 
 
-def attributes(flat: np.ndarray, record: np.dtype) -> SimpleNamespace:
+class Attributes(SimpleNamespace):
+    """What kernels read of a record: `record.name`, and `record["from"]` where the name is a word of Python's."""
+
+    def __getitem__(self, name: str) -> Any:
+        """The field of that name."""
+        return getattr(self, name)
+
+
+def attributes(flat: np.ndarray, record: np.dtype) -> Attributes:
     """The fields of a record that lies flat in memory. A `np.recarray` has a `mean`, `size` and `T` of its own."""
     values = flat.view(record)[0]
-    return SimpleNamespace(**{name: values[name] for name in record.names or ()})
+    return Attributes(**{name: values[name] for name in record.names or ()})
 
 
 def _call_plainly(address, parameters, arguments):

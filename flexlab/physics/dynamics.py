@@ -57,14 +57,17 @@ def configure_arms(plant, pose, terms, fault):
 def rigid_inertia(plant, terms, c, s, w_bar, eta_norm2, S):
     """S = ΣM̄_i + A11 - A12 A21 (3, 3), the inertia that the pose feels with the beam's momenta held."""
     hh, hg, gg = plant.kappa[0], plant.kappa[1], plant.kappa[2]
-    S[0, 0], S[1, 1], S[2, 2] = plant.m - s * s * hh, plant.m - c * c * hh, plant.I + eta_norm2 - gg
-    S[1, 0] = s * c * hh
-    S[2, 0], S[2, 1] = -c * w_bar + s * hg, -s * w_bar - c * hg
+    # Sums grow in registers: through memory, each arm would wait for the one before.
+    xx, yy, tt = plant.m - s * s * hh, plant.m - c * c * hh, plant.I + eta_norm2 - gg
+    xy = s * c * hh
+    xt, yt = -c * w_bar + s * hg, -s * w_bar - c * hg
     for i in range(len(terms.M)):
-        for a in range(3):
-            for b in range(a + 1):
-                S[a, b] += terms.M[i, a, b]
-    S[0, 1], S[0, 2], S[1, 2] = S[1, 0], S[2, 0], S[2, 1]
+        M = terms.M[i]
+        xx, xy, yy = xx + M[0, 0], xy + M[1, 0], yy + M[1, 1]
+        xt, yt, tt = xt + M[2, 0], yt + M[2, 1], tt + M[2, 2]
+    S[0, 0], S[0, 1], S[0, 2] = xx, xy, xt
+    S[1, 0], S[1, 1], S[1, 2] = xy, yy, yt
+    S[2, 0], S[2, 1], S[2, 2] = xt, yt, tt
 
 
 @inlined

@@ -100,9 +100,10 @@ def advance(
     done = j = stage = np.int64(0)
     n = system.plant.modal.shape[1]
     true_rate = y[ETA + 2 * n + 3 : ETA + 3 * n + 3]
-    flows, stepped, whole, unspent = False, False, True, 0.0
+    # Nor the literal True.
+    flows, stepped, whole, unspent = False, False, etdrk4 is None, 0.0
     if etdrk4 is not None:
-        flows, whole = etdrk4.flow.shape[1] > 0, False
+        flows = etdrk4.flow.shape[1] > 0
     while True:
         t = origin + (tick + done) * tick_period + j * dt
         state = y if stage == 0 else ws.stage[STATE]

@@ -61,11 +61,12 @@ def test_few_numbers_say_what_the_whole_matrices_say(preset, elements, hand_pull
 
     made_of = rates.copy()
     factored(plant, ws, made_of)
+    beam = slice(ETA, ETA + 2 * n)
     for function in range(HALF_EXP):
-        right, found = np.zeros_like(y), np.zeros_like(y)
-        product(plant, whole, function, rates, right)
-        product(plant, few, function, made_of, found)
-        for part in (slice(ETA, ETA + n), slice(ETA + n, ETA + 2 * n)):
+        right, found = np.zeros(2 * n), np.zeros(2 * n)
+        product(plant, whole, function, rates[beam], right)
+        product(plant, few, function, made_of[beam], found)
+        for part in (slice(n), slice(n, 2 * n)):
             assert np.abs(found[part] - right[part]).max() < 1e-11 * np.abs(right[part]).max()
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from flexlab.control.law import laws
+from flexlab.control.path import paths
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
 
@@ -23,10 +24,11 @@ for changes in json.loads(sys.argv[1]):
     poses.append(World(load_preset("paper").replace(changes)).run(2).pose.tolist())
 print(json.dumps(poses))
 """
+OWN_PATHS = "flexlab.control.paths."
 STEPS = {"etdrk4": 5e-4, "rk4": 2e-4, "generalized-alpha": 5e-4}
 
 
-def test_two_ticks_of_every_law_and_integrator_are_those_of_the_machine_code():
+def test_two_ticks_of_every_law_path_and_integrator_are_those_of_the_machine_code():
     cases = [
         {
             "controller.kind": kind,
@@ -38,6 +40,9 @@ def test_two_ticks_of_every_law_and_integrator_are_those_of_the_machine_code():
         if law.model.__module__.startswith("flexlab.control.laws.")  # Other tests may have added theirs.
         for integrator, step in STEPS.items()
         for period in ((None, 0.001) if kind != "lqr" else (0.001,))
+    ]
+    cases += [
+        {"trajectory": {"kind": kind}} for kind, path in paths().items() if path.model.__module__.startswith(OWN_PATHS)
     ]
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", PROGRAM, json.dumps(cases)],

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlab.compiled import inlined
+from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.matrix_functions import Functions, doubled, phi_functions
 from flexlab.physics.axial_load import END, NOW, START, has_axial_load
 from flexlab.physics.dynamics import beam_is_held
@@ -39,6 +39,8 @@ HALF_PHI1, HALF_PHI2, PHI2, PHI3, HALF_EXP = range(5)
 
 FREE = 7
 """Row of `Workspace.stage` that after a step holds e^{hL} y + h φ1(hL) N1: the beam had nothing changed for it."""
+
+NEXT = np.uint64(1)
 
 HALVINGS_KEPT = 8
 """Steps h, h/2, … whose matrix functions are kept: more than the levels that a disturbance asks for."""
@@ -95,35 +97,37 @@ def beam_operators(
     )
 
 
+@disjoint
+def add_pair(own, eta, pi, z, out):
+    """`add_product` of one block of two modes, `own` (16,), whose η and π begin at the places eta and pi."""
+    # Unsigned places: none is looked at for being negative, which took longer than the product.
+    a, b, c, d = z[eta], z[eta + NEXT], z[pi], z[pi + NEXT]
+    first = out[eta] + ((a * own[0] + b * own[4]) + (c * own[8] + d * own[12]))
+    second = out[eta + NEXT] + ((a * own[1] + b * own[5]) + (c * own[9] + d * own[13]))
+    third = out[pi] + ((a * own[2] + b * own[6]) + (c * own[10] + d * own[14]))
+    fourth = out[pi + NEXT] + ((a * own[3] + b * own[7]) + (c * own[11] + d * own[15]))
+    out[eta], out[eta + NEXT], out[pi], out[pi + NEXT] = first, second, third, fourth
+
+
 @inlined
 def add_product(block_start, n, operator, z, out):
-    """out += operator z on the beam's part (η, π) of two states, block by block, of which `operator` has all columns."""
+    """out += operator z of two beams' (η, π), (2 n_m,), block by block, of which `operator` has all columns."""
     # Slices, not offsets: only for them does the compiler know that no index is negative, and use its vector units.
     if len(block_start) == n + 1:  # No mode is coupled with another.
-        eta, pi, on_eta, on_pi = (
-            z[ETA : ETA + n],
-            z[ETA + n : ETA + 2 * n],
-            out[ETA : ETA + n],
-            out[ETA + n : ETA + 2 * n],
-        )
+        eta, pi, on_eta, on_pi = z[:n], z[n:], out[:n], out[n:]
         for k in range(n):
             on_eta[k] += operator[4 * k] * eta[k] + operator[4 * k + 2] * pi[k]
             on_pi[k] += operator[4 * k + 1] * eta[k] + operator[4 * k + 3] * pi[k]
         return
     at = 0
     for block in range(len(block_start) - 1):
-        low, k = ETA + block_start[block], block_start[block + 1] - block_start[block]
-        eta, pi = z[low : low + k], z[low + n : low + n + k]
-        on_eta, on_pi = out[low : low + k], out[low + n : low + n + k]
+        low, k = block_start[block], block_start[block + 1] - block_start[block]
         if k == 2:  # As of two elements: what follows, without the price of loops.
-            own = operator[at : at + 16]
-            a, b, c, d = eta[0], eta[1], pi[0], pi[1]
-            on_eta[0] += (a * own[0] + b * own[4]) + (c * own[8] + d * own[12])
-            on_eta[1] += (a * own[1] + b * own[5]) + (c * own[9] + d * own[13])
-            on_pi[0] += (a * own[2] + b * own[6]) + (c * own[10] + d * own[14])
-            on_pi[1] += (a * own[3] + b * own[7]) + (c * own[11] + d * own[15])
+            add_pair(operator[at : at + 16], np.uint64(low), np.uint64(low + n), z, out)
             at += 16
             continue
+        eta, pi = z[low : low + k], z[low + n : low + n + k]
+        on_eta, on_pi = out[low : low + k], out[low + n : low + n + k]
         of_eta, of_pi = operator[at : at + 2 * k * k], operator[at + 2 * k * k : at + 4 * k * k]
         for j in range(0, k - 1, 2):
             add_four(eta[j], eta[j + 1], of_eta[2 * k * j :], pi[j], pi[j + 1], of_pi[2 * k * j :], on_eta, on_pi)
@@ -133,32 +137,56 @@ def add_product(block_start, n, operator, z, out):
         at += 4 * k * k
 
 
-@inlined
-def classical_stage(low, high, stage, dt, y, ws):
-    """`next_stage` for the part low..high of the state, which has no linear part: the classical Runge-Kutta formulas."""
-    N1, N2, N3, N4, z = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3], ws.stage[STATE]
+@disjoint
+def classical_stage(stage, dt, N1, N2, N3, N4, z, y):
+    """`next_stage` for a part of the state that has no linear part: the classical Runge-Kutta formulas."""
     if stage == 0:
-        for i in range(low, high):
+        for i in range(len(y)):
             z[i] = y[i] + dt / 2 * N1[i]
     elif stage == 1:
-        for i in range(low, high):
+        for i in range(len(y)):
             z[i] = y[i] + dt / 2 * N2[i]
     elif stage == 2:
-        for i in range(low, high):
+        for i in range(len(y)):
             z[i] = y[i] + dt * N3[i]
     else:
-        for i in range(low, high):
+        for i in range(len(y)):
             y[i] += dt / 6 * (N1[i] + 2 * (N2[i] + N3[i]) + N4[i])
 
 
 @inlined
 def add_rates(plant, etdrk4, function, z, out):
-    """out += the matrix function of this name times rates (or of HALF_EXP a state) z, on the beam's part of two states."""
+    """out += the matrix function of this name times rates (or of HALF_EXP (η, π)) z, of two beams' (η, π), (2 n_m,)."""
     n = plant.modal.shape[1]
     if etdrk4.forced.shape[1] > 0 and function != HALF_EXP:
         add_forced(plant.block_start, n, etdrk4.forced[function], etdrk4.soft_modes, beam_is_held(plant), z, out)
     else:
         add_product(plant.block_start, n, etdrk4.operators[function if etdrk4.forced.shape[1] == 0 else 0], z, out)
+
+
+@disjoint
+def first_rise(N1, N2, a, d, z):
+    """Set out for b: d = N2 - N1, z = a."""
+    for i in range(len(z)):
+        d[i] = N2[i] - N1[i]
+        z[i] = a[i]
+
+
+@disjoint
+def second_rise(N1, N3, whole, d, z):
+    """Set out for c: d = 2 (N3 - N1), z = e^{hL} y + h φ1(hL) N1."""
+    for i in range(len(z)):
+        d[i] = 2 * (N3[i] - N1[i])
+        z[i] = whole[i]
+
+
+@disjoint
+def last_rise(N1, N2, N3, N4, whole, d, z, y):
+    """Set out for y⁺: d and z take what φ2(hL) and φ3(hL) multiply, y = e^{hL} y + h φ1(hL) N1."""
+    for i in range(len(y)):
+        y[i] = whole[i]
+        d[i] = 2 * (N2[i] + N3[i]) - 3 * N1[i] - N4[i]
+        z[i] = 4 * (N1[i] - N2[i] - N3[i] + N4[i])
 
 
 @inlined
@@ -168,38 +196,31 @@ def next_stage(plant, etdrk4, stage, y, ws):
     ws.stage[4] keeps a, ws.stage[FREE] e^{hL} y + h φ1(hL) N1. Of a beam with `forced` functions the rates are replaced by what
     they are made of.
     """
-    n = plant.modal.shape[1]
-    end = ETA + 2 * n
-    N1, N2, N3, N4 = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3]
-    a, z, d, whole = ws.stage[4], ws.stage[STATE], ws.stage[6], ws.stage[FREE]
+    end = ETA + 2 * plant.modal.shape[1]
     if etdrk4.forced.shape[1] > 0:
         factor_rates(plant, ws, ws.stage[stage])
+    N1, N2, N3, N4 = ws.stage[0, ETA:end], ws.stage[1, ETA:end], ws.stage[2, ETA:end], ws.stage[3, ETA:end]
+    a, z, d, whole = ws.stage[4, ETA:end], ws.stage[STATE, ETA:end], ws.stage[6, ETA:end], ws.stage[FREE, ETA:end]
+    beam = y[ETA:end]
     # Of each product its function, what it takes and to what it is added; one place for all, as they are much machine code.
     count, function, source, target = 1, HALF_PHI1, d, z
     if stage == 0:
         count, source, target = 3, N1, whole
-        for i in range(ETA, end):
+        for i in range(len(whole)):
             whole[i] = 0.0
     elif stage == 1:
         function = HALF_PHI2
-        for i in range(ETA, end):
-            d[i] = N2[i] - N1[i]
-            z[i] = a[i]
+        first_rise(N1, N2, a, d, z)
     elif stage == 2:
         function = PHI2
-        for i in range(ETA, end):
-            d[i] = 2 * (N3[i] - N1[i])
-            z[i] = whole[i]
+        second_rise(N1, N3, whole, d, z)
     else:
-        count, function, target = 2, PHI2, y
-        for i in range(ETA, end):
-            y[i] = whole[i]
-            d[i] = 2 * (N2[i] + N3[i]) - 3 * N1[i] - N4[i]
-            z[i] = 4 * (N1[i] - N2[i] - N3[i] + N4[i])
+        count, function, target = 2, PHI2, beam
+        last_rise(N1, N2, N3, N4, whole, d, z, beam)
     for product in range(count):
         if stage == 0 and product == 1:
-            function, source, target = HALF_EXP, y, a
-            for i in range(ETA, end):
+            function, source, target = HALF_EXP, beam, a
+            for i in range(len(a)):
                 a[i] = whole[i]
         elif stage == 0 and product == 2:
             source, target = a, whole
@@ -207,7 +228,7 @@ def next_stage(plant, etdrk4, stage, y, ws):
             function, source = PHI3, z
         add_rates(plant, etdrk4, function, source, target)
     if stage == 0:
-        for i in range(ETA, end):
+        for i in range(len(z)):
             z[i] = a[i]
 
 
@@ -217,7 +238,6 @@ def etdrk4_stage(system, etdrk4, stage, dt, y, ws):
 
     What `beam_flow.end_flow` needs stays in the workspace.
     """
-    memory = memory_start(system.plant)
     if stage == 0:
         begin_flow(system.plant, y, ws)
     elif stage == 2:
@@ -228,9 +248,11 @@ def etdrk4_stage(system, etdrk4, stage, dt, y, ws):
                 ws.u_before[i, a] = ws.u[i, a]
         for k in range(len(ws.eta_dot)):
             ws.axial_force[END, k] = ws.axial_force[NOW, k]
+    rates, memory = ws.stage, memory_start(system.plant)
     for part in range(2):
         low, high = (0, ETA) if part == 0 else (memory, memory + system.control.memory_size)
-        classical_stage(low, high, stage, dt, y, ws)
+        N1, N2, N3, N4 = rates[0, low:high], rates[1, low:high], rates[2, low:high], rates[3, low:high]
+        classical_stage(stage, dt, N1, N2, N3, N4, rates[STATE, low:high], y[low:high])
     next_stage(system.plant, etdrk4, stage, y, ws)
 
 
@@ -239,7 +261,8 @@ def bend_flow(plant, etdrk4, ws):
     """Let the axial load's force on the beam be linear in time over the step in ws.stage[FREE], which has it constant."""
     if not has_axial_load(plant):
         return
-    n, z = plant.modal.shape[1], ws.stage[6]
+    n = plant.modal.shape[1]
+    z = ws.stage[6, ETA : ETA + 2 * n]
     for k in range(n):
-        z[ETA + k], z[ETA + n + k] = 0.0, ws.axial_force[START, k] - ws.axial_force[END, k]
-    add_rates(plant, etdrk4, PHI2, z, ws.stage[FREE])
+        z[k], z[n + k] = 0.0, ws.axial_force[START, k] - ws.axial_force[END, k]
+    add_rates(plant, etdrk4, PHI2, z, ws.stage[FREE, ETA : ETA + 2 * n])

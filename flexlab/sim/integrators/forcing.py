@@ -83,19 +83,19 @@ def add_four(a, b, columns, c, d, others, on_eta, on_pi):
 
 @inlined
 def add_forced(starts, n, forced, soft, hand_pulls, z, out):
-    """out += φ N on the beam's part, of rates z as `factor_rates` leaves them; `forced`: `forced_columns`, block after block.
+    """out += φ N of two beams' (η, π), (2 n_m,), of rates z as `factor_rates` leaves them.
 
-    `soft`: of each block, as `soft_modes`; a hand at the beam may move all.
+    `forced`: `forced_columns`, block after block. `soft`: of each block, as `soft_modes`; a hand at the beam may move all.
     """
     at = 0
     for block in range(len(starts) - 1):
-        low, k = ETA + starts[block], starts[block + 1] - starts[block]
+        low, k = starts[block], starts[block + 1] - starts[block]
         on_eta, on_pi, force = out[low : low + k], out[low + n : low + n + k], z[low + n : low + n + k]
         common, own = forced[at : at + 2 * COMMON * k], forced[at + 2 * COMMON * k : at + 2 * (COMMON + k) * k]
-        add_two(z[ETA], common, z[ETA + 1], common[2 * k :], on_eta, on_pi)
+        add_two(z[0], common, z[1], common[2 * k :], on_eta, on_pi)
         moved = k if hand_pulls else soft[block]
         # The lift, and with it the first mode's force, so that the others go by fours.
-        add_two(z[ETA + 2], common[4 * k :], force[0], own, on_eta, on_pi)
+        add_two(z[2], common[4 * k :], force[0], own, on_eta, on_pi)
         j = 1
         while j + 3 < moved:
             add_four(

@@ -138,12 +138,6 @@ def _refuse_tiny(step: float, integrator: str, bound: str) -> None:
     raise ScenarioError([("simulation.step", f"simulation.step = null: {cause} {need}. {cure}.")])
 
 
-def _root(value: float, order: int) -> float:
-    """value^(1/order) for an order of 2 or 4, by roots that are the same everywhere."""
-    root = math.sqrt(value)
-    return math.sqrt(root) if order == 4 else root
-
-
 def control_limits(integrator: str, accuracy: float) -> tuple[float, float]:
     """Longest step times fastest closed-loop rate for a pose accuracy, m, and for any accuracy."""
     ease = _root(accuracy / DEFAULT_ACCURACY, ORDER[integrator])

@@ -216,7 +216,7 @@ def _observer() -> Iterator[Check]:
     told = np.linalg.solve(inertia, run.arm_input.sum(axis=1)[acting].T)[1] / gain
     error = float(np.abs(told - rate[acting]).max() / np.abs(rate[acting]).max())
     yield below(
-        "the Kalman observer tells hᵀq̇ at the middle of the interval in which its torque acts: relative error",
+        "the Kalman observer predicts hᵀq̇ by the delay and half a period, to where its torque acts: relative error",
         0.02,
         error,
     )

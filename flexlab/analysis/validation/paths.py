@@ -191,7 +191,7 @@ def _left(shaper: str, ratio: float) -> float:
 
 
 def _fed_forward() -> Iterator[Check]:
-    share, x = 0.7, (0.0, 0.75, 0.0)
+    share, x = 0.7, (0.0, 0.75, 0.3)
     # At t = 0 the paper's sine has no acceleration: another phase has.
     later = {"trajectory.phase": (0.9, 0.9, 0.9), "initial.pose": x}
     plain, fed = (

@@ -10,12 +10,12 @@ if TYPE_CHECKING:
     from flexlab.analysis.metrics import RunMetrics
     from flexlab.analysis.modes import Modes
     from flexlab.analysis.sweep.result import Sweep
-    from flexlab.api import Run, explain, modes, read, simulate, simulate_many, sweep
+    from flexlab.api import Run, explain, export_fmu, modes, read, simulate, simulate_many, sweep
     from flexlab.leaderboard_api import leaderboard
     from flexlab.linear_api import linearize
     from flexlab.notebook import Lab
-    from flexlab.own_laws.declaration import OwnLaw, gain, memory, readout
-    from flexlab.own_paths.declaration import OwnPath, option
+    from flexlab.own.declaration import OwnLaw, OwnPath, gain, memory, option, readout
+    from flexlab.own.measurement import Measurement
     from flexlab.presets import load_preset, preset_names
     from flexlab.scenario import Scenario, parse_scenario
 
@@ -38,17 +38,19 @@ _HOMES = {
     "RunMetrics": "flexlab.analysis.metrics",
     "explain": "flexlab.api",
     "Explained": "flexlab.analysis.explanations",
+    "export_fmu": "flexlab.api",
     "modes": "flexlab.api",
     "Modes": "flexlab.analysis.modes",
     "internal_force_eq_26": "flexlab.analysis.internal_force",
     "linearize": "flexlab.linear_api",
     "LinearModel": "flexlab.analysis.linear_model",
-    "OwnLaw": "flexlab.own_laws.declaration",
-    "gain": "flexlab.own_laws.declaration",
-    "memory": "flexlab.own_laws.declaration",
-    "readout": "flexlab.own_laws.declaration",
-    "OwnPath": "flexlab.own_paths.declaration",
-    "option": "flexlab.own_paths.declaration",
+    "OwnLaw": "flexlab.own.declaration",
+    "gain": "flexlab.own.declaration",
+    "memory": "flexlab.own.declaration",
+    "readout": "flexlab.own.declaration",
+    "OwnPath": "flexlab.own.declaration",
+    "Measurement": "flexlab.own.measurement",
+    "option": "flexlab.own.declaration",
 }
 """Public names and the modules they live in; imported on first use, so that `flexlab --help` need not load numba."""
 
@@ -57,6 +59,7 @@ __all__ = [
     "Lab",
     "Leaderboard",
     "LinearModel",
+    "Measurement",
     "Modes",
     "OwnLaw",
     "OwnPath",
@@ -66,6 +69,7 @@ __all__ = [
     "Sweep",
     "__version__",
     "explain",
+    "export_fmu",
     "gain",
     "internal_force_eq_26",
     "leaderboard",

@@ -4,7 +4,7 @@ Everything here stands as `flexlab.<name>`; the rooms below do the work. What on
 simulation should not wait for the libraries of recordings and figures.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -17,12 +17,10 @@ from flexlab.analysis.result_hash import result_hash
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.sweep.execution import cell_progress, chosen_executor, run_sweep
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
-from flexlab.analysis.sweep.result import Sweep
-from flexlab.analysis.sweep.table import sweep_folder
-from flexlab.control.own_files import law_kind
+from flexlab.analysis.sweep.result import Sweep, sweep_folder
 from flexlab.errors import StudyError
-from flexlab.own_laws.declaration import OwnLaw
-from flexlab.own_paths.declaration import OwnPath
+from flexlab.own.declaration import OwnLaw, OwnPath
+from flexlab.own.files import law_kind, path_kind
 from flexlab.presets import find_scenario
 from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario, parse_scenario
@@ -44,6 +42,11 @@ LOGS = "logs"
 
 AnyScenario = Scenario | str | Path | Mapping[str, Any]
 """A scenario; a preset's name; the path of a scenario file; or plain data, as read from JSON."""
+
+AnyLaw = str | Path | type[OwnLaw] | None
+"""A control law by its name, the path of a Python file that holds one, or a class; None: the scenario's."""
+AnyPath = str | Path | type[OwnPath] | None
+"""A path by its name, a CSV file, a Python file, or a class; None: the scenario's."""
 
 
 class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of all arrays)
@@ -89,7 +92,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
         A matplotlib figure, which notebooks show. Raises `StudyError`.
         """
-        from flexlab.analysis.signal_plots import SHOWN, draw_signals
+        from flexlab.analysis.figures import SHOWN, draw_signals
 
         return draw_signals(self, signals or SHOWN)
 
@@ -103,7 +106,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
         from flexlab.html_page import Page
         from flexlab.lab.run_page import run_page
-        from flexlab.recording.documents import package_version
+        from flexlab.recording.run_info import package_version
 
         with redirect_stdout(StringIO()):  # viser says where it serves, which it does for a moment only.
             return Page(run_page(self, self.name, package_version()))
@@ -127,7 +130,9 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
     def __repr__(self) -> str:
         span = f", t = {self.time[0]:g} s to {self.time[-1]:g} s" if len(self) else ""
-        return f"<Run of {self.name}: {self.status}, {len(self)} samples{span}>"
+        why = " ".join(self.status.text.split())
+        how = f"did not finish ({self.status}: {why})" if self.status.failed else str(self.status)
+        return f"<Run of {self.name}: {how}, {len(self)} samples{span}>"
 
 
 Run.__doc__ = samples.Run.__doc__
@@ -138,8 +143,9 @@ def simulate(
     duration: float = 3.0,
     sample_period: float = 0.001,
     commands: Sequence[tuple[float, WorldCommand]] = (),
-    law: str | Path | type[OwnLaw] | None = None,
-    path: str | Path | type[OwnPath] | None = None,
+    law: AnyLaw = None,
+    path: AnyPath = None,
+    check: bool = False,
 ) -> Run:
     """Simulate a scenario for `duration` s with a sample exactly at every k · `sample_period` s, t = 0 included.
 
@@ -149,14 +155,14 @@ def simulate(
     `OwnLaw`; `path`: another path, by its name, a CSV file, a Python file, or a class of `OwnPath`. A run that cannot
     start or go on ends early: `run.status` says why, and the good samples are kept.
     Raises `PresetError` or `ScenarioError` for a scenario or command that is not valid and `StudyError` for a duration or
-    period that is not, or a command that changes the beam's mesh or starts the run anew.
+    period that is not, a command that changes the beam's mesh or starts the run anew, and, with `check`, for a run that
+    did not finish.
     """
-    name, valid = named_scenario(scenario)
-    if law is not None:
-        valid = valid.replace({"controller.kind": law_kind(law)})
-    if path is not None:
-        valid = with_path(valid, path)
-    return _run(engine.simulate(valid, duration, sample_period, commands), name)
+    name, valid = named_scenario(scenario, law, path)
+    run = _run(engine.simulate(valid, duration, sample_period, commands), name)
+    if check and run.status.failed:
+        raise StudyError(f"The run of {name} did not finish: {run.status.text}")
+    return run
 
 
 def explain(run: Run) -> tuple["Explained", ...]:
@@ -184,15 +190,18 @@ def simulate_many(
     sample_period: float = 0.001,
     workers: int | None = None,
     progress: bool = True,
+    law: AnyLaw = None,
+    path: AnyPath = None,
 ) -> list[Run]:
-    """Simulate every scenario (see `simulate`), in order, on `workers` threads (None: one per core).
+    """Simulate every scenario (see `simulate`), in order, on `workers` threads (None: one per core), with one law or path.
 
     A scenario that is not valid becomes a run without samples whose status is "invalid" and says why; one that cannot go
     on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `PresetError` for a name that is none and
     `StudyError` for unusable arguments.
     """
     pairs = [("run", scenario) if isinstance(scenario, Mapping) else named_scenario(scenario) for scenario in scenarios]
-    runs = batch.simulate_many([scenario for _, scenario in pairs], duration, sample_period, workers, progress)
+    choose = _choice(law, path)
+    runs = batch.simulate_many([scenario for _, scenario in pairs], duration, sample_period, workers, progress, choose)
     return [_run(run, name) for (name, _), run in zip(pairs, runs, strict=True)]
 
 
@@ -210,19 +219,22 @@ def sweep(
     cluster: str | None = None,
     progress: bool = True,
     most_cells: int = MANY_CELLS,
+    law: AnyLaw = None,
+    path: AnyPath = None,
 ) -> Sweep:
     """Simulate a scenario with fields varied over ranges, on all cores, and gather the metrics of every cell in a table.
 
     `vary`: {"payload.bending_stiffness": "1:1000:log:25", "controller.kind": ["pd", "computed-torque"]}, or the same as
-    the shell takes it, ["payload.bending_stiffness=1:1000:log:25"]. `design`: "grid" (all combinations), or
+    the shell takes it, ["payload.bending_stiffness=1:1000:log:25"]; files and classes of laws and paths stand for their kinds.
+    `law`, `path`: as in `simulate`. `design`: "grid" (all combinations), or
     "latin-hypercube" or "sobol" with so many `samples` and a `seed`. `accuracy`: pose accuracy of the runs, m; None: the
     scenario's own. `folder` (None: `sweeps/<name>-<key>`) keeps the table; a sweep that was interrupted goes on there, and
     the same sweep is not computed twice. `workers`: threads, None: one per core; or `cluster`: the address of a Dask
     scheduler. A cell that fails says why and stops nobody. Raises `PresetError` or `ScenarioError` for the scenario and
     `StudyError` for other unusable arguments, for a cluster that fails, and for more than `most_cells` cells.
     """
-    name, valid = named_scenario(scenario)
-    plan = make_plan(valid, parse_axes(vary, valid), duration, sample_period, design, samples, seed, accuracy)
+    name, valid = named_scenario(scenario, law, path)
+    plan = make_plan(valid, parse_axes(_by_kind(vary), valid), duration, sample_period, design, samples, seed, accuracy)
     if plan.cell_count > most_cells:
         raise StudyError(f"The sweep has {plan.cell_count} cells: say most_cells={plan.cell_count} if you mean it.")
     executor = chosen_executor(workers, cluster)
@@ -246,8 +258,54 @@ def read(run: str | Path, logs: str | Path = LOGS) -> Run:
     return _run(recording.run, recording.name)
 
 
-def named_scenario(scenario: AnyScenario) -> tuple[str, Scenario]:
+def export_fmu(
+    scenario: AnyScenario, file: str | Path, part: str = "plant", version: int = 3, sample_period: float = 0.001
+) -> Path:
+    """Write a scenario as a functional mock-up unit (.fmu), which other tools simulate without Python; returns the file.
+
+    `part`: "plant", arms and beam, whose motors' torques are inputs; "law", law and path, whose inputs are what is measured; or
+    "loop", both together, which gives the bits of `simulate`. `version` of FMI: 3 or 2. Importers look every `sample_period` s,
+    or at multiples of it. A C compiler is needed.
+    Raises `PresetError`, `ScenarioError` or `StudyError`.
+    """
+    from flexlab.fmi.export import write_fmu
+
+    name, known = named_scenario(scenario)
+    write_fmu(known, Path(file), name, part, version, sample_period)
+    return Path(file)
+
+
+def named_scenario(scenario: AnyScenario, law: AnyLaw = None, path: AnyPath = None) -> tuple[str, Scenario]:
     """(short name, scenario) of anything that `simulate` takes. Raises `PresetError`, `ScenarioError` or `StudyError`."""
+    name, valid = _named(scenario)
+    return name, _choice(law, path)(valid)
+
+
+def _choice(law: AnyLaw, path: AnyPath) -> Callable[[Scenario], Scenario]:
+    """Gives a scenario a law and a path. Raises `ScenarioError`, the function that it returns too."""
+    changes = {} if law is None else {"controller.kind": law_kind(law)}
+
+    def chosen(scenario: Scenario) -> Scenario:
+        changed = scenario.replace(changes) if changes else scenario
+        return changed if path is None else with_path(changed, path)
+
+    return chosen
+
+
+def _by_kind(vary: Any) -> Any:
+    """What is varied, with the kinds of laws and paths that were given as files or classes. Raises `ScenarioError`."""
+    if not isinstance(vary, Mapping):
+        return vary
+    kinds = {"controller.kind": law_kind, "trajectory.kind": path_kind}
+    return {
+        field: [kinds[field](one) if isinstance(one, (Path, type)) else one for one in values]
+        if field in kinds and isinstance(values, (list, tuple))
+        else values
+        for field, values in vary.items()
+    }
+
+
+def _named(scenario: AnyScenario) -> tuple[str, Scenario]:
     if isinstance(scenario, Scenario):
         return "run", scenario
     if isinstance(scenario, (str, Path)):

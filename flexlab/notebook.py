@@ -14,12 +14,18 @@ if TYPE_CHECKING:
 class Lab:
     """A live lab of a scenario: `with flexlab.Lab("soft-beam") as lab: display(lab)`, until the block ends or `close()`.
 
-    Takes what `simulate` takes. The lab serves this machine only, on any free port; `url` opens it in a browser, and `runner`
-    takes commands. Raises `LabError` if it cannot be started.
+    Takes the scenario, law and path that `simulate` takes. The lab serves this machine only, on any free port; `url` opens it in
+    a browser, and `runner` takes commands. Raises `LabError` if it cannot be started.
     """
 
-    def __init__(self, scenario: api.AnyScenario = "paper", height: int = CELL_HEIGHT):
-        self._name, self._scenario = api.named_scenario(scenario)
+    def __init__(
+        self,
+        scenario: api.AnyScenario = "paper",
+        height: int = CELL_HEIGHT,
+        law: api.AnyLaw = None,
+        path: api.AnyPath = None,
+    ):
+        self._name, self._scenario = api.named_scenario(scenario, law, path)
         self._height = height
         self._session: Session | None = None
 

@@ -1,8 +1,8 @@
 """A control law in plain Python that tests of several rooms use."""
 
-from flexlab.control import own_law_hosts as hosts
 from flexlab.control.law import forget_law, laws
-from flexlab.control.own_law import PythonLaw
+from flexlab.own import hosts
+from flexlab.own.law import PythonLaw
 
 PD = '''"""A law of one's own."""
 

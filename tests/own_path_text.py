@@ -1,8 +1,9 @@
 """A path in plain Python that tests of several rooms use."""
 
-from flexlab.control import own_law_hosts, own_path, own_path_hosts
-from flexlab.control.own_files import PATH_FILES
 from flexlab.control.path import forget_path, paths
+from flexlab.own import hosts
+from flexlab.own import path as own_path
+from flexlab.own.files import PATH_FILES
 
 ROUND = '''"""A path of one's own."""
 
@@ -29,9 +30,9 @@ class RoundTrip(OwnPath):
 
 def forget_own_paths() -> None:
     """As if no path in Python had been given."""
-    own_path_hosts.close_all()
-    own_law_hosts.run_apart(False)
-    own_law_hosts._allowed.clear()
+    hosts.close_all()
+    hosts.run_apart(False)
+    hosts._allowed.clear()
     own_path._made_tables.clear()
     PATH_FILES._added.clear()
     for kind in [kind for kind, path in paths().items() if isinstance(path, own_path.PythonPath)]:

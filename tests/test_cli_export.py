@@ -1,6 +1,7 @@
 """`flexlab export`, `import` and `replay`: a run goes out and comes back, and is the same, bit for bit."""
 
 import subprocess
+import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -70,6 +71,14 @@ def test_a_part_and_the_figures(flexlab_command: Command, tapped: Path, tmp_path
     assert figures == {path.name for path in tmp_path.glob("*.svg")} == set(done.stdout.split()[-4:])
 
 
+def test_a_preset_goes_out_as_a_unit(flexlab_command: Command, tmp_path: Path):
+    done = flexlab_command("export", "paper", "--to", "paper.fmu", "--fmi", "2", "--part", "loop")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("paper.fmu  ")
+    with zipfile.ZipFile(tmp_path / "paper.fmu") as archive:
+        assert b'fmiVersion="2.0" modelName="paper (loop)"' in archive.read("modelDescription.xml")
+
+
 def test_a_replay_that_differs_says_where_and_fails(flexlab_command: Command, tmp_path: Path):
     run = simulate(load_preset("paper"), duration=0.3)
     torque = run.joint_torque.copy()
@@ -90,6 +99,9 @@ def test_a_replay_that_differs_says_where_and_fails(flexlab_command: Command, tm
         (["export", "--to", "x.npz", "--start", "7"], "there is no sample: choose times within 0 to 0.3 s"),
         (["export", "--figures", "pdf"], "choose png or svg"),
         (["export", "zzz", "--to", "x.csv"], "no recording zzz"),
+        (["export", "--to", "x.fmu"], "x.fmu is made of a scenario alone: flexlab export PRESET --to x.fmu."),
+        (["export", "papr", "--to", "x.fmu"], "did you mean paper"),
+        (["export", "--to", "x.csv", "--part", "loop"], "--part and --fmi are for units: write --to FILE.fmu."),
         (["import", "none.csv"], "There is no file none.csv"),
         (["import", "junk.csv"], "junk.csv is not a run exported by flexlab"),
         (["import", "junk.txt"], "junk.txt has no known format"),

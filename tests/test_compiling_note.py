@@ -1,34 +1,13 @@
-"""Compiling is told once, where it takes longer than a moment; a start that finds everything compiled says nothing."""
+"""A command that finds everything compiled says nothing of it; `test_same_bits` looks at what a first start says."""
 
-import os
 import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
 from flexlab import compiled
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
-
-SIMULATE = "import flexlab; flexlab.simulate('paper', 0.01)"
-AT_ONCE = "import flexlab.compiled as compiled; compiled.A_MOMENT = 0.0; "
-"""What would be told for the shortest compilation, so that no load of a machine decides."""
-
-
-def complaints(program: str, cache: Path | None = None) -> str:
-    environment = os.environ | ({"NUMBA_CACHE_DIR": str(cache)} if cache else {})
-    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
-    return done.stderr
-
-
-@pytest.mark.skipif(compiled.PLAIN_PYTHON, reason="nothing is compiled")
-def test_python_says_it_in_one_line_and_then_no_more(tmp_path: Path):
-    said = complaints(SIMULATE, tmp_path)
-    assert "compiling the equations of motion" in said
-    assert said.count("\n") == 1
-    assert complaints(AT_ONCE + SIMULATE, tmp_path) == ""
 
 
 def test_a_command_that_finds_everything_compiled_says_nothing(

@@ -66,7 +66,8 @@ def test_the_package_asks_for_what_it_imports_and_no_more(root: Path, project: d
 
 
 def test_the_tests_ask_for_what_they_import(root: Path, project: dict):
-    asked = {requirement_name(line) for line in project["dependencies"] + project["optional-dependencies"]["test"]}
+    extras = project["optional-dependencies"]
+    asked = {requirement_name(line) for line in project["dependencies"] + extras["test"] + extras["peers"]}
     assert imported(root / "tests") - {"pydantic-core"} <= asked
     assert TOOLS <= asked
 

@@ -18,7 +18,7 @@ from own_path_text import ROUND, forget_own_paths
 
 import flexlab.cli
 from flexlab.cli import COMMANDS
-from flexlab.control.own_law import add_own_law
+from flexlab.own.law import add_own_law
 from flexlab.plain_text import console, visible, visible_json
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
@@ -47,9 +47,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
         chosen = load_preset("paper").replace({"controller.kind": add_own_law(law, f"{NAME}.py").kind})
         write_run(simulate(chosen, 0.5), logs, name)
     forget_own_laws()
-    from flexlab.control import own_law_hosts
+    from flexlab.own import hosts
 
-    own_law_hosts._allowed.clear()
+    hosts._allowed.clear()
     return logs
 
 

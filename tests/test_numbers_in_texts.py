@@ -15,12 +15,11 @@ import pytest
 from flexlab.analysis.lesson_measures import ring_frequency, torque_jump
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.metrics.run_metrics import between
-from flexlab.analysis.modes import modes
-from flexlab.analysis.pole_table import PoleRow
+from flexlab.analysis.modes import PoleRow, modes
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY
 from flexlab.analysis.validation import axial_load as buckling
 from flexlab.assets import presets_folder, web_assets_folder
-from flexlab.control.own_path_sampling import AGREED, TOLERATED
+from flexlab.own.path import AGREED, TOLERATED
 from flexlab.physics.axial_load import buckling_load
 from flexlab.physics.beam import beam_matrices
 from flexlab.presets import load_preset, preset_names

@@ -222,7 +222,7 @@ CASE = '''
 """Gravity."""
 
 from flexlab.analysis.leaderboard.case import Case
-from flexlab.analysis.leaderboard.score import peak_error
+from flexlab.analysis.leaderboard.case import peak_error
 
 CASE = Case("B8", "Upright", "The paper's sine, upright.", 0.004, (peak_error(),), {"gravity": 9.81})
 '''

@@ -5,7 +5,7 @@ import urllib.request
 
 import pytest
 
-from flexlab.cli.waiting_page import WaitingPage
+from flexlab.cli.showing import WaitingPage
 
 
 def test_programs_are_told_that_the_lab_is_not_there_yet():

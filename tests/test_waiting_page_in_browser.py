@@ -7,7 +7,7 @@ from pathlib import Path
 
 from playwright.sync_api import Browser
 
-from flexlab.cli.waiting_page import WaitingPage
+from flexlab.cli.showing import WaitingPage
 
 
 def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path, plain_chromium: Browser):

@@ -1,7 +1,7 @@
 """Many runs at once on all cores: the kernels hold no lock, so threads are enough."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -24,11 +24,13 @@ def simulate_many(
     sample_period: float = 0.001,
     workers: int | None = None,
     progress: bool = True,
+    choose: Callable[[Scenario], Scenario] = lambda scenario: scenario,
 ) -> list[Run]:
     """Simulate every scenario (or plain data of one), in order, on `workers` threads (None: one per core).
 
     A scenario that is not valid becomes a run without samples whose status is "invalid" and says why; one that cannot go
-    on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `StudyError` for unusable arguments.
+    on ends early, as in `simulate`. `progress` draws a bar on a terminal. `choose` changes each scenario. Raises `StudyError`
+    for unusable arguments.
     """
     sample_count(duration, sample_period)
     workers = thread_count(workers)
@@ -36,7 +38,7 @@ def simulate_many(
     def one(scenario: Scenario | Mapping[str, Any]) -> Run:
         try:
             valid = scenario if isinstance(scenario, Scenario) else parse_scenario(scenario)
-            return simulate(valid, duration, sample_period)
+            return simulate(choose(valid), duration, sample_period)
         except ScenarioError as error:
             return _invalid(scenario if isinstance(scenario, Scenario) else Scenario(), str(error))
 

@@ -17,10 +17,10 @@ from flexlab.analysis.replay import own_law_texts, own_path_texts
 from flexlab.analysis.result_hash import result_hash
 from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import scenario_text
-from flexlab.recording.documents import these_versions
+from flexlab.recording.codec import command_to_json
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import Recording, read_recording
-from flexlab.recording.run_json import command_to_json
+from flexlab.recording.run_info import these_versions
 from flexlab.recording.store.notes import replacing
 
 METADATA, RUN = "ro-crate-metadata.json", "run.rrd"

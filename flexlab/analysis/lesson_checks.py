@@ -9,7 +9,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flexlab.analysis.lesson_axial_checks import check_buckling, check_spin_up
+from flexlab.analysis.lesson_beam_checks import (
+    RINGING,
+    check_buckling,
+    check_input_shaping,
+    check_spillover,
+    check_spin_up,
+    check_vibration,
+)
 from flexlab.analysis.lesson_measures import (
     DISTURBANCES,
     UNDAMPED_TIME,
@@ -23,12 +30,6 @@ from flexlab.analysis.lesson_measures import (
     tick,
     torque_jump,
     wait_for_start,
-)
-from flexlab.analysis.lesson_vibration_checks import (
-    RINGING,
-    check_input_shaping,
-    check_spillover,
-    check_vibration,
 )
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.scenario import AdaptiveSlidingMode, Scenario, parse_scenario

@@ -5,13 +5,24 @@ that mass, damping and stiffness describe the plant exactly; joint torques τ ar
 the pose: that part of the stiffness is in K.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.differences import central, fourth_order
-from flexlab.analysis.loop_probe import LoopProbe
-from flexlab.analysis.rest_point import RestPoint
+from flexlab.analysis.rest_point import LoopProbe, RestPoint
+
+
+def central(function: Callable[[np.ndarray], np.ndarray], direction: np.ndarray, size: float) -> np.ndarray:
+    """(f(+step) - f(-step)) / 2 size for step = size · direction: order 2."""
+    step = size * direction
+    return (function(step) - function(-step)) / (2 * size)
+
+
+def fourth_order(function: Callable[[np.ndarray], np.ndarray], direction: np.ndarray, size: float) -> np.ndarray:
+    """Richardson's combination of steps of `size` and 2 `size`: order 4."""
+    return (4 * central(function, direction, size) - central(function, direction, 2 * size)) / 3
+
 
 POSE_STEP = 1e-4
 """Step of the differences of fourth order in pose and pose rate (m, rad, m/s, rad/s): 1e-12 of a law's gains is lost."""

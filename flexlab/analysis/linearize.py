@@ -1,21 +1,27 @@
-"""`flexlab.linearize`: plant, or plant and law, about a rest point, between named inputs and outputs."""
+"""`flexlab.linearize`: plant, or plant and law, about a rest point, between named inputs and outputs.
+
+Any recorded signal can be an output: its derivatives at the rest point follow from what a run's samples show of small motions.
+"""
 
 import difflib
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from flexlab.analysis.disk_margin import find_disk_margin
 from flexlab.analysis.linear_model import About, LinearModel, Named, make_model
-from flexlab.analysis.linear_outputs import Outputs, choose_columns, linear_outputs
-from flexlab.analysis.linearization import Linearization, first_order
+from flexlab.analysis.linearization import POSE_STEP, Linearization, central, first_order, fourth_order
 from flexlab.analysis.loop_poles import beam_scale, find_poles, kept_memory
 from flexlab.analysis.modes import check_pose, drift_note, linearize_at
+from flexlab.analysis.rest_point import aim
 from flexlab.control.observers.believed_plant import hold
 from flexlab.errors import StudyError
+from flexlab.recording.table_columns import Column, table_columns
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.world import World
 
 TORQUE, TASK = "joint_torque", "arm_input"
 DESIRED = ("desired_pose", "desired_pose_rate", "desired_pose_acceleration")
@@ -101,7 +107,7 @@ def _drive(linear: Linearization, driven: tuple[str, ...]) -> _Drive:
     return _Drive(tuple(names), *(np.hstack(part) for part in zip(*blocks, strict=True)))
 
 
-def _assemble(linear: Linearization, answers: Outputs, driven: tuple[str, ...], closed: bool) -> LinearModel:
+def _assemble(linear: Linearization, answers: "Outputs", driven: tuple[str, ...], closed: bool) -> LinearModel:
     """A, B, C, D over (x, η, ẋ, η̇, memory, torques on their way)."""
     controller, torques = linear.probe.original.controller, linear.torque_count
     period, late = controller.control_period, controller.input_delay
@@ -162,7 +168,7 @@ def _state_order(linear: Linearization, memory: int, line: int) -> np.ndarray:
     ).astype(int)
 
 
-def _about(linear: Linearization, answers: Outputs, drive: _Drive, closed: bool, memory: int, line: int) -> About:
+def _about(linear: Linearization, answers: "Outputs", drive: _Drive, closed: bool, memory: int, line: int) -> About:
     count, torques = linear.probe.mode_count, linear.torque_count
     late = linear.probe.original.controller.input_delay
     # A law that looks at torques remembers those held until now.
@@ -199,3 +205,56 @@ def _about(linear: Linearization, answers: Outputs, drive: _Drive, closed: bool,
         note=drift_note(linear),
         disk_margin=find_disk_margin(linear, find_poles(linear).value),
     )
+
+
+class Outputs(NamedTuple):
+    """Columns of signals, and their derivatives by (x, η, ẋ, η̇), memory, joint torques and (x_d, ẋ_d, ẍ_d)."""
+
+    columns: tuple[Column, ...]
+    at_rest: np.ndarray
+    """(outputs,)."""
+    by_motion: np.ndarray
+    by_memory: np.ndarray
+    by_torque: np.ndarray
+    by_desired: np.ndarray
+
+
+def choose_columns(linear: Linearization, signals: Sequence[str]) -> tuple[Column, ...]:
+    """The columns of signals of a run, by name; raises `StudyError` for a name that no signal has."""
+    every = table_columns(linear.probe.scenario)
+    known = list(dict.fromkeys(column.signal for column in every))
+    for name in signals:
+        if name not in known:
+            near = difflib.get_close_matches(str(name), known) or known
+            raise StudyError(f"outputs: {name!r} is no signal of a run: did you mean {', '.join(near)}?")
+    return tuple(column for name in signals for column in every if column.signal == name)
+
+
+def linear_outputs(linear: Linearization, columns: tuple[Column, ...]) -> Outputs:
+    """The derivatives of columns at the rest point, by differences of the samples that the engine writes."""
+    probe, rest = linear.probe, linear.rest
+    pose = tuple(rest.motion.x)
+    bending = probe.scenario.trajectory.bending_feedforward
+    path = {"trajectory": {"kind": "sine", "center": pose, "amplitude": 0.0, "bending_feedforward": bending}}
+    begin = {"initial.pose": None, "initial.pose_rate": (0.0, 0.0, 0.0), "initial.beam_coordinates": None}
+    world = World(probe.scenario.replace({**path, **begin}))
+    state = world.state()
+    states, memory, torques = probe.size, len(rest.memory), linear.torque_count
+    parts = np.cumsum([states, memory, torques])
+
+    def sample(step: np.ndarray) -> np.ndarray:
+        motion, own, torque, desired = np.split(step, parts)
+        aim(world.system, rest.desired + desired.reshape(3, 3))
+        held = (rest.torque + torque).reshape(-1, 3)
+        y = probe.state(rest.motion.moved(motion), rest.memory + own)
+        world.restore(replace(state, y=y, held_torque=held, torque_line=held[None].copy()))
+        samples = world.observe()
+        return np.array([getattr(samples, column.signal)[(0, *column.index)] for column in columns])
+
+    directions, linear_part = np.eye(parts[-1] + 9), range(states, parts[-1])
+    slopes = [
+        central(sample, direction, 1.0) if k in linear_part else fourth_order(sample, direction, POSE_STEP)
+        for k, direction in enumerate(directions)
+    ]
+    by = np.split(np.stack(slopes, axis=1), parts, axis=1)
+    return Outputs(columns, sample(np.zeros(len(directions))), *by)

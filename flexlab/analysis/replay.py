@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlab.control.own_law import OwnController
-from flexlab.control.own_path import OwnTrajectory
 from flexlab.errors import StudyError
-from flexlab.recording.documents import these_versions
+from flexlab.own.law import OwnController
+from flexlab.own.path import OwnTrajectory
 from flexlab.recording.reader import Recording
+from flexlab.recording.run_info import these_versions
 from flexlab.recording.store.formats import ARITHMETIC, FORMAT
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand

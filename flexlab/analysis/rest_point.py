@@ -1,11 +1,201 @@
-"""Where a closed loop comes to rest: Newton's method on the engine's own forces."""
+"""Where a closed loop comes to rest, and the engine's kernels there as plain functions of a small displacement.
+
+Every linearisation is made of these functions; the rest point is found by Newton's method on the engine's own forces.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.loop_probe import LoopProbe, Motion
-from flexlab.errors import StudyError
+from flexlab.control.law import BOUND_ESTIMATES, law_of
+from flexlab.control.path import build_motion, paths
+from flexlab.control.paths.sine import SineTrajectory
+from flexlab.errors import ScenarioError, StudyError
+from flexlab.physics.dynamics import set_momenta
+from flexlab.physics.plant import ETA, FELT, P, X, forget_rates
+from flexlab.scenario import Scenario
+from flexlab.sim.assembly import build_strains, build_system
+from flexlab.sim.build import build_beam
+from flexlab.sim.closed_loop import System, memory_slice, new_workspace, rates_at, state_length
+from flexlab.sim.law_memory import outlook, start_memory
+from flexlab.sim.sampled_control import Sampling, control_instant
+
+PROBE_PERIOD = 1e-3
+"""Control period, s, of the probed law where the scenario has none: the law's answer at an instant does not depend on it."""
+
+
+class Motion(NamedTuple):
+    """Where the plant is and how it moves; n_m modes."""
+
+    x: np.ndarray
+    """Pose, (3,)."""
+    eta: np.ndarray
+    """Modal coordinates, m·kg^½, (n_m,)."""
+    v: np.ndarray
+    """Pose rate, (3,)."""
+    eta_dot: np.ndarray
+    """(n_m,)."""
+
+    def moved(self, step: np.ndarray) -> "Motion":
+        """Displaced by `step` (2 (3 + n_m),) in the order of the fields."""
+        n = len(self.eta)
+        parts = np.split(step, [3, 3 + n, 6 + n])
+        return Motion(*(old + part for old, part in zip(self, parts, strict=True)))
+
+
+def aim(system: System, desired: np.ndarray) -> None:
+    """Make the path's value, rate and acceleration at t = 0 those of `desired` (3, 3): a sine of 1 rad/s has all three free."""
+    path, (x, v, a) = system.trajectory.numbers.view(paths()["sine"].record)[0], desired
+    path["center"], path["amplitude"], path["phase"] = x + a, np.hypot(v, a), np.arctan2(-a, v)
+    path["frequency"] = 1 / (2 * np.pi)
+
+
+class LoopProbe:
+    """Plant and law of a scenario, to be asked at any motion. Raises `StudyError` where an arm cannot go."""
+
+    def __init__(self, scenario: Scenario):
+        """`scenario`: valid; its noise, limits, delay and path are left out."""
+        self.original = scenario
+        """The scenario as it was given."""
+        period = scenario.controller.control_period
+        still = {
+            "controller.control_period": period or PROBE_PERIOD,
+            "controller.input_delay": 0,
+            "controller.sensor_noise": {},
+            "controller.torque_limit": None,
+        }
+        try:
+            scenario = scenario.replace(still)
+        except ScenarioError as error:
+            raise StudyError(str(error)) from None
+        self.scenario = scenario
+        self.beam = build_beam(scenario.payload)
+        # A sine of 1 rad/s has value, rate and acceleration at t = 0 all three free.
+        aimed = build_motion(SineTrajectory())._replace(bending=scenario.trajectory.bending_feedforward)
+        system = build_system(scenario, self.beam)
+        # What a law derives from noise and delay it has derived from those that were given.
+        gains = law_of(self.original.controller).gains(self.original)
+        self.system = system._replace(trajectory=aimed, control=system.control._replace(gains=gains))
+        self.arm_count, self.mode_count = len(scenario.arms), len(self.beam.modes.omega)
+        self.size = 2 * (3 + self.mode_count)
+        """Length of a displacement of a `Motion`."""
+        # A continuous law's memory moves by its rate: over a period of 1 s, the difference is the rate itself.
+        self._sampling = Sampling(
+            period=period or 1.0,
+            steps=1,
+            delay=self.original.controller.input_delay,
+            noise=np.zeros(8),
+            gauge_noise=np.zeros((2, 0)),
+            strain=build_strains(scenario, self.beam),
+            strain_noise=0.0,
+            seed=0,
+            line=np.zeros((self.original.controller.input_delay + 1, self.arm_count, 3)),
+        )
+        self._workspace = new_workspace(self.system)
+        self._y = np.zeros(state_length(self.system))
+        self._memory = memory_slice(self.system)
+        slices = law_of(scenario.controller).memory_slices(self.arm_count)
+        growing = slices.get(BOUND_ESTIMATES.name, slice(0))
+        self.growing = np.arange(len(self._y[self._memory]))[growing]
+        """Which memory states only grow: they rest where nothing feeds them."""
+        self.start_memory = self._begin(self.original.trajectory.middle)
+        """The law's memory at the start of a run, (memory,)."""
+
+    def _begin(self, pose: tuple[float, ...]) -> np.ndarray:
+        """The memory with which the law begins at rest at a pose."""
+        y = self._y.copy()
+        y[X : X + 3] = pose
+        start_memory(self.scenario, self.system, outlook(self.scenario, self.system, 0.0, y, self._workspace, True), y)
+        return y[self._memory].copy()
+
+    def at_rest(self, pose: np.ndarray) -> Motion:
+        """No motion, straight beam."""
+        nothing = np.zeros(self.mode_count)
+        return Motion(np.array(pose, dtype=float), nothing, np.zeros(3), nothing.copy())
+
+    def state(self, motion: Motion, memory: np.ndarray) -> np.ndarray:
+        """The engine's state y of a motion."""
+        self._set(motion)
+        y = self._y.copy()
+        y[self._memory] = memory
+        forget_rates(y, self.mode_count)
+        return y
+
+    def momenta(self, motion: Motion) -> np.ndarray:
+        """(P, π) of a motion, (3 + n_m,)."""
+        self._set(motion)
+        n = self.mode_count
+        return np.concatenate([self._y[P : P + 3], self._y[ETA + n : ETA + 2 * n]])
+
+    def forces(self, motion: Motion, torque: np.ndarray) -> np.ndarray:
+        """(Ṗ, π̇) under held joint torques (arms · 3,), N·m; (3 + n_m,)."""
+        self._set(motion)
+        self.system.held_torque[:] = torque.reshape(-1, 3)
+        dy, n = np.zeros_like(self._y), self.mode_count
+        self._check(rates_at(self.system, 0.0, self._y, self._workspace, dy, True))
+        return np.concatenate([dy[P : P + 3], dy[ETA + n : ETA + 2 * n]])
+
+    @property
+    def feels_axial_load(self) -> bool:
+        """Whether the beam's stiffness depends on the force along it."""
+        return self.system.plant.axial.shape[1] > 0
+
+    def axial_stiffness(self, motion: Motion, torque: np.ndarray) -> np.ndarray:
+        """K_G of a motion under held joint torques (arms · 3,), N·m, in modes, (n_m, n_m)."""
+        self.forces(motion, torque)
+        left, along, spin, _ = self._workspace.axial
+        G0, G1, G2, _ = self.system.plant.axial
+        feels, whole = np.flatnonzero(self.system.plant.modal[FELT]), np.zeros((self.mode_count, self.mode_count))
+        whole[np.ix_(feels, feels)] = left * G0 + along * G1 + spin * G2
+        return whole
+
+    @property
+    def line_length(self) -> int:
+        """Torques that a sampled law sees: those held until now and those on their way."""
+        return len(self._sampling.line)
+
+    def answer(
+        self, motion: Motion, memory: np.ndarray, desired: np.ndarray, line: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Joint torques (arms · 3,) that the law computes at an instant, and what its memory changes by, (memory,).
+
+        `desired`: x_d, ẋ_d, ẍ_d (3, 3). `line`: torques held until now and those on their way, N·m, (line, arms · 3), or
+        the same for all, (arms · 3,). The change is per control period; per second for a continuous law. Raises `StudyError`
+        for a law that fails.
+        """
+        self._sampling.line[:] = line.reshape(-1, self.arm_count, 3)
+        aim(self.system, desired)
+        self._set(motion)
+        own = self._y[self._memory]
+        own[:] = memory
+        self._check(control_instant(self.system, self._sampling, 0, 0.0, self._y, self._workspace))
+        torque, change = self._sampling.line[-1].ravel().copy(), own - memory
+        if not (np.isfinite(torque).all() and np.isfinite(change).all()):
+            settings = self.original.controller
+            said = law_of(settings).problem(settings) or "its torques or its memory are not finite numbers."
+            raise StudyError(f"The control law {settings.kind} fails where the payload is to rest: {said}")
+        return torque, change
+
+    def task_inputs(self, motion: Motion) -> np.ndarray:
+        """𝒥ᵀ of all arms: joint torques (arms · 3,) to the arms' inputs u_i (arms · 3,), (arms · 3, arms · 3)."""
+        columns = []
+        for torque in np.eye(3 * self.arm_count):
+            self.forces(motion, torque)
+            columns.append(self._workspace.u.ravel().copy())
+        return np.stack(columns, axis=1)
+
+    def _set(self, motion: Motion) -> None:
+        n = self.mode_count
+        self._y[X : X + 3], self._y[ETA : ETA + n] = motion.x, motion.eta
+        self._check(set_momenta(self.system.plant, self._y, motion.v, motion.eta_dot, self._workspace))
+
+    def _check(self, code: int) -> None:
+        if code != 0:
+            pose = ", ".join(f"{value:.4g}" for value in self._y[X : X + 3])
+            raise StudyError(
+                f"An arm cannot take the pose ({pose}) m, m, rad: choose one farther inside its workspace."
+            )
+
 
 MOST_STEPS = 14
 """Newton steps: a rest point that exists is found in half of them; what needs more drifts away from where it began."""

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.analysis.metrics import MetricCollection
-from flexlab.analysis.metrics.noted import measured
+from flexlab.analysis.metrics.run_metrics import measured
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_blocks, read_recording

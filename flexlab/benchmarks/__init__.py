@@ -4,18 +4,16 @@ import json
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from flexlab.benchmarks import tables
+from flexlab.benchmarks import report
 from flexlab.benchmarks.changes import change_costs
 from flexlab.benchmarks.environment_rate import measure_environment
-from flexlab.benchmarks.machine import this_machine
+from flexlab.benchmarks.measure import this_machine
 from flexlab.benchmarks.memory import measure_memory
-from flexlab.benchmarks.peers.chain_comparison import compare_chains
-from flexlab.benchmarks.peers.peer_comparison import compare_peers
-from flexlab.benchmarks.precision import mesh_precision, paper_costs
+from flexlab.benchmarks.precision import mesh_precision, mesh_scaling, paper_costs
 from flexlab.benchmarks.report import Report, plain
-from flexlab.benchmarks.scaling import mesh_scaling
 from flexlab.benchmarks.startup import start_times
 from flexlab.benchmarks.workers import worker_scaling
 from flexlab.plain_text import console
@@ -51,47 +49,48 @@ QUICK = Plan(meshes=(2, 8), duration=0.3, repeats=3, rounds=2, cold=False)
 """Under half a minute."""
 
 
-def run_bench(as_json: bool, quick: bool = False, peers: bool = False) -> None:
+def run_bench(as_json: bool, quick: bool = False, peers: ModuleType | None = None) -> None:
     """Measure and print, as tables or as one JSON object. Raises `StudyError` if a measurement cannot be done.
 
-    quick: fewer and shorter measurements, no cold start. peers: also MuJoCo and Exudyn, as far as they are installed.
+    quick: fewer and shorter measurements, no cold start. peers: what compares with MuJoCo and Exudyn (`tests/peers`), as far as
+    they are installed.
     """
     show = None if as_json else console()
-    report = measure(QUICK if quick else FULL, peers, show)
+    found = measure(QUICK if quick else FULL, peers, show)
     if as_json:
-        print(json.dumps(plain(report), indent=2, ensure_ascii=False, allow_nan=False))
+        print(json.dumps(plain(found), indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def measure(plan: Plan, peers: bool, show: "Console | None") -> Report:
+def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Report:
     """Measure everything; with a console, each table as soon as it is complete."""
     World(load_preset("paper")).run(1)  # so that nothing compiles under the clock
 
     def part(what: str, work: Callable[[], Result], table: Callable[[Any], Any]) -> Result:
         return _part(show, what, work, table)
 
-    machine = part("the machine", this_machine, lambda found: found.text + "\n")
-    report = Report(
+    machine = part("the machine", this_machine, lambda its: its.text + "\n")
+    found = Report(
         machine,
-        part("the paper's run", lambda: paper_costs(3 * plan.duration, 2 * plan.repeats), tables.paper_table),
+        part("the paper's run", lambda: paper_costs(3 * plan.duration, 2 * plan.repeats), report.paper_table),
         [
-            part(f"{n} elements", lambda n=n: mesh_precision(n, plan.duration, plan.repeats), tables.precision_table)
+            part(f"{n} elements", lambda n=n: mesh_precision(n, plan.duration, plan.repeats), report.precision_table)
             for n in plan.meshes
         ],
-        part("all meshes", lambda: mesh_scaling(plan.duration, 2 * plan.repeats), tables.scaling_table),
-        part("live changes", lambda: change_costs(10 * plan.repeats), tables.changes_table),
-        part("many runs", lambda: worker_scaling(plan.rounds), tables.workers_table),
+        part("all meshes", lambda: mesh_scaling(plan.duration, 2 * plan.repeats), report.scaling_table),
+        part("live changes", lambda: change_costs(10 * plan.repeats), report.changes_table),
+        part("many runs", lambda: worker_scaling(plan.rounds), report.workers_table),
         part(
             "the environment",
             lambda: measure_environment(2 * plan.rounds),
-            lambda found: tables.environment_table(found) if found else "",
+            lambda rates: report.environment_table(rates) if rates else "",
         ),
-        part("starts", lambda: start_times(plan.cold), tables.start_table),
-        part("memory", measure_memory, lambda found: tables.memory_table(found) if found else ""),
-        part("other engines", lambda: compare_peers(plan.duration), tables.peers_table) if peers else None,
-        part("chains of segments", compare_chains, tables.chain_table) if peers else None,
+        part("starts", lambda: start_times(plan.cold), report.start_table),
+        part("memory", measure_memory, lambda used: report.memory_table(used) if used else ""),
+        part("other engines", lambda: peers.compare_peers(plan.duration), peers.peers_table) if peers else None,
+        part("chains of segments", peers.compare_chains, peers.chain_table) if peers else None,
     )
-    _part(show, "goals", lambda: report.goals, tables.goals_table)
-    return report
+    _part(show, "goals", lambda: found.goals, report.goals_table)
+    return found
 
 
 def _part(show: "Console | None", what: str, work: Callable[[], Result], table: Callable[[Result], Any]) -> Result:

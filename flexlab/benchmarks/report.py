@@ -1,18 +1,33 @@
-"""All results of a benchmark, their goals, and their plain form for JSON."""
+"""All results of a benchmark: their goals, their plain form for JSON, and tables for a person at a terminal."""
 
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexlab.benchmarks.changes import BEAM_GOAL, FRAME_GOAL, LIGHT_GOAL, MESHES, ChangeCost
 from flexlab.benchmarks.environment_rate import RATE_GOAL, EnvironmentRate
-from flexlab.benchmarks.machine import Machine
-from flexlab.benchmarks.memory import Memory
-from flexlab.benchmarks.peers.chain_comparison import ChainComparison
-from flexlab.benchmarks.peers.peer_comparison import RATIO_GOAL, PeerComparison
-from flexlab.benchmarks.precision import ASKED_ERROR, PAPER_AIM, PAPER_LIMIT, MeshPrecision, PaperCost
-from flexlab.benchmarks.scaling import EXPONENT_GOAL, Scaling
-from flexlab.benchmarks.startup import StartTimes
+from flexlab.benchmarks.measure import Machine
+from flexlab.benchmarks.memory import DURATION, LIVE_END, LIVE_START, Memory
+from flexlab.benchmarks.precision import (
+    ASKED_ERROR,
+    EXPONENT_GOAL,
+    FIRST_FITTED,
+    PAPER_AIM,
+    PAPER_LIMIT,
+    MeshPrecision,
+    PaperCost,
+    Scaling,
+    WorkPoint,
+)
+from flexlab.benchmarks.startup import Start, StartTimes
 from flexlab.benchmarks.workers import SPEED_UP_GOAL, WorkerScaling
+from flexlab.scenario.scenario import SMALLEST_STEP
+
+if TYPE_CHECKING:
+    from rich.table import Table
+    from rich.text import Text
+
+RATIO_GOAL = 10.0
+"""Times that the engine is to be faster than the fastest peer setting with the same motion."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +62,10 @@ class Report:
     start: StartTimes
     memory: Memory | None
     """None where the system does not tell."""
-    peers: PeerComparison | None
-    """None if not asked for."""
-    chain: ChainComparison | None
-    """None if not asked for."""
+    peers: Any
+    """Other engines on the same system (tests/peers); None if not asked for."""
+    chain: Any
+    """Chains of segments (tests/peers); None if not asked for."""
 
     @property
     def goals(self) -> list[Goal]:
@@ -101,3 +116,149 @@ def plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     return value
+
+
+MEGABYTE = 1e6
+
+WHOLE = 1e3
+"""ms from which decimals say nothing."""
+
+
+def paper_table(costs: list[PaperCost]) -> "Table":
+    """The paper's run."""
+    table = new_table(
+        "The paper's run: ms of processor time per simulated second", ("setting", "step", "ms per s", "pose error")
+    )
+    for cost in costs:
+        table.add_row(cost.setting, step_text(cost.step), f"{cost.ms_per_second:.2f}", error_text(cost.pose_error))
+    return table
+
+
+def precision_table(mesh: MeshPrecision) -> "Table":
+    """Work against precision on one mesh; the cheapest row within the asked error is bold."""
+    title = f"{mesh.elements} elements: work and precision (reference known to {mesh.reference_uncertainty:.0e})"
+    table = new_table(title, ("integrator", "step", "µs/step", "ms per s", "pose error", "deflection"))
+    best = mesh.fastest
+    for point in mesh.points:
+        table.add_row(*_point_cells(point), style="bold" if point == best else None)
+    return table
+
+
+def _point_cells(point: WorkPoint) -> tuple[str, ...]:
+    if point.ms_per_second is None or point.us_per_step is None:
+        shown = f"< {step_text(SMALLEST_STEP)}" if point.step is None else step_text(point.step)
+        return point.integrator, shown, point.outcome
+    figures = f"{point.us_per_step:.2f}", f"{point.ms_per_second:.2f}"
+    return (
+        point.integrator,
+        step_text(point.step),
+        *figures,
+        error_text(point.pose_error),
+        error_text(point.deflection_error),
+    )
+
+
+def scaling_table(scaling: Scaling) -> "Table":
+    """Cost against the mesh."""
+    title = f"Modal damping, 1 ms steps: cost ~ elements^{scaling.exponent:.2f} from {FIRST_FITTED} elements on"
+    table = new_table(title, ("elements", "µs/step", "times real time"))
+    for mesh in scaling.meshes:
+        table.add_row(str(mesh.elements), f"{mesh.us_per_step:.2f}", f"{mesh.real_time_factor:.0f}")
+    return table
+
+
+def changes_table(costs: list[ChangeCost]) -> "Table":
+    """What a live change costs."""
+    table = new_table("Live changes: ms of processor time", ("elements", "field", "simulation thread", "beside it"))
+    for cost in costs:
+        beside = f"{cost.ms_beside:.1f}" if cost.ms_beside else ""
+        table.add_row(str(cost.elements), cost.path, f"{cost.ms:.2f}", beside)
+    return table
+
+
+def workers_table(result: WorkerScaling) -> "Table":
+    """One worker against two."""
+    table = new_table(f"Many runs at once: {result.scenarios} scenarios, 3 s each", ("", "value"))
+    table.add_row("best round on one worker, wall time", f"{min(r.wall for r in result.one):.2f} s")
+    table.add_row("best round on two workers, wall time", f"{min(r.wall for r in result.two):.2f} s")
+    table.add_row("cores received by two workers", f"{result.cores_received:.2f}")
+    table.add_row("speed-up by wall time", f"{result.wall_speed_up:.2f}")
+    table.add_row("speed-up without waiting for a core", f"{result.speed_up:.2f}", style="bold")
+    table.add_row("share of a run outside the kernels", f"{100 * result.locked_share:.0f} %")
+    return table
+
+
+def environment_table(rate: EnvironmentRate) -> "Table":
+    """The vector environment."""
+    table = new_table(f"Vector environment, {rate.worlds} worlds, 1 kHz control", ("", "steps/s"))
+    table.add_row("one core, by processor time", f"{rate.one_core:.0f}")
+    table.add_row(f"all cores ({rate.cores}), by wall time", f"{rate.all_cores:.0f}", style="bold")
+    return table
+
+
+def start_table(times: StartTimes) -> "Table":
+    """Cold and warm start."""
+    table = new_table(
+        "Start of the engine in a fresh interpreter", ("", "imports", "to first sample", "processor time")
+    )
+
+    def row(name: str, start: Start) -> None:
+        table.add_row(name, f"{start.importing:.2f} s", f"{start.preparing:.2f} s", f"{start.cpu:.2f} s")
+
+    if times.cold is not None:
+        row("cold (compiles what moving arms need)", times.cold)
+    if times.rest is not None:
+        row("after it, compiling meanwhile (other integrators, laws)", times.rest)
+    row("warm (machine code on disk)", times.warm)
+    return table
+
+
+def memory_table(memory: Memory) -> "Table":
+    """Memory of a run and of the live engine."""
+    table = new_table("Memory", ("", "value"))
+    table.add_row(f"samples of a {DURATION:g} s run", f"{memory.stored / MEGABYTE:.1f} MB")
+    table.add_row("growth of the peak", f"{memory.peak_growth / MEGABYTE:.1f} MB")
+    table.add_row("growth over samples", f"{memory.overhead:.2f}")
+    table.add_row(f"live engine, growth from {LIVE_START} s to {LIVE_END} s", f"{memory.live_growth / MEGABYTE:.2f} MB")
+    return table
+
+
+def goals_table(goals: list[Goal]) -> "Table":
+    """Every goal and whether it was met."""
+    table = new_table(
+        f"Goals (ms/s: of processor time per simulated second, at pose error ≤ {ASKED_ERROR:g})",
+        ("", "measured", "goal", "met"),
+    )
+    for goal in goals:
+        sign = "≥" if goal.at_least else "≤"
+        table.add_row(goal.what, f"{goal.value:.2f} {goal.unit}", f"{sign} {goal.limit:g} {goal.unit}", _mark(goal.met))
+    return table
+
+
+def new_table(title: str, headings: tuple[str, ...]) -> "Table":
+    """An empty table with its title and headings."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    for number, heading in enumerate(headings):
+        table.add_column(
+            heading, justify="left" if number == 0 or heading == "setting" else "right", no_wrap=number == 0
+        )
+    return table
+
+
+def _mark(good: bool) -> "Text":
+    from rich.text import Text
+
+    return Text("yes", "green") if good else Text("no", "red")
+
+
+def step_text(step: float) -> str:
+    """A step in s, as a table shows it."""
+    return f"{1e3 * step:.3g} ms" if step >= 1e-3 else f"{1e6 * step:.3g} µs"
+
+
+def error_text(error: float | None) -> str:
+    """An error as a table shows it; empty for none."""
+    return "" if error is None else f"{error:.1e}"

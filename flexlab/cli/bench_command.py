@@ -1,8 +1,14 @@
 """`flexlab bench`: how fast and how exact the engine is on this machine."""
 
-from typing import Annotated
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
+
+if TYPE_CHECKING:
+    from types import ModuleType
 
 
 def command(
@@ -15,7 +21,8 @@ def command(
     peers: Annotated[
         bool,
         tyro.conf.arg(
-            help="Compare with MuJoCo and Exudyn as well (needs flexlab[peers] installed).", help_behavior_hint=""
+            help="Compare with MuJoCo and Exudyn as well (in a checkout of flexlab, with flexlab[peers] installed).",
+            help_behavior_hint="",
         ),
     ] = False,
 ) -> None:
@@ -24,5 +31,19 @@ def command(
     from flexlab.cli.warmup import warm_up
     from flexlab.presets import load_preset
 
+    compared = _peers() if peers else None
     warm_up(load_preset("paper"))
-    run_bench(as_json=as_json, quick=quick, peers=peers)
+    run_bench(as_json=as_json, quick=quick, peers=compared)
+
+
+def _peers() -> "ModuleType":
+    """The other engines, which stand beside the tests. Raises `StudyError` where there are none."""
+    from flexlab.errors import StudyError
+
+    beside = Path(__file__).resolve().parents[2] / "tests"
+    if not (beside / "peers").is_dir():
+        raise StudyError(
+            "--peers needs a checkout of flexlab, whose folder tests/peers has the other engines: this installation lacks it."
+        )
+    sys.path.append(str(beside))
+    return import_module("peers")

@@ -3,6 +3,7 @@
 from functools import cache
 from typing import TYPE_CHECKING
 
+from flexlab.errors import StudyError
 from flexlab.plain_text import console, visible_json
 
 if TYPE_CHECKING:
@@ -34,3 +35,13 @@ def note(sentence: str) -> None:
 def print_json(text: str, end: str = "\n") -> None:
     """Print JSON, the same data whatever its texts hold."""
     output().out(visible_json(text), end=end)
+
+
+def agreed(question: str, otherwise: str) -> bool:
+    """Whether the person answers yes. Raises `StudyError` if nobody is there to answer; `otherwise` says what to do then."""
+    notes().print(f"{question} [y/N] ", end="", soft_wrap=True)
+    try:
+        return input().strip().lower() in ("y", "yes")
+    except EOFError:
+        notes().print()
+        raise StudyError(f"Nobody answered, so nothing was done: {otherwise}.") from None

@@ -1,7 +1,7 @@
-"""`flexlab export`: a run's signals as a table, the paper's figures of it."""
+"""`flexlab export`: a run's signals as a table, the paper's figures of it; a scenario as a unit for other tools."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -11,6 +11,8 @@ from flexlab.errors import StudyError
 
 WHOLE_RUN = (".html", ".zip")
 """Files that hold a whole run."""
+UNIT = ".fmu"
+"""What other tools simulate a scenario by."""
 
 
 def command(
@@ -19,7 +21,7 @@ def command(
         Path | None,
         tyro.conf.arg(
             metavar="FILE",
-            help="Table (.csv, .parquet, .npz), page with moving picture (.html), or archive to verify (.zip).",
+            help="Table (.csv, .parquet, .npz), page with moving picture (.html), archive to verify (.zip); of a preset: .fmu.",
             help_behavior_hint="",
         ),
     ] = None,
@@ -35,15 +37,32 @@ def command(
     end: Annotated[
         float | None, tyro.conf.arg(metavar="S", help="Leave out what is later, s.", help_behavior_hint="")
     ] = None,
+    part: Annotated[
+        Literal["plant", "law", "loop"] | None,
+        tyro.conf.arg(help="Of an .fmu: arms and beam, law and path, or all of it.", help_behavior_hint="(plant)"),
+    ] = None,
+    fmi: Annotated[
+        Literal[2, 3] | None, tyro.conf.arg(help="Of an .fmu: version of the standard.", help_behavior_hint="(3)")
+    ] = None,
     logs: Logs = LOGS,
 ) -> None:
     """Write all signals of RUN as a table, or its figures, or both; or RUN as one page, or as one archive.
+
+    Or write a preset or scenario file as a functional mock-up unit, which other tools simulate, as in
+    flexlab export paper --to paper.fmu.
 
     Columns say their units; SI throughout. Scenario, seed and every command go along, so that `flexlab import` makes of a
     table the same run again, bit for bit.
     """
     if to is None and figures is None:
         raise StudyError("Say what to write: --to FILE.csv (or .parquet, .npz), --figures png or svg, or both.")
+    if to is not None and to.suffix.lower() == UNIT:
+        if run == "newest" or (figures, start, end) != (None, None, None):
+            raise StudyError(f"{to} is made of a scenario alone: flexlab export PRESET --to {to}.")
+        _write_unit(run, to, part or "plant", fmi or 3)
+        return
+    if (part, fmi) != (None, None):
+        raise StudyError("--part and --fmi are for units: write --to FILE.fmu.")
     from flexlab.recording.store.run_files import find_run
 
     path = find_run(run, logs)
@@ -71,6 +90,13 @@ def _say(file: Path) -> None:
     from flexlab.recording.store.run_index import size_text
 
     output().print(f"{file}  {size_text(file.stat().st_size)}", soft_wrap=True)
+
+
+def _write_unit(scenario: str, to: Path, part: str, version: int) -> None:
+    """A preset or scenario file as a functional mock-up unit."""
+    from flexlab.api import export_fmu
+
+    _say(export_fmu(scenario, to, part, version))
 
 
 def _write_whole(path: Path, to: Path) -> None:

@@ -113,7 +113,7 @@ def _without_nan(data: Any) -> Any:
 def _from_file(
     path: Path, time: str | None, signal: str | None, start: float | None, end: float | None
 ) -> "tuple[np.ndarray, np.ndarray, str]":
-    from flexlab.analysis.identification.measured import read_measured
+    from flexlab.analysis.identification.beam_parameters import read_measured
 
     found = read_measured(path, time, signal)
     for sentence in found.notes:
@@ -153,7 +153,7 @@ def _kept(
 def _from_run(
     source: str, signal: str | None, start: float | None, end: float | None, logs: Path
 ) -> "tuple[np.ndarray, np.ndarray, str, Scenario]":
-    from flexlab.analysis.identification.tap import ring_of_run
+    from flexlab.analysis.identification.ring import ring_of_run
     from flexlab.recording.reader import read_recording
     from flexlab.recording.store.run_files import find_run
 

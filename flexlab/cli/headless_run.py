@@ -1,27 +1,144 @@
 """A simulation without a screen: recorded, told on the terminal, or kept as numbers for a program."""
 
 import math
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from flexlab.analysis.explanations import LONGEST_LOOK
+import numpy as np
+import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
+
+from flexlab.analysis.explanations import LONGEST_LOOK, Background, Evidence, explain
 from flexlab.analysis.metrics import MetricCollection, RunMetrics
+from flexlab.analysis.metrics.run_metrics import value_text
+from flexlab.analysis.metrics.settling_time import SettlingTime
 from flexlab.analysis.result_hash import ResultHash
 from flexlab.analysis.run_summary import run_notes
 from flexlab.cli.console import complain, notes, output
-from flexlab.cli.no_pandas import leave_pandas_out
-from flexlab.cli.run_report import Summary, explained
+from flexlab.errors import FlexlabError
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status, join_blocks
 from flexlab.sim.simulate import finished
 from flexlab.sim.world import World
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+class _NoPandas:
+    """Finds no pandas, and leaves every other module to the finders after it."""
+
+    def find_spec(self, name: str, path: Any, target: Any = None, /) -> None:
+        """As of `importlib.abc.MetaPathFinder`."""
+        if name == "pandas":
+            raise ModuleNotFoundError("No module named 'pandas'", name=name)
+
+
+def leave_pandas_out() -> None:
+    """Let pyarrow look for pandas now, and not find it; what asks for pandas by name still gets it.
+
+    For processes that are the command line's own: from then on, a pandas series is to pyarrow a list like any other.
+    """
+    if "pandas" in sys.modules:
+        return
+    finder = _NoPandas()
+    sys.meta_path.insert(0, finder)
+    try:
+        pa.array([True])  # type: ignore[reportUnknownMemberType]  # As above.
+    finally:
+        sys.meta_path.remove(finder)
+
+
+MOST_EXPLAINED = 3
+"""Sentences of a report: the most important ones."""
+START_SPAN = 1.0
+"""s: what counts as the start, in which the paper's controller has caught the path and the beam has calmed down."""
+
+
+def explained(samples: Samples, scenario: Scenario) -> list[str]:
+    """What can be said of a run's newest samples, a line per sentence; none where a scenario has no modes."""
+    try:
+        background = Background.of(scenario)
+    except FlexlabError:
+        return []
+    found = explain(Evidence.of_run(samples, background, start=0.0))
+    return [f"{each.plot}: {each.sentence} ({each.equation})" for each in found[:MOST_EXPLAINED]]
+
+
+class Summary:
+    """Largest magnitudes over the start and over the rest of a run."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.time = 0.0
+        self._peaks: dict[str, np.ndarray] = {}
+        self._settling = SettlingTime()
+
+    def add(self, samples: Samples) -> None:
+        """Take in the next block."""
+        if len(samples) == 0:
+            return
+        self.count += len(samples)
+        self._settling.update(samples)
+        self.time = float(samples.time[-1])
+        signals = {
+            "error": samples.tracking_error,
+            "deflection": samples.midspan_deflection[:, None],
+            "vibration": samples.vibration[:, None],
+            "internal": np.linalg.norm(samples.internal_force[..., :2], axis=-1),
+            "torque": samples.joint_torque.reshape(len(samples), -1),
+        }
+        early = samples.time <= START_SPAN
+        for name, signal in signals.items():
+            for part, rows in (("start", early), ("later", ~early)):
+                if rows.any():
+                    peak = np.abs(signal[rows]).max(axis=0)
+                    key = f"{name} {part}"
+                    self._peaks[key] = np.maximum(self._peaks.get(key, 0.0), peak)
+
+    def settling_text(self) -> str:
+        """When the vibration had died away, in a sentence."""
+        (column,), (seconds,) = self._settling.columns, self._settling.compute()
+        return (
+            f"{column.title} {value_text(column, seconds)} s."
+            if seconds == seconds
+            else f"Vibration: {column.missing}."
+        )
+
+    def table(self, status: Status) -> "Table":
+        """The numbers as a table for the terminal."""
+        from rich.table import Table
+
+        table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), title_justify="left")
+        table.add_column("largest")
+        table.add_column(f"0 to {min(START_SPAN, self.time):g} s", justify="right")
+        table.add_column(f"{START_SPAN:g} to {self.time:g} s" if self.time > START_SPAN else "later", justify="right")
+        rows = [
+            ("tracking error x, mm", "error", 0, 1e3),
+            ("tracking error y, mm", "error", 1, 1e3),
+            ("tracking error θ, mrad", "error", 2, 1e3),
+            ("mid-span deflection, mm", "deflection", None, 1e3),
+            ("of it vibration, mm", "vibration", None, 1e3),
+            ("internal force, N", "internal", None, 1.0),
+            ("joint torque, N·m", "torque", None, 1.0),
+        ]
+        for label, name, axis, scale in rows:
+            table.add_row(label, *(self._cell(f"{name} {part}", axis, scale) for part in ("start", "later")))
+        return table
+
+    def _cell(self, key: str, axis: int | None, scale: float) -> str:
+        if key not in self._peaks:
+            return "-"
+        peak = self._peaks[key]
+        return f"{scale * (peak.max() if axis is None else peak[axis]):.4g}"
+
 
 BLOCK = 1000
 """Samples between two writes: a megabyte at most, so that long runs need no more memory than short ones."""

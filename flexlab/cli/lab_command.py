@@ -117,12 +117,11 @@ def command(
     with loading():
         from flexlab.cli.options import chosen_scenarios
         from flexlab.cli.warmup import compiling_the_rest, warm_up
-        from flexlab.control.own_files import LAW_FILES, PATH_FILES
-        from flexlab.control.own_law_hosts import run_apart
+        from flexlab.own.files import LAW_FILES, PATH_FILES
+        from flexlab.own.hosts import run_apart
         from flexlab.recording.store.run_files import check_folder
-        from flexlab.server.capacity import capacity
         from flexlab.server.front_server import open_front_server
-        from flexlab.server.settings import SECRET_BYTES, Settings
+        from flexlab.server.settings import SECRET_BYTES, Settings, capacity
         from flexlab.sockets import listen
 
     run_apart()
@@ -180,7 +179,7 @@ def _read_ahead() -> None:
 @contextmanager
 def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Generator[None, None, None]:
     """A page that says what takes so long, where the lab will be; notes in `shown` that a browser shows it."""
-    from flexlab.cli.waiting_page import WaitingPage
+    from flexlab.cli.showing import WaitingPage
 
     try:
         page = WaitingPage(settings.host, settings.port)
@@ -199,7 +198,7 @@ MEGABYTE, GIGABYTE = 1e6, 1e9
 
 
 def _welcome(front_server: "FrontServer") -> None:
-    from flexlab.server.capacity import capacity
+    from flexlab.server.settings import capacity
 
     settings = front_server.settings
     lines = [f"The lab is open at {front_server.lab_url}", f"Start page, with all runs: {front_server.url}"]
@@ -228,6 +227,6 @@ def _welcome(front_server: "FrontServer") -> None:
     if addresses:
         from rich.text import Text
 
-        from flexlab.server.network_addresses import terminal_code
+        from flexlab.server.settings import terminal_code
 
         output().print(Text.from_ansi(terminal_code(addresses[0])))

@@ -86,7 +86,7 @@ def command(
 
 
 def _verify(rows: "list[Row]", tasks: "tuple[Task, ...]", store: "RowStore", workers: int | None) -> int:
-    from flexlab.analysis.leaderboard.verification import verify
+    from flexlab.analysis.leaderboard.board import verify
     from flexlab.analysis.sweep.execution import cell_progress
     from flexlab.errors import StudyError
 

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from flexlab.cli.asking import agreed
+from flexlab.cli.console import agreed, output, print_json
 from flexlab.cli.console import note as say
-from flexlab.cli.console import output, print_json
 from flexlab.cli.options import LOGS, Logs, Runs
 from flexlab.cli.runs_listing import FIELDS, as_json_text, count_text, print_runs, print_table, sorted_rows
 from flexlab.errors import StudyError

@@ -69,8 +69,12 @@ LOGS = Path("logs")
 def chosen_scenarios(
     presets: Sequence[str], settings: Sequence[str], law: str | None, seed: int | None, path: str | None = None
 ) -> "list[tuple[str, Scenario]]":
-    """(short name, scenario with what was set) of each preset. Raises `FlexlabError` before anything is run."""
-    from flexlab.control.own_files import law_kind
+    """(short name, scenario with what was set) of each preset. Raises `FlexlabError` before anything is run.
+
+    A law or path in Python runs in a process of its own, which has a time limit; what it prints goes to standard error.
+    """
+    from flexlab.own import hosts
+    from flexlab.own.files import law_kind
     from flexlab.presets import find_scenario
     from flexlab.scenario.path_file import with_path
     from flexlab.scenario.settings import change_settings, settings_from
@@ -79,6 +83,8 @@ def chosen_scenarios(
         raise StudyError(
             "Say what to simulate: a preset's name, as in flexlab run paper, or a scenario file; see flexlab run --help."
         )
+    if law is not None or path is not None:
+        hosts.run_apart(output=2)
     changes = settings_from(settings, None if law is None else law_kind(law), seed)
     found = list(map(find_scenario, presets))
     if path is not None:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from flexlab.cli.asking import agreed
-from flexlab.cli.console import complain, note, notes, output
+from flexlab.cli.console import agreed, complain, note, notes, output
 from flexlab.cli.options import LOGS, Logs, Run
 from flexlab.errors import StudyError
 from flexlab.plain_text import visible
@@ -64,9 +63,9 @@ def _replay(path: Path, run_own_law: bool) -> int:
 
 def _allow(kind: str, source: str, allowed: bool) -> None:
     """Let a recording's own law run if the person agrees. Raises `StudyError` if not."""
-    from flexlab.control import own_law_hosts
+    from flexlab.own import hosts
 
-    if own_law_hosts.is_allowed(source):
+    if hosts.is_allowed(source):
         return
     lines = len(source.splitlines())
     if not allowed:
@@ -76,7 +75,7 @@ def _allow(kind: str, source: str, allowed: bool) -> None:
         )
         if not agreed(question, "give --run-own-law to let it run"):
             raise StudyError(f"The run was not replayed: its control law {kind} was not allowed to run.")
-    own_law_hosts.allow(source, f"{kind.replace('-', '_')}.py")
+    hosts.allow(source, f"{kind.replace('-', '_')}.py")
 
 
 def _counted(blocks: "Iterable[Samples]", end: float) -> "Iterator[Samples]":

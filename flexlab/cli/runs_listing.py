@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics import Column as MetricColumn
-from flexlab.analysis.metrics.noted import UNKNOWN, measured, noted_text, noted_texts, results
+from flexlab.analysis.metrics.run_metrics import UNKNOWN, measured, noted_text, noted_texts, results
 from flexlab.cli.console import note, output
 from flexlab.errors import StudyError
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word

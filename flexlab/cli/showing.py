@@ -7,7 +7,9 @@ import threading
 import webbrowser
 from collections.abc import Generator
 from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from types import TracebackType
 
 from flexlab.cli.console import output
 
@@ -63,3 +65,70 @@ def wait_for(ended: threading.Event) -> None:
     """Return when the person ends the command."""
     while not ended.wait(LOOK):
         pass
+
+
+PAGE = """<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<title>flexlab</title>
+<style>
+  body { font: 17px/1.6 system-ui, sans-serif; color: #223; background: #f6f7f9; display: grid; place-items: center;
+         height: 100vh; margin: 0; text-align: center }
+  path { fill: none; stroke: #d9822b; stroke-width: 6; stroke-linecap: round; animation: ring 1s infinite alternate
+         ease-in-out }
+  @keyframes ring { from { d: path("M10 40 Q110 5 210 40") } to { d: path("M10 40 Q110 75 210 40") } }
+</style>
+<main>
+  <svg width="220" height="80"><path d="M10 40 Q110 5 210 40"/></svg>
+  <p>flexlab is compiling the equations of motion.<br>
+  This happens once for this version on this machine and usually takes less than half a minute.</p>
+  <p>The lab will open here by itself.</p>
+</main>
+<script>
+  setInterval(() => fetch(location.href, { cache: "no-store" }).then(answer => answer.ok && location.reload(), () => {}), 500)
+</script>
+</html>
+"""
+
+
+class WaitingPage:
+    """Serves the page on `host`:`port` as a context manager. Raises OSError if the address cannot be had."""
+
+    def __init__(self, host: str, port: int):
+        self._server = ThreadingHTTPServer((host, port), _Handler)
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, args=(0.05,), name="waiting-page", daemon=True
+        )
+
+    @property
+    def url(self) -> str:
+        """Where a browser on this machine finds the page."""
+        host, port = self._server.server_address[:2]
+        return f"http://{'127.0.0.1' if host == '0.0.0.0' else host}:{port}"
+
+    def __enter__(self) -> "WaitingPage":
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Free the port for the lab."""
+        self._server.shutdown()
+        self._thread.join()
+        self._server.server_close()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        """The same page whatever is asked; 503 tells programs that the lab is not there yet."""
+        body = PAGE.encode()
+        self.send_response(503)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Retry-After", "1")
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Nobody needs a line per request."""

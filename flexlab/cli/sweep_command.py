@@ -73,8 +73,7 @@ def command(
     from flexlab.analysis.sweep.execution import cell_progress, chosen_executor, run_sweep
     from flexlab.analysis.sweep.figures import metric_column, write_figures
     from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, make_plan
-    from flexlab.analysis.sweep.result import Sweep
-    from flexlab.analysis.sweep.table import sweep_folder
+    from flexlab.analysis.sweep.result import Sweep, sweep_folder
     from flexlab.cli.warmup import warm_up
 
     wanted = DEFAULT_ACCURACY if accuracy is None else accuracy
@@ -114,7 +113,7 @@ def _pair(text: str) -> tuple[str, ...]:
 
 def _ask(cells: int, yes: bool) -> None:
     from flexlab.analysis.sweep.plan import MANY_CELLS
-    from flexlab.cli.asking import agreed
+    from flexlab.cli.console import agreed
     from flexlab.errors import StudyError
 
     if cells > MANY_CELLS and not yes:

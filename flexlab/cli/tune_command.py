@@ -9,7 +9,7 @@ from flexlab.cli.console import complain, output
 from flexlab.cli.options import Law, Preset, Seed, Settings, chosen_scenarios
 
 if TYPE_CHECKING:
-    from flexlab.analysis.tuning.search import Tuning
+    from flexlab.analysis.tuning import Tuning
     from flexlab.scenario import Scenario
 
 
@@ -60,9 +60,7 @@ def command(
     ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
     from flexlab.analysis.sweep.axes import parse_axes
     from flexlab.analysis.sweep.execution import cell_progress
-    from flexlab.analysis.tuning.cost import parse_cost
-    from flexlab.analysis.tuning.figure import write_trade_off
-    from flexlab.analysis.tuning.search import tune
+    from flexlab.analysis.tuning import parse_cost, tune, write_trade_off
     from flexlab.cli.warmup import warm_up
     from flexlab.presets import save_scenario
 
@@ -92,7 +90,7 @@ def _print(found: "Tuning") -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from flexlab.analysis.tuning.cost import numbers_of
+    from flexlab.analysis.tuning import numbers_of
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("")

@@ -4,16 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-Color = tuple[int, int, int]
+from flexlab.views import BLUE as BLUE
+from flexlab.views import GREEN as GREEN
+from flexlab.views import ORANGE as ORANGE
+from flexlab.views import PURPLE as PURPLE
+from flexlab.views import SKY as SKY
+from flexlab.views import VERMILION as VERMILION
+from flexlab.views import Color as Color
 
-BLUE: Color = (0, 114, 178)
-VERMILION: Color = (213, 94, 0)
-GREEN: Color = (0, 158, 115)
-PURPLE: Color = (204, 121, 167)
-ORANGE: Color = (230, 159, 0)
-SKY: Color = (86, 180, 233)
-LIGHT_BLUE: Color = (46, 141, 204)
-"""Blue for thin lines, which must stand out from white and from black."""
 VIOLET: Color = (142, 98, 218)
 OLIVE: Color = (140, 138, 20)
 ROSE: Color = (214, 84, 120)

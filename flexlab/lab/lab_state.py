@@ -6,17 +6,18 @@ import math
 import threading
 import time
 from collections.abc import Callable, Coroutine, Mapping
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
-from flexlab.control.own_path import needs_running, with_table
 from flexlab.errors import FlexlabError, LabError, ScenarioError
+from flexlab.lab.changes import Settings, SlowChanges, Undo, changes_towards
+from flexlab.lab.class_rules import LOCKED, ClassRules, LessonProgress
 from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.reference_run import ReferenceRun, differences
-from flexlab.lab.slow_changes import SlowChanges
-from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration, fitting_window, tamed_exaggeration
 from flexlab.log_limits import limited
+from flexlab.own.path import needs_running, with_table
 from flexlab.physics.plant import ON_BEAM, Hand
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -33,6 +34,8 @@ SEEN_AT_ONCE = 0.3
 """Simulated s whose largest deflection is taken for the present one: a period of the softest beam that is offered."""
 
 log = limited(__name__)
+_by_person: ContextVar[bool] = ContextVar("by_person", default=False)
+"""Whether a person at the page asks: the teacher's lock is for them, not for the teacher."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,10 @@ class LabState:
         """When a person last did anything with a control, monotonic s."""
         self.lesson = ""
         """The lesson that is open, and how far it is, in words; empty: none."""
+        self.lessons: dict[str, LessonProgress] = {}
+        """Of each lesson that was opened."""
+        self.rules = ClassRules()
+        """What the teacher asks."""
         self._view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
         self._lesson_holds_factor = False
         self._fitted_speed = snapshot.target_speed
@@ -135,6 +142,7 @@ class LabState:
 
         What has a person's own path run is asked for beside the page; if it is refused, a notice says why.
         """
+        self._check_lock()
         of_path = any(path.partition(".")[0] == "trajectory" for path in changes)
         if of_path and (self._slow.is_busy or needs_running(self.intended.trajectory, changes)):
             self._slow.ask(changes)
@@ -158,6 +166,7 @@ class LabState:
 
     def load(self, scenario: Scenario, name: str, origin: Origin | None = None) -> None:
         """Ask for a new run from another scenario, or one that goes on from an earlier run."""
+        self._check_lock()
         with self._lock:
             self._undo.note(self._settings)
             self._start(_settings(scenario, name, origin))
@@ -181,6 +190,7 @@ class LabState:
 
     def submit(self, command: Command) -> None:
         """Pass on any other command."""
+        self._check_lock()
         with self._lock:
             if isinstance(command, Reset):
                 self._pull = None
@@ -194,6 +204,8 @@ class LabState:
 
     def pull(self, pull: Pull | None) -> None:
         """Pull beam or link, or let go (None)."""
+        if pull is not None:
+            self._check_lock()
         if pull is None and self._pull is not None:
             self._runner.submit(dataclasses.replace(self._pull, stiffness=0.0))
         elif pull is not None:
@@ -248,7 +260,13 @@ class LabState:
         with self._lock:
             self._asked = self._runner.submit(command)
 
+    def _check_lock(self) -> None:
+        """Raises `LabError` if a person at the page asks while the teacher has locked the lab."""
+        if self.rules.locked and _by_person.get():
+            raise LabError(LOCKED)
+
     def _step(self, move: Callable[[Settings], Settings | None], otherwise: str) -> None:
+        self._check_lock()
         with self._lock:
             present = self._settings
             wanted = move(present)
@@ -299,6 +317,7 @@ def handler(lab_state: LabState, action: Callable[[Any], None]) -> Callable[[Any
         if event.client is None:
             return
         lab_state.touched_at = time.monotonic()
+        asked = _by_person.set(True)
         try:
             action(event)
         except FlexlabError as error:
@@ -306,5 +325,7 @@ def handler(lab_state: LabState, action: Callable[[Any], None]) -> Callable[[Any
         except Exception as error:
             log.exception("a control failed")
             lab_state.say(f"This control failed ({type(error).__name__}: {error}); the simulation goes on.", "error")
+        finally:
+            _by_person.reset(asked)
 
     return callback

@@ -4,12 +4,12 @@ import threading
 import time
 from pathlib import Path
 
-from flexlab.control import own_law_hosts as hosts
 from flexlab.control.law import laws
-from flexlab.control.own_files import LAW_FILES, PATH_FILES, add_own_law_file, add_own_path_file
-from flexlab.control.own_law import PythonLaw, same_declaration
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState
+from flexlab.own import hosts
+from flexlab.own.files import LAW_FILES, PATH_FILES, add_own_law_file, add_own_path_file
+from flexlab.own.law import PythonLaw, same_declaration
 
 LOOK = 0.25
 """s between two looks: an editor that writes a file in several goes is done by then."""

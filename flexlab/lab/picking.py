@@ -4,6 +4,7 @@ Both are commands, so they are in the log and a replay contains them.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,8 +12,8 @@ import viser
 
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.scene.arm_meshes import scene_size
-from flexlab.lab.scene.arm_models import BEAM_HEIGHT, LINK_HEIGHTS
+from flexlab.lab.panel.number_control import NumberControl, Scale
+from flexlab.lab.scene.arms import BEAM_HEIGHT, LINK_HEIGHTS, scene_size
 from flexlab.quantities import Quantity
 from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.geometry import arm_points
@@ -114,3 +115,30 @@ def _meet(origin: np.ndarray, direction: np.ndarray, height: float) -> np.ndarra
     if abs(direction[2]) < STEEPEST:
         raise LabError("The camera looks along the plane of motion: choose the overview to touch the machine.")
     return (origin + direction * (height - origin[2]) / direction[2])[:2]
+
+
+class DisturbanceSettings:
+    """Controls of touch, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, touch: Picking):
+        self._touch = touch
+        words = (
+            "Drag the beam or a link to pull it with a spring; click the beam to tap it. Empty space turns the camera."
+        )
+        gui.add_html(f'<div class="fl fl-dim">{words}</div>')
+        self._controls = {}
+        for about, name in ((STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place")):
+            self._controls[name] = self._control(gui, lab_state, about, name)
+        tap = gui.add_button("Tap", icon=viser.Icon.HAND_CLICK, color="gray", hint="An impulse across the beam")
+        tap.on_click(handler(lab_state, lambda _: touch.tap()))
+
+    def settle(self) -> None:
+        """Show the true values where nobody is at them."""
+        for name, control in self._controls.items():
+            control.settle(getattr(self._touch, name))
+
+    def _control(self, gui: viser.GuiApi, lab_state: LabState, about: Quantity, name: str) -> NumberControl:
+        usual = getattr(self._touch, name)
+        hint = f"Allowed: {about.range_text()}."
+        ask = partial(self._touch.set, about, name)
+        return NumberControl(gui, lab_state, about.title, about.unit, Scale(about), hint, usual, ask, lambda: usual)

@@ -1,13 +1,11 @@
 """One lab: a server for browsers, the simulation behind it, and whoever records it, on one object."""
 
+import threading
 from collections.abc import Callable, Sequence
 
 import viser
 
-from flexlab.control import own_law_hosts, own_path_hosts
 from flexlab.errors import LabError
-from flexlab.lab.attendance import Attendance
-from flexlab.lab.client_cameras import ClientCameras
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.mode_computation import ModeStudy
@@ -15,21 +13,66 @@ from flexlab.lab.own_file_watch import OwnFileWatch
 from flexlab.lab.page_reports import PAGE_SCRIPT, PageReports, Report
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
+from flexlab.lab.panel.readouts import SpokenSummary
 from flexlab.lab.picking import Picking
 from flexlab.lab.plots.explanation_list import ExplanationList
 from flexlab.lab.plots.plots import Plots
-from flexlab.lab.presentation import Presentation
 from flexlab.lab.reference_run import Recorded
-from flexlab.lab.render_loop import RenderLoop
-from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, payload_view
+from flexlab.lab.render_loop import Attendance, RenderLoop
+from flexlab.lab.scene.cameras import FIELD_OF_VIEW, ClientCameras, Window, payload_view
 from flexlab.lab.scene.scene import Scene
-from flexlab.lab.spoken_summary import SpokenSummary
 from flexlab.lab.viser_internals import GuardedServer, fold_panel, set_panel_width
 from flexlab.lab.viser_server import open_server
+from flexlab.own import hosts
 from flexlab.scenario import Scenario
 from flexlab.sim.consumer import Consumer
 from flexlab.sim.runner import Runner
 from flexlab.sim.world_state import Origin
+
+SHEET = """
+[data-dock-region], [data-dock-root] > div[style*="box-shadow"] { visibility: hidden; pointer-events: none; }
+#server-bar { display: none !important; }
+[data-dock-root] > div:first-child { left: 0 !important; right: 0 !important; }
+/* One plot along the upper edge: of the motion that of the deflection, which is the second. */
+[data-floating-window] { left: 0.5rem !important; width: calc(100vw - 20rem) !important; height: 26.5rem !important;
+  max-width: none !important; }
+[data-dock-strip], [data-floating-handle] { display: none !important; }
+div:has(> div > .uplot-container):has(> :nth-child(2) .uplot-container) > :not(:nth-child(2)) { display: none; }
+div:has(> div > .uplot-container):not(:has(> :nth-child(2) .uplot-container)) > :not(:first-child) { display: none; }
+div:has(> div > .uplot-container) { grid-template-columns: 1fr !important; }
+.uplot-container { zoom: 1.6; }
+.fl-number { display: grid !important; }
+.fl-number, .fl-caption, .fl-float { visibility: visible; }
+.fl-caption, .fl-float { font-size: 1.6rem; }
+"""
+"""Over that of the panel."""
+
+
+class Presentation:
+    """Which browsers present."""
+
+    def __init__(self, server: viser.ViserServer, plots: viser.PanelHandle):
+        """`plots`: their panel, which the presentation opens."""
+        self._plots = plots
+        self._sheets: dict[int, viser.GuiHtmlHandle] = {}
+        self._lock = threading.Lock()
+        server.on_client_disconnect(self._forget)
+
+    def toggle(self, client: viser.ClientHandle) -> None:
+        """Begin or end the presentation in one browser."""
+        with self._lock:
+            sheet = self._sheets.pop(client.client_id, None)
+            if sheet is None:
+                style = f'<style class="fl-presentation">{SHEET}</style>'
+                self._sheets[client.client_id] = client.gui.add_html(style)
+        if sheet is not None:
+            sheet.remove()
+        fold_panel(client, self._plots, sheet is not None)
+
+    async def _forget(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            self._sheets.pop(client.client_id, None)
+
 
 PANEL_WIDTH, NARROW_PANEL = 330, 300
 """px: enough for the longest label with its unit on one line; and beside a narrow picture."""
@@ -73,7 +116,7 @@ class Session:
         attended: bool = False,
         recorded: Recorded | None = None,
     ):
-        own_law_hosts.run_apart()
+        hosts.run_apart()
         self._scenario, self._host, self._port = scenario, host, port
         self._shadows, self._recording, self._link = shadows, recording, link
         self._origin, self._secret, self._attended, self._recorded = origin, secret, attended, recorded
@@ -126,8 +169,7 @@ class Session:
 
     def stop(self) -> None:
         """Stop drawing, simulation and server; returns when all threads are done. May be called twice."""
-        own_law_hosts.stop_loading()
-        own_path_hosts.stop_loading()
+        hosts.stop_loading()
         if self._own_files is not None:
             self._own_files.stop()
         if self._drawing is not None:

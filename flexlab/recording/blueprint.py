@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
-from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, PlotSignal, plot_signals
-from flexlab.recording.rerun_internals.columns import TIMELINE
+from flexlab.recording.rerun_internals.chunks import TIMELINE
 from flexlab.recording.scene_log import VIEW_SHAPE, eye
 from flexlab.scenario import Scenario
+from flexlab.views import REAL_TIME_FACTOR, View, views
 
 MAIN_PLOTS = ("error", "vibration", "internal_force", "joint_torque")
 """Seen at once; the other plots are tabs."""
@@ -21,7 +21,7 @@ def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = 
 
     `follow`: show the newest instant, as it comes.
     """
-    signals = plot_signals(scenario)
+    signals = views(scenario)
     left = rrb.Vertical(
         scene_view(f"{title}: deflection drawn × {factor:g}", scenario),
         rrb.Tabs(
@@ -44,7 +44,7 @@ def measurement_blueprint(scenario: Scenario) -> rrb.Blueprint:
         rrb.TextLogView(origin="events", name="Events"),
         active_tab=0,
     )
-    (measured,) = (signal for signal in plot_signals(scenario) if signal.entity == MEASURED_PLOT)
+    (measured,) = (signal for signal in views(scenario) if signal.entity == MEASURED_PLOT)
     return _side_by_side(texts, plot_view(measured))
 
 
@@ -80,7 +80,7 @@ def scene_view(
     )
 
 
-def plot_view(signal: PlotSignal, contents: Sequence[str] = ()) -> rrb.TimeSeriesView:
+def plot_view(signal: View, contents: Sequence[str] = ()) -> rrb.TimeSeriesView:
     """One plot, its time axis shared with all others. `contents`: other entities to draw in it than the signal's own."""
     units = sorted({name[name.rindex("[") + 1 : -1] for name in signal.names})
     return rrb.TimeSeriesView(

@@ -20,14 +20,21 @@ import pyarrow.parquet as parquet
 
 from flexlab.errors import RecordingError
 from flexlab.plain_text import visible, writable
-from flexlab.recording.documents import these_versions
-from flexlab.recording.import_checks import check_events, check_times
+from flexlab.recording.codec import command_from_json, command_to_json, larger_blocks, state_json
 from flexlab.recording.reader import Recording, within
-from flexlab.recording.run_json import command_from_json, command_to_json, state_json
-from flexlab.recording.sample_codec import larger_blocks
+from flexlab.recording.run_info import these_versions
 from flexlab.recording.store.formats import FORMAT, Changes, migrate
 from flexlab.recording.store.notes import replacing
-from flexlab.recording.table_columns import Column, check_units, from_columns, left_out_text, table_columns, to_columns
+from flexlab.recording.table_columns import (
+    Column,
+    check_events,
+    check_times,
+    check_units,
+    from_columns,
+    left_out_text,
+    table_columns,
+    to_columns,
+)
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import Event

@@ -11,14 +11,13 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import RecordingError
-from flexlab.recording.recorded_plots import PlotSignal
-from flexlab.recording.rerun_internals.columns import Column
-from flexlab.recording.rrd_file import Refusal, allow
+from flexlab.recording.rerun_internals.chunks import Column
 from flexlab.recording.run_encoder import Kept
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.run_stream import RunStream, open_file_stream
+from flexlab.recording.run_stream import Refusal, RunStream, allow, open_file_stream
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import RunFile, claim_run_file
+from flexlab.views import View
 
 RETRY_PERIOD = 1.0
 """Wall seconds between attempts to open a file."""
@@ -51,7 +50,7 @@ class FileSink:
         self._stream: RunStream | None = None
         self._past: list[Sent] = []
         self._present: dict[str, Sent] = {}
-        self._curves: list[PlotSignal] = []
+        self._curves: list[View] = []
         self._last_time = 0.0
         self._parts = 0
         self._given_up = 0
@@ -78,7 +77,7 @@ class FileSink:
         if self._stream is not None:
             self._stream.send(*sent, exact=exact)
 
-    def name_curves(self, signals: Iterable[PlotSignal]) -> None:
+    def name_curves(self, signals: Iterable[View]) -> None:
         """Take what the curves are called that will be sent, and how they look."""
         new = list(signals)
         self._curves += new

@@ -15,18 +15,17 @@ import numpy as np
 
 from flexlab.errors import RecordingError
 from flexlab.plain_text import visible
-from flexlab.recording.documents import these_versions
+from flexlab.recording.codec import state_from_json
 from flexlab.recording.export import FORMATS, LONGEST_REASON, event_from_values, import_run
 from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
-from flexlab.recording.import_checks import check_events, check_period, checked_blocks
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.run_encoder import END
-from flexlab.recording.run_info import RunInfo
-from flexlab.recording.run_json import state_from_json
+from flexlab.recording.run_info import RunInfo, these_versions
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import SUFFIX, claim_run_file, file_word, list_runs, remove_run
 from flexlab.recording.store.run_index import LONGEST_NAME
+from flexlab.recording.table_columns import check_events, check_period, checked_blocks
 from flexlab.scenario import Scenario
 from flexlab.sim.row_layout import row_length, rows_to_samples
 from flexlab.sim.samples import MEASURED, Run, Status

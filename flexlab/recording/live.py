@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.message_layout import HEAD, messages
-from flexlab.recording.rrd_file import Refusal, allow
+from flexlab.recording.run_stream import Refusal, allow
 
 MOST_BYTES = 64_000_000
 """What is kept for viewers that join late: about four minutes of the paper's run. What a run begins with stays."""

@@ -10,15 +10,15 @@ import rerun.blueprint as rrb
 
 from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import plot_view, scene_view
+from flexlab.recording.codec import larger_blocks
 from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
-from flexlab.recording.recorded_plots import PlotSignal, plot_signals
-from flexlab.recording.rerun_internals.columns import TIMELINE, scalars, send_columns
+from flexlab.recording.rerun_internals.chunks import TIMELINE, scalars, send_columns
 from flexlab.recording.rerun_internals.message_layout import messages
 from flexlab.recording.rerun_internals.tool import Mending
-from flexlab.recording.sample_codec import larger_blocks
 from flexlab.recording.scene_log import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
 from flexlab.recording.store.notes import replacing
 from flexlab.sim.samples import MEASURED, Samples
+from flexlab.views import View, views
 
 APPLICATION = "flexlab comparison"
 """Apart from single runs, whose layout a person may have changed."""
@@ -94,7 +94,7 @@ def _factor(runs: Sequence[NamedScenario]) -> float:
 def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> Iterator[None]:
     """Send a run; pauses after each piece, for it to be written."""
     scenario, label = recording.scenario, run_label(number)
-    signals = plot_signals(scenario)
+    signals = views(scenario)
     for signal in signals:
         curves = rr.SeriesLines(
             names=[f"{label}: {name}" for name in signal.names],
@@ -140,7 +140,7 @@ def comparison_blueprint(runs: Sequence[NamedScenario], measured: Collection[int
     """The layout of a comparison of these runs; of the `measured` ones (indices) there is nothing to be seen in space."""
     labels = [run_label(number) for number in range(len(runs))]
     scenarios = sorted((scenario for _, scenario in runs), key=lambda scenario: len(scenario.arms))
-    signals = {signal.entity: signal for scenario in scenarios for signal in plot_signals(scenario)}
+    signals = {signal.entity: signal for scenario in scenarios for signal in views(scenario)}
     main = ("error", "vibration", "internal_force", "joint_torque")
     rest = [_overlay(signal, labels) for name, signal in signals.items() if name not in main]
     left: rrb.Container = rrb.Tabs(rrb.TextDocumentView(origin="differences", name="Differences"), *rest, active_tab=0)
@@ -172,6 +172,6 @@ def _scenes(runs: Sequence[NamedScenario], drawn: Sequence[int]) -> list[rrb.Spa
     ]
 
 
-def _overlay(signal: PlotSignal, labels: Sequence[str]) -> rrb.TimeSeriesView:
+def _overlay(signal: View, labels: Sequence[str]) -> rrb.TimeSeriesView:
     """One plot with the curves of all runs."""
     return plot_view(signal, [f"/runs/{label}/{signal.entity}" for label in labels])

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from flexlab.errors import RecordingError, ScenarioError
-from flexlab.recording.rerun_internals.chunk_reader import Row, Unreadable, entity_times, stream_rows
+from flexlab.recording.codec import command_from_json, decode_with_format, state_from_json
+from flexlab.recording.rerun_internals.chunks import Row, Unreadable, entity_times, stream_rows
 from flexlab.recording.rerun_internals.tool import Mending
-from flexlab.recording.run_json import command_from_json, state_from_json
-from flexlab.recording.sample_codec import decode_with_format
 from flexlab.recording.store.formats import Changes, migrate, readable, same_numbers
 from flexlab.recording.store.run_files import State, check_recording, run_state
 from flexlab.scenario import Scenario, parse_scenario

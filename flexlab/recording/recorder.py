@@ -16,10 +16,9 @@ from flexlab.errors import RecordingError
 from flexlab.recording.file_sink import FileSink
 from flexlab.recording.live import LiveTarget, Take
 from flexlab.recording.repair import Finisher
-from flexlab.recording.rrd_file import Refusal, allow
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo, StartNotes
-from flexlab.recording.run_stream import RunStream, open_live_stream
+from flexlab.recording.run_stream import Refusal, RunStream, allow, open_live_stream
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples, Status, join_blocks

@@ -13,7 +13,7 @@ import threading
 from pathlib import Path
 
 from flexlab.errors import RecordingError
-from flexlab.recording.rerun_internals.chunk_reader import has_recording
+from flexlab.recording.rerun_internals.chunks import has_recording
 from flexlab.recording.rerun_internals.message_layout import has_footer
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.notes import read_notes, replacing, write_notes

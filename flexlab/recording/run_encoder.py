@@ -8,15 +8,14 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import ScenarioError
-from flexlab.recording.recorded_plots import REAL_TIME_FACTOR, PlotSignal, plot_signals
-from flexlab.recording.rerun_internals.columns import Column, blobs, line_strips, scalars, texts
+from flexlab.recording.codec import command_to_json, encode_block
+from flexlab.recording.rerun_internals.chunks import Column, blobs, line_strips, scalars, texts
 from flexlab.recording.run_info import RunInfo, StartNotes
-from flexlab.recording.run_json import command_to_json
-from flexlab.recording.sample_codec import encode_block
 from flexlab.recording.scene_log import FRAMES_PER_SECOND, desired_path, moving_shapes
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event
+from flexlab.views import REAL_TIME_FACTOR, View, views
 
 Kept = Literal["no", "as it was", "as it stands"]
 """Whether a file that begins later in the run is told: not, as it was then, or from its beginning on (the latest only)."""
@@ -30,7 +29,7 @@ class Sink(Protocol):
     ) -> None:
         """Take columns for the instants `time` (N,), s. `exact`: only for who keeps samples in full precision."""
 
-    def name_curves(self, signals: Iterable[PlotSignal]) -> None:
+    def name_curves(self, signals: Iterable[View]) -> None:
         """Take what the curves are called that will be sent, and how they look."""
 
     def send_property(self, name: str, values: rr.AsComponents) -> None:
@@ -54,7 +53,7 @@ class RunEncoder:
         self._notes = None if start_notes is None else start_notes(info)
         self._scenario = info.scenario
         self._event_count = 0
-        self._signals = plot_signals(info.scenario)
+        self._signals = views(info.scenario)
         self._last_drawn = -np.inf
         self.rows = 0
         self.last_time = 0.0
@@ -125,7 +124,7 @@ class RunEncoder:
         except ScenarioError:
             return  # The engine accepted it, so this is a change that only the engine can follow; the drawing stays.
         known = {signal.entity for signal in self._signals}
-        new = tuple(signal for signal in plot_signals(self._scenario) if signal.entity not in known)
+        new = tuple(signal for signal in views(self._scenario) if signal.entity not in known)
         self._signals += new  # Another law may have signals of its own.
         for sink in self._sinks:
             sink.name_curves(new)

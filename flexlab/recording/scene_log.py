@@ -7,11 +7,11 @@ import rerun as rr
 
 from flexlab.control.motion import poses
 from flexlab.control.path import build_motion
-from flexlab.recording.recorded_plots import BLUE, GRAY, GREEN, ORANGE, PURPLE, VERMILION
-from flexlab.recording.rerun_internals.columns import Column, line_strips, vectors
+from flexlab.recording.rerun_internals.chunks import Column, line_strips, vectors
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import arm_points, beam_points, link_points
 from flexlab.sim.samples import Samples
+from flexlab.views import BLUE, GRAY, GREEN, ORANGE, PURPLE, VERMILION
 
 FRAMES_PER_SECOND = 60
 """Drawn states per wall second in slow motion, per simulated second else: what a screen can show."""

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from flexlab.control.own_files import path_kind
 from flexlab.control.paths.table import MOST_ROWS
 from flexlab.errors import PresetError
+from flexlab.own.files import path_kind
 from flexlab.plain_text import visible
 from flexlab.scenario.scenario import Scenario, parse_scenario
 

@@ -9,12 +9,12 @@ from pydantic_core import PydanticCustomError
 from flexlab.control.controller import Controller
 from flexlab.control.law import on_new_law
 from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
-from flexlab.control.own_law import OwnController, with_known_law
-from flexlab.control.own_path import OwnTrajectory, with_known_path
 from flexlab.control.path import Trajectory, on_new_path
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
 from flexlab.html_table import html_table
+from flexlab.own.law import OwnController, with_known_law
+from flexlab.own.path import OwnTrajectory, with_known_path
 from flexlab.plain_text import visible
 from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, parts_of, quantity
 from flexlab.scenario.arms import Arm

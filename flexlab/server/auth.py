@@ -14,9 +14,8 @@ from flexlab.errors import FlexlabError
 from flexlab.log_limits import limited
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.limits import BusyError, network_of
-from flexlab.server.pages.layout import message
 from flexlab.server.pages.page_context import Context, context_of
-from flexlab.server.pages.templating import HAS_CLASS, button, render
+from flexlab.server.pages.templating import HAS_CLASS, button, message, render
 from flexlab.server.visitors import COOKIE_AGE, has_class, is_teacher, keep_visitor, known_visitor_of
 from flexlab.sockets import LOOPBACK
 

@@ -1,4 +1,4 @@
-"""What every process that the server starts has in common, and where labs' processes come from."""
+"""What every process that the server starts has in common, and where it comes from."""
 
 import contextlib
 import multiprocessing
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
 
 LAB_PROGRAM = "flexlab.server.labs.preloaded"
-"""What the process has read, and tried out once, from which labs are forked."""
+"""What the process has read, and tried out once, from which labs and jobs are forked."""
 LONGEST_SOCKET = 107
 """Bytes of a socket's path on Linux."""
 SOCKET_NAME = 40
@@ -26,12 +26,12 @@ SOCKET_NAME = 40
 
 
 def _forks() -> bool:
-    """Whether labs are forked: on Linux, where the folder of temporary files leaves room for the name of a socket."""
+    """Whether they are forked: on Linux, where the folder of temporary files leaves room for the name of a socket."""
     return sys.platform == "linux" and len(os.fsencode(tempfile.gettempdir())) + SOCKET_NAME <= LONGEST_SOCKET
 
 
-def lab_processes() -> "ForkServerContext | SpawnContext":
-    """Makes processes of labs. On Linux they are forked off one that has the whole program in memory, which they share.
+def job_processes() -> "ForkServerContext | SpawnContext":
+    """Makes processes of labs and jobs. On Linux they are forked off one that has the whole program in memory, shared by all.
 
     Elsewhere forking is not safe (macOS) or not to be had (Windows): there each reads the program for itself.
     """
@@ -44,7 +44,7 @@ def lab_processes() -> "ForkServerContext | SpawnContext":
 
 def prepare_lab_processes() -> None:
     """Let the program of labs be read into memory, beside: the first visitor then waits no longer than the others."""
-    lab_processes()
+    job_processes()
     if _forks():
         with without_interrupt():
             forkserver.ensure_running()

@@ -14,40 +14,105 @@ import aiohttp
 from aiohttp import web
 
 from flexlab.analysis.leaderboard.store import FOLDER as LEADERBOARD
-from flexlab.errors import LabError
+from flexlab.assets import web_assets_folder
+from flexlab.errors import FlexlabError, LabError
 from flexlab.recording.live import LiveHub
-from flexlab.recording.store.run_files import check_folder
+from flexlab.recording.store.run_files import check_folder, removable_runs, remove_run
 from flexlab.scenario import Scenario
-from flexlab.server.app import build_app
-from flexlab.server.auth import LIVE, recording_path
-from flexlab.server.automatic_retention import tidy_up
-from flexlab.server.comparison_jobs import Comparisons
-from flexlab.server.connections import Connections
+from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sentences, check, recording_path
+from flexlab.server.connections import Connections, watch_patience
 from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import RecordedLab
 from flexlab.server.labs.shared import SharedLabProvider
 from flexlab.server.leaderboard_jobs import Boards
-from flexlab.server.metric_jobs import Measuring
-from flexlab.server.network_addresses import base_address, outside_addresses
-from flexlab.server.pages.page_context import Context
+from flexlab.server.pages.compare_page import add_compare_pages
+from flexlab.server.pages.lab_pages import add_lab_pages, add_live_pages
+from flexlab.server.pages.leaderboard_page import add_leaderboard_pages
+from flexlab.server.pages.page_context import CONTEXT, Context
+from flexlab.server.pages.run_actions import add_bulk_actions, add_run_actions
+from flexlab.server.pages.runs_pages import add_runs_pages, add_upload
+from flexlab.server.pages.start_page import start_page
+from flexlab.server.pages.study_pages import add_study_pages
+from flexlab.server.pages.teacher_page import add_teacher_pages
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
-from flexlab.server.replay_jobs import Replays
-from flexlab.server.settings import SECRET_BYTES, WILDCARDS, Settings
+from flexlab.server.run_jobs import Comparisons, Measuring, Replays
+from flexlab.server.settings import SECRET_BYTES, WILDCARDS, Settings, base_address, outside_addresses
 from flexlab.server.studies import Studies
 from flexlab.server.tasks import Tasks
-from flexlab.server.visitors import cookie_key
+from flexlab.server.visitors import cookie_key, greet
 from flexlab.server.workshop import Workshop
 from flexlab.sockets import listen
+
+STATIC = Path(__file__).resolve().parent / "static"
+"""Style sheet, scripts and the icon of the server's pages."""
+STATIC_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
+
+
+def build_app(context: Context) -> web.Application:
+    """The web application of one server."""
+    app = web.Application(middlewares=[watch_patience, answer_in_sentences, check, greet], client_max_size=LARGEST_BODY)
+    app[CONTEXT] = context
+    app.on_response_prepare.append(add_headers)
+    app.router.add_get("/", start_page)
+    add_lab_pages(app.router)
+    add_live_pages(app.router)
+    add_compare_pages(app.router)
+    add_leaderboard_pages(app.router)
+    add_run_actions(app.router)
+    add_bulk_actions(app.router)
+    add_teacher_pages(app.router)
+    add_upload(app.router)
+    add_runs_pages(app.router)
+    add_study_pages(app.router)
+    app.router.add_get("/favicon.ico", _icon)
+    app.router.add_get("/static/{name}", _static)
+    # No listing of folders, no links that lead out of the folder.
+    app.router.add_static("/assets/", web_assets_folder())
+    return app
+
+
+async def _static(request: web.Request) -> web.StreamResponse:
+    names = await asyncio.to_thread(lambda: {path.name: path for path in STATIC.iterdir()})
+    if request.match_info["name"] not in names:
+        raise web.HTTPNotFound
+    headers = {"Cache-Control": "no-cache", "Content-Security-Policy": STATIC_POLICY}
+    return web.FileResponse(names[request.match_info["name"]], headers=headers)
+
+
+async def _icon(request: web.Request) -> web.StreamResponse:
+    return web.FileResponse(STATIC / "icon.svg")
+
+
+LOOK = 60.0
+"""s between two looks."""
+
+log = logging.getLogger(__name__)
+
+
+async def tidy_up(settings: Settings) -> None:
+    """Look at once and then again and again; returns only if there are no limits."""
+    while settings.most_bytes is not None or settings.most_days is not None:
+        await asyncio.to_thread(delete_over_limits, settings)
+        await asyncio.sleep(LOOK)
+
+
+def delete_over_limits(settings: Settings) -> None:
+    """Delete them, and tell the person at the terminal."""
+    try:
+        for path in removable_runs(settings.logs, settings.most_bytes, settings.most_days):
+            remove_run(path)
+            log.warning("Deleted %s: it was over the limits that this lab was started with.", path.name)
+    except (FlexlabError, OSError) as error:
+        log.warning("Old runs could not be deleted: %s", error)
+
 
 CLOSING_TIME = 1.0
 """s that open pages get when the server closes: a lab's page never ends by itself."""
 
 MOST_THREADS = 32
 """That wait for disks and processes, beside one for each private lab: labs that open together must not hold up pages."""
-
-log = logging.getLogger(__name__)
 
 
 class FrontServer:

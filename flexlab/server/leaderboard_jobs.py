@@ -7,9 +7,8 @@ from pathlib import Path
 
 from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board
 from flexlab.analysis.leaderboard.case import cases, chosen_cases
-from flexlab.analysis.leaderboard.content import digest, engine
 from flexlab.analysis.leaderboard.entrants import chosen_entrants
-from flexlab.analysis.leaderboard.store import RowStore
+from flexlab.analysis.leaderboard.store import RowStore, digest, engine
 from flexlab.errors import FlexlabError
 from flexlab.server.limits import Asker
 from flexlab.server.tasks import Tasks
@@ -99,7 +98,7 @@ def compute_board(folder: Path, report: Callable[[float], None]) -> tuple[int, i
 
 def draw_board(folder: Path) -> tuple[str, dict[str, str]]:
     """A job: (what names the newest table, its figures by case)."""
-    from flexlab.analysis.leaderboard.figures import svg_text
+    from flexlab.analysis.leaderboard.report import svg_text
 
     board, name = newest_board(folder)
     return name, {case.name: svg_text(board, case) for case in board.cases}

@@ -1,25 +1,40 @@
-"""What the server has done to runs in processes of their own: each function is one job."""
+"""Long work on runs: each function is one job in a process of its own, each class says of one server what came of them.
 
+Comparisons are kept as files of the server's own, bounded, gone when it closes; replays as a sentence each; runs without metrics
+are measured at low priority when somebody looks at the library.
+"""
+
+import asyncio
+import contextlib
+import hashlib
+import os
 import zipfile
-from collections.abc import Callable, Iterator
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from flexlab.analysis.comparison import compare
 from flexlab.analysis.metrics import MetricRow
+from flexlab.analysis.metrics.run_metrics import measured
 from flexlab.analysis.replay import replay
 from flexlab.analysis.resume import resume
-from flexlab.analysis.run_summary import note_metrics
-from flexlab.errors import RecordingError
+from flexlab.analysis.run_summary import note_metrics, note_missing_metrics
+from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
-from flexlab.recording.reader import read_blocks, read_recording
+from flexlab.recording.reader import read_blocks, read_range, read_recording
 from flexlab.recording.store.notes import is_regular, notes_path, read_notes
 from flexlab.recording.store.run_files import SUFFIX, remove_run
+from flexlab.recording.store.run_index import RunRow
 from flexlab.scenario.field_text import field_title
+from flexlab.server.child_processes import end_with_the_server, failures_told_plainly, job_processes
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.labs.quota import Quota
+from flexlab.server.limits import Asker
+from flexlab.server.tasks import Tasks
 from flexlab.sim.samples import Samples
 
 MOST_SAMPLES = 1_200_000
@@ -138,3 +153,168 @@ def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) 
         raise RecordingError(f"{path.name} as a recording is too large: {refused}")
     note_metrics(taken)
     return taken.stem
+
+
+def figures_into(path: Path, kind: str, start: float | None, end: float | None, folder: Path) -> Path:
+    """Draw Figures 2-5 of a run, or of a range of its time, into one file in `folder`. `kind`: png or svg."""
+    from flexlab.analysis.figures import paper_figures  # Other work need not wait for a library of drawing.
+
+    name = range_name(path, start, end)
+    if start is None and end is None:
+        check_size(path)
+    target = folder / f"{name}-figures-{kind}.zip"
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+        for figure in paper_figures(read_range(path, start, end), folder, [kind], name=name):
+            archive.write(figure, figure.name)
+    return target
+
+
+MOST_COMPARISONS = 8
+"""Comparisons that are kept: enough to go back and forth."""
+MOST_BYTES = 1_000_000_000
+"""Of all their files; the newest one is always kept."""
+
+
+class Comparisons:
+    """All comparisons of one server. For its event loop only."""
+
+    def __init__(self, tasks: Tasks, folder: Path):
+        """`folder`: where the overlays lie; somebody else removes it."""
+        self._tasks, self._folder = tasks, folder
+        self._made: OrderedDict[str, ComparisonTables] = OrderedDict()
+        self._making: dict[str, asyncio.Future[ComparisonTables]] = {}
+
+    async def get(self, asker: Asker, rows: Sequence[RunRow]) -> tuple[str, ComparisonTables]:
+        """(id, tables) of the comparison of these runs, made if need be. Raises `FlexlabError` if they cannot be compared."""
+        key = hashlib.sha256(repr([(row.id, row.size) for row in rows]).encode()).hexdigest()[:24]
+        if key in self._made and self._path(key).exists():
+            self._made.move_to_end(key)
+            return key, self._made[key]
+        if key not in self._making:
+            # Two who ask at once share what the first one's question starts.
+            self._making[key] = asyncio.ensure_future(self._make(asker, key, rows))
+            self._making[key].add_done_callback(lambda _: self._making.pop(key, None))
+        return key, await asyncio.shield(self._making[key])
+
+    def file(self, key: str) -> Path | None:
+        """The overlay; None if it is no more."""
+        return self._path(key) if key in self._made else None
+
+    async def _make(self, asker: Asker, key: str, rows: Sequence[RunRow]) -> ComparisonTables:
+        tables = await self._tasks.run(asker, compare_runs, tuple(row.path for row in rows), self._path(key))
+        self._made[key] = tables
+        await asyncio.to_thread(self._make_room)
+        return tables
+
+    def _make_room(self) -> None:
+        while len(self._made) > 1 and (len(self._made) > MOST_COMPARISONS or self._bytes() > MOST_BYTES):
+            key, _ = self._made.popitem(last=False)
+            self._path(key).unlink(missing_ok=True)
+
+    def _bytes(self) -> int:
+        return sum(self._path(key).stat().st_size for key in self._made if self._path(key).exists())
+
+    def _path(self, key: str) -> Path:
+        return self._folder / f"comparison-{key}.rrd"
+
+
+MOST_FINDINGS = 200
+"""Findings that are remembered."""
+
+
+@dataclass(frozen=True)
+class ReplayState:
+    """How the replay of one run stands."""
+
+    working: bool
+    sentence: str
+    kind: str = ""
+    """"good" or "bad" once it is over."""
+
+
+class Replays:
+    """All replays of one server, at most one at a time of each run. For its event loop only."""
+
+    def __init__(self, tasks: Tasks):
+        self._all = tasks
+        self._states: OrderedDict[tuple[str, int], ReplayState] = OrderedDict()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def start(self, asker: Asker, row: RunRow) -> None:
+        """Replay a run, unless that is being done. Raises `BusyError`."""
+        state = self.state(row)
+        if state is not None and state.working:
+            return
+        self._all.check(asker)
+        self._note(row, ReplayState(True, "Replay: waiting for its turn"))
+        task = asyncio.create_task(self._replay(asker, row))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    def state(self, row: RunRow) -> ReplayState | None:
+        """How the run's replay stands; None if nobody asked for one since the file last changed."""
+        return self._states.get(_key(row))
+
+    async def _replay(self, asker: Asker, row: RunRow) -> None:
+        def report(share: float) -> None:
+            self._note(row, ReplayState(True, f"Replay: {100 * share:.0f} %"))
+
+        try:
+            agrees, text = await self._all.run(asker, replay_run, row.path, on_progress=report)
+        except FlexlabError as error:
+            self._note(row, ReplayState(False, f"Not replayed: {error}", "bad"))
+        else:
+            self._note(row, ReplayState(False, text, "good" if agrees else "bad"))
+
+    def _note(self, row: RunRow, state: ReplayState) -> None:
+        self._states[_key(row)] = state
+        while len(self._states) > MOST_FINDINGS:
+            self._states.popitem(last=False)
+
+
+def _key(row: RunRow) -> tuple[str, int]:
+    return row.id, row.size
+
+
+LOW_PRIORITY = 19
+"""Unix niceness: the labs must not notice."""
+
+
+@failures_told_plainly()
+def measure(logs: Path) -> None:
+    """The life of the measuring process."""
+    end_with_the_server()
+    with contextlib.suppress(AttributeError, OSError):
+        os.nice(LOW_PRIORITY)
+    with contextlib.suppress(KeyboardInterrupt):
+        note_missing_metrics(logs)
+
+
+class Measuring:
+    """At most one such process of a server."""
+
+    def __init__(self, logs: Path):
+        self._logs = logs
+        self._process: BaseProcess | None = None
+        self._tried: set[str] = set()
+
+    def look(self, rows: Sequence[RunRow]) -> int:
+        """Start measuring if there is something new to measure; returns how many runs are still to be measured."""
+        missing = {row.id for row in rows if not measured(row.metrics) and row.state in ("complete", "recovered")}
+        if self._process is not None and self._process.is_alive():
+            return len(missing)
+        # What could not be measured once is not tried again at every look.
+        if missing <= self._tried:
+            return 0
+        self._tried |= missing
+        self._process = job_processes().Process(
+            target=measure, args=(self._logs,), name="flexlab-measuring", daemon=True
+        )
+        self._process.start()
+        return len(missing)
+
+    def close(self) -> None:
+        """End it; what is missing is measured another time."""
+        if self._process is not None and self._process.is_alive():
+            self._process.terminate()
+            self._process.join()

@@ -1,10 +1,16 @@
-"""What a front server is told when it is opened."""
+"""What a front server is told when it is opened, how many labs the machine takes, and where other machines find it."""
 
+import contextlib
+import ipaddress
 import math
+import os
 import socket
 import string
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
+
+import segno
 
 from flexlab.errors import LabError
 from flexlab.sockets import LOOPBACK
@@ -120,3 +126,103 @@ def _own_address() -> str:
             return probe.getsockname()[0]
         except OSError:
             return socket.gethostname()
+
+
+FAR_AWAY = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
+"""Addresses of no machine: the way there would lead over the interface that others are on. Nothing is sent."""
+
+
+def network_addresses() -> list[str]:
+    """This machine's addresses in its networks, the one of the default route first."""
+    found: list[str] = []
+    for family, far in FAR_AWAY.items():
+        with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as plug:
+            plug.connect((far, 9))
+            found.append(plug.getsockname()[0])
+    with contextlib.suppress(OSError):
+        found += [str(entry[4][0]) for entry in socket.getaddrinfo(socket.gethostname(), None)]
+    return list(dict.fromkeys(address for address in found if _is_reachable(address)))
+
+
+def _is_reachable(address: str) -> bool:
+    number = ipaddress.ip_address(address.partition("%")[0])
+    return not (number.is_loopback or number.is_link_local or number.is_unspecified)
+
+
+def base_address(host: str, port: int) -> str:
+    """Of a web server, without a path."""
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def outside_addresses(settings: Settings, port: int, token: str | None, path: str = "/") -> list[str]:
+    """A page's addresses as other machines have them, token included; none of a server for this machine only."""
+    if settings.is_local:
+        return []
+    hosts = network_addresses() if settings.host in WILDCARDS else [settings.host]
+    return [base_address(host, port) + path + (f"?token={token}" if token else "") for host in hosts]
+
+
+def terminal_code(address: str) -> str:
+    """A QR code as lines of text, two rows of squares a line."""
+    text = StringIO()
+    segno.make(address, micro=False).terminal(text, compact=True, border=1)
+    return text.getvalue()
+
+
+def picture_code(address: str) -> str:
+    """A QR code as the address of a picture that is in it, dark on light whatever the page's colours."""
+    return segno.make(address, micro=False).svg_data_uri(scale=4, border=2, dark="#1c2430", light="#ffffff")
+
+
+LAB_MEMORY = 120e6
+"""Bytes that a lab has for itself: measured 65 to 100 MB where labs share the program, with room for fine meshes."""
+KEPT_FREE = 1e9
+"""Bytes for the server itself, exports, and whatever else the machine does."""
+LABS_PER_CORE = 6
+"""A lab that runs before its visitor's eyes costs a quarter to a third of a core, one that nobody looks at 0.3 %: so many as
+leave each at full speed while half of a class reads."""
+MEMORY_TABLE = Path("/proc/meminfo")
+
+
+@dataclass(frozen=True)
+class Capacity:
+    """What a machine has."""
+
+    cores: int
+    memory: float | None
+    """Bytes that are free, or can be made so; None if the system does not tell."""
+
+    @property
+    def labs(self) -> int:
+        """Private labs that it takes at once, at least one."""
+        by_cores = self.cores * LABS_PER_CORE
+        by_memory = by_cores if self.memory is None else int((self.memory - KEPT_FREE) / LAB_MEMORY)
+        return max(1, min(by_cores, by_memory))
+
+    @property
+    def text(self) -> str:
+        """What it has, in words."""
+        cores = "1 core" if self.cores == 1 else f"{self.cores} cores"
+        return cores if self.memory is None else f"{cores}, {self.memory / 1e9:.1f} GB of memory free"
+
+
+def capacity() -> Capacity:
+    """Of this machine, now."""
+    return Capacity(_cores(), _free_memory())
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _free_memory() -> float | None:
+    try:
+        for line in MEMORY_TABLE.read_text(encoding="ascii").splitlines():
+            name, _, amount = line.partition(":")
+            if name == "MemAvailable":
+                return 1024.0 * int(amount.split()[0])
+    except (OSError, ValueError, IndexError):
+        pass
+    return None

@@ -12,14 +12,13 @@ from typing import Any
 
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan
-from flexlab.analysis.sweep.table import TABLE
-from flexlab.analysis.tuning.cost import Cost
+from flexlab.analysis.sweep.result import TABLE
+from flexlab.analysis.tuning import Cost
 from flexlab.errors import FlexlabError, LabError
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import change_settings
-from flexlab.server.growing_sweep import GrowingSweep
 from flexlab.server.limits import Asker
-from flexlab.server.study_jobs import Tuned, sweep_study, tuning_study
+from flexlab.server.study_jobs import GrowingSweep, Tuned, sweep_study, tuning_study
 from flexlab.server.tasks import Tasks
 
 AT_ONCE = 1

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import logging
-import multiprocessing
 import os
 import sys
 from collections.abc import AsyncGenerator, Callable
@@ -13,12 +12,13 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, TypeVar
 
-from flexlab.control.own_files import know_own_files
-from flexlab.control.own_law_hosts import allowed
 from flexlab.errors import FlexlabError, LabError
+from flexlab.own.files import know_own_files
+from flexlab.own.hosts import allowed
 from flexlab.server.child_processes import (
     end_with_the_server,
     failures_told_plainly,
+    job_processes,
     leave_interrupts_to_the_server,
     without_interrupt,
 )
@@ -175,7 +175,7 @@ class Tasks:
                     ) from None
 
     async def _run(self, work: Callable[..., T], arguments: tuple[Any, ...], on_progress: Any) -> T:
-        context = multiprocessing.get_context("spawn")
+        context = job_processes()
         pipe, other = context.Pipe(duplex=False)
         process = context.Process(
             target=carry_out,

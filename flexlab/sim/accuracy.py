@@ -51,6 +51,9 @@ FORCE_BOUND = 1e-4
 FINER = 2
 """Levels between a tick and the same redone: of modes that are faster than the step, half of it tells little."""
 
+GROWN = 2.0
+"""By how much errors outgrow what was said of them before it is said anew."""
+
 AMPLIFIED = 1e-12
 """Error of the pose, m or rad, from which on such a loop is said to make more of it."""
 
@@ -114,6 +117,8 @@ class Estimate(NamedTuple):
     """Ticks between two looks after `LOOKS`, at most."""
     change: float = 0.0
     """Largest change of a torque in a tick that was looked at, N·m."""
+    told: tuple[float, float, float] | None = None
+    """What a warning says: since when, s, and by how much `pose` and `force` may be off."""
 
 
 def _ticks_kept(decay: np.ndarray, ticks: int, tick_period: float) -> np.ndarray:
@@ -241,23 +246,37 @@ def note(
         left += between * exponentials(-decay * tick_period) * _ticks_kept(decay, ticks - 1, tick_period)
     pose, force = map(max, (old.pose, old.force), _sizes(left))
     seen = old._replace(left=left, rate=now, looked=tick, pose=pose, force=force, peak_before=old.seen.peak)
+    if old.told is not None:
+        return _told_anew(seen, assembly.scenario, old.told)
     if old.warning or since < FIRST_VERDICT:
         return seen
-    said = ""
+    time = (tick + 1) * tick_period
     if assembly.amplifies and pose > AMPLIFIED:
-        said = _amplified(assembly.scenario)
-    elif since >= LOOKS[-1]:
+        return seen._replace(warning=_amplified(assembly.scenario))
+    said, told = "", (pose, force)
+    if since >= LOOKS[-1]:
         for wait in (CHECK_TICKS, CLOSE_TICKS, CLOSEST_TICKS):
             ahead = left * exponentials(-decay * (wait * tick_period)) + now * _ticks_kept(decay, wait, tick_period)
-            coming = map(max, (pose, force), _sizes(ahead))
-            said, seen = _warning(*coming, seen, assembly.scenario, (tick + 1) * tick_period), seen._replace(wait=wait)
+            told = tuple(map(max, (pose, force), _sizes(ahead)))
+            said, seen = _warning(*told, seen, assembly.scenario, time), seen._replace(wait=wait)
             if not said and (wait == CLOSEST_TICKS or not limited):
                 break
     elif old.seen.peak <= STEADY * old.peak_before:
-        said = _warning(pose, force, seen, assembly.scenario, (tick + 1) * tick_period)
+        said = _warning(*told, seen, assembly.scenario, time)
     if said and limited and pose > max(POSE_BOUND, assembly.scenario.simulation.accuracy):
-        said = _unled((tick + 1) * tick_period)
-    return seen._replace(warning=said)
+        return seen._replace(warning=_unled(time))
+    return seen._replace(warning=said, told=(time, *told)) if said else seen
+
+
+def _told_anew(estimate: Estimate, scenario: Scenario, told: tuple[float, float, float]) -> Estimate:
+    """The estimate with a warning of the sizes that its errors have grown to, if what it says of them is too little."""
+    time, pose, force = told
+    bound = max(POSE_BOUND, scenario.simulation.accuracy)
+    least = FORCE_BOUND * max(estimate.seen.peak, LEAST_PEAK)
+    if estimate.pose <= GROWN * max(pose, bound) and estimate.force <= GROWN * max(force, least):
+        return estimate
+    said = _warning(estimate.pose, estimate.force, estimate, scenario, time)
+    return estimate._replace(warning=said or estimate.warning, told=(time, estimate.pose, estimate.force))
 
 
 def _tick_errors(assembly: Assembly, row: np.ndarray, y: np.ndarray, again: Redone) -> np.ndarray:

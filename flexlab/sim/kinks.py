@@ -50,6 +50,11 @@ def next_tick_of_kinks(assembly: Assembly, level: int, tick: int, tick_period: f
     return TickOfKinks(number, (*cuts, end))
 
 
+def steps_in(length: float, dt: float) -> int:
+    """Steps no longer than `dt` that a piece of this length is gone in, s."""
+    return max(1, int(np.ceil(length / dt - 1e-9)))
+
+
 def advance_in_pieces(
     assembly: Assembly,
     move: Callable[..., Any],
@@ -72,7 +77,7 @@ def advance_in_pieces(
     for begin, end in zip(cuts[:-1], cuts[1:], strict=True):
         y[since] = ticks_before
         length = end - begin
-        count = max(1, int(np.ceil(length / dt - 1e-9)))
+        count = steps_in(length, dt)
         scheme = build_scheme(integrator, assembly.beam, length / count)
         _, code = move(
             system, assembly.sampling, *scheme, watch, level, deflection_limit, begin, 0, length, count, y,

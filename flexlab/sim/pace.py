@@ -11,7 +11,7 @@ SLOWEST_PACE = 0.8
 
 
 class StepCost(NamedTuple):
-    """Processor time of a step, measured on one core of a server of 2019 (`flexlab bench` measures any)."""
+    """Processor time of a step, measured on one core of a shared server in November 2026 (`flexlab bench` measures any)."""
 
     fixed: float
     """Of arms and law, s."""
@@ -22,9 +22,9 @@ class StepCost(NamedTuple):
 
 
 STEP_COSTS = {
-    "etdrk4": StepCost(2.5e-6, 8e-8, 2e-9),
-    "rk4": StepCost(2.5e-6, 6e-8, 2e-9),
-    "generalized-alpha": StepCost(3.5e-6, 2e-7, 4e-9),
+    "etdrk4": StepCost(1.6e-6, 3.5e-8, 2.6e-9),
+    "rk4": StepCost(1.2e-6, 3.5e-8, 4e-10),
+    "generalized-alpha": StepCost(2.6e-6, 8.5e-8, 1.4e-9),
 }
 
 COUPLED_MODES = 8

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
-from flexlab.control.own_path import with_table
 from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.own.path import with_table
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, Unprepared
 from flexlab.sim.blas import one_blas_thread

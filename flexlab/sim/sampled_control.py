@@ -77,6 +77,14 @@ def gaussian(seed, instant, channel):
 
 
 @inlined
+def measure_pose(sampling, instant, pose, rate, now):
+    """Fill now.x and now.v for the true pose and pose rate (3,), with their noise."""
+    for a in range(3):
+        now.x[a] = pose[a] + sampling.noise[a] * gaussian(sampling.seed, instant, a)
+        now.v[a] = rate[a] + sampling.noise[3 + a] * gaussian(sampling.seed, instant, 3 + a)
+
+
+@inlined
 def measure_beam(sampling, instant, truth, measured):
     """hᵀq̇ and gᵀq̇ (2,) with their own noise and with that of strain gauges, which tell them by the change of their readings.
 
@@ -96,6 +104,14 @@ def measure_beam(sampling, instant, truth, measured):
 
 
 @inlined
+def noisy_strain(sampling, instant, gauge, strain):
+    """What a gauge reads."""
+    if sampling.strain_noise > 0:
+        return strain + sampling.strain_noise * gaussian(sampling.seed, instant + 1, GAUGE_CHANNEL + gauge)
+    return strain
+
+
+@inlined
 def read_gauges(sampling, instant, eta, now):
     """Fill now.strain for modal coordinates η (n_m,), each gauge with the noise that `measure_beam` differences."""
     now.gauge_count = len(sampling.strain)
@@ -103,9 +119,7 @@ def read_gauges(sampling, instant, eta, now):
         total = 0.0
         for k in range(len(eta)):
             total += sampling.strain[j, k] * eta[k]
-        if sampling.strain_noise > 0:
-            total += sampling.strain_noise * gaussian(sampling.seed, instant + 1, GAUGE_CHANNEL + j)
-        now.strain[j] = total
+        now.strain[j] = noisy_strain(sampling, instant, j, total)
 
 
 @inlined
@@ -118,20 +132,11 @@ def note_torques(sampling, arm_count, now):
                 now.torque[place, i, joint] = sampling.line[place, i, joint]
 
 
-@pluggable
-def control_instant(system, sampling, instant, t, y, ws):
-    """Measure, run the law, queue its torques and hold those that are due; returns a fault code."""
-    plant, control = system.plant, system.control
-    code = find_state(system, t, y, ws)
-    if code != 0:
-        return code
-    now = ws.measured[0]
-    x, v, beam = now.x, now.v, now.beam_rate
-    for a in range(3):
-        x[a] = y[a] + sampling.noise[a] * gaussian(sampling.seed, instant, a)
-        v[a] = ws.velocity[a] + sampling.noise[3 + a] * gaussian(sampling.seed, instant, 3 + a)
-    measure_beam(sampling, instant, ws.beam_rate, beam)
-    read_gauges(sampling, instant, y[ETA : ETA + plant.modal.shape[1]], now)
+@inlined
+def answer(system, sampling, t, y, ws):
+    """Run the law on what `ws.measured` says, queue its torques and hold those that are due; returns a fault code."""
+    plant, control, now = system.plant, system.control, ws.measured[0]
+    x, v = now.x, now.v
     note_torques(sampling, len(plant.arms), now)
     code = configure_arms(plant, x, ws.seen, ws.fault)
     if code != 0:
@@ -145,7 +150,7 @@ def control_instant(system, sampling, instant, t, y, ws):
     start, end = law_places(system)
     memory = y[start:end]
     now.time = t
-    control_law(control, plant.gravity, x, v, beam, ws.desired, now, memory, ws.memory_rate, y[end:])
+    control_law(control, plant.gravity, x, v, now.beam_rate, ws.desired, now, memory, ws.memory_rate, y[end:])
     if system.trajectory.bending != 0:
         feed_forward_bending(system.trajectory.bending, control.payload, now)
     for a in range(control.memory_size):
@@ -159,6 +164,34 @@ def control_instant(system, sampling, instant, t, y, ws):
             sampling.line[sampling.delay, i, joint] = ws.tau[joint]
             system.held_torque[i, joint] = sampling.line[0, i, joint]
     return code
+
+
+@pluggable
+def control_instant(system, sampling, instant, t, y, ws):
+    """Measure, run the law, queue its torques and hold those that are due; returns a fault code."""
+    code = find_state(system, t, y, ws)
+    if code != 0:
+        return code
+    now = ws.measured[0]
+    measure_pose(sampling, instant, y, ws.velocity, now)
+    measure_beam(sampling, instant, ws.beam_rate, now.beam_rate)
+    read_gauges(sampling, instant, y[ETA : ETA + system.plant.modal.shape[1]], now)
+    return answer(system, sampling, t, y, ws)
+
+
+@compiled
+def answer_sensors(system, sampling, instant, t, sensors, y, ws):
+    """As `control_instant`, of which the plant is elsewhere; `sensors`: pose, pose rate, hᵀq̇, gᵀq̇ and strains, (8 + gauges,).
+
+    Of y, only the law's memory and signals count.
+    """
+    now = ws.measured[0]
+    measure_pose(sampling, instant, sensors[0:3], sensors[3:6], now)
+    measure_beam(sampling, instant, sensors[6:8], now.beam_rate)
+    now.gauge_count = len(sampling.strain)
+    for j in range(len(sampling.strain)):
+        now.strain[j] = noisy_strain(sampling, instant, j, sensors[8 + j])
+    return answer(system, sampling, t, y, ws)
 
 
 def is_loaded() -> bool:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.control.own_law import OwnController
 from flexlab.numerics.elementary import exponentials
+from flexlab.own.law import OwnController
 from flexlab.physics.plant import ETA
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.assembly import Assembly, Unprepared
@@ -26,6 +26,9 @@ from flexlab.sim.stepping import move_on
 
 TRIED = 12
 """Ticks of each trial, after those whose steps are shorter as they follow a start."""
+
+FAST_PERIOD, TRIED_FAST = 0.6, 80
+"""Period of a path, s, below which its errors grow with its speed more than with its start, and the ticks of a trial there."""
 
 HORIZON = 1.0
 """s after which modes that ring on are to be accurate still."""
@@ -121,7 +124,8 @@ def _tried(assembly: Assembly, tick_period: float, tick: int, times: int) -> Tri
         motion.y[disturbed], finer_ticks = finer_ticks, 0  # A kink has no shorter steps.
     coordinates, signals = assembly.beam.modes.V.shape[0], assembly.system.control.signal_count
     width = row_layout.row_length(len(assembly.scenario.arms), coordinates) + signals
-    rows = np.zeros((finer_ticks + TRIED, width))
+    fast = assembly.scenario.trajectory.fastest_period < FAST_PERIOD
+    rows = np.zeros((finer_ticks + (TRIED_FAST if fast else TRIED), width))
     ticks, code = move_on(motion, rows)
     return Trial(rows, motion.y) if ticks == len(rows) and code == 0 else None
 

@@ -3,23 +3,30 @@
 import io
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from flexlab import benchmarks
-from flexlab.benchmarks import environment_rate, precision, scaling, workers
-from flexlab.benchmarks.machine import this_machine, version_of
-from flexlab.benchmarks.measure import deflection_error, pose_error, try_out
+from flexlab.benchmarks import environment_rate, precision, workers
+from flexlab.benchmarks.measure import deflection_error, pose_error, this_machine, try_out, version_of
 from flexlab.benchmarks.memory import Memory
-from flexlab.benchmarks.precision import ASKED_ERROR, GOALS, WorkPoint, mesh_precision, paper_costs, variant
-from flexlab.benchmarks.report import Goal, Report, plain
-from flexlab.benchmarks.scaling import MESHES, fitted_exponent
+from flexlab.benchmarks.precision import (
+    ASKED_ERROR,
+    GOALS,
+    MESHES,
+    WorkPoint,
+    fitted_exponent,
+    mesh_precision,
+    paper_costs,
+    variant,
+)
+from flexlab.benchmarks.report import Goal, Report, memory_table, plain, precision_table
 from flexlab.benchmarks.startup import run_probe
-from flexlab.benchmarks.tables import memory_table, precision_table
-from flexlab.benchmarks.threads import ThreadWatch, time_in_queue
-from flexlab.benchmarks.workers import Round, WorkerScaling, locked_share
+from flexlab.benchmarks.workers import Round, ThreadWatch, WorkerScaling, locked_share, time_in_queue
+from flexlab.cli import bench_command
 from flexlab.errors import StudyError
 from flexlab.sim.simulate import simulate
 
@@ -172,7 +179,7 @@ def measured() -> tuple[Report, str]:
     with pytest.MonkeyPatch.context() as smaller:
         smaller.setattr(workers, "ROUND", 4)
         smaller.setattr(workers, "DURATION", 0.2)
-        smaller.setattr(scaling, "LEAST_TIME", 0.0)
+        smaller.setattr(precision, "LEAST_TIME", 0.0)
         smaller.setattr(environment_rate, "STEPS", 20)
         report = benchmarks.measure(plan, False, Console(file=tables, width=160, highlight=False))
     return report, tables.getvalue()
@@ -184,7 +191,7 @@ def test_everything_is_measured_and_printed_as_json(
     asked = []
     monkeypatch.setattr(benchmarks, "measure", lambda *words: asked.append(words) or measured[0])
     benchmarks.run_bench(as_json=True, quick=True)
-    assert asked == [(benchmarks.QUICK, False, None)]
+    assert asked == [(benchmarks.QUICK, None, None)]
     report = json.loads(capsys.readouterr().out)
     assert set(report) == {
         "machine", "paper", "precision", "scaling", "changes", "workers", "environment", "start", "memory",
@@ -217,3 +224,9 @@ def test_tables_are_printed_for_a_person(
     text = io.StringIO()
     Console(file=text).print(memory_table(Memory(10_000_000, 11_000_000, 0)))
     assert "1.10" in text.getvalue()
+
+
+def test_other_engines_are_refused_in_a_sentence_where_there_are_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(bench_command, "__file__", str(tmp_path / "flexlab" / "cli" / "bench_command.py"))
+    with pytest.raises(StudyError, match="--peers needs a checkout of flexlab"):
+        bench_command.command(peers=True)

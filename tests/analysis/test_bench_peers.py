@@ -5,20 +5,18 @@ from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
-
-from flexlab.benchmarks.peers import chain_comparison, peer_comparison
-from flexlab.benchmarks.peers.bodies import make_bodies
-from flexlab.benchmarks.peers.chain_comparison import (
+from peers import chain_comparison, peer_comparison
+from peers.bodies import Motion, joint_torque_law, make_bodies
+from peers.chain_comparison import (
     ChainComparison,
     ChainRow,
     chain_scenario,
     compare_chains,
     motion_errors,
 )
-from flexlab.benchmarks.peers.motion import Motion
-from flexlab.benchmarks.peers.peer_comparison import PeerComparison, PeerRow, Setting, compare_peers, row_of
-from flexlab.benchmarks.peers.peer_law import joint_torque_law
-from flexlab.benchmarks.tables import chain_table, peers_table
+from peers.peer_comparison import PeerComparison, PeerRow, Setting, compare_peers, row_of
+from peers.tables import chain_table, peers_table
+
 from flexlab.physics.plant import make_workspace
 from flexlab.plain_text import console
 from flexlab.presets import load_preset
@@ -74,7 +72,7 @@ def test_the_law_gives_the_engines_own_torques(world):
 
 def test_mujoco_moves_the_same(world, exact):
     pytest.importorskip("mujoco")
-    from flexlab.benchmarks.peers.mujoco_model import simulate_mujoco
+    from peers.mujoco_model import simulate_mujoco
 
     motion = simulate_mujoco(world, "rk4", 3, TICKS)
     assert np.max(np.abs(motion.pose - exact.pose[1:])) < 1e-8
@@ -86,7 +84,7 @@ def test_mujoco_moves_the_same(world, exact):
 
 def test_exudyn_moves_the_same(world, exact):
     pytest.importorskip("exudyn")
-    from flexlab.benchmarks.peers.exudyn_model import simulate_exudyn
+    from peers.exudyn_model import simulate_exudyn
 
     motion = simulate_exudyn(world, 3, TICKS, 1e-6)
     assert np.max(np.abs(motion.pose - exact.pose[1:])) < peer_comparison.SAME_POSE
@@ -126,7 +124,7 @@ def test_a_peer_that_is_missing_or_fails_is_a_line_of_the_table(monkeypatch):
 @pytest.mark.parametrize(("segments", "steps"), [(4, 1), (6, 3)])
 def test_a_chain_of_segments_in_mujoco_moves_the_same(segments: int, steps: int):
     pytest.importorskip("mujoco")
-    from flexlab.benchmarks.peers.mujoco_chain import simulate_chain
+    from peers.mujoco_model import simulate_chain
 
     # A tenth of the path's amplitude: what rods that keep their length add goes with its square.
     small = {"trajectory.amplitude": (0.02, 0.02, 0.02)}

@@ -9,7 +9,7 @@ import pytest
 
 import flexlab
 from flexlab.analysis.explanations import EXPLANATIONS, Background, Evidence, explain
-from flexlab.analysis.explanations.after_the_stop import share_left
+from flexlab.analysis.explanations.vibration import share_left
 from flexlab.analysis.modes import modes
 from flexlab.lab.plots.plot_signals import tabs
 from flexlab.presets import load_preset, preset_names

@@ -34,6 +34,29 @@ def test_the_command_says_it(law: Path, flexlab_command: Callable[..., Completed
     assert "Traceback" not in done.stderr
 
 
+def test_an_endless_loop_ends_the_command_with_a_sentence(
+    tmp_path: Path, flexlab_command: Callable[..., CompletedProcess[str]], capfd: pytest.CaptureFixture[str]
+):
+    endless = PD.replace(
+        "        e, e_dot", '        print("here")\n        while at.time > 0.002: pass\n        e, e_dot'
+    )
+    (tmp_path / "endless.py").write_text(endless, encoding="utf-8")
+    done = flexlab_command("run", "paper", "--law", str(tmp_path / "endless.py"), "--duration", "0.1")
+    assert done.returncode == 1
+    line = 1 + next(number for number, line in enumerate(endless.split("\n")) if "while" in line)
+    assert f"endless.py, line {line}: act did not answer within" in done.stderr
+    assert "here\n" in capfd.readouterr().err
+
+
+def test_a_checked_run_that_stops_is_an_error(law: Path):
+    run = flexlab.simulate("paper", 0.01, law=law)
+    assert repr(run).startswith("<Run of paper: did not finish")
+    assert SAID in repr(run)
+    with pytest.raises(FlexlabError, match=r"The run of paper did not finish: .*no such gain"):
+        flexlab.simulate("paper", 0.01, law=law, check=True)
+    assert flexlab.simulate("paper", 0.01, check=True).status == "finished"
+
+
 def test_studies_of_the_loop_say_it(law: Path):
     run = flexlab.simulate("paper", 0.1, law=law)
     assert SAID in run.status.text

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import flexlab
-from flexlab.analysis.identification.beam_parameters import beam_parameters
-from flexlab.analysis.identification.measured import read_measured
+from flexlab.analysis.identification.beam_parameters import beam_parameters, read_measured
 from flexlab.analysis.identification.ring import fit_ring
 from flexlab.errors import StudyError
 from flexlab.recording.headless import HeadlessRecording, write_run

@@ -6,7 +6,7 @@ import pytest
 from flexlab.analysis.lesson_checks import check_lesson
 from flexlab.analysis.metrics import METRICS, Column, MetricCollection, register, run_metrics
 from flexlab.analysis.metrics.metric import Peak
-from flexlab.analysis.metrics.noted import noted_text, noted_value
+from flexlab.analysis.metrics.run_metrics import noted_text, noted_value
 from flexlab.analysis.metrics.settling_time import SettlingTime, settling_time
 from flexlab.presets import load_preset
 from flexlab.sim.samples import Run, Samples

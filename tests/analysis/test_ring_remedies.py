@@ -5,8 +5,7 @@ import pytest
 
 import flexlab
 from flexlab.analysis.identification.remedies import remedies
-from flexlab.analysis.identification.ring import fit_ring
-from flexlab.analysis.identification.tap import recent_ring
+from flexlab.analysis.identification.ring import fit_ring, recent_ring
 from flexlab.analysis.modes import modes
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset

@@ -14,9 +14,8 @@ import pytest
 
 import flexlab
 from flexlab.analysis.sweep.axes import parse_axes
-from flexlab.analysis.sweep.cell import KnownBeams, run_part
 from flexlab.analysis.sweep.figures import draw_metric, pareto_front, write_figures
-from flexlab.analysis.sweep.plan import make_plan
+from flexlab.analysis.sweep.plan import KnownBeams, make_plan, run_part
 from flexlab.errors import FlexlabError, ScenarioError, StudyError
 from flexlab.presets import load_preset
 

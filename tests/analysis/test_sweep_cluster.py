@@ -12,9 +12,11 @@ from pathlib import Path
 
 import pytest
 from distributed import Client
+from own_law_text import PD, forget_own_laws
 
 import flexlab
 from flexlab.errors import StudyError
+from flexlab.own.files import law_kind
 
 VARY = ["payload.bending_stiffness=1:1000:log:16", "controller.feedback_gain=50:500:16"]
 
@@ -79,6 +81,24 @@ def test_a_killed_worker_changes_no_byte(scheduler: str, tmp_path: Path):
         for worker in workers:
             worker.kill()
             worker.wait()
+
+
+def test_a_law_of_ones_own_travels_with_the_cells(scheduler: str, tmp_path: Path):
+    (tmp_path / "own_pd.py").write_text(PD, encoding="utf-8")
+    (tmp_path / "elsewhere").mkdir()
+    worker = start_worker(tmp_path / "elsewhere", scheduler)
+    try:
+        with Client(scheduler, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=60)
+        vary = {"controller.kind": [law_kind(tmp_path / "own_pd.py"), "pd"], "payload.bending_stiffness": [10.0, 100.0]}
+        there = flexlab.sweep("paper", vary, 0.05, folder=tmp_path / "cluster", cluster=scheduler)
+        assert there.table.column("status").to_pylist() == ["finished"] * 4
+        here = flexlab.sweep("paper", vary, 0.05, folder=tmp_path / "here")
+        assert here.table.equals(there.table)
+    finally:
+        worker.kill()
+        worker.wait()
+        forget_own_laws()
 
 
 def test_a_cluster_that_cannot_be_used_is_said(scheduler: str, tmp_path: Path):

@@ -8,8 +8,7 @@ import pytest
 
 import flexlab
 from flexlab.analysis.sweep.axes import parse_axes
-from flexlab.analysis.tuning.cost import FAILED, numbers_of, parse_cost
-from flexlab.analysis.tuning.search import tune
+from flexlab.analysis.tuning import FAILED, numbers_of, parse_cost, tune
 from flexlab.errors import StudyError
 
 PAPER = flexlab.load_preset("paper").replace({"simulation.accuracy": 1e-7})

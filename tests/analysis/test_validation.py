@@ -14,10 +14,9 @@ import pytest
 from planted_errors import PLANTED, PlantedError, planted_text
 
 from flexlab.analysis.validation import Validation, beam_theory, mechanics, rival_laws, validate
-from flexlab.analysis.validation.check import above, below, close
+from flexlab.analysis.validation.check import Runs, above, below, close
 from flexlab.analysis.validation.mass_points import time_derivative
 from flexlab.analysis.validation.report import write_report
-from flexlab.analysis.validation.runs import Runs
 from flexlab.control.law import laws
 from flexlab.control.path import paths
 from flexlab.control.shapers import Shaper

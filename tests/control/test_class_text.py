@@ -10,15 +10,19 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from own_law_text import forget_own_laws
-from own_path_text import forget_own_paths
+from own_law_text import PD, forget_own_laws
+from own_path_text import ROUND, forget_own_paths
 
 import flexlab
 from flexlab.analysis.replay import replay
-from flexlab.control import own_law_hosts as hosts
 from flexlab.errors import ScenarioError
+from flexlab.own import hosts
+from flexlab.own.law import add_own_law
+from flexlab.own.path import add_own_path
+from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
+from flexlab.sim.simulate import simulate
 
 TWO_OF_EACH = '''from __future__ import annotations
 from math import cos, pi
@@ -127,6 +131,16 @@ def test_a_recording_of_a_class_needs_no_file(tmp_path: Path):
     recording = read_recording(path)
     hosts.allow(recording.scenario.controller.source, "recorded_class.py")
     assert replay(recording).identical
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
+def test_the_text_of_an_earlier_recording_runs(apart: bool):
+    """Texts of classes from notebooks named the module that held `OwnLaw` and `OwnPath` then."""
+    hosts.run_apart(apart)
+    law = PD.replace("from flexlab import", "from flexlab.own_laws.declaration import")
+    path = ROUND.replace("from flexlab import", "from flexlab.own_paths.declaration import")
+    wanted = {"controller.kind": add_own_law(law, "law.py").kind, "trajectory.kind": add_own_path(path, "path.py").kind}
+    assert simulate(load_preset("paper").replace(wanted), 0.01).status == "finished"
 
 
 def test_the_examples_of_the_readme_work_as_classes(root: Path, tmp_path: Path):

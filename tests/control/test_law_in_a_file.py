@@ -18,11 +18,11 @@ from flexlab.presets import load_preset
 from flexlab.recording.export import export_run, import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
-from flexlab.recording.recorded_plots import plot_signals
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
+from flexlab.views import views
 
 FILE = Path(__file__).parent / "own_laws" / "leaky_integral.py"
 
@@ -84,7 +84,7 @@ def test_it_is_recorded_plotted_exported_and_replayed(scenario: Scenario, tmp_pa
     recording = read_recording(path)
     assert recording.samples["asked_work"].tobytes() == run["asked_work"].tobytes()
     assert replay(recording).identical
-    assert "own/asked_work" in [plot.entity for plot in plot_signals(scenario)]
+    assert "own/asked_work" in [plot.entity for plot in views(scenario)]
     export_run(run, tmp_path / "run.csv")
     np.testing.assert_array_equal(import_run(tmp_path / "run.csv")[0]["asked_work"], run["asked_work"])
 

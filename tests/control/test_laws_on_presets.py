@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlab.analysis.law_conditions import law_conditions
-from flexlab.cli.run_report import explained
+from flexlab.cli.headless_run import explained
 from flexlab.control.law import laws
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset, preset_names

@@ -15,12 +15,12 @@ from own_law_text import PD, forget_own_laws
 import flexlab
 from flexlab import OwnLaw, gain
 from flexlab.analysis.replay import replay
-from flexlab.control import own_law_hosts as hosts
 from flexlab.control.law import forget_law
-from flexlab.control.own_files import add_own_law_file, law_files, law_kind
-from flexlab.control.own_law import add_own_law
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
+from flexlab.own import hosts
+from flexlab.own.files import add_own_law_file, law_files, law_kind
+from flexlab.own.law import add_own_law
 from flexlab.presets import load_preset, save_scenario
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
@@ -256,8 +256,9 @@ def test_the_examples_keep_the_payload_on_its_path(file: Path):
     np.testing.assert_array_equal(again.pose, run.pose[: len(again)])
 
 
-def test_there_are_three_examples_and_none_is_longer_than_a_page():
-    assert [path.stem for path in law_files()] == ["mpc", "pid", "sampled_lqr"]
+def test_there_are_five_examples_and_none_is_longer_than_a_page():
+    examples = ["damped_sliding_mode", "mpc", "observed_lqr", "pid", "sampled_lqr"]
+    assert [path.stem for path in law_files()] == examples
     assert all(len(path.read_text().splitlines()) < 80 for path in law_files())
 
 

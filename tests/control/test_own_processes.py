@@ -14,12 +14,12 @@ import pytest
 from own_law_text import PD, forget_own_laws
 from waiting import wait_until
 
-from flexlab.control import own_law_hosts as hosts
-from flexlab.control.own_law import add_own_law
-from flexlab.control.own_law_process import Apart
-from flexlab.control.own_process import MOST_READ
 from flexlab.errors import ScenarioError
 from flexlab.lab.session import Session
+from flexlab.own import hosts
+from flexlab.own.apart import LawApart
+from flexlab.own.law import add_own_law
+from flexlab.own.process import MOST_READ
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.world import World
@@ -90,7 +90,7 @@ def test_all_that_a_law_started_ends_when_it_fails_or_dies():
 
 def test_all_that_a_law_started_ends_although_it_stopped_its_supervisor():
     mark = f"flexlab-test-{os.getpid()}-stopped"
-    law = Apart(CHILDREN.format(mark=mark) + "os.kill(os.getppid(), 19)\n" + PD, "own_pd.py")
+    law = LawApart(CHILDREN.format(mark=mark) + "os.kill(os.getppid(), 19)\n" + PD, "own_pd.py")
     law.ensure()
     wait_until(lambda: len(marked(mark)) == 3, "its processes")
     law.dispose()
@@ -102,8 +102,8 @@ def test_all_that_a_law_started_ends_with_a_killed_lab(number: int, tmp_path: Pa
     mark = f"flexlab-test-{os.getpid()}-lab-{number}"
     (tmp_path / "own_pd.py").write_text(CHILDREN.format(mark=mark) + PD)
     program = (
-        "import time\nfrom flexlab.control import own_law_hosts as hosts\nhosts.run_apart()\n"
-        "from flexlab.control.own_law import add_own_law\nfrom pathlib import Path\n"
+        "import time\nfrom flexlab.own import hosts\nhosts.run_apart()\n"
+        "from flexlab.own.law import add_own_law\nfrom pathlib import Path\n"
         "law = add_own_law(Path('own_pd.py').read_text(), 'own_pd.py')\n"
         "hosts.host_of(Path('own_pd.py').read_text(), law.kind)\nprint('ready', flush=True)\ntime.sleep(600)\n"
     )
@@ -146,11 +146,11 @@ REPORTS = {
 def test_what_a_law_writes_where_reports_go_harms_nobody(what: str):
     writing = f"import socket\nif at.time < 0.004: socket.socket(fileno=os.dup(int(sys.argv[2]))).send({REPORTS[what]})"
     world = world_of(at_work(writing))
-    (host,) = hosts._hosts.values()
+    (host,) = hosts.LAW_HOSTS.known.values()
     for _ in range(4):
         assert len(world.advance(2)) == 2
         assert host.problem == ""
-    assert isinstance(host, Apart)
+    assert isinstance(host, LawApart)
     assert len(host._said) <= 2 * MOST_READ
 
 
@@ -176,7 +176,7 @@ def test_nobody_waits_for_a_law_that_loads_when_the_lab_closes():
 
     loading = threading.Thread(target=load)
     loading.start()
-    wait_until(lambda: bool(hosts._hosts), "its process")
+    wait_until(lambda: bool(hosts.LAW_HOSTS.known), "its process")
     time.sleep(0.5)
     hosts.stop_loading()
     loading.join(20)
@@ -190,7 +190,7 @@ def test_a_lab_closes_while_a_law_loads():
     session = Session(load_preset("paper"), "paper", port=0)
     session.start()
     session.lab_state.change({"controller.kind": "own-pd"})
-    wait_until(lambda: bool(hosts._hosts), "its process")
+    wait_until(lambda: bool(hosts.LAW_HOSTS.known), "its process")
     closing = threading.Thread(target=session.stop)
     closing.start()
     closing.join(20)

@@ -10,8 +10,7 @@ import pytest
 from flexlab.analysis.replay import replay
 from flexlab.control.path import Path, add_path, add_path_file, forget_path
 from flexlab.errors import ScenarioError
-from flexlab.lab.panel.all_fields import GROUPS, present
-from flexlab.lab.panel.sections import entries
+from flexlab.lab.panel.sections import GROUPS, entries, present
 from flexlab.lab.scene.overlays import path_points
 from flexlab.presets import load_preset, load_scenario_file, save_scenario
 from flexlab.recording.export import export_run, import_run

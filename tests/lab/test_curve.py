@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexlab.lab.plots.curve import STRETCHES, Curve, drawn_points
+from flexlab.lab.plots.chart import STRETCHES, Curve, drawn_points
 from flexlab.sim.snapshot import TICK
 
 

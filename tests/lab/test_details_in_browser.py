@@ -3,8 +3,7 @@
 import pytest
 from lab_page import LabPage, wait_until
 
-from flexlab.lab.panel.all_fields import GROUPS, SWITCHES, present
-from flexlab.lab.panel.sections import CHOSEN
+from flexlab.lab.panel.sections import CHOSEN, GROUPS, SWITCHES, present
 from flexlab.presets import load_preset, preset_names
 from flexlab.quantities import Part
 from flexlab.scenario import Scenario

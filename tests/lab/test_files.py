@@ -6,8 +6,8 @@ import pytest
 from lab_page import wait_until
 
 from flexlab.errors import PresetError, ScenarioError
+from flexlab.lab.panel.scenario_files import read_upload, save_preset
 from flexlab.lab.session import Session
-from flexlab.lab.user_presets import read_upload, save_preset
 from flexlab.presets import load_preset, scenario_text
 from flexlab.scenario import Scenario
 from flexlab.scenario.path_file import decoded_path

@@ -10,9 +10,9 @@ from own_law_text import PD, forget_own_laws
 from own_path_text import ROUND, forget_own_paths
 from raw_browser import RawBrowser, widget
 
-from flexlab.control.own_files import add_own_law_file
-from flexlab.lab.panel.choice import changes_for
+from flexlab.lab.panel.field import changes_for
 from flexlab.lab.session import Session
+from flexlab.own.files import add_own_law_file
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Play, Reset
 

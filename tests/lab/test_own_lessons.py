@@ -6,20 +6,19 @@ import pytest
 from lab_page import wait_until
 
 from flexlab.analysis.lesson_expressions import Expression, ExpressionError
-from flexlab.lab import own_lessons as module
-from flexlab.lab.own_lessons import own_lessons
-from flexlab.lab.panel.guide_panel import EVERY, Guide
+from flexlab.lab.panel import guide_panel
+from flexlab.lab.panel.guide_panel import EVERY, Guide, own_lessons
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Play, SetSpeed
 from flexlab.sim.simulate import simulate
 
-EXAMPLE = (module.__doc__ or "").partition(":\n\n")[2].replace("\n    ", "\n").strip() + "\n"
+EXAMPLE = (guide_panel.__doc__ or "").partition(":\n\n")[2].replace("\n    ", "\n").strip() + "\n"
 RUN = simulate(load_preset("paper"), 1.0, 0.001)
 SAMPLES = RUN.slice(0, len(RUN))
 
 
-def write(folder: Path, text: str) -> module.OwnLesson:
+def write(folder: Path, text: str) -> guide_panel.OwnLesson:
     (folder / "mine.md").write_text(text, encoding="utf-8")
     (lesson,) = own_lessons(folder)
     return lesson
@@ -113,7 +112,7 @@ def test_a_lesson_of_one_s_own_is_checked_in_the_lab(tmp_path: Path, monkeypatch
         guide = Guide(session.server.gui, session.lab_state, session.runner)
         guide._menu.value = "Own lesson: Stiffer"
         guide._turn_to(guide._menu.value)
-        assert session.lab_state.lesson == "Stiffer: begun"
+        assert session.lab_state.lesson == "Stiffer: step 1 of 3 (guess)"
         session.lab_state.load(stiff, "stiff")
         session.lab_state.submit(SetSpeed(4.0))
         session.lab_state.submit(Play())

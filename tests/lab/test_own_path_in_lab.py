@@ -7,9 +7,9 @@ import pytest
 from lab_page import wait_until
 from own_path_text import ROUND, forget_own_paths
 
-from flexlab.control.own_files import add_own_path_file
-from flexlab.lab.panel.choice import changes_for
+from flexlab.lab.panel.field import changes_for
 from flexlab.lab.session import Session
+from flexlab.own.files import add_own_path_file
 from flexlab.presets import load_preset
 
 

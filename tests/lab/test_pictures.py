@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from flexlab.errors import LabError
-from flexlab.lab.plots.lyapunov import tracking_energy
-from flexlab.lab.plots.plots import unbroken
-from flexlab.lab.plots.spectrum import POINTS, amplitude_spectrum, thinned
+from flexlab.lab.plots.plot_signals import tracking_energy
+from flexlab.lab.plots.plots import POINTS, amplitude_spectrum, thinned, unbroken
 from flexlab.lab.reference_run import ReferenceRun, common_metrics, differences, whole_run
-from flexlab.lab.scene.pull_arrow import held_point
-from flexlab.lab.scene.reach import elbow_sines, shade
+from flexlab.lab.scene.forces import held_point
+from flexlab.lab.scene.overlays import elbow_sines, shade
 from flexlab.lab.scene.strain import PIECES, axial_loads, curvature_functions, strain_colors
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario

@@ -4,8 +4,7 @@ import pytest
 
 from flexlab.analysis.explanations import Explained
 from flexlab.lab.lab_state import Notice
-from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html
-from flexlab.lab.spoken_summary import summary_text
+from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html, summary_text
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner

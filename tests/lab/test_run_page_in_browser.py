@@ -8,8 +8,7 @@ from playwright.sync_api import Browser
 
 import flexlab
 from flexlab.errors import StudyError
-from flexlab.lab.animation import MOST_FRAMES, frame_times
-from flexlab.lab.run_page import run_page, write_run_page
+from flexlab.lab.run_page import MOST_FRAMES, frame_times, run_page, write_run_page
 
 
 def test_ten_seconds_are_under_three_megabytes_and_nothing_is_markup(tmp_path: Path):

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lab_page import wait_until
 
-from flexlab.lab import undo
+from flexlab.lab import changes
+from flexlab.lab.changes import Settings, Undo, changes_towards
 from flexlab.lab.lab_state import LabState
-from flexlab.lab.undo import Settings, Undo, changes_towards
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pause, Play, Pull, SetSpeed
@@ -91,12 +91,12 @@ def test_a_run_that_goes_on_is_a_step_even_with_equal_settings() -> None:
 
 def test_the_history_is_bounded() -> None:
     history = Undo()
-    for value in range(3 * undo.LONGEST_HISTORY):
+    for value in range(3 * changes.LONGEST_HISTORY):
         history.note(with_stiffness(1.0 + value), value)
     steps, present = 0, with_stiffness(0.5)
     while (earlier := history.back(present)) is not None:
         present, steps = earlier, steps + 1
-    assert steps == undo.LONGEST_HISTORY
+    assert steps == changes.LONGEST_HISTORY
 
 
 def test_a_lab_that_goes_on_lets_go_of_what_was_pulled() -> None:

@@ -9,7 +9,7 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.run_comparison import change_text
 from flexlab.lab.panel.text import escaped, factor, number
-from flexlab.lab.scene.camera_views import FIELD_OF_VIEW, Window, overview, payload_view
+from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, overview, payload_view
 from flexlab.lab.scene.stage import floor_extent
 from flexlab.lab.view_settings import fitting_exaggeration, fitting_window, tamed_exaggeration
 from flexlab.presets import load_preset, preset_names

@@ -9,8 +9,8 @@ import pytest
 from lab_page import EI, PATIENCE, LabPage, wait_until
 
 from flexlab.guide import lessons
-from flexlab.lab.scene.arm_models import LINK_HEIGHTS
-from flexlab.lab.scene.pull_arrow import held_point
+from flexlab.lab.scene.arms import LINK_HEIGHTS
+from flexlab.lab.scene.forces import held_point
 from flexlab.presets import load_preset, load_scenario_file
 from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.geometry import arm_points

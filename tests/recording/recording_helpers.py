@@ -9,7 +9,7 @@ import numpy as np
 from rerun.chunk import RrdReader
 from waiting import wait_until as wait_until
 
-from flexlab.recording.rerun_internals.chunk_reader import quiet_reader
+from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.sim.samples import Samples
 
 

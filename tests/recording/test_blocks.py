@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from recording_helpers import assert_same_bits
 
 from flexlab.errors import RecordingError
-from flexlab.recording.sample_codec import decode_block, encode_block
+from flexlab.recording.codec import decode_block, encode_block
 from flexlab.sim.row_layout import row_length, rows_to_samples
 from flexlab.sim.samples import Run, Samples, join_blocks
 

@@ -7,7 +7,7 @@ import pytest
 from recording_helpers import wait_until
 
 from flexlab.analysis.comparison import compare
-from flexlab.analysis.metrics.noted import noted_texts, results
+from flexlab.analysis.metrics.run_metrics import noted_texts, results
 from flexlab.analysis.run_summary import note_metrics, note_missing_metrics, run_notes, scenario_differences
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset

@@ -10,8 +10,8 @@ from PIL import Image
 from playwright.sync_api import Browser
 from recording_helpers import wait_until
 
-from flexlab.recording.recorded_plots import BLUE, GREEN, VERMILION
 from flexlab.recording.viewer import open_review
+from flexlab.views import BLUE, GREEN, VERMILION
 
 
 def shares(image: np.ndarray) -> list[float]:

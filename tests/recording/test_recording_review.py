@@ -12,8 +12,7 @@ from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.store.run_files import find_run, has_footer, run_state
-from flexlab.recording.viewer import open_review
-from flexlab.recording.web_viewer import VIEWER_FILES, ViewerServer, viewer_folder
+from flexlab.recording.viewer import VIEWER_FILES, ViewerServer, open_review, viewer_folder
 from flexlab.sim.world import World
 
 

@@ -8,8 +8,8 @@ import pytest
 import rerun as rr
 import rerun.blueprint as rrb
 
-from flexlab.recording.rerun_internals import catalog, chunk_reader, message_layout, tool, viewer_files
-from flexlab.recording.rerun_internals.columns import TIMELINE, blobs, scalars, send_columns
+from flexlab.recording.rerun_internals import chunks, message_layout, tool
+from flexlab.recording.rerun_internals.chunks import TIMELINE, blobs, scalars, send_columns
 
 INTERNALS = Path("flexlab/recording/rerun_internals")
 UNPROMISED = ("rerun.chunk", "rerun.catalog", "rerun.experimental", "rerun_bindings", "rerun_cli")
@@ -68,25 +68,25 @@ def test_a_piece_is_a_head_messages_and_an_end(pieces: list[bytes]):
 
 
 def test_joined_pieces_are_one_file(joined: Path):
-    rows = list(chunk_reader.stream_rows(joined, ["/curve", "/exact"]))
+    rows = list(chunks.stream_rows(joined, ["/curve", "/exact"]))
     assert {entity for entity, _ in rows} == {"/curve", "/exact"}, "joined pieces are not read as one recording"
     assert not message_layout.has_footer(joined)
 
 
 def test_columns_arrive_as_they_were_sent(joined: Path):
-    rows = [row for entity, row in chunk_reader.stream_rows(joined, ["/curve"]) if entity == "/curve"]
+    rows = [row for entity, row in chunks.stream_rows(joined, ["/curve"]) if entity == "/curve"]
     assert [time for time, _ in rows] == [1_000_000, 2_000_000, 3_000_000], "times are no longer whole nanoseconds"
     assert {name for _, row in rows for name in row} == {"scalars"}, "a batch names its components otherwise"
-    (exact,) = [row for entity, (_, row) in chunk_reader.stream_rows(joined, ["/exact"]) if entity == "/exact"]
+    (exact,) = [row for entity, (_, row) in chunks.stream_rows(joined, ["/exact"]) if entity == "/exact"]
     assert bytes(exact["data"]) == b"\x00\xff", "bytes do not come back as they were sent"
 
 
 def test_the_reader_filters_and_counts(joined: Path):
-    with chunk_reader.quiet_reader(joined) as reader:
+    with chunks.quiet_reader(joined) as reader:
         assert len(reader.recordings()) == 1, "RrdReader.recordings does not list the recording"
         entities = {chunk.entity_path for chunk in reader.stream().filter(content=["/exact"])}
     assert entities == {"/exact"}, "a filtered stream has other entities too"
-    batch = next(batch for _, batch in chunk_reader._batches(joined, ["/curve"]))
+    batch = next(batch for _, batch in chunks._batches(joined, ["/curve"]))
     assert TIMELINE in batch.schema.names, "a batch has no column of the timeline's name"
 
 
@@ -94,7 +94,7 @@ def test_the_tool_gives_a_file_its_end(joined: Path, tmp_path: Path):
     whole = tmp_path / "whole.rrd"
     assert tool.Mending().rewrite(joined, whole), "`rerun rrd optimize` does not mend a file without an end"
     assert message_layout.has_footer(whole), "a finished file does not end with RRF2FOOT"
-    assert chunk_reader.has_recording(whole)
+    assert chunks.has_recording(whole)
     torn = tmp_path / "torn.rrd"
     torn.write_bytes(joined.read_bytes()[:-7])
     assert tool.Mending().rewrite(torn, whole), "`--continue-on-error` does not read a torn file up to its tear"
@@ -110,14 +110,14 @@ def test_the_server_gives_an_address_and_takes_a_layout(joined: Path, tmp_path: 
     whole = tmp_path / "whole.rrd"
     tool.Mending().rewrite(joined, whole)
     layout = rrb.Blueprint(rrb.TimeSeriesView(origin="/curve"))
-    server, address = catalog.serve(whole, "contract", layout)
+    server, address = tool.serve(whole, "contract", layout)
     server.shutdown()
     assert address.startswith("rerun+http://127.0.0.1:"), "a segment's address is no longer one that the viewer opens"
 
 
 def test_the_viewer_is_three_files():
-    folder = viewer_files.viewer_folder()
-    for name in viewer_files.VIEWER_FILES:
+    folder = tool.viewer_folder()
+    for name in tool.VIEWER_FILES:
         assert (folder / name).stat().st_size > 0, f"rerun's program does not serve {name} of its viewer"
     page = (folder / "index.html").read_bytes()
     assert b"re_viewer" in page, "the viewer's page loads another script"

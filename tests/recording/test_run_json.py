@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.run_json import KINDS, command_from_json, command_to_json
+from flexlab.recording.codec import KINDS, command_from_json, command_to_json
 from flexlab.sim.commands import (
     ChangeScenario,
     Command,

@@ -44,7 +44,7 @@ def processor_time(process: psutil.Process) -> float:
 
 def told(url: str) -> dict[str, dict]:
     """What the teacher's page is told: lab → how it stands."""
-    return {lab["lab"]: lab for lab in json.loads(ask(url, "/teacher/labs").text)}
+    return {lab["lab"]: lab for lab in json.loads(ask(url, "/teacher/labs").text)["labs"]}
 
 
 def labs_of(server: psutil.Process) -> list[psutil.Process]:

@@ -38,4 +38,4 @@ class Person:
 
     def labs(self) -> list[dict]:
         """What the teacher's page is told."""
-        return json.loads(self.ask("/teacher/labs").text)
+        return json.loads(self.ask("/teacher/labs").text)["labs"]

@@ -21,10 +21,9 @@ from flexlab.errors import RecordingError
 from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import FullError, Lab
-from flexlab.server.limits import Asker, Limit, network_of
+from flexlab.server.limits import FREE, MOST_HELD, MOST_PENDING, Asker, Guesses, Limit, network_of
 from flexlab.server.pages.page_context import MOST_FILES, MOST_PAGES, MOST_VIEWERS
 from flexlab.server.pages.run_actions import KEPT_FREE, _check_room
-from flexlab.server.token_guesses import FREE, MOST_HELD, MOST_PENDING, Guesses
 
 CLASS = 25
 ADDRESS = "192.0.2.7"

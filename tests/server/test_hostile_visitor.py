@@ -18,14 +18,14 @@ from http_client import Answer, ask, looking, upgrade, wait_until
 from test_private_labs import Visitor, state
 
 from flexlab.errors import LabError, PresetError
-from flexlab.lab.user_presets import MOST_PRESETS, save_preset
+from flexlab.lab.panel.scenario_files import MOST_PRESETS, save_preset
 from flexlab.plain_text import visible
 from flexlab.presets import load_preset
 from flexlab.recording.store.run_index import annotate_run, find_row
 from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
+from flexlab.server.limits import FREE
 from flexlab.server.settings import Settings
-from flexlab.server.token_guesses import FREE
 from flexlab.server.workshop import Workshop, sweep
 
 TOKEN = "a-token-for-tests"

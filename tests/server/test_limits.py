@@ -23,12 +23,11 @@ from flexlab.recording.recorder import Recorder
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import list_runs
 from flexlab.server.front_server import FrontServer, open_front_server
-from flexlab.server.labs.lab_provider import FullError
+from flexlab.server.labs.lab_provider import MOST_OF_ADDRESS, FullError, WaitingLine
 from flexlab.server.labs.quota import Quota
 from flexlab.server.labs.run_owner import owner_word
-from flexlab.server.labs.waiting_line import MOST_OF_ADDRESS, WaitingLine
 from flexlab.server.limits import THE_SERVER, Asker, BusyError, Limit
-from flexlab.server.pages import run_actions, upload
+from flexlab.server.pages import run_actions, runs_pages
 from flexlab.server.pages.page_context import MOST_PAGES, MOST_VIEWERS
 from flexlab.server.settings import Settings
 from flexlab.server.tasks import AT_ONCE, MOST_OF_ONE, Turns
@@ -169,7 +168,7 @@ def test_one_visitor_cannot_take_all_tasks_and_the_teacher_s_import_goes_on(serv
 
 
 def test_uploads_that_do_not_end_are_few_and_leave_nothing(server: FrontServer, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(upload, "UPLOAD_TIME", 2.0)
+    monkeypatch.setattr(runs_pages, "UPLOAD_TIME", 2.0)
     ben = Person(server)
     body, kind = multipart("run.csv", b"x" * 1_000_000)
     head = head_of(ben, "POST /runs/import", Content_Type=kind, Content_Length="900000000")

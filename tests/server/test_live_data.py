@@ -10,7 +10,7 @@ import psutil
 import pytest
 from http_client import ask, wait_until
 
-from flexlab.recording.rerun_internals.chunk_reader import quiet_reader
+from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.tool import rerun_tool
 from flexlab.server.front_server import FrontServer
 

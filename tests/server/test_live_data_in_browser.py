@@ -10,8 +10,8 @@ from http_client import wait_until
 from PIL import Image
 from playwright.sync_api import Browser
 
-from flexlab.recording.recorded_plots import BLUE, GREEN, VERMILION
 from flexlab.server.front_server import FrontServer
+from flexlab.views import BLUE, GREEN, VERMILION
 
 TOKEN = "a-token-for-tests"
 NEAR, SHARE = 24, 2e-4

@@ -15,8 +15,8 @@ from http_client import ask, wait_until
 
 from flexlab.presets import load_preset
 from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.limits import MOST_HELD, MOST_PENDING
 from flexlab.server.settings import Settings
-from flexlab.server.token_guesses import MOST_HELD, MOST_PENDING
 
 TOKEN = "a-token-for-tests"
 
@@ -175,7 +175,7 @@ def test_an_endless_name_is_no_page(front_server: FrontServer, path: str, caplog
 
 
 def test_the_name_of_an_upload_does_not_reach_the_terminal():
-    script = "import flexlab.server.pages.upload as u, aiohttp.multipart as m; m.parse_content_disposition(%r)"
+    script = "import flexlab.server.pages.runs_pages as u, aiohttp.multipart as m; m.parse_content_disposition(%r)"
     name = "form-data; name=\"file\"; filename*=klingon''\x1b[2J.csv"
     told = subprocess.run([sys.executable, "-c", script % name], capture_output=True, text=True, check=True)
     assert told.stderr == ""

@@ -3,9 +3,8 @@
 import ipaddress
 from pathlib import Path
 
-from flexlab.server.labs.recording_text import LITTLE_SPACE, RecordingText
-from flexlab.server.network_addresses import network_addresses, outside_addresses, picture_code, terminal_code
-from flexlab.server.settings import Settings
+from flexlab.server.labs.recorded_lab import LITTLE_SPACE, RecordingText
+from flexlab.server.settings import Settings, network_addresses, outside_addresses, picture_code, terminal_code
 
 
 def test_addresses_are_of_this_machine_and_reachable() -> None:

@@ -102,6 +102,7 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
         run = wait_until(
             lambda: anna.place.status().time > 0.5 and anna.place.status().recording, "Anna's run is recorded"
         )
+        wait_until(lambda: len(read_recording(run).samples) > 100, "some of it is on disk")
         ben_before = ben.place.status().time
         # Two runs of which the lab has told the server nothing: one just begun, and one of which nothing was written.
         begun = Path(shutil.copy(torn, private.settings.logs))

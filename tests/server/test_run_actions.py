@@ -23,7 +23,7 @@ from flexlab.recording.importing import take_measurement
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs
-from flexlab.server import comparison_jobs
+from flexlab.server import run_jobs
 from flexlab.server.front_server import FrontServer
 from flexlab.sim.commands import Play
 from flexlab.sim.simulate import simulate
@@ -116,7 +116,7 @@ def test_what_cannot_be_compared_is_said(front_server: FrontServer, query: str, 
 def test_overlays_are_bounded_and_gone_with_the_server(
     library: FrontServer, recorded: Path, softer: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(comparison_jobs, "MOST_KEPT", 1)
+    monkeypatch.setattr(run_jobs, "MOST_COMPARISONS", 1)
     one = ask(library.url, f"/compare?run={recorded.stem}&run={softer.stem}").text.split('data-recording="')[1]
     two = ask(library.url, f"/compare?run={softer.stem}&run={recorded.stem}").text.split('data-recording="')[1]
     assert ask(library.url, one.split('"')[0]).status == 404

@@ -13,9 +13,8 @@ from http_client import PATIENCE, ask, wait_until
 from playwright.sync_api import Browser, Locator
 
 from flexlab.presets import load_preset, preset_names
-from flexlab.server.app import build_app
 from flexlab.server.auth import HEADERS
-from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.front_server import FrontServer, build_app, open_front_server
 from flexlab.server.scenario_links import encode_scenario
 from flexlab.server.settings import Settings
 

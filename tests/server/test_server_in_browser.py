@@ -16,9 +16,9 @@ from http_client import ARTIFACTS, PATIENCE, wait_until
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page
 
-from flexlab.recording.recorded_plots import GREEN, VERMILION
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import state_of
+from flexlab.views import GREEN, VERMILION
 
 SCENE = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > 2"""

@@ -151,7 +151,7 @@ def test_every_answer_carries_security_headers(front_server: FrontServer, path: 
         "/assets/%2e%2e/pyproject.toml",
         "/assets/..%2fpyproject.toml",
         "/assets/..%5c..%5cpyproject.toml",
-        "/static/%2e%2e/app.py",
+        "/static/%2e%2e/front_server.py",
         "/viewer/..%2f..%2fetc%2fpasswd",
         "/runs/..%2f..%2fpyproject.rrd",
         "/lab/%2e%2e/%2e%2e/etc/passwd",

@@ -10,7 +10,7 @@ import pytest
 from flexlab.errors import LabError
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import list_runs
-from flexlab.server.automatic_retention import delete_over_limits
+from flexlab.server.front_server import delete_over_limits
 from flexlab.server.settings import Settings
 
 

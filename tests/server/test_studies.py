@@ -9,19 +9,16 @@ import pytest
 from http_client import PATIENCE, Answer, ask, wait_until
 
 import flexlab
-from flexlab.analysis.sweep.axes import parse_axes
-from flexlab.analysis.sweep.cell import run_part
-from flexlab.analysis.sweep.fields import varied_fields
-from flexlab.analysis.sweep.plan import make_plan
-from flexlab.analysis.sweep.result import Sweep
-from flexlab.analysis.sweep.table import SweepFolder
+from flexlab.analysis.sweep.axes import parse_axes, varied_fields
+from flexlab.analysis.sweep.plan import make_plan, run_part
+from flexlab.analysis.sweep.result import Sweep, SweepFolder
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset
 from flexlab.server.front_server import FrontServer, open_front_server
-from flexlab.server.growing_sweep import GrowingSweep, page_data
 from flexlab.server.pages.study_form import MOST_CELLS, read_wish
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 from flexlab.server.settings import Settings
+from flexlab.server.study_jobs import GrowingSweep, page_data
 
 EI, K, LENGTH = "payload.bending_stiffness", "controller.feedback_gain", "payload.length"
 FORM = {"Content_Type": "application/x-www-form-urlencoded"}

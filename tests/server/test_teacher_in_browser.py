@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from browser_window import open_window
+from browser_window import PATIENCE, open_window
 from http_client import looking, wait_until
 from person import TEACHER, TOKEN, Person
 from playwright.sync_api import Browser
@@ -49,4 +49,52 @@ def test_each_button_of_the_class_and_of_a_lab_does_what_it_says(plain_chromium:
             press("Send to all", True, "running")
             title = load_preset("soft-beam").title
             wait_until(lambda: tile.locator("[data-field=title]").inner_text() == title, "the preset comes")
+        window.close()
+
+
+def test_a_class_is_paced_locked_and_asked(plain_chromium: Browser, tmp_path: Path):
+    settings = Settings(
+        tmp_path, port=0, token=TOKEN, teacher_token=TEACHER, private=True, max_sessions=3, shadows=False
+    )
+    with open_front_server(settings, load_preset("paper"), "paper") as server:
+        url = f"http://127.0.0.1:{server.port}"
+        anna, ben = Person(server), Person(server)
+        for person, name in ((anna, "Anna"), (ben, "Ben")):
+            person.post("/name", ("name", name), ("enter", "yes"))
+            person.ask("/lab/")
+        student, window = open_window(plain_chromium, 1280, 800), open_window(plain_chromium, 1280, 800)
+        student.add_cookies([{"name": name, "value": value, "url": url} for name, value in anna.cookies.items()])
+        lab, page = student.new_page(), window.new_page()
+        lab.set_default_timeout(PATIENCE)
+        page.set_default_timeout(PATIENCE)
+        lab.goto(f"{url}/lab/?fixedDpr=0.3")
+        lab.get_by_text("Guide", exact=True).first.click()
+        page.goto(f"{url}/?token={TEACHER}")
+        page.goto(f"{url}/teacher")
+        page.get_by_label("Pace").select_option("Lesson 1: Why does it ring?")
+        page.get_by_label("up to step").select_option("1")
+        lab.get_by_text("The class is at step 1 of 3 (guess) of “Lesson 1: Why does it ring?”").wait_for()
+        lab.get_by_text("What rings the beam?").wait_for()
+        load, answer = (lab.get_by_role("button", name=name) for name in ("Load paper", "Show the answer"))
+        assert (load.count(), answer.count()) == (0, 0), "of later steps nothing is there"
+        lab.get_by_role("combobox", name="What do you guess?").or_(lab.get_by_label("What do you guess?")).first.click()
+        lab.get_by_role("option", name="the motors").click()
+        row = page.get_by_role("row").filter(has_text="the motors")
+        wait_until(lambda: row.get_by_role("cell").inner_text() == "1", "the bar of her answer")
+        assert "1 of 2 labs have guessed" in page.locator("#questions caption").inner_text()
+        tile = page.locator("#labs > *").filter(has_text="Guessed: Lesson 1: the motors")
+        assert "Anna" in tile.inner_text()
+        page.get_by_label("up to step").select_option("2")
+        load.wait_for()
+        assert answer.count() == 0
+        page.get_by_label("Lock").check()
+        state = tile.locator("[data-field=state]")
+        wait_until(lambda: state.inner_text() == "paused", "she stands")
+        load.click()
+        lab.locator(".fl-error").get_by_text("The teacher has locked this lab").wait_for()
+        assert state.inner_text() == "paused"
+        page.get_by_label("Hide names").check()
+        wait_until(lambda: tile.locator("h2").inner_text() == "Student 1", "a number instead of her name")
+        assert "Anna" not in page.content()
+        student.close()
         window.close()

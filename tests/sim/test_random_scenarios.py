@@ -7,9 +7,9 @@ LONGEST_REFERENCE = 2.0
 """s of processor time: the start's jerk, where errors are largest."""
 
 
-@pytest.mark.parametrize(
-    "seed", [1, 3, 5, 7, 90, 148, 241]
-)  # Of 90 a sampled torque jumps at tick 75; 148 and 241 were off by 1e-4.
+# Errors of 29 outgrow what was said first, a sampled torque of 90 jumps at tick 75, the paths of 117 and 181 are fast, 148 and
+# 241 were off by 1e-4.
+@pytest.mark.parametrize("seed", [1, 3, 5, 7, 29, 90, 117, 148, 181, 241])
 def test_a_random_scenario_is_right_or_called_inaccurate(seed: int):
     judged = judge(seed, LONGEST_REFERENCE)
     assert not judged.complaints, judged.text

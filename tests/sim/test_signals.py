@@ -12,10 +12,10 @@ import pytest
 import flexlab
 from flexlab.analysis.replay import replay
 from flexlab.presets import load_preset
+from flexlab.recording.codec import decode_block, encode_block
 from flexlab.recording.export import export_run, import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
-from flexlab.recording.sample_codec import decode_block, encode_block
 from flexlab.signal import ARM, COORDINATE
 from flexlab.sim.row_layout import empty_samples
 from flexlab.sim.samples import Run, Samples, join_blocks
@@ -105,9 +105,9 @@ import sys, numpy as np
 from pathlib import Path
 import flexlab
 from flexlab.presets import load_preset
-from flexlab.recording.documents import signals_text
+from flexlab.recording.run_info import signals_text
 from flexlab.recording.export import export_run, import_run
-from flexlab.recording.sample_codec import decode_block, encode_block
+from flexlab.recording.codec import decode_block, encode_block
 from flexlab.sim.samples import join_blocks
 from flexlab.sim.row_layout import row_length, rows_to_samples
 from flexlab.sim.samples import Run, Status

@@ -1,4 +1,4 @@
-"""What can be said of a run, sentences computed from its numbers: each explanation in a file of its own.
+"""What can be said of a run, sentences computed from its numbers.
 
 A file here that registers an explanation is all that a new one takes; `explanation.py` says how.
 """

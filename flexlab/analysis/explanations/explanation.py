@@ -1,8 +1,8 @@
 """What an explanation is: a function that looks at the evidence and gives a sentence, or none where its check fails.
 
-To add one, copy `wanted_force.py`: lab, command line and Python interface show it, and `tests/analysis/test_explanations.py`
-asks for a scripted case. A sentence states what was measured or computed here, and only if measurement and equation agree
-(or, of poles and margins, if the equation alone decides).
+To add one, copy one of `forces.py` into a file of its own: lab, command line and Python interface show it, and
+`tests/analysis/test_explanations.py` asks for a scripted case. A sentence states what was measured or computed here, and only
+if measurement and equation agree (or, of poles and margins, if the equation alone decides).
 """
 
 import re

@@ -1,13 +1,132 @@
-"""Which stiffness and damping a scenario needs to ring as something was seen to ring."""
+"""Which stiffness and damping a scenario needs to ring as something was seen to ring.
 
+What was seen may be somebody else's measurement: two columns of a CSV file, with their names and units said once.
+"""
+
+import csv
+import math
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from flexlab.analysis.identification.ring import Estimate, RingFit
 from flexlab.analysis.modes import modes
-from flexlab.errors import FlexlabError
+from flexlab.errors import FlexlabError, StudyError
+from flexlab.plain_text import visible
 from flexlab.scenario import Scenario
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
+"""Unit → s."""
+SIGNAL_UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "cm": 1e-2}
+"""Unit → m. Any other unit is kept: frequency and damping do not depend on it."""
+LONGEST_NAME = 60
+GAP = 1.5
+"""Steps between two samples beyond which some are missing."""
+LARGEST_FILE = 500_000_000
+"""Bytes: beyond that a reader would fill the memory."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Samples of a measurement."""
+
+    time: np.ndarray
+    """s, rising, (N,)."""
+    signal: np.ndarray
+    """In `unit`, (N,)."""
+    unit: str
+    notes: tuple[str, ...]
+    """Sentences on what was missing."""
+
+
+def read_measured(path: Path, time: str | None = None, signal: str | None = None) -> Measured:
+    """Two columns of a CSV file: `time` and `signal` name them, with a unit in brackets if the file does not say it.
+
+    "t [ms]", "laser [mm]": the column `t` or `t [ms]`. None: the first column, and the second. Lines that begin with # are
+    no data; rows without a number are left out and counted. Raises `StudyError`.
+    """
+    names, rows = _read(path)
+    t_place, t_unit = _column(path, names, time, 0)
+    y_place, y_unit = _column(path, names, signal, 1)
+    if t_place == y_place:
+        raise StudyError(
+            f"{path}: {visible(names[t_place], LONGEST_NAME)} cannot be both time and signal: name two columns."
+        )
+    if t_unit and t_unit not in TIME_UNITS:
+        known = ", ".join(dict.fromkeys(TIME_UNITS))
+        raise StudyError(f"{path}: {visible(t_unit, LONGEST_NAME)} is no unit of time: choose one of {known}.")
+    if not t_unit:
+        raise StudyError(
+            f"{path}: the unit of time is not known: say it, as in --time '{visible(names[t_place], LONGEST_NAME)} [ms]'."
+        )
+    pairs = np.array([(_number(row, t_place), _number(row, y_place)) for row in rows]).reshape(-1, 2)
+    good = np.isfinite(pairs).all(axis=1)
+    t, y = pairs[good].T * np.array([[TIME_UNITS[t_unit]], [SIGNAL_UNITS.get(y_unit, 1.0)]])
+    if len(t) < 2:
+        raise StudyError(f"{path} has no two rows with numbers in both columns: check their names.")
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if len(back):
+        raise StudyError(
+            f"{path}: time does not rise at row {back[0] + 2} of the data, t = {t[back[0] + 1]:.9g} s: sort or clean it."
+        )
+    notes = []
+    if not good.all():
+        notes.append(f"{np.sum(~good)} of {len(good)} rows have no number and are left out.")
+    steps = np.diff(t)
+    gaps = steps > GAP * np.median(steps)
+    if gaps.any():
+        notes.append(
+            f"{gaps.sum()} gaps, the longest {steps.max():.3g} s where samples are {np.median(steps):.3g} s apart."
+        )
+    return Measured(t, y, "m" if y_unit in SIGNAL_UNITS else y_unit, tuple(notes))
+
+
+def _read(path: Path) -> tuple[list[str], list[list[str]]]:
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise StudyError(f"{path} is larger than {LARGEST_FILE // 1_000_000} MB: cut out what is to be fitted.")
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = (line for line in file if line.strip() and not line.startswith("#"))
+            first = next(lines, "")
+            dialect = (
+                ";" if first.count(";") > first.count(",") else "\t" if first.count("\t") > first.count(",") else ","
+            )
+            names = next(csv.reader([first], delimiter=dialect), [])
+            return [name.strip() for name in names], list(csv.reader(lines, delimiter=dialect))
+    except FileNotFoundError:
+        raise StudyError(f"There is no file {path}: check the name.") from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise StudyError(f"{path} cannot be read as a CSV file ({visible(reason, 120)}).") from None
+
+
+def _parts(name: str) -> tuple[str, str]:
+    """Name and unit of "name [unit]" or "name (unit)"."""
+    found = re.fullmatch(r"(.*?)\s*[\[(]([^\])]*)[\])]", name.strip())
+    return (found[1].strip(), found[2].strip()) if found else (name.strip(), "")
+
+
+def _column(path: Path, names: list[str], wanted: str | None, place: int) -> tuple[int, str]:
+    if wanted is None:
+        if place >= len(names):
+            raise StudyError(f"{path} has {len(names)} columns: time and a signal are needed.")
+        return place, _parts(names[place])[1]
+    base, unit = _parts(wanted)
+    for number, name in enumerate(names):
+        if name == wanted or _parts(name)[0] == base:
+            return number, unit or _parts(name)[1]
+    shown = ", ".join(visible(name, LONGEST_NAME) for name in names[:10])
+    raise StudyError(f"{path} has no column {visible(wanted, LONGEST_NAME)!r}: it has {shown or 'none'}.")
+
+
+def _number(row: list[str], place: int) -> float:
+    try:
+        return float(row[place])
+    except (ValueError, IndexError):
+        return math.nan
+
 
 ROUNDS, CLOSE = 12, 1e-9
 """Of the search, at most; relative change at which it ends."""

@@ -1,6 +1,6 @@
 """All laws in all cases: what is not known yet is computed, on all cores, and kept as it is done."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,14 +10,13 @@ import pyarrow as pa
 
 from flexlab.analysis.batch import thread_count
 from flexlab.analysis.leaderboard.case import Case, Variant
-from flexlab.analysis.leaderboard.content import engine, machine, row_key
 from flexlab.analysis.leaderboard.entrants import Entrant
 from flexlab.analysis.leaderboard.row import Row, Task, compute
-from flexlab.analysis.leaderboard.store import RowStore
+from flexlab.analysis.leaderboard.store import RowStore, engine, machine, row_key
 from flexlab.analysis.sweep.execution import Told
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.html_table import html_table
-from flexlab.recording.documents import package_version
+from flexlab.recording.run_info import package_version
 from flexlab.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -163,3 +162,62 @@ def run_board(
     rows = tuple(known[task.key] for task in tasks)
     store.put_last(rows)
     return Leaderboard(tuple(dict.fromkeys(task.case for task in tasks)), rows, len(missing))
+
+
+COMPARED = ("status", "sentence", "scores", "result_hash", "seed")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came of one kept row."""
+
+    row: Row
+    sentence: str
+    """What differs; empty: nothing, to the last bit."""
+
+
+def verify(
+    rows: Sequence[Row],
+    tasks: Sequence[Task],
+    workers: int | None = None,
+    told: Told = lambda done, total: None,
+) -> Iterator[Finding]:
+    """Compute the tasks of the rows again, whatever is kept of them, and say of each row what differs."""
+    wanted = {task.place: task for task in tasks}
+    there = {row.place: row for row in rows}
+    again = [wanted[place] for place in there if place in wanted]
+    for row in rows:
+        if row.place not in wanted:
+            yield Finding(row, "cannot be computed here: there is no such law or case; give the law's file with --law")
+    for done, found in enumerate(compute_rows(again, workers) if again else (), 1):
+        yield Finding(there[found.place], _difference(there[found.place], found))
+        told(done, len(again))
+
+
+def _difference(kept: Row, found: Row) -> str:
+    ours, theirs = found.as_data(), kept.as_data()
+    for name in COMPARED:
+        if ours[name] != theirs[name]:
+            return f"{_words(name, theirs[name], ours[name])}{_reason(kept, found)}"
+    return ""
+
+
+def _words(name: str, kept: object, found: object) -> str:
+    if name == "scores" and isinstance(kept, Mapping) and isinstance(found, Mapping):
+        odd = next(key for key in {**kept, **found} if kept.get(key) != found.get(key))
+        return f"the score {odd} is {_number(kept.get(odd))}, and {_number(found.get(odd))} here"
+    return f"{name.replace('_', ' ')} is {kept!s:.200}, and {found!s:.200} here"
+
+
+def _number(value: object) -> str:
+    return "none" if value is None else f"{value!r}"
+
+
+def _reason(kept: Row, found: Row) -> str:
+    if kept.engine != found.engine:
+        return f" (it was computed by flexlab {kept.version} with other sources, {kept.engine})"
+    if kept.key != found.key:
+        return " (the law, its settings or the case were others then)"
+    if kept.machine != machine():
+        return f" (it was computed on another processor, {kept.machine})"
+    return " (law, case and engine are the same: the table was changed)"

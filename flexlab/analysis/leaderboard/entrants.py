@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.control.law import Law, laws
-from flexlab.control.own_files import law_kind
 from flexlab.errors import ScenarioError, StudyError
+from flexlab.own.files import law_kind
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import PERIOD, change_settings, with_period_if_needed
 

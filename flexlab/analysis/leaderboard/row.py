@@ -5,9 +5,8 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
+from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Tally, Variant
 from flexlab.analysis.leaderboard.entrants import Entrant
-from flexlab.analysis.leaderboard.score import Tally
 from flexlab.analysis.result_hash import ResultHash
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario

@@ -1,14 +1,122 @@
-"""Rows on disk, each under its key, and which of them the last table showed."""
+"""Rows on disk, each under a key of what it depends on: whatever else changes, the row stays.
 
+The store also knows which rows the last table showed.
+"""
+
+import ast
+import hashlib
 import json
+import platform
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding
+import numba
+import numpy as np
+import scipy
+
+from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
 from flexlab.analysis.leaderboard.row import Row
+from flexlab.control.law import laws
 from flexlab.errors import StudyError
+from flexlab.own.law import PythonLaw
+from flexlab.recording.run_info import package_version
 from flexlab.recording.store.notes import is_regular, replacing
+from flexlab.scenario import Scenario
+
+DIGITS = 16
+"""Of a key, hexadecimal."""
+LAWS, CASES = "flexlab.control.laws.", "flexlab.analysis.leaderboard.cases."
+_PACKAGE = Path(__file__).resolve().parents[2]
+_ROOMS = ("physics", "control", "sim", "scenario", "own", "analysis/metrics")
+_FILES = ("compiled.py", "numba_internals.py", "signal.py", "quantities.py", "boundaries.py")
+_HERE = ("case.py", "row.py", "entrants.py")
+
+
+def digest(parts: Iterable[bytes | str]) -> str:
+    """`DIGITS` hexadecimal digits of some texts, one after the other."""
+    found = hashlib.sha256()
+    for part in parts:
+        raw = part.encode() if isinstance(part, str) else part
+        found.update(len(raw).to_bytes(8, "big") + raw)
+    return found.hexdigest()[:DIGITS]
+
+
+@cache
+def engine() -> str:
+    """What computes rows here besides the law itself: flexlab's sources without those of laws, and versions of libraries."""
+    laws_folder = _PACKAGE / "control" / "laws"
+    files = [file for room in _ROOMS for file in sorted((_PACKAGE / room).rglob("*.py"))]
+    files = [file for file in files if laws_folder not in file.parents]
+    files += [_PACKAGE / name for name in _FILES] + [Path(__file__).with_name(name) for name in _HERE]
+    versions = [package_version(), numba.__version__, np.__version__, scipy.__version__, platform.python_version()]
+    return digest([*versions, *(part for file in files for part in (file.name, file.read_bytes()))])
+
+
+def machine() -> str:
+    """The processor, for whose instructions the engine is compiled: another one may round otherwise."""
+    return f"{platform.machine()} {llvmlite.binding.get_host_cpu_name()}"
+
+
+def law_source(scenario: Scenario) -> str:
+    """A digest of the files in which a scenario's law is written: its own, and those of laws that it uses.
+
+    A law in Python stands in the scenario itself.
+    """
+    controller: Any = scenario.controller
+    slow = getattr(controller, "slow", None)
+    kinds = [controller.kind] + ([slow.kind] if slow is not None else [])
+    known = [laws()[kind] for kind in kinds]
+    return _digest_of(tuple(law.model.__module__ for law in known if not isinstance(law, PythonLaw)))
+
+
+@cache
+def _digest_of(modules: tuple[str, ...]) -> str:
+    """Of the modules, and those of the laws' folder that they import, and so on."""
+    found: set[str] = set()
+    left = list(modules)
+    while left:
+        module = left.pop()
+        if module not in found:
+            found.add(module)
+            imported = [n.module for n in ast.walk(ast.parse(_text(module))) if isinstance(n, ast.ImportFrom)]
+            left += [name for name in imported if name is not None and name.startswith(LAWS)]
+    return digest(_text(module) for module in sorted(found))
+
+
+@cache
+def _text(module: str) -> str:
+    return _file(module).read_text(encoding="utf-8")
+
+
+def _file(module: str) -> Path:
+    loaded = sys.modules.get(module)
+    if loaded is not None and loaded.__file__:
+        return Path(loaded.__file__)
+    spec = find_spec(module)
+    assert spec is not None
+    assert spec.origin is not None
+    return Path(spec.origin)
+
+
+def row_key(name: str, case: Case, variant: Variant, scenario: Scenario | None, problem: str) -> str:
+    """The key of a law, by its name among those that enter, in a case.
+
+    Of the scenario or why it is none, what is done to it and measured, the law's sources, and the engine.
+    """
+    scores = [(score.column, score.formula, score.number, score.window) for score in case.scores]
+    task = [name, case.name, variant.name, case.duration, SAMPLE_PERIOD, case.commands, scores, problem]
+    metrics = sorted({score.metric.__module__ for score in case.scores})
+    parts = [repr(task), *(_text(module) for module in metrics if module.startswith(CASES)), engine()]
+    if scenario is not None:
+        parts += [json.dumps(scenario.model_dump(mode="json"), sort_keys=True), law_source(scenario)]
+    return digest(parts)
+
 
 FOLDER = Path("leaderboard")
 """Where somebody works."""

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from math import exp, log, log2
 
 from flexlab.analysis.leaderboard.board import Leaderboard
-from flexlab.analysis.leaderboard.case import Case, Variant
+from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.analysis.leaderboard.row import Row
-from flexlab.analysis.leaderboard.score import Score
 
 FAILS = "fails"
 LEVELS = 6

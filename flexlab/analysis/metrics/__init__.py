@@ -1,4 +1,4 @@
-"""The few numbers by which runs are told apart and compared, each in a file of its own.
+"""The few numbers by which runs are told apart and compared.
 
 A file here that registers a metric is all that a new one takes; `metric.py` says how.
 """

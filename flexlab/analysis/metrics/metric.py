@@ -1,8 +1,8 @@
-"""What a metric is: a class in a file of its own beside this one, registered, with a state that takes in samples and merges.
+"""What a metric is: a registered class in a file beside this one, with a state that takes in samples and merges.
 
 The same code serves a stream and a whole run: `update` takes any piece of it, in any order, `merge` another metric's
-pieces, `compute` gives the number. To add one, copy `peak_torque.py`: tables, lists, notes, comparisons and the Python
-interface follow from its columns.
+pieces, `compute` gives the number. To add one, copy one of `peaks.py` into a file of its own: tables, lists, notes,
+comparisons and the Python interface follow from its columns.
 """
 
 from abc import ABC, abstractmethod

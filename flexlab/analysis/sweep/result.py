@@ -1,5 +1,11 @@
-"""A finished sweep, as Python users get it: its table, its cells, and what it looks like."""
+"""The table of a sweep, and a finished sweep as Python users get it.
 
+One row per cell, saved part by part under a key of what the table holds, whole or not at all.
+"""
+
+import json
+import shutil
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -9,16 +15,150 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
+from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.sweep.axes import Axis
-from flexlab.analysis.sweep.plan import Plan
-from flexlab.analysis.sweep.table import TABLE
+from flexlab.analysis.sweep.plan import Cell, Plan
 from flexlab.errors import StudyError
 from flexlab.html_table import html_table
+from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
+
+TABLE, PARTS, PLAN = "cells.parquet", "parts", "sweep.json"
+"""In a sweep's folder: the whole table; what there is of it while it is computed; what was asked for."""
+METADATA = b"flexlab"
+SWEEPS = Path("sweeps")
+"""Where sweeps go that name no folder."""
+
+
+def sweep_folder(name: str, plan: Plan) -> Path:
+    """The folder of a sweep that names none: the same sweep finds it again."""
+    return SWEEPS / f"{name}-{plan.key}"
+
+
+def metric_names() -> list[str]:
+    """The columns of metrics: title and unit."""
+    return [column.key for metric in METRICS.values() for column in metric.columns]
+
+
+def schema(plan: Plan) -> pa.Schema:
+    """Columns: the cell's number, each axis by its path, status, sentence, each metric by title and unit."""
+    axes = [(axis.path, pa.float64() if axis.numeric else pa.string()) for axis in plan.axes]
+    metrics = [(name, pa.float64()) for name in metric_names()]
+    about = json.dumps({"sweep": plan.as_data(), "key": plan.key}, ensure_ascii=False, sort_keys=True)
+    columns = [("cell", pa.int64()), *axes, ("status", pa.string()), ("sentence", pa.string()), *metrics]
+    return pa.schema(columns).with_metadata({METADATA: about.encode()})
+
+
+def to_table(plan: Plan, cells: Sequence[Cell]) -> pa.Table:
+    """Rows of some cells, in their order."""
+    nothing = (None,) * len(metric_names())
+    rows = [
+        (cell.number, *map(_plain, cell.values), cell.status, cell.sentence, *(cell.metrics or nothing))
+        for cell in cells
+    ]
+    layout = schema(plan)
+    return pa.table(
+        [pa.array(column, field.type) for column, field in zip(zip(*rows, strict=True), layout, strict=True)], layout
+    )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return float(value)
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def part_file(folder: Path, cells: range) -> Path:
+    """Where some cells of a sweep lie while it is computed."""
+    return folder / PARTS / f"{cells.start:09d}.parquet"
+
+
+def read_part(folder: Path, plan: Plan, cells: range) -> dict[str, list[Any]] | None:
+    """Columns of some cells of a sweep that is being computed; None: they are not there (yet, or any more)."""
+    try:
+        return parquet.read_table(part_file(folder, cells), schema=schema(plan)).to_pydict()
+    except OSError:
+        return None
+
+
+class SweepFolder:
+    """A sweep's folder. All methods raise `StudyError` if it cannot be written or holds another sweep."""
+
+    def __init__(self, path: Path, plan: Plan):
+        """Make the folder, or take up the one that holds a part of the same sweep."""
+        self.path, self._plan = path, plan
+        try:
+            (path / PARTS).mkdir(parents=True, exist_ok=True)
+            self._check_plan(path / PLAN)
+        except OSError as error:
+            raise self._full(error) from None
+
+    def _check_plan(self, file: Path) -> None:
+        if not file.exists():
+            text = json.dumps({"key": self._plan.key, **self._plan.as_data()}, indent=1, ensure_ascii=False)
+            with replacing(file) as draft:
+                draft.write_text(text + "\n", encoding="utf-8")
+        try:
+            held = json.loads(file.read_text(encoding="utf-8"))["key"]
+        except (ValueError, KeyError, TypeError):
+            held = None
+        if held != self._plan.key:
+            raise StudyError(f"{self.path} holds another sweep: choose another folder, or move that one away.")
+
+    def _full(self, error: OSError) -> StudyError:
+        return StudyError(
+            f"{self.path} cannot be written ({error.strerror}): make room or choose another folder; the parts that are "
+            "done stay, and the same command goes on from there."
+        )
+
+    @property
+    def table(self) -> Path:
+        """The whole table, once all is done."""
+        return self.path / TABLE
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the whole table is there."""
+        return self.table.exists()
+
+    def missing(self) -> list[range]:
+        """The parts that are not there yet."""
+        return [cells for cells in self._plan.parts() if not self._part(cells).exists()]
+
+    def save(self, cells: Sequence[Cell]) -> None:
+        """Save a part, whole or not at all."""
+        first = cells[0].number
+        try:
+            with replacing(self._part(range(first, first + len(cells)))) as draft:
+                parquet.write_table(to_table(self._plan, cells), draft)
+        except OSError as error:
+            raise self._full(error) from None
+
+    def finish(self) -> None:
+        """Make the whole table of its parts, which then go."""
+        try:
+            if not self.is_done:
+                with (
+                    replacing(self.table) as draft,
+                    parquet.ParquetWriter(draft, schema(self._plan), compression="zstd") as writer,
+                ):
+                    for part in self._tables():
+                        writer.write_table(part)
+            shutil.rmtree(self.path / PARTS, ignore_errors=True)
+        except OSError as error:
+            raise self._full(error) from None
+
+    def _tables(self) -> Iterable[pa.Table]:
+        for cells in self._plan.parts():
+            yield parquet.read_table(self._part(cells), schema=schema(self._plan))
+
+    def _part(self, cells: range) -> Path:
+        return part_file(self.path, cells)
+
 
 HTML_ROWS = 10
 """Rows of the table in a notebook."""

@@ -6,9 +6,8 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from flexlab.analysis.validation.check import Check, above, below, close
+from flexlab.analysis.validation.check import Check, Runs, above, below, close
 from flexlab.analysis.validation.invariants import imbalance
-from flexlab.analysis.validation.runs import Runs
 from flexlab.physics.axial_load import BUCKLING, buckling_load, geometric_matrices
 from flexlab.physics.beam import beam_matrices
 from flexlab.presets import load_preset

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlab.analysis.validation.check import Check, below, close
-from flexlab.analysis.validation.runs import Runs
+from flexlab.analysis.validation.check import Check, Runs, below, close
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
 
 SUBJECT, PLACE = "The beam in closed form", 1

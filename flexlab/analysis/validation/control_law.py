@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from flexlab.analysis.internal_force import internal_force_eq_26
-from flexlab.analysis.validation.check import Check, below
+from flexlab.analysis.validation.check import FINE, Check, Runs, below
 from flexlab.analysis.validation.mass_points import MassPoints, time_derivative
-from flexlab.analysis.validation.runs import FINE, Runs
 from flexlab.sim.samples import Run
 
 SUBJECT, PLACE = "Control law and internal force", 3

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlab.analysis.validation.check import Check, above, below, close
-from flexlab.analysis.validation.runs import Runs
+from flexlab.analysis.validation.check import Check, Runs, above, below, close
 from flexlab.presets import load_preset
 from flexlab.sim.samples import Run
 from flexlab.sim.world import World

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import eigh
 
-from flexlab.analysis.validation.check import Check, above, below
+from flexlab.analysis.validation.check import FINE, Check, Runs, above, below, general
 from flexlab.analysis.validation.mass_points import MassPoints, christoffel, slopes, time_derivative
-from flexlab.analysis.validation.runs import FINE, Runs, general
 from flexlab.physics.internal_force import payload_matrices
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Run

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from flexlab.analysis.validation.check import Check, below, close
+from flexlab.analysis.validation.check import Check, Runs, below, close, run_of
 from flexlab.analysis.validation.mass_points import MassPoints
-from flexlab.analysis.validation.runs import Runs, run_of
 from flexlab.control.motion import poses
 from flexlab.control.path import paths
 from flexlab.presets import load_preset

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from flexlab.analysis.figures import FIGURES, STYLE, draw_figure
 from flexlab.analysis.validation.check import Validation
 from flexlab.errors import FlexlabError, StudyError
-from flexlab.recording.documents import these_versions
+from flexlab.recording.run_info import these_versions
 from flexlab.recording.store.notes import replacing
 
 TITLES = {2: "Trajectory of the payload", 3: "Vibration", 4: "Error of the trajectory", 5: "Internal force"}

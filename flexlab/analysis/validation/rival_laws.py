@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.validation.check import Check, below
+from flexlab.analysis.validation.check import FINE, Check, Runs, below, general
 from flexlab.analysis.validation.control_law import desired
 from flexlab.analysis.validation.mass_points import MassPoints, slopes, time_derivative
-from flexlab.analysis.validation.runs import FINE, Runs, general
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run
 

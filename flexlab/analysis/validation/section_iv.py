@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexlab.analysis.metrics.settling_time import settling_time
-from flexlab.analysis.validation.check import Check, above, below, close
-from flexlab.analysis.validation.runs import PERIOD, Runs
+from flexlab.analysis.validation.check import PERIOD, Check, Runs, above, below, close
 
 SUBJECT, PLACE = "Section IV again", 0
 

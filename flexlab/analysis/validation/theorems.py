@@ -4,10 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlab.analysis.validation.check import Check, above, below
+from flexlab.analysis.validation.check import PERIOD, Check, Runs, above, below
 from flexlab.analysis.validation.control_law import GAIN
 from flexlab.analysis.validation.mass_points import MassPoints, christoffel
-from flexlab.analysis.validation.runs import PERIOD, Runs
 
 SUBJECT, PLACE = "Theorems 1 and 2 along the run", 5
 

@@ -1,18 +1,122 @@
-"""The guide in the lab: chapters to read, and lessons: what do you guess, what to do, a check of its own, then the answer."""
+"""The guide in the lab: chapters to read, and lessons: what do you guess, what to do, a check of its own, then the answer.
+
+A person's own lessons are markdown files in a folder `lessons` where they work, beside their presets: like those of flexlab,
+with a hint, and a check that is an expression over metrics and signals:
+
+    ---
+    title: Stiffer
+    preset: paper
+    check: scenario.payload.bending_stiffness > 500 and t > 1
+    hint: Move the slider of EI to the right.
+    ---
+    Does the beam ring less when it is stiffer?
+
+    ## Guess
+    What happens to the ring?
+
+    - [x] it gets faster and smaller
+    - [ ] nothing
+
+    ## Do
+    1. Load the preset `paper` and set EI to 600.
+
+    ## Observe
+    The frequency grows with the square root of EI.
+"""
+
+import contextlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import viser
 
-from flexlab.analysis.lesson_checks import SECONDS, check_lesson
-from flexlab.guide import Chapter, Lesson, chapters, lessons, without_html
+from flexlab.analysis.lesson_checks import CHECKS, SECONDS, Verdict, check_lesson
+from flexlab.analysis.lesson_expressions import Expression, ExpressionError
+from flexlab.errors import FlexlabError, LabError
+from flexlab.guide import Chapter, Lesson, LessonError, chapters, lessons, read_lesson, without_html
+from flexlab.lab.class_rules import STEPS, LessonProgress, step_text
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.own_lessons import lesson_files, own_lessons
 from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.plain_text import with_units
-from flexlab.presets import load_preset
+from flexlab.presets import load_preset, preset_names
+from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Snapshot
+
+OWN_LESSONS = Path("lessons")
+"""Relative to the working directory."""
+LARGEST = 200_000
+"""Bytes of a lesson's file."""
+MOST = 50
+"""Lessons that a menu can hold."""
+
+
+class OwnLesson(NamedTuple):
+    """A lesson with the check that its file gives, or what is wrong with the file."""
+
+    name: str
+    """Of the file, without ending."""
+    lesson: Lesson | None
+    expression: Expression | None
+    problem: str
+    """A sentence with line and reason; empty if all is well."""
+
+    def verdict(self, scenario: Scenario, samples: Samples) -> Verdict:
+        """Whether the check holds in a run."""
+        assert self.expression is not None
+        assert self.lesson is not None
+        try:
+            done = len(samples) > 1 and self.expression.holds(scenario, samples)
+        except (FlexlabError, ArithmeticError, IndexError, TypeError, ValueError) as error:
+            return Verdict(False, f"The check cannot be worked out in this run ({error}). {self.lesson.hint}".strip())
+        return Verdict(done, "The check holds ✓" if done else self.lesson.hint or "Not yet.")
+
+
+def own_lessons(folder: Path = OWN_LESSONS) -> list[OwnLesson]:
+    """All lessons of a folder by name, bad ones with what is wrong."""
+    return [_read(file) for file in sorted(folder.glob("*.md"))[:MOST]]
+
+
+def lesson_menu(own: Sequence[OwnLesson]) -> dict[str, Lesson]:
+    """All lessons that can be read, flexlab's and one's own, by what the guide's menu calls them."""
+    found = {f"Lesson {number}: {lesson.title}": lesson for number, lesson in enumerate(lessons(), 1)}
+    return found | {f"Own lesson: {mine.lesson.title}": mine.lesson for mine in own if mine.lesson is not None}
+
+
+def lesson_files(folder: Path = OWN_LESSONS) -> dict[str, int]:
+    """Name → when it was saved, ns, of each file: where this is another one there is something to read."""
+    found: dict[str, int] = {}
+    for file in folder.glob("*.md"):
+        with contextlib.suppress(OSError):  # It vanished meanwhile.
+            found[file.name] = file.stat().st_mtime_ns
+    return found
+
+
+def _read(file: Path) -> OwnLesson:
+    try:
+        if file.stat().st_size > LARGEST:
+            raise LessonError(f"{file.name}: over {LARGEST} bytes: that is no lesson.")
+        lesson = read_lesson(file)
+        if lesson.preset not in preset_names():
+            raise LessonError(
+                f"{file.name} is not a lesson: line {lesson.line_of('preset')}: there is no preset {lesson.preset[:40]!r}."
+            )
+        if lesson.check in CHECKS:
+            raise LessonError(
+                f"{file.name} is not a lesson: line {lesson.line_of('check')}: give an expression, such as t > 1."
+            )
+        try:
+            return OwnLesson(file.stem, lesson, Expression(lesson.check), "")
+        except ExpressionError as error:
+            raise LessonError(f"{file.name} is not a lesson: line {lesson.line_of('check')}: {error}") from None
+    except (LessonError, OSError, UnicodeDecodeError) as error:
+        reason = str(error) if isinstance(error, LessonError) else f"{file.name}: it cannot be read ({error})."
+        return OwnLesson(file.stem, None, None, reason)
+
 
 EVERY = 10
 """Panel updates per check (1 Hz): a check reads the whole run."""
@@ -29,6 +133,7 @@ class Guide:
         self._unfolded: set[str] = set()
         self._done: dict[str, str] = {}
         self._files = lesson_files()
+        self._pace = lab_state.rules.pace
         self._collect()
         first = next(iter(self._pages))
         gui.add_html('<div class="fl-guide"></div>')  # By which the page knows whether the guide is open.
@@ -44,19 +149,20 @@ class Guide:
         self._start.on_click(handler(lab_state, lambda _: self._load()))
         self._unfold.on_click(handler(lab_state, lambda _: self._show_answer()))
         self._guess.on_update(handler(lab_state, lambda _: self._take_guess(self._guess.value)))
-        self._menu.on_update(handler(lab_state, lambda _: self._turn_to(self._menu.value)))
+        self._menu.on_update(handler(lab_state, lambda _: self._choose(self._menu.value)))
         self._turn_to(first)
 
     def _collect(self) -> None:
         """Know all chapters and lessons that there are now."""
         self._pages: dict[str, Chapter | Lesson] = {chapter.title: chapter for chapter in chapters()}
-        self._pages |= {f"Lesson {k + 1}: {lesson.title}": lesson for k, lesson in enumerate(lessons())}
         mine = own_lessons()
+        self._pages |= lesson_menu(mine)
         self._own = {own.lesson.id: own for own in mine if own.lesson is not None}
         for own in mine:
-            title = own.lesson.title if own.lesson is not None else f"{own.name} (cannot be read)"
-            # Own texts come from files of whoever started the lab; still they get no HTML into the page.
-            self._pages[f"Own lesson: {title}"] = own.lesson or Chapter(own.name, title, without_html(own.problem))
+            if own.lesson is None:
+                title = f"{own.name} (cannot be read)"
+                # Own texts come from files of whoever started the lab; still they get no HTML into the page.
+                self._pages[f"Own lesson: {title}"] = Chapter(own.name, title, without_html(own.problem))
 
     def _follow_files(self) -> None:
         """Take up lessons of one's own that are new or were saved; the page that is open stays open."""
@@ -77,17 +183,40 @@ class Guide:
         self._count += 1
         if self._count % EVERY == 0:
             self._follow_files()
-        page = self._pages.get(self._menu.value)
+        if self._lab_state.rules.pace != self._pace:
+            self._follow_teacher()
+        page = self._pages.get(self._shown)
         if isinstance(page, Lesson) and self._count % EVERY == 0:
             self._check(page, snapshot)
 
+    def _follow_teacher(self) -> None:
+        """Go to the step at which the class is, or have all steps again."""
+        rules = self._lab_state.rules
+        self._pace = rules.pace
+        if rules.lesson in self._pages:
+            self._menu.value = rules.lesson
+        self._turn_to(self._menu.value)
+
+    def _choose(self, title: str) -> None:
+        rules = self._lab_state.rules
+        if rules.lesson in self._pages and title != rules.lesson and isinstance(self._pages[title], Lesson):
+            self._menu.value = self._shown
+            raise LabError(rules.pace)
+        self._turn_to(title)
+
+    @property
+    def _last_step(self) -> int:
+        """Of the page that is shown, the last step that the teacher lets everybody see."""
+        rules = self._lab_state.rules
+        return rules.step if self._shown == rules.lesson else len(STEPS)
+
     def _turn_to(self, title: str) -> None:
-        page = self._pages[title]
+        page, self._shown = self._pages[title], title
         self._lab_state.lesson = ""
         lesson = page if isinstance(page, Lesson) else None
         self._lab_state.hold_exaggeration(None if lesson is None else _factor(lesson))
         for widget in (self._guess_question, self._guess, self._steps, self._start, self._verdict):
-            put(widget, visible=lesson is not None)
+            put(widget, visible=lesson is not None and self._last_step > 1)
         put(self._text, content=page.question if isinstance(page, Lesson) else page.text)
         if lesson is None:
             put(self._unfold, visible=False)
@@ -120,8 +249,9 @@ class Guide:
 
     def _fold(self, lesson: Lesson) -> None:
         """The answer stays folded until the check is done, or somebody asks for it."""
-        unfolded = lesson.id in self._unfolded
-        put(self._unfold, visible=not unfolded)
+        may_see = self._last_step == len(STEPS)
+        unfolded = lesson.id in self._unfolded and may_see
+        put(self._unfold, visible=not unfolded and may_see)
         put(self._answer, visible=unfolded, content=answer_text(lesson, self._guesses.get(lesson.id, "")))
 
     def _load(self) -> None:
@@ -143,12 +273,22 @@ class Guide:
         # What was done stays done, whatever is tried afterwards: some lessons end by setting things back.
         done = self._done.get(lesson.id)
         look, words, sentence = ("fl-info", "Your run", verdict.sentence) if done is None else ("fl-done", "Done", done)
-        progress = "done" if done is not None else "guessed" if lesson.id in self._guesses else "begun"
-        self._lab_state.lesson = f"{lesson.title}: {progress}"
+        self._tell(lesson, done or "")
         self._verdict.content = (
             f'<div class="fl"><div class="fl-box {look}"><b>{words}.</b> {escaped(with_units(sentence))}</div></div>'
         )
         self._fold(lesson)
+
+    def _tell(self, lesson: Lesson, done: str) -> None:
+        """Tell the teacher how far this lab is."""
+        guess, title = self._guesses.get(lesson.id, ""), self._shown
+        step = 3 if lesson.id in self._unfolded else 2 if guess or not lesson.options else 1
+        step = min(step, self._last_step)
+        before = self._lab_state.lessons.get(title)
+        passed = done or (before.passed if before is not None else "")
+        now = LessonProgress(title, step, lesson.guess, lesson.options, lesson.answer, guess, passed)
+        self._lab_state.lesson = f"{lesson.title}: {'done' if done else step_text(step)}"
+        self._lab_state.lessons = self._lab_state.lessons | {title: now}
 
 
 def _factor(lesson: Lesson) -> float:

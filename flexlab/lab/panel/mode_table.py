@@ -6,8 +6,7 @@ import numpy as np
 import viser
 
 from flexlab.analysis.disk_margin import DiskMargin, Margin
-from flexlab.analysis.modes import Modes
-from flexlab.analysis.pole_table import PoleRow, sampling_text
+from flexlab.analysis.modes import Modes, PoleRow, sampling_text
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.mode_computation import ModeStudy, peak_deflection

@@ -7,24 +7,20 @@ import viser
 
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.mode_computation import ModeStudy
-from flexlab.lab.panel.all_fields import GROUPS, Details
-from flexlab.lab.panel.disturbance_settings import DisturbanceSettings
-from flexlab.lab.panel.events import Events
 from flexlab.lab.panel.keys import Key, add_keys
 from flexlab.lab.panel.mode_table import ModePanel
 from flexlab.lab.panel.number_control import READING_TIME, SETTLE_TIME, put
 from flexlab.lab.panel.play_screen import PlayScreen
-from flexlab.lab.panel.playback import Playback
-from flexlab.lab.panel.preset_menu import Presets
+from flexlab.lab.panel.playback import Events, Playback
 from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html, number_html, status_html
 from flexlab.lab.panel.ring_panel import RingPanel
 from flexlab.lab.panel.run_comparison import Comparing
-from flexlab.lab.panel.scenario_files import ScenarioFiles
-from flexlab.lab.panel.sections import SECTIONS, Section, conditions_html, three_valued
+from flexlab.lab.panel.scenario_files import Presets, ScenarioFiles
+from flexlab.lab.panel.sections import GROUPS, SECTIONS, Details, Section, conditions_html, three_valued
 from flexlab.lab.panel.style import style_element
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.panel.view_controls import Look, ViewControls
-from flexlab.lab.picking import Picking
+from flexlab.lab.picking import DisturbanceSettings, Picking
 from flexlab.lab.reference_run import Recorded
 from flexlab.lab.view_settings import Legend
 from flexlab.scenario import Scenario
@@ -97,7 +93,7 @@ class Panel:
         self._status.content = status_html(snapshot, lab_state.view, legend, self._recording())
         put(self._caption, content=f'<div class="fl fl-caption">{escaped(legend.caption)}</div>')
         put(self._number, content=number_html(self._runner.recent(SEEN_TOGETHER), snapshot))
-        self._notices.content = notices_html(snapshot, lab_state.notice)
+        self._notices.content = notices_html(snapshot, lab_state.notice, lab_state.rules.sentences)
         self._events.update(snapshot)
         self._presets.update()
         self._drive.update(snapshot)

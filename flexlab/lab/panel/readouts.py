@@ -1,15 +1,21 @@
-"""What the panel says about the run: time, speed, status, events, as HTML made from a snapshot."""
+"""What the panel says about the run: time, speed, status, events as HTML, and the picture in sentences to hear."""
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
+import viser
 
+from flexlab.analysis.explanations import Explained
 from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.mode_computation import peak_deflection
+from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped, factor, number
 from flexlab.lab.view_settings import Legend, ViewSettings
 from flexlab.number_text import fixed_text
 from flexlab.plain_text import with_units
 from flexlab.sim.commands import Pull
+from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event, Snapshot
 
@@ -82,9 +88,13 @@ def _color_legend(limit: float, unit: str) -> str:
     return f"−{number(limit)} {strip} +{number(limit)} {unit}"
 
 
-def notices_html(snapshot: Snapshot, notice: Notice) -> str:
-    """What needs attention now, floating over the picture so that nothing in the panel moves; empty if all is well."""
-    boxes = [_box(text, "error") for text in warnings(snapshot)]
+def notices_html(snapshot: Snapshot, notice: Notice, standing: Sequence[str] = ()) -> str:
+    """What needs attention now, floating over the picture so that nothing in the panel moves; empty if all is well.
+
+    `standing`: what holds for as long as it is told.
+    """
+    boxes = [_box(text, "info") for text in standing]
+    boxes += [_box(text, "error") for text in warnings(snapshot)]
     if notice.text and not (snapshot.status.failed and notice.text == snapshot.status.text):
         boxes.append(_box(notice.text, notice.level))
     return f'<div class="fl fl-float">{"".join(boxes)}</div>' if boxes else ""
@@ -155,3 +165,44 @@ def _without_drags(events: tuple[Event, ...]) -> list[Event]:
             kept.pop()
         kept.append(event)
     return kept
+
+
+EVERY = 10
+"""Panel updates per summary (1 Hz)."""
+
+
+class SpokenSummary:
+    """The text of the picture, in the GUI container that is open while it is made; `accessibility.js` gives it to the picture."""
+
+    def __init__(self, gui: viser.GuiApi, runner: Runner, sentences: Callable[[], Sequence[Explained]]):
+        """`sentences`: what the plots show."""
+        self._runner, self._sentences = runner, sentences
+        self._count = 0
+        self._mark = gui.add_html("")
+
+    @property
+    def text(self) -> str:
+        """The sentences as they are now."""
+        return summary_text(self._runner.snapshot, self._runner.recent(SEEN_TOGETHER), self._sentences())
+
+    def update(self, _: Snapshot) -> None:
+        """Bring the picture's text up to date, once a second."""
+        if self._count % EVERY == 0:
+            put(self._mark, content=f'<i hidden class="fl-summary" data-text="{escaped(self.text)}"></i>')
+        self._count += 1
+
+
+def summary_text(snapshot: Snapshot, recent: Samples, sentences: Sequence[Explained]) -> str:
+    """State of the run, its numbers, what is wrong, and what the plots show; `recent` holds what is seen together."""
+    scenario, sample = snapshot.scenario, snapshot.latest
+    arms = f"{len(scenario.arms)} arms hold" if len(scenario.arms) > 1 else "One arm holds"
+    deflection = fixed_text(1e3 * float(sample.midspan_deflection[0]), 3, signed=True)
+    told = [
+        f"{scenario.title or snapshot.name}: {arms} a flexible beam.",
+        f"{status_word(snapshot)} at t = {fixed_text(float(sample.time[0]), 2)} s, speed {factor(snapshot.target_speed)}.",
+        f"Mid-span deflection {deflection} mm, largest vibration {largest_vibration(recent)}, "
+        f"first beam frequency {fixed_text(snapshot.first_frequency, 2)} Hz.",
+        *warnings(snapshot),
+        *(f"{each.plot}: {each.sentence}" for each in sentences),
+    ]
+    return " ".join(told)

@@ -1,27 +1,135 @@
-"""Save, download, upload, share: the scenario as something to keep and pass on."""
+"""The scenario as something to choose, keep and pass on: the preset menu, own presets, download, upload, share."""
 
+import re
+import tempfile
+import unicodedata
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import viser
 
+from flexlab.assets import presets_folder
+from flexlab.errors import PresetError, ScenarioError
 from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.run_comparison import told_html
 from flexlab.lab.panel.text import escaped
 from flexlab.lab.reference_run import differences
-from flexlab.lab.user_presets import file_stem, read_upload, save_preset
-from flexlab.plain_text import visible
-from flexlab.presets import scenario_text
+from flexlab.plain_text import visible, with_units
+from flexlab.presets import OWN_FOLDER, load_preset, load_scenario_file, preset_names, save_scenario, scenario_text
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import field_title, told, value_text
 from flexlab.scenario.path_file import decoded_path
 from flexlab.sim.snapshot import Snapshot
 
+LONGEST_NAME = 40
+"""Characters of a name: what a menu shows."""
+
+
+MOST_PRESETS = 60
+"""Files in a person's own folder: as many as a menu can hold, and no visitor fills the disk."""
+
+
+def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Path:
+    """Write a scenario as a person's own preset; raises `PresetError` for a name that cannot be used.
+
+    The file's name is the name in small letters, digits and hyphens.
+    """
+    title, name = name, file_stem(name)
+    if not name or len(title) > LONGEST_NAME or not title.isprintable() or re.search(r"[/\\]", title):
+        raise PresetError(
+            f"{title[:60]!r} cannot be a preset's name: use 1 to {LONGEST_NAME} characters, a letter or a digit among them "
+            "and no slash, as in My soft beam."
+        )
+    if (presets_folder() / f"{name}.json").exists():
+        raise PresetError(f"{name} is a preset of flexlab itself and stays as it is: choose another name.")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise PresetError(f"The folder {folder} cannot be made ({error.strerror}): start flexlab elsewhere.") from None
+    path = folder / f"{name}.json"
+    if not path.exists() and sum(1 for _ in folder.glob("*.json")) >= MOST_PRESETS:
+        raise PresetError(
+            f"There are {MOST_PRESETS} presets in {folder} already: delete some, or save under one's name."
+        )
+    save_scenario(scenario, path)
+    return path
+
+
+def file_stem(name: str) -> str:
+    """A name as every file system, link and command line takes it: small letters, digits and hyphens; may be empty."""
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    return re.sub(r"[^a-z0-9]+", "-", plain.lower())[:LONGEST_NAME].strip("-")
+
+
+def read_upload(file_name: str, content: bytes) -> tuple[str, Scenario]:
+    """(short name, scenario) of an uploaded file; raises `PresetError` or `ScenarioError` with the file's own name."""
+    stem = file_stem(Path(file_name).stem) or "uploaded"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{stem}.json"
+        path.write_bytes(content)
+        try:
+            return stem, load_scenario_file(path)
+        except ScenarioError as error:
+            raise ScenarioError([(field, _own(text, path)) for field, text in error.problems]) from None
+        except PresetError as error:
+            raise PresetError(_own(str(error), path)) from None
+
+
+def _own(text: str, path: Path) -> str:
+    return text.replace(str(path), path.name)
+
+
+CHANGES_NAMED = 4
+"""Changes named below the menu; the tab File has all."""
+
+
+class Presets:
+    """A menu of presets, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState):
+        self._lab_state = lab_state
+        names = tuple(preset_names())
+        present = lab_state.snapshot.name
+        options = names if present in names else (present, *names)
+        # The page's script finds the menu by this mark: choosing the shown preset once more starts it anew.
+        gui.add_html('<i hidden class="fl-preset"></i>')
+        self._menu = gui.add_dropdown("Preset", options, initial_value=present, hint="Starts a new run")
+        self._text = gui.add_html("")
+        self._menu.on_update(handler(lab_state, lambda _: self._load(self._menu.value)))
+
+    def refresh(self) -> None:
+        """Offer the presets that there are now, and show which one the scenario came from."""
+        names, present = tuple(preset_names()), self._lab_state.name
+        options = names if present in names else (present, *names)
+        if options != tuple(self._menu.options):
+            self._menu.options = options
+        if self._menu.value != present:
+            self._menu.value = present
+
+    def update(self) -> None:
+        """Show which preset the scenario came from, its words, and whether it has been changed."""
+        self.refresh()
+        baseline, now = self._lab_state.baseline, self._lab_state.intended
+        if not self._lab_state.changed:
+            head = f'<h2 class="fl-title">{escaped(baseline.title or self._lab_state.name)}</h2>'
+            put(self._text, content=f'<div class="fl">{head}{escaped(with_units(baseline.watch))}</div>')
+            return
+        # What the preset's words promise is no longer what runs.
+        words = [f"{title}: {old} → {new}" for title, old, new in told_html(baseline, now)]
+        more = f"<br>… and {len(words) - CHANGES_NAMED} more" if len(words) > CHANGES_NAMED else ""
+        head = f'<h2 class="fl-title">{escaped(self._lab_state.name)}, changed <span class="fl-badge">not saved</span></h2>'
+        put(self._text, content=f'<div class="fl">{head}{"<br>".join(words[:CHANGES_NAMED])}{more}</div>')
+
+    def _load(self, name: str) -> None:
+        self._lab_state.load(load_preset(name), name)
+
+
 MOST_CHANGES = 12
 LONGEST_WORDS = 1200
 """Characters of what to watch, as a scenario takes them."""
-LONGEST_NAME = 60
+LONGEST_FILE_NAME = 60
 """Characters of a file's name that a sentence repeats."""
 
 
@@ -128,7 +236,7 @@ class ScenarioFiles:
 
     def _follow(self, name: str, content: bytes) -> None:
         """Take up the path of a CSV file from now on."""
-        rows = decoded_path(content, visible(Path(name).name, LONGEST_NAME))
+        rows = decoded_path(content, visible(Path(name).name, LONGEST_FILE_NAME))
         self._lab_state.change({"trajectory.kind": "table", "trajectory.rows": rows})
         self._lab_state.say(f"Follows {len(rows)} rows from now on.")
 

@@ -8,7 +8,7 @@ import viser
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.number_control import NumberControl, Scale, put
-from flexlab.lab.scene.camera_views import VIEWS
+from flexlab.lab.scene.cameras import VIEWS
 from flexlab.lab.view_settings import EXAGGERATION, PLOT_WINDOWS, SWITCHES, fitting_window
 
 Look = Callable[[viser.ClientHandle, str], None]

@@ -1,26 +1,72 @@
-"""Which signals the plots show over time, in which units, on which tab."""
+"""Which signals the plots show over time, in which units, on which tab.
+
+The other part, ½ Σ k_j (b_j - b̂_j)², holds the true bounds b_j, which nobody knows.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
+from flexlab import views
 from flexlab.control.law import BOUND_ESTIMATES, law_of
 from flexlab.lab import colors
-from flexlab.lab.plots.lyapunov import tracking_energy
-from flexlab.scenario import Scenario
-from flexlab.signal import Signal
+from flexlab.scenario import Arm, Payload, Scenario
+from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
-from flexlab.sim.signals import own_signals
+from flexlab.views import MILLI, View
 
-MILLI = 1e3
-"""m to mm, rad to mrad, J to mJ."""
-THREE = colors.CURVES
 
-LEAST_OWN = 1e-6
-"""Smallest range of a plot of a law's own signal, whose size nobody knows beforehand."""
+def tracking_energy(scenario: Scenario, samples: Samples) -> np.ndarray:
+    """½ sᵀ(M̄1 + M̄2 + A11 - A12 A22⁻¹A21)s with A at q = 0, J (N,)."""
+    s, angle = samples.sliding_variable, samples.pose[:, 2]
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    total = _payload(scenario, s, across)
+    half = 0.5 * scenario.payload.length
+    for index, arm in enumerate(scenario.arms):
+        side = -1 if index == 0 else 1
+        grip_rate = s[:, :2] + side * half * s[:, 2:] * across
+        total += _arm(arm, samples.joint_angle[:, index], grip_rate, s[:, 2])
+    return total
 
-Values = Callable[[Scenario, Samples], np.ndarray]
+
+@lru_cache(maxsize=8)
+def _inertia(payload: Payload) -> tuple[float, ...]:
+    """m, I, hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g: found once per payload."""
+    with one_blas_thread():
+        beam = build_beam(payload)
+    return float(beam.matrices.m), float(beam.matrices.I), *map(float, beam.kappa)
+
+
+def _payload(scenario: Scenario, s: np.ndarray, across: np.ndarray) -> np.ndarray:
+    m, inertia, hh, hg, gg = _inertia(scenario.payload)  # pyright: ignore[reportArgumentType]
+    lateral = np.einsum("ni,ni->n", s[:, :2], across)
+    rigid = m * (s[:, 0] ** 2 + s[:, 1] ** 2) + inertia * s[:, 2] ** 2
+    return 0.5 * (rigid - hh * lateral**2 - 2 * hg * lateral * s[:, 2] - gg * s[:, 2] ** 2)
+
+
+def _arm(arm: Arm, joint_angle: np.ndarray, grip_rate: np.ndarray, turn_rate: np.ndarray) -> np.ndarray:
+    """½ θ̇ᵀMθ̇ of one arm whose grip moves with `grip_rate` (N, 2) m/s and turns with `turn_rate` (N,) rad/s."""
+    angle = np.cumsum(joint_angle, axis=1)
+    normal = np.stack([-np.sin(angle), np.cos(angle)], axis=2)
+    l1, l2, l3 = arm.link_length
+    wrist = grip_rate - l3 * turn_rate[:, None] * normal[:, 2]
+    # wrist = l1 φ̇1 n1 + l2 φ̇2 n2, solved by hand: the library's solver wakes all cores for it.
+    elbow = normal[:, 0, 0] * normal[:, 1, 1] - normal[:, 0, 1] * normal[:, 1, 0]
+    first = (wrist[:, 0] * normal[:, 1, 1] - wrist[:, 1] * normal[:, 1, 0]) / (l1 * elbow)
+    second = (normal[:, 0, 0] * wrist[:, 1] - normal[:, 0, 1] * wrist[:, 0]) / (l2 * elbow)
+    rate = np.column_stack([first, second, turn_rate])
+    joint = np.zeros_like(wrist)
+    energy = np.zeros(len(wrist))
+    for link in range(3):
+        center = joint + arm.link_center[link] * rate[:, link, None] * normal[:, link]
+        energy += arm.link_mass[link] * np.einsum("ni,ni->n", center, center)
+        energy += arm.inertia[link] * rate[:, link] ** 2
+        joint = joint + arm.link_length[link] * rate[:, link, None] * normal[:, link]
+    return 0.5 * energy
 
 
 @dataclass(frozen=True)
@@ -32,32 +78,41 @@ class Limit:
     tone: colors.Color
 
 
+Limits = Callable[[Scenario], tuple[Limit, ...]]
+
+
 @dataclass(frozen=True)
 class Plot:
-    """One plot over time: `labels` with units, one per signal; `values` gives (signals, N) in those units.
-
-    `least`: the smallest vertical range, in the plot's units; below it there is nothing worth magnifying.
-    `positive`: whether the range starts at 0 instead of -limit.
-    """
+    """One plot over time: `labels` with units, one per signal; `values` gives (signals, N) in those units."""
 
     title: str
     labels: tuple[str, ...]
-    tones: tuple[colors.Color, ...]
-    values: Values
+    values: Callable[[Scenario, Samples], np.ndarray]
     least: float
-    positive: bool = False
-    limits: Callable[[Scenario], tuple[Limit, ...]] = lambda _: ()
-    note: str = ""
+    """The smallest vertical range, in the plot's units."""
+    limits: Limits
+    note: str
     """A sentence below the plot."""
 
+    @property
+    def tones(self) -> tuple[colors.Color, ...]:
+        """A colour for each signal."""
+        return tuple(colors.CURVES[k % len(colors.CURVES)] for k in range(len(self.labels)))
 
-def _torques(arm: int) -> Values:
-    return lambda _, samples: samples.joint_torque[:, arm].T
+
+def _plot(view: View, *shown: int, title: str = "", limits: Limits = lambda _: (), note: str = "") -> Plot:
+    """A view's curves, or those of the numbers `shown`, under its title or another one."""
+    chosen = list(shown or range(len(view.curves)))
+    curves = [view.curves[k].removeprefix("left ").removeprefix("right ") for k in chosen]
+    labels = tuple(f"{curve} ({view.units[k]})" for curve, k in zip(curves, chosen, strict=True))
+    return Plot(
+        title or view.title, labels, lambda _, samples: view.values(samples).T[chosen], view.least, limits, note
+    )
 
 
 def _torque_limits(scenario: Scenario) -> tuple[Limit, ...]:
     limits = scenario.controller.torque_limit or ()
-    return tuple(Limit(f"limit {k + 1} (N·m)", value, THREE[k]) for k, value in enumerate(limits))
+    return tuple(Limit(f"limit {k + 1} (N·m)", value, colors.CURVES[k]) for k, value in enumerate(limits))
 
 
 def _wanted_force(scenario: Scenario) -> tuple[Limit, ...]:
@@ -65,122 +120,44 @@ def _wanted_force(scenario: Scenario) -> tuple[Limit, ...]:
     return (Limit("wanted F_d (N)", force, colors.GRAY),) if force else ()
 
 
-def _law_limits(signal: str) -> Callable[[Scenario], tuple[Limit, ...]]:
+def _law_limits(view: View) -> Limits:
     """The levels that the control law knows for a signal."""
 
     def limits(scenario: Scenario) -> tuple[Limit, ...]:
-        levels = law_of(scenario.controller).limits(scenario.controller).get(signal, {})
+        levels = law_of(scenario.controller).limits(scenario.controller).get(view.signals[0].name, {})
         return tuple(Limit(label, value, colors.GRAY) for label, value in levels.items())
 
     return limits
 
 
-def _own_plot(signal: Signal) -> Plot:
-    """A law's own signal."""
-    parts = [f" {label}" for label in signal.axes[-1].labels] if signal.axes else [""]
-    units = signal.units * len(parts) if len(signal.units) == 1 else signal.units
-    return Plot(
-        f"{signal.meaning[:1].upper()}{signal.meaning[1:]} {signal.symbol}",
-        tuple(f"{signal.symbol}{part} ({unit})" for part, unit in zip(parts, units, strict=True)),
-        tuple(THREE[k % len(THREE)] for k in range(len(parts))),
-        lambda _, samples: _own_values(samples, signal, len(parts)),
-        LEAST_OWN,
-        limits=_law_limits(signal.name),
-    )
-
-
-def _own_values(samples: Samples, signal: Signal, count: int) -> np.ndarray:
-    """(parts, N); NaN in samples of another law."""
-    found = samples.own.get(signal.name)
-    return np.full((count, len(samples)), np.nan) if found is None else found.reshape(len(samples), count).T
-
-
-def _torque_plot(arm: int, name: str) -> Plot:
-    labels = tuple(f"τ{joint} (N·m)" for joint in (1, 2, 3))
-    return Plot(f"Joint torques, {name} arm", labels, THREE, _torques(arm), 1.0, limits=_torque_limits)
-
-
-ERROR = Plot(
-    "Tracking error",
-    ("x (mm)", "y (mm)", "θ (mrad)"),
-    THREE,
-    lambda _, samples: MILLI * samples.tracking_error.T,
-    0.1,
-)
-DEFLECTION = Plot(
-    "Mid-span deflection, true size",
-    ("vibration (mm)", "quasi-static (mm)"),
-    (colors.VIOLET, colors.OLIVE),
-    lambda _, samples: MILLI * np.stack([samples.vibration, samples.quasi_static_deflection]),
-    0.01,
-)
-INTERNAL_FORCE = Plot(
-    "Internal force, left arm",
-    ("Fx (N)", "Fy (N)", "M (N·m)"),
-    THREE,
-    lambda _, samples: samples.internal_force[:, 0].T,
-    1.0,
-    limits=_wanted_force,
-)
-SLIDING = Plot(
-    "Sliding variable s",
-    ("x (m/s)", "y (m/s)", "θ (rad/s)"),
-    THREE,
-    lambda _, samples: samples.sliding_variable.T,
-    0.01,
-    limits=_law_limits("sliding_variable"),
-)
-ESTIMATES = Plot(
-    "Bound estimates b̂",
-    ("b̂0 (N)", "b̂1 (N/m)", "b̂2 (N·s²/m²)"),
-    THREE,
-    lambda _, samples: samples.bound_estimates.T,
-    0.01,
-    positive=True,
-)
-ENERGY = Plot(
-    "Energy of arms and payload",
-    ("kinetic (J)", "weight (J)", "total (J)"),
-    THREE,
-    lambda _, samples: np.stack([samples.kinetic_energy, samples.gravity_energy, samples.total_energy]),
-    1.0,
-)
-ELASTIC = Plot(
-    "Elastic energy of the beam",
-    ("elastic (mJ)",),
-    (colors.VIOLET,),
-    lambda _, samples: MILLI * samples.elastic_energy[None],
-    0.01,
-    positive=True,
-)
-AXIAL_LOAD = Plot(
-    "Axial load beside P_cr",
-    ("compression (%)", "stiffness taken by the spin (%)"),
-    (colors.VIOLET, colors.OLIVE),
-    lambda _, samples: 100 * np.stack([samples.axial_load_share, samples.spin_share]),
-    1.0,
-    positive=True,
-    note="At 100 % of compression this beam buckles; at 100 % of spin the paper's beam has no stiffness left.",
-)
 LYAPUNOV = Plot(
     "Lyapunov function, tracking part ½ sᵀM̄s",
     ("V (mJ)",),
-    (colors.VIOLET,),
     lambda scenario, samples: MILLI * tracking_energy(scenario, samples)[None],
     0.1,
-    positive=True,
-    note="The proof's whole function adds ½ Σ kⱼ (bⱼ − b̂ⱼ)²: what the estimates still lack. Nobody knows the true "
+    lambda _: (),
+    "The proof's whole function adds ½ Σ kⱼ (bⱼ − b̂ⱼ)²: what the estimates still lack. Nobody knows the true "
     "bounds bⱼ, so that part cannot be drawn.",
 )
+LOAD_NOTE = "At 100 % of compression this beam buckles; at 100 % of spin the paper's beam has no stiffness left."
 
 
 def tabs(scenario: Scenario) -> dict[str, tuple[Plot, ...]]:
     """Tab name → its plots over time, for the arms that are there."""
-    torques = (_torque_plot(0, "left"), _torque_plot(1, "right"))[: len(scenario.arms)]
-    estimates = (ESTIMATES,) if BOUND_ESTIMATES in law_of(scenario.controller).memory else ()
+    torque = views.TORQUES[len(scenario.arms) - 1]
+    torques = [
+        _plot(torque, *range(3 * arm, 3 * arm + 3), title=f"Joint torques, {name} arm", limits=_torque_limits)
+        for arm, name in enumerate(("left", "right")[: len(scenario.arms)])
+    ]
+    estimates = [_plot(views.ESTIMATES)] if BOUND_ESTIMATES in law_of(scenario.controller).memory else []
+    own = [_plot(view, limits=_law_limits(view)) for view in views.own_views(scenario)]
     return {
-        "Motion": (ERROR, DEFLECTION, INTERNAL_FORCE),
-        "Torques": (*torques, AXIAL_LOAD),
-        "Control": (SLIDING, *estimates, *map(_own_plot, own_signals(scenario))),
-        "Energy": (ENERGY, ELASTIC, LYAPUNOV),
+        "Motion": (
+            _plot(views.ERROR),
+            _plot(views.DEFLECTION, 0, 2),
+            _plot(views.INTERNAL_FORCE, limits=_wanted_force),
+        ),
+        "Torques": (*torques, _plot(views.AXIAL_SHARE, note=LOAD_NOTE)),
+        "Control": (_plot(views.SLIDING, limits=_law_limits(views.SLIDING)), *estimates, *own),
+        "Energy": (_plot(views.ENERGIES, 0, 2, 3), _plot(views.ELASTIC), LYAPUNOV),
     }

@@ -1,11 +1,15 @@
-"""The payload: one tube whose vertices follow the beam's centre line, deflection exaggerated by a shown factor."""
+"""The payload: one tube whose vertices follow the beam's centre line, deflection exaggerated by a shown factor.
+
+The beam of a kept run is drawn behind the present one, at the same simulation time.
+"""
 
 import numpy as np
 import viser
 
 from flexlab.lab import colors
-from flexlab.lab.scene import arm_models
-from flexlab.lab.scene.arm_meshes import scene_size
+from flexlab.lab.reference_run import ReferenceRun
+from flexlab.lab.scene import arms
+from flexlab.lab.scene.arms import scene_size
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import beam_points
@@ -69,10 +73,10 @@ class Beam:
         )
 
     def _around(self, line: np.ndarray) -> np.ndarray:
-        return tube_vertices(line, TUBE_RADIUS * self._size, arm_models.BEAM_HEIGHT * self._size)
+        return tube_vertices(line, TUBE_RADIUS * self._size, arms.BEAM_HEIGHT * self._size)
 
     def _grab_around(self, line: np.ndarray) -> np.ndarray:
-        height = arm_models.BEAM_HEIGHT * self._size
+        height = arms.BEAM_HEIGHT * self._size
         return tube_vertices(line[::GRAB_EVERY], GRAB_RADIUS * self._size, height, GRAB_SIDES)
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
@@ -87,3 +91,38 @@ class Beam:
         """Take the beam out of the scene."""
         self.mesh.remove()
         self.grab.remove()
+
+
+OPACITY = 0.45
+SHARE = 0.9
+"""Thickness relative to the present beam, which must stay in front."""
+
+
+class ReferenceBeam:
+    """Drawn while a run is kept and has a sample for the present time."""
+
+    def __init__(self, scene: viser.SceneApi, scenario: Scenario):
+        self._size = scene_size(scenario)
+        self._tube = scene.add_mesh_simple(
+            "/kept",
+            np.zeros(((STATIONS + 2) * SIDES, 3)),
+            tube_faces(STATIONS),
+            color=colors.GRAY,
+            opacity=OPACITY,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+
+    def update(self, sample: Samples, view: ViewSettings, kept: ReferenceRun | None) -> None:
+        """Draw `kept` at the time of `sample` (N = 1)."""
+        past = kept.at(float(sample.time[0])) if kept is not None else None
+        self._tube.visible = past is not None
+        if kept is not None and past is not None:
+            line = beam_points(kept.scenario, past, STATIONS, view.exaggeration)[0]
+            height = arms.BEAM_HEIGHT * self._size
+            self._tube.vertices = tube_vertices(line, SHARE * TUBE_RADIUS * self._size, height)
+
+    def remove(self) -> None:
+        """Take the beam out of the scene."""
+        self._tube.remove()

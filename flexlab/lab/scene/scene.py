@@ -8,13 +8,10 @@ import viser
 from flexlab.lab.mode_computation import ModeStudy, peak_deflection
 from flexlab.lab.picking import Picking
 from flexlab.lab.reference_run import ReferenceRun
-from flexlab.lab.scene.arm_meshes import Arms
-from flexlab.lab.scene.beam_mesh import Beam
-from flexlab.lab.scene.forces import Forces
-from flexlab.lab.scene.overlays import Overlays
-from flexlab.lab.scene.pull_arrow import PullArrow
-from flexlab.lab.scene.reach import Reach
-from flexlab.lab.scene.reference_beam import ReferenceBeam
+from flexlab.lab.scene.arms import Arms
+from flexlab.lab.scene.beam_mesh import Beam, ReferenceBeam
+from flexlab.lab.scene.forces import Forces, PullArrow
+from flexlab.lab.scene.overlays import Overlays, Reach
 from flexlab.lab.scene.stage import Stage, set_light
 from flexlab.lab.scene.strain import StrainBeam
 from flexlab.lab.view_settings import Legend, ViewSettings

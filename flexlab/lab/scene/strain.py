@@ -5,8 +5,8 @@ import viser
 
 from flexlab.lab import colors
 from flexlab.lab.ranges import Range
-from flexlab.lab.scene import arm_models
-from flexlab.lab.scene.arm_meshes import scene_size, turn_about_z
+from flexlab.lab.scene import arms
+from flexlab.lab.scene.arms import scene_size, turn_about_z
 from flexlab.lab.scene.beam_mesh import TUBE_RADIUS
 from flexlab.lab.scene.solids import bar
 from flexlab.lab.view_settings import ViewSettings
@@ -104,7 +104,7 @@ class StrainBeam:
         self._range.fit(float(np.abs(strain).max()))
         line = beam_points(scenario, sample, PIECES + 1, view.exaggeration)[0]
         along = np.diff(line, axis=0)
-        middle = np.column_stack([(line[:-1] + line[1:]) / 2, np.full(PIECES, arm_models.BEAM_HEIGHT * self._size)])
+        middle = np.column_stack([(line[:-1] + line[1:]) / 2, np.full(PIECES, arms.BEAM_HEIGHT * self._size)])
         length = OVERLAP * np.linalg.norm(along, axis=1)
         self._pieces.batched_positions = middle.astype(np.float32)
         self._pieces.batched_wxyzs = turn_about_z(np.arctan2(along[:, 1], along[:, 0])).astype(np.float32)

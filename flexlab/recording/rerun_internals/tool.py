@@ -1,16 +1,27 @@
-"""Rerun's own program, which comes with its Python package: what makes recordings whole."""
+"""Rerun's own program, which comes with its Python package: it makes recordings whole, serves them, and holds the viewer."""
 
 import contextlib
 import os
 import re
 import subprocess
 import threading
+import time
+import urllib.error
+import urllib.request
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import rerun as rr
+import rerun.blueprint as rrb
 import rerun_cli
+from rerun.catalog import DatasetEntry
+from rerun_bindings import CatalogClientInternal
 
 from flexlab.errors import RecordingError
+from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.message_layout import has_footer
+from flexlab.recording.store.notes import replacing
+from flexlab.sockets import free_ports
 
 LARGE_FILE = 500_000_000
 """Bytes: above that the pieces are indexed but not joined, which would take the whole recording into memory."""
@@ -88,3 +99,81 @@ class Mending:
         if refused:
             raise OSError(int(refused[2]), refused[1])
         return self._process.returncode == 0 and target.exists() and has_footer(target)
+
+
+LOOPBACK = "127.0.0.1"
+UNPACK_TIME = 20.0
+"""s that rerun's program may take to serve its viewer."""
+
+VIEWER_FILES = {
+    "index.html": "text/html; charset=utf-8",
+    "re_viewer.js": "text/javascript",
+    "re_viewer_bg.wasm": "application/wasm",
+}
+"""All that the viewer is made of, with its content types."""
+
+_FOREIGN_LINK = re.compile(rb"<link\b[^>]*\bhref=\"(?:https?:|favicon|apple)[^>]*>")
+"""Fonts from outside, which the policy would refuse, and icons that are not there."""
+
+
+def viewer_folder() -> Path:
+    """A folder with the files of `VIEWER_FILES`, unpacked on first use. Raises `RecordingError` if that fails."""
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = base / "flexlab" / f"rerun-{rr.__version__}"
+    if not all((folder / name).is_file() for name in VIEWER_FILES):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            _unpack(folder)
+        except OSError as error:
+            raise RecordingError(f"Rerun's web viewer cannot be unpacked into {folder}: {error}.") from None
+    return folder
+
+
+def _unpack(folder: Path) -> None:
+    grpc, web = free_ports(2)
+    options = ["--bind", LOOPBACK, "--port", str(grpc), "--web-viewer-port", str(web)]
+    nothing = subprocess.DEVNULL
+    process = subprocess.Popen([rerun_tool(), "--serve-web", *options], stdin=nothing, stdout=nothing, stderr=nothing)
+    try:
+        for name in VIEWER_FILES:
+            data = _fetch(f"http://{LOOPBACK}:{web}/{name}", process)
+            data = _FOREIGN_LINK.sub(b"", data) if name == "index.html" else data
+            with replacing(folder / name) as draft:
+                draft.write_bytes(data)
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _fetch(address: str, process: "subprocess.Popen[bytes]") -> bytes:
+    deadline = time.monotonic() + UNPACK_TIME
+    while time.monotonic() < deadline and process.poll() is None:
+        with contextlib.suppress(urllib.error.URLError, ConnectionError), urllib.request.urlopen(address) as answer:
+            return answer.read()
+        time.sleep(0.05)
+    raise RecordingError("Rerun's program does not serve its web viewer: install rerun-sdk again.")
+
+
+DATASET = "runs"
+
+
+def serve(path: Path, application: str, layout: rrb.Blueprint) -> tuple[rr.server.Server, str]:
+    """(server, to be shut down; address that a viewer opens). Raises RuntimeError, ValueError, OSError or LookupError."""
+    server = rr.server.Server(host=LOOPBACK, port=0, datasets={DATASET: [path]})
+    try:
+        # Rerun's public client answers what follows only with a 43 MB library of queries, so its core is asked.
+        (core,) = CatalogClientInternal(server.url()).datasets(False)
+        _lay_out(DatasetEntry(core), application, layout)
+        with quiet_reader(path) as reader:
+            return server, core.segment_url(reader.recordings()[0].recording_id)
+    except BaseException:
+        server.shutdown()
+        raise
+
+
+def _lay_out(dataset: DatasetEntry, application: str, layout: rrb.Blueprint) -> None:
+    """Give the served recording its layout: the server does not look for the one inside the file."""
+    with TemporaryDirectory(prefix="flexlab-") as folder:
+        file = Path(folder) / "layout.rbl"
+        layout.save(application, file)
+        dataset.register_blueprint(file.as_uri())

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import itertools
 import logging
 import secrets
 import time
@@ -10,15 +11,15 @@ from collections.abc import Coroutine
 from pathlib import Path
 from typing import Any
 
-from flexlab.control import own_law_hosts
 from flexlab.errors import FlexlabError, LabError
+from flexlab.lab.class_rules import ClassRules
+from flexlab.own import hosts
 from flexlab.recording.live import LiveHub
 from flexlab.recording.repair import finish, finish_abandoned
 from flexlab.server.child_processes import prepare_lab_processes
-from flexlab.server.labs.lab_provider import Choice, FullError, Hold, Lab
+from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Hold, Lab, WaitingLine
 from flexlab.server.labs.recorded_lab import LabStatus
 from flexlab.server.labs.run_owner import owner_word
-from flexlab.server.labs.waiting_line import LOOK_AGAIN, WaitingLine
 from flexlab.server.labs.worker import STOP_TIME, Name, Order, Teacher, Worker
 from flexlab.server.settings import SECRET_BYTES, Settings
 
@@ -51,8 +52,8 @@ log = logging.getLogger(__name__)
 class PrivateLab:
     """One visitor's lab."""
 
-    def __init__(self, lab: str, visitor: str, name: str, worker: Worker, choice: Choice):
-        self.lab, self.visitor, self.name, self.worker = lab, visitor, name, worker
+    def __init__(self, number: int, lab: str, visitor: str, name: str, worker: Worker, choice: Choice):
+        self.number, self.lab, self.visitor, self.name, self.worker = number, lab, visitor, name, worker
         self.path = f"/s/{lab}"
         self.secret = worker.secret
         self.port = 0
@@ -83,6 +84,8 @@ class PrivateLabs:
         """`first`: what a visitor sees who chose nothing. `address`: of the server."""
         prepare_lab_processes()
         self._settings, self._first, self._address = settings, first, address
+        self.rules = ClassRules()
+        self._numbers = itertools.count(1)
         self._places: dict[str, PrivateLab] = {}
         self._opening: dict[str, asyncio.Future[PrivateLab]] = {}
         self._ended: OrderedDict[str, tuple[str, str]] = OrderedDict()
@@ -142,10 +145,12 @@ class PrivateLabs:
             owner_word(visitor),
             name,
             self._settings.most_bytes_per_visitor,
-            own_law_hosts.allowed(),
+            hosts.allowed(),
         )
-        place = PrivateLab(lab, visitor, name, await asyncio.to_thread(Worker, order, tell), choice)
-        self._places[lab] = place
+        worker = await asyncio.to_thread(Worker, order, tell)
+        place = self._places[lab] = PrivateLab(next(self._numbers), lab, visitor, name, worker, choice)
+        if self.rules != ClassRules():
+            worker.tell(Teacher(self.rules))
         try:
             place.port = await asyncio.to_thread(place.worker.wait_until_ready)
         except LabError:
@@ -172,6 +177,13 @@ class PrivateLabs:
         """Have a lab follow the teacher."""
         if isinstance(place, PrivateLab):
             await asyncio.to_thread(place.worker.tell, Teacher(what))
+
+    async def rule(self, rules: ClassRules) -> None:
+        """All labs follow, also those that are just being opened."""
+        self.rules = rules
+        await asyncio.gather(
+            *(asyncio.to_thread(place.worker.tell, Teacher(rules)) for place in list(self._places.values()))
+        )
 
     def call(self, visitor: str, name: str) -> None:
         """The visitor's next runs are kept under another name."""

@@ -11,6 +11,8 @@ from flexlab.recording.store.run_files import list_runs
 LOOK = 5.0
 """s between two looks at the folder."""
 MEGABYTE = 1e6
+PER_SECOND = 0.5 * MEGABYTE
+"""Bytes that a simulated second of the paper's run takes, about."""
 
 
 class Quota:
@@ -38,7 +40,8 @@ class Quota:
         return (
             f"Your runs take {taken / MEGABYTE:.0f} MB of the {self._most / MEGABYTE:.0f} MB that each visitor has"
             f"{f', and this needs {size / MEGABYTE:.1f} MB' if taken <= self._most else ''}: "
-            "delete some of them on the page Runs."
+            "delete some of them on the page Runs. A simulated second takes about "
+            f"{PER_SECOND / MEGABYTE:g} MB, so that {self._most / PER_SECOND:.0f} s fit in all."
         )
 
     def _taken(self) -> float:

@@ -2,12 +2,16 @@
 
 import contextlib
 import math
+import shutil
+import time
+from collections import deque
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
 
 from flexlab.analysis.run_summary import run_notes
 from flexlab.errors import RecordingError
+from flexlab.lab.class_rules import LOCKED, ClassRules
 from flexlab.lab.session import Session
 from flexlab.recording.live import Take
 from flexlab.recording.reader import read_range
@@ -15,10 +19,68 @@ from flexlab.recording.recorder import Recorder
 from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Choice, Hold, LabStatus
 from flexlab.server.labs.quota import Quota
-from flexlab.server.labs.recording_text import RecordingText
 from flexlab.server.scenario_links import encode_scenario, scenario_path
 from flexlab.sim.commands import Pause, Play
 from flexlab.sim.samples import Samples
+
+LOOK_PERIOD = 1.0
+"""s between two looks at file and disk."""
+MEASURED = 10
+"""Looks over which the rate is measured."""
+MEGABYTE, GIGABYTE = 1e6, 1e9
+LITTLE_SPACE = 2 * GIGABYTE
+"""Bytes free below which there is a warning: an hour of a lab that nobody stops."""
+
+
+def little_space(logs: Path) -> str:
+    """A warning, without a full stop, when the disk of the logs folder is nearly full; else empty."""
+    try:
+        free = shutil.disk_usage(logs).free
+    except OSError:
+        return ""
+    if free >= LITTLE_SPACE:
+        return ""
+    return f"Only {free / GIGABYTE:.1f} GB free on this disk: delete runs that nobody needs"
+
+
+class RecordingText:
+    """Called ten times a second by the panel, it looks at the disk once a second."""
+
+    def __init__(self, recorder: Recorder, logs: Path, clock: Callable[[], float] = time.monotonic):
+        self._recorder, self._logs, self._clock = recorder, logs, clock
+        self._looks: deque[tuple[float, int]] = deque(maxlen=MEASURED)
+        self._path: Path | None = None
+        self._looked_at = float("-inf")
+        self._warning = ""
+
+    def __call__(self) -> str:
+        """The sentence; empty before there is a recording."""
+        if self._recorder.problem is not None:
+            return self._recorder.problem
+        path = self._recorder.path
+        if path is None:
+            return ""
+        if self._clock() - self._looked_at >= LOOK_PERIOD:
+            self._look(path)
+        return f"Recording to {path.name}{self._rate()}{self._warning}"
+
+    def _look(self, path: Path) -> None:
+        self._looked_at = self._clock()
+        if path != self._path:
+            self._path = path
+            self._looks.clear()
+        try:
+            self._looks.append((self._looked_at, path.stat().st_size))
+        except OSError:
+            return  # The recorder says what is wrong with the disk.
+        little = little_space(self._logs)
+        self._warning = f". {little}" if little else ""
+
+    def _rate(self) -> str:
+        if len(self._looks) < 2:
+            return ""
+        (first, before), (last, now) = self._looks[0], self._looks[-1]
+        return f", {60 * (now - before) / (last - first) / MEGABYTE:.0f} MB/min"
 
 
 class RecordedLab:
@@ -84,12 +146,18 @@ class RecordedLab:
 
     def load(self, choice: Choice) -> None:
         """Begin a run of a scenario, or go on from an earlier run; a lab that runs just this scenario goes on undisturbed."""
+        if self._session.lab_state.rules.locked:
+            self._session.lab_state.say(LOCKED, "error")
+        else:
+            self._open(choice)
+
+    def _open(self, choice: Choice) -> None:
         snapshot = self._session.runner.snapshot
         shown = snapshot.scenario == choice.scenario and snapshot.name == choice.name and not snapshot.status.failed
         if shown and choice.origin is None:
             return
         self._session.lab_state.load(choice.scenario, choice.name, choice.origin)
-        if choice.stands:
+        if choice.stands or self._session.lab_state.rules.locked:
             self._session.lab_state.submit(Pause())
         elif not snapshot.playing:
             # One that plays already begins by itself, as soon as its page is drawn; this would not wait for it.
@@ -106,18 +174,34 @@ class RecordedLab:
             raise RecordingError(self._recorder.problem or "This run is not being recorded.")
         return read_range(path, None, end)
 
-    def ask(self, what: Choice | Hold) -> None:
+    def ask(self, what: Choice | Hold | ClassRules) -> None:
         """Follow the teacher."""
         lab_state = self._session.lab_state
         if isinstance(what, Choice):
-            self.load(what)
+            self._open(what)
             lab_state.say(f"The teacher opened {what.scenario.title or what.name}.")
+        elif isinstance(what, ClassRules):
+            self._follow(what)
         elif what.playing and not self._session.runner.snapshot.status.failed:
             lab_state.submit(Play())
             lab_state.say("The teacher lets this lab go on.")
         elif not what.playing:
             lab_state.submit(Pause())
             lab_state.say("The teacher paused this lab.")
+
+    def _follow(self, rules: ClassRules) -> None:
+        """Take up new rules; what holds from now on stands in the lab, what ended is said."""
+        lab_state = self._session.lab_state
+        before, lab_state.rules = lab_state.rules, rules
+        if rules.locked and not before.locked:
+            lab_state.submit(Pause())
+        elif before.locked and not rules.locked:
+            lab_state.say("The teacher unlocked this lab: press Play.")
+        elif before.lesson and not rules.lesson:
+            lab_state.say("The teacher lets each choose their lesson.")
+        elif rules.hides_names != before.hides_names:
+            names = "hides the names of all" if rules.hides_names else "shows the names of all"
+            lab_state.say(f"The teacher's page {names}.")
 
     def status(self) -> LabStatus:
         """How it stands now."""
@@ -135,6 +219,7 @@ class RecordedLab:
             problem=recorder.problem or "",
             error=math.hypot(*snapshot.latest.tracking_error[0, :2]),
             lesson=self._session.lab_state.lesson,
+            lessons=tuple(self._session.lab_state.lessons.values()),
         )
 
     def close(self) -> Path | None:

@@ -3,6 +3,7 @@
 import asyncio
 from pathlib import Path
 
+from flexlab.lab.class_rules import ClassRules
 from flexlab.recording.live import LiveHub
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab
 from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
@@ -17,6 +18,7 @@ class SharedLab:
         self.path = "/lab"
         self.visitors = 0
         self.name = ""
+        self.number = 1
 
     @property
     def port(self) -> int:
@@ -40,6 +42,7 @@ class SharedLabProvider:
 
     def __init__(self, laboratory: RecordedLab, live: LiveHub | None = None):
         self._laboratory = laboratory
+        self.rules = ClassRules()
         self._place = SharedLab(laboratory, live)
 
     async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
@@ -59,6 +62,11 @@ class SharedLabProvider:
     async def ask(self, place: Lab, what: Choice | Hold) -> None:
         """The one lab follows."""
         self._laboratory.ask(what)
+
+    async def rule(self, rules: ClassRules) -> None:
+        """The one lab follows."""
+        self.rules = rules
+        self._laboratory.ask(rules)
 
     def call(self, visitor: str, name: str) -> None:
         """Nothing: the lab is everybody's."""

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from flexlab.control.own_files import know_own_files
 from flexlab.errors import FlexlabError, LabError, RecordingError
+from flexlab.lab.class_rules import ClassRules
+from flexlab.own.files import know_own_files
 from flexlab.recording.live import LiveHub, Take
 from flexlab.server.child_processes import (
     failures_told_plainly,
-    lab_processes,
+    job_processes,
     leave_interrupts_to_the_server,
     without_interrupt,
 )
@@ -51,7 +52,7 @@ class Order:
     quota: float | None
     """Bytes that the visitor's runs may take; None: any number."""
     own_laws: dict[str, str]
-    """Control laws in Python that may run: `own_law_hosts.allowed`."""
+    """Control laws in Python that may run: `hosts.allowed`."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Name:
 class Teacher:
     """What the teacher asks."""
 
-    what: Choice | Hold
+    what: Choice | Hold | ClassRules
 
 
 Word = Choice | Name | Teacher | None
@@ -152,7 +153,7 @@ class Worker:
 
     def __init__(self, order: Order, on_end: Callable[[], None]):
         """Start the process. `on_end` is called, on a thread, when it is over for whatever reason."""
-        context = lab_processes()
+        context = job_processes()
         self._pipe, other = context.Pipe()
         source, target = context.Pipe(duplex=False) if order.live else (None, None)
         self._process = context.Process(target=work, args=(order, other, target), name="flexlab-lab", daemon=True)

@@ -7,9 +7,8 @@ from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.overlay import MOST_RUNS, run_label
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.auth import COMPARISON, WITH_A_PASS, has_pass, is_opened_by_person, recording_address, refuse
-from flexlab.server.pages.layout import message, page
 from flexlab.server.pages.page_context import context_of
-from flexlab.server.pages.templating import button
+from flexlab.server.pages.templating import button, message, page
 from flexlab.server.run_jobs import ComparisonTables
 from flexlab.server.visitors import asker_of, is_teacher, run_for
 

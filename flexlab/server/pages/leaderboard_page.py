@@ -7,8 +7,8 @@ from aiohttp import hdrs, web
 from flexlab.analysis.leaderboard.summary import OF_THE_BEST, SEVERAL, overview, provenance, sections, settings
 from flexlab.errors import FlexlabError
 from flexlab.server.leaderboard_jobs import is_of_today
-from flexlab.server.pages.layout import page
 from flexlab.server.pages.page_context import context_of
+from flexlab.server.pages.templating import page
 from flexlab.server.visitors import asker_of
 
 PLACE = "/leaderboard"

@@ -7,17 +7,14 @@ from pathlib import Path
 import aiohttp
 from aiohttp import web
 
-from flexlab.server.comparison_jobs import Comparisons
 from flexlab.server.labs.lab_provider import LabProvider
 from flexlab.server.leaderboard_jobs import Boards
-from flexlab.server.limits import Limit
-from flexlab.server.metric_jobs import Measuring
+from flexlab.server.limits import Guesses, Limit
 from flexlab.server.preset_cards import PresetCards
-from flexlab.server.replay_jobs import Replays
+from flexlab.server.run_jobs import Comparisons, Measuring, Replays
 from flexlab.server.settings import Settings
 from flexlab.server.studies import Studies
 from flexlab.server.tasks import Tasks
-from flexlab.server.token_guesses import Guesses
 
 MOST_PAGES = 12, 120, 128, 8
 """Live connections of lab's pages: of one visitor, of one address, of all, and more for the teacher."""

@@ -1,31 +1,204 @@
-"""`/runs`: the library. `/runs/<id>`: a run in rerun's viewer, its file, its notes, its end."""
+"""`/runs`: the library, `/runs/import`: into it. `/runs/<id>`: a run in rerun's viewer, its file, its notes, its end."""
 
 import asyncio
 import re
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from aiohttp import hdrs, web
+from aiohttp import BadContentDispositionHeader, BadContentDispositionParam, BodyPartReader, hdrs, web
 
-from flexlab.analysis.metrics.noted import noted_texts
-from flexlab.errors import RecordingError
+from flexlab.analysis.metrics import METRICS
+from flexlab.analysis.metrics.run_metrics import noted_text, noted_texts, noted_value
+from flexlab.errors import FlexlabError, RecordingError
+from flexlab.plain_text import visible
 from flexlab.recording.importing import IMPORTED
 from flexlab.recording.overlay import MOST_RUNS
 from flexlab.recording.repair import finish
-from flexlab.recording.store.run_files import SUFFIX
+from flexlab.recording.store.run_files import SUFFIX, file_word
 from flexlab.recording.store.run_index import (
+    RunRow,
     annotate_run,
     delete_run,
     find_row,
+    size_text,
 )
-from flexlab.recording.web_viewer import VIEWER_FILES, viewer_folder
+from flexlab.recording.viewer import VIEWER_FILES, viewer_folder
+from flexlab.scenario.field_text import field_title
 from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
-from flexlab.server.labs.recording_text import little_space
-from flexlab.server.pages.layout import message, page
+from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.pages.page_context import context_of
-from flexlab.server.pages.run_actions import EXPORTS, TABLES, check_recorded, recorded_row_of, row_of
-from flexlab.server.pages.runs_table import table_values
-from flexlab.server.pages.templating import button, render
-from flexlab.server.pages.upload import LARGEST_UPLOAD
-from flexlab.server.visitors import runs_for
+from flexlab.server.pages.run_actions import (
+    EXPORTS,
+    TABLES,
+    check_recorded,
+    claim_room,
+    file_on_its_way,
+    recorded_row_of,
+    row_of,
+)
+from flexlab.server.pages.templating import button, message, page, render
+from flexlab.server.run_jobs import take_in
+from flexlab.server.visitors import asker_of, is_teacher, runs_for, visitor_of
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """The head of a column. `kind`: how it is sorted."""
+
+    name: str
+    kind: str
+    title: str
+    unit: str = ""
+
+
+COLUMNS = tuple(
+    TableColumn(name, kind, name)
+    for name, kind in (
+        ("Started", "time"),
+        ("Preset", "text"),
+        ("Duration", "number"),
+        ("Size", "number"),
+        ("State", "text"),
+    )
+)
+METRIC_COLUMNS = [column for metric in METRICS.values() for column in metric.columns if column.listed]
+"""Those of which a table has room; a run's own page has all."""
+LAST_COLUMNS = (
+    TableColumn("Note, changes", "text", "Note, and what was changed against the preset"),
+    TableColumn("", "text", ""),
+)
+PATH = re.compile(r"[a-z_0-9]+(\.[a-z_0-9]+)*")
+CHANGES_SHOWN = 3
+"""Of what was changed in a run, how many lines stand in the table."""
+
+
+def table_values(rows: Sequence[RunRow], short: bool = False) -> dict[str, Any]:
+    """The values of `runs_table.html`; the short table has no metrics, notes and actions."""
+    metrics = (TableColumn(_capital(c.heading), "number", c.key, f"[{c.unit}]") for c in METRIC_COLUMNS)
+    return {
+        "rows": rows,
+        "short": short,
+        "columns": COLUMNS if short else (*COLUMNS, *metrics, *LAST_COLUMNS),
+        "metric_columns": METRIC_COLUMNS,
+        "noted_text": noted_text,
+        "noted_value": noted_value,
+        "changes_text": _changes_text,
+    }
+
+
+def _changes_text(row: RunRow) -> str:
+    left = len(row.changes) - CHANGES_SHOWN
+    return "; ".join(map(_in_words, row.changes[:CHANGES_SHOWN])) + (f"; {left} more" if left > 0 else "")
+
+
+def _in_words(change: str) -> str:
+    """A change against the preset, "path: old → new" in the notes, with the field's title."""
+    path, colon, values = change.partition(": ")
+    return f"{field_title(path)}: {values}" if colon and PATH.fullmatch(path) else change
+
+
+def _capital(heading: str) -> str:
+    return heading[0].upper() + heading[1:]
+
+
+LARGEST_UPLOAD = 1_000_000_000
+"""Bytes: half an hour of a run."""
+PIECE = 256 * 1024
+"""Bytes read at once."""
+UPLOAD_TIME = 900.0
+"""s that an upload may take: the largest one over a line of 10 Mbit/s."""
+MOST_PARTS = 8
+"""Of an upload: its form has one."""
+MULTIPART = "multipart/form-data"
+ALL_RUNS = button("/runs", "All runs")
+
+TOO_LARGE = (
+    f"This file is larger than {size_text(LARGEST_UPLOAD)}: export a shorter range of time, "
+    "or put a recording (.rrd) into the logs folder yourself."
+)
+
+
+# aiohttp would write odd names of files to the terminal as they come.
+warnings.filterwarnings("ignore", category=BadContentDispositionHeader)
+warnings.filterwarnings("ignore", category=BadContentDispositionParam)
+
+
+def add_upload(router: web.UrlDispatcher) -> None:
+    """Route of the upload."""
+    router.add_post("/runs/import", upload)
+
+
+async def upload(request: web.Request) -> web.StreamResponse:
+    """Take one file; its run's page follows."""
+    context = context_of(request)
+    asker = asker_of(request)
+    try:
+        async with file_on_its_way(request) as folder:
+            path = await _receive(request, folder)
+            run = await context.tasks.run(asker, take_in, path, context.settings.logs, *_owner(request))
+    except FlexlabError as error:
+        return message("Nothing was imported", str(error), 422, ALL_RUNS)
+    raise web.HTTPSeeOther(f"/runs/{run}")
+
+
+def _owner(request: web.Request) -> tuple[dict[str, str], float | None]:
+    """(notes of whose the run is: the visitor's, where each has their own; bytes that all of theirs may take)."""
+    visitor = visitor_of(request)
+    if is_teacher(request) or not context_of(request).places.is_private:
+        return {}, None
+    notes = {"owner": visitor.owner, "visitor": visitor.name}
+    return notes, context_of(request).settings.most_bytes_per_visitor
+
+
+async def _receive(request: web.Request, folder: Path) -> Path:
+    """The uploaded file in `folder`, under its own name. Raises `RecordingError`."""
+    if request.content_type != MULTIPART:
+        raise RecordingError("There is no file in this upload: choose one first.")
+    if request.content_length is None:
+        raise RecordingError("This upload does not say how large it is: send it with a Content-Length.")
+    if request.content_length > LARGEST_UPLOAD + PIECE:
+        raise RecordingError(TOO_LARGE)
+    await claim_room(request, folder, request.content_length)
+    try:
+        async with asyncio.timeout(UPLOAD_TIME):
+            parts = await request.multipart()
+            for _ in range(MOST_PARTS):
+                part = await parts.next()
+                if part is None:
+                    break
+                if isinstance(part, BodyPartReader) and part.name == "file" and part.filename:
+                    return await _keep(part, folder)
+    except TimeoutError:
+        raise RecordingError(
+            f"This upload took longer than {UPLOAD_TIME / 60:g} minutes: export a shorter range of time."
+        ) from None
+    except (ValueError, AssertionError, RuntimeError):  # Too deep is a RuntimeError too.
+        raise RecordingError("This upload is malformed: choose the file again.") from None
+    raise RecordingError("There is no file in this upload: choose one first.")
+
+
+async def _keep(part: BodyPartReader, folder: Path) -> Path:
+    given = Path((part.filename or "").replace("\\", "/"))
+    if given.suffix.lower() not in IMPORTED:
+        raise RecordingError(
+            f"{visible(given.name, 60)} has no known format: choose a file that ends in {', '.join(IMPORTED)}."
+        )
+    path = folder / (file_word(given.stem) + given.suffix.lower())
+    size = 0
+    try:
+        with path.open("wb") as file:
+            while piece := await part.read_chunk(PIECE):
+                size += len(piece)
+                if size > LARGEST_UPLOAD:
+                    raise RecordingError(TOO_LARGE)
+                await asyncio.to_thread(file.write, piece)
+    except OSError as error:
+        raise RecordingError(f"The upload cannot be stored ({error.strerror}): make room on the disk.") from None
+    return path
+
 
 VIEWER_POLICY = (
     "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; connect-src 'self' data: blob:; "

@@ -8,10 +8,10 @@ from aiohttp import web
 
 from flexlab.assets import web_assets_folder
 from flexlab.server.labs.lab_provider import Lab, state_of
-from flexlab.server.network_addresses import outside_addresses, picture_code
-from flexlab.server.pages.layout import page
 from flexlab.server.pages.page_context import Context, context_of
-from flexlab.server.pages.runs_table import table_values
+from flexlab.server.pages.runs_pages import table_values
+from flexlab.server.pages.templating import page
+from flexlab.server.settings import outside_addresses, picture_code
 from flexlab.server.visitors import LONGEST_NAME, runs_for, visitor_of
 
 NEWEST = 5

@@ -6,10 +6,9 @@ from typing import Any
 
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.metric import Column
-from flexlab.analysis.sweep.axes import Axis, parse_axes
-from flexlab.analysis.sweep.fields import CHOSEN
+from flexlab.analysis.sweep.axes import CHOSEN, Axis, parse_axes
 from flexlab.analysis.sweep.plan import make_plan
-from flexlab.analysis.tuning.cost import parse_cost
+from flexlab.analysis.tuning import parse_cost
 from flexlab.errors import StudyError
 from flexlab.plain_text import visible
 from flexlab.scenario import Scenario

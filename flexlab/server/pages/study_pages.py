@@ -7,7 +7,7 @@ from typing import Any
 
 from aiohttp import hdrs, web
 
-from flexlab.analysis.sweep.fields import VariedField, varied_choices, varied_fields
+from flexlab.analysis.sweep.axes import VariedField, varied_choices, varied_fields
 from flexlab.analysis.sweep.figures import metric_column
 from flexlab.errors import FlexlabError, LabError
 from flexlab.plain_text import visible
@@ -15,10 +15,9 @@ from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.scenario.choices import TITLES
 from flexlab.server.auth import is_opened_by_person, refuse
-from flexlab.server.pages.layout import message, page
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.study_form import LONGEST_RUN, MOST_CANDIDATES, MOST_CELLS, metric_columns, read_wish
-from flexlab.server.pages.templating import button
+from flexlab.server.pages.templating import button, message, page
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
 from flexlab.server.studies import Study, SweepWish, TuningWish
 from flexlab.server.visitors import asker_of, keep_visitor, known_visitor_of, visitor_of

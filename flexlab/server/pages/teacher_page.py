@@ -1,18 +1,21 @@
-"""`/teacher`: all labs at a glance, for who has the teacher's token: join one, send a preset, pause and go on."""
+"""`/teacher`: all labs at a glance, for who has the teacher's token: join one, send a preset, pause, pace, lock."""
 
 import asyncio
+from collections import Counter
 from typing import Any
 from urllib.parse import urlencode
 
 from aiohttp import hdrs, web
 
 from flexlab.errors import LabError
+from flexlab.lab.class_rules import STEPS, ClassRules, step_text
+from flexlab.lab.panel.guide_panel import lesson_menu, own_lessons
 from flexlab.presets import load_preset, preset_names
 from flexlab.server.auth import COOKIE_AGE, ask_for_token
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, state_of
-from flexlab.server.labs.recording_text import little_space
-from flexlab.server.pages.layout import page
+from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.pages.page_context import context_of
+from flexlab.server.pages.templating import page
 from flexlab.server.visitors import is_teacher
 
 NOT_YOURS = (
@@ -24,6 +27,7 @@ def add_teacher_pages(router: web.UrlDispatcher) -> None:
     """Routes of the teacher's page."""
     router.add_get("/teacher", teacher)
     router.add_get("/teacher/labs", labs)
+    router.add_post("/teacher/rules", rule)
     router.add_post("/teacher/send", send)
     router.add_post("/teacher/pause", pause)
     router.add_post("/teacher/resume", resume)
@@ -41,6 +45,8 @@ async def teacher(request: web.Request) -> web.Response:
         kind="wide",
         scripts=("teacher",),
         presets=await asyncio.to_thread(preset_names),
+        lessons=await asyncio.to_thread(_lessons),
+        steps=STEPS,
         said=request.query.get("said", "")[:200],
         little=await asyncio.to_thread(little_space, context.settings.logs),
     )
@@ -58,21 +64,31 @@ async def teacher(request: web.Request) -> web.Response:
 
 
 async def labs(request: web.Request) -> web.Response:
-    """All labs as JSON, for the page's script."""
+    """All labs, what they guessed, and the class's rules as JSON, for the page's script."""
     if not is_teacher(request):
         raise web.HTTPForbidden
-    told = [_told(number, place) for number, place in enumerate(context_of(request).places.running(), 1)]
+    places = context_of(request).places
+    running, rules = places.running(), places.rules
+    told = {
+        "labs": [_told(place, rules) for place in running],
+        "questions": _questions(running, rules),
+        "rules": {"lesson": rules.lesson, "step": str(rules.step), "lock": rules.locked, "hide": rules.hides_names},
+    }
     return web.json_response(told, headers={hdrs.CACHE_CONTROL: "no-store"})
 
 
-def _told(number: int, place: Lab) -> dict[str, Any]:
+def _told(place: Lab, rules: ClassRules) -> dict[str, Any]:
     status = place.status()
+    guesses = [
+        f"{progress.lesson.partition(':')[0]}: {progress.guess}" for progress in status.lessons if progress.guess
+    ]
     return {
         "lab": place.path,
-        "who": who(place, number),
+        "who": f"Student {place.number}" if rules.hides_names else who(place),
         "preset": status.name,
         "title": status.title,
         "lesson": status.lesson,
+        "guesses": f"Guessed: {'; '.join(guesses)}" if guesses else "",
         "time": round(status.time, 1),
         "error": round(1000 * status.error, 3),
         "state": state_of(place),
@@ -81,9 +97,51 @@ def _told(number: int, place: Lab) -> dict[str, Any]:
     }
 
 
-def who(place: Lab, number: int) -> str:
+def _questions(places: list[Lab], rules: ClassRules) -> list[dict[str, Any]]:
+    """The question of the class's lesson, or all that labs have met: how many chose which answer.
+
+    Which one is right is told once the whole class may see it.
+    """
+    found = [progress for place in places for progress in place.status().lessons if progress.options]
+    met = [progress for progress in found if rules.lesson in ("", progress.lesson)]
+    told: list[dict[str, Any]] = []
+    # By the length of "Lesson 2" first: it stands before "Lesson 10", and one's own come last.
+    for lesson in sorted(
+        {one.lesson: one for one in met}.values(),
+        key=lambda one: (len(one.lesson.partition(":")[0]), one.lesson),
+    ):
+        counts = Counter(progress.guess for progress in met if progress.lesson == lesson.lesson)
+        shown = rules.lesson == lesson.lesson and rules.step == len(STEPS)
+        options = [
+            {"text": option, "count": counts[option], "right": shown and option == lesson.answer}
+            for option in lesson.options
+        ]
+        of = len(places) if rules.lesson else counts.total()
+        told.append({"lesson": lesson.lesson, "question": lesson.question, "options": options, "of": of})
+    return told
+
+
+def who(place: Lab) -> str:
     """What a lab is called: its visitor's name, or a number."""
-    return place.name or ("Everybody" if place.path == "/lab" else f"Visitor {number}")
+    return place.name or ("Everybody" if place.path == "/lab" else f"Visitor {place.number}")
+
+
+def _lessons() -> list[str]:
+    return list(lesson_menu(own_lessons()))
+
+
+async def rule(request: web.Request) -> web.StreamResponse:
+    """Pace, lock and names of the whole class."""
+    form = await _form(request)
+    lesson, step = str(form.get("lesson", "")), str(form.get("step", len(STEPS)))
+    if lesson and lesson not in await asyncio.to_thread(_lessons):
+        raise LabError(f"There is no lesson {lesson[:60]!r}: choose one of the list.")
+    if step not in map(str, range(1, len(STEPS) + 1)):
+        raise LabError(f"step = {step[:20]!r} is no step of a lesson: choose 1 to {len(STEPS)}.")
+    rules = ClassRules(lesson, int(step), "lock" in form, "hide" in form)
+    await context_of(request).places.rule(rules)
+    pace = f"All are at {step_text(rules.step)} of {lesson}" if lesson else "Each chooses their lesson"
+    return _answer(request, f"{pace}; {'nobody can play' if rules.locked else 'all can play'}.")
 
 
 async def send(request: web.Request) -> web.StreamResponse:

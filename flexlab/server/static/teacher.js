@@ -4,12 +4,51 @@ const list = document.getElementById("labs");
 const template = document.getElementById("tile");
 const form = document.getElementById("class");
 const said = document.getElementById("said");
+const rules = document.getElementById("rules");
 const tiles = new Map();
+let changing = 0; // Changes of the rules on their way: what the server told before them is old.
 const DIGITS = { time: 1, error: 2 };
 
 function write(node, text) {
   // Names and titles are visitors' own words: they become text, never HTML.
   if (node.textContent !== text) node.textContent = text;
+}
+
+// How many chose which answer; the bars are for the eye, the counts beside them for everybody.
+function showQuestions(questions) {
+  const places = document.getElementById("questions");
+  const now = JSON.stringify(questions);
+  if (places.dataset.shown === now) return;
+  places.dataset.shown = now;
+  places.replaceChildren(...questions.map((asked) => {
+    const table = document.getElementById("question").content.cloneNode(true).firstElementChild;
+    const given = asked.options.reduce((sum, option) => sum + option.count, 0);
+    const question = document.createElement("b");
+    question.textContent = asked.question;
+    table.caption.append(asked.lesson, question, `${given} of ${asked.of} ${asked.of === 1 ? "lab has" : "labs have"} guessed`);
+    for (const option of asked.options) {
+      const row = table.tBodies[0].insertRow();
+      const name = document.createElement("th");
+      name.scope = "row";
+      name.textContent = option.right ? `✓ ${option.text} (right)` : option.text;
+      const bar = document.createElement("span");
+      bar.className = "answer-bar";
+      bar.style.width = `${(100 * option.count) / Math.max(asked.of, 1)}%`;
+      row.append(name);
+      row.classList.toggle("right-answer", option.right);
+      row.insertCell().append(bar, String(option.count));
+    }
+    return table;
+  }));
+}
+
+function showRules(now) {
+  for (const [name, value] of Object.entries(now)) {
+    const control = rules.elements[name];
+    if (typeof value === "boolean") control.checked = value;
+    else control.value = value;
+  }
+  rules.elements.step.disabled = !now.lesson;
 }
 
 function made(lab) {
@@ -47,7 +86,10 @@ async function look() {
   try {
     const answer = await fetch("/teacher/labs", { cache: "no-store" });
     if (!answer.ok) throw new Error(answer.statusText);
-    show(await answer.json());
+    const told = await answer.json();
+    show(told.labs);
+    showQuestions(told.questions);
+    if (!changing) showRules(told.rules);
     if (list.classList.contains("stale")) write(said, "");
     list.classList.remove("stale");
   } catch {
@@ -73,6 +115,21 @@ form.addEventListener("submit", async (event) => {
   } catch {
     write(said, "The server does not answer.");
   }
+  look();
+});
+
+// A switch acts at once; the page's next look shows what holds.
+rules.addEventListener("change", async () => {
+  changing += 1;
+  rules.elements.step.disabled = false; // What is disabled is not sent.
+  try {
+    const body = new URLSearchParams(new FormData(rules));
+    const answer = await fetch(rules.action, { method: "POST", body, headers: { Accept: "application/json" } });
+    write(said, answer.ok ? (await answer.json()).sentence : "That did not work: reload this page.");
+  } catch {
+    write(said, "The server does not answer.");
+  }
+  changing -= 1;
   look();
 });
 

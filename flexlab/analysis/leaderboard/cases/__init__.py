@@ -1,1 +1,1 @@
-"""The cases, one file each."""
+"""The cases: a file of one's own beside `standard.py` adds one."""

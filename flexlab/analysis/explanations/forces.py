@@ -1,0 +1,109 @@
+"""Forces in beam and arms: the squeeze between the arms, the axial load, weight, and arms nearly stretched or folded."""
+
+import numpy as np
+
+from flexlab.analysis.explanations.evidence import Evidence
+from flexlab.analysis.explanations.explanation import n, register
+from flexlab.analysis.lesson_measures import largest, length, newest
+from flexlab.sim.axial_warning import axial_warning
+from flexlab.sim.row_survey import Survey
+from flexlab.sim.termination import arm_name, elbow_sine, wrist_reach
+
+UNEXPLAINED = 0.5
+"""Share of the internal force, RMS, that its explanation may leave over."""
+
+
+@register("load share", "F_1 = (α - ½) f + what the postures differ by, Eqs. (14), (15)", "Internal force", 26)
+def load_share(seen: Evidence) -> str | None:
+    """An uneven share of what moves the payload makes most of the internal force."""
+    span, share = seen.steady, seen.scenario.controller.load_share
+    if span is None or share == 0.5 or len(seen.scenario.arms) < 2 or seen.scenario.controller.wanted_internal_force:
+        return None
+    force = span.internal_force[:, 0, :2]
+    predicted = (share - 0.5) * 2 * span.moving_force[:, :2]
+    size, rest = (float(np.sqrt(np.mean(np.sum(part**2, axis=1)))) for part in (force, force - predicted))
+    made = float(np.sqrt(np.mean(np.sum(predicted**2, axis=1))))
+    if rest > UNEXPLAINED * size:
+        return None
+    return (
+        f"The arms press against each other with {n(size)} N (RMS), and {n(made)} N of it is the load share: the left arm gives "
+        f"{n(100 * share)} % of what moves the payload. α = 0.5 takes that away and changes no motion."
+    )
+
+
+WANTED_AGREES = 0.1
+"""Share of the wanted force by which the mean may differ from it."""
+CANCELLED = 1e-6
+"""N and N·m: rounding."""
+
+
+@register("wanted force", "u_1 += F_d (cos θ, sin θ, 0), u_2 -= the same: F_1 + F_2 = 0", "Internal force", 27)
+def wanted_force(seen: Evidence) -> str | None:
+    """The internal force along the link is, on average, the wanted one."""
+    span, wanted = seen.steady, seen.scenario.controller.wanted_internal_force
+    if span is None or wanted == 0 or len(seen.scenario.arms) < 2:
+        return None
+    angle, force = span.pose[:, 2], span.internal_force
+    along = force[:, 0, 0] * np.cos(angle) + force[:, 0, 1] * np.sin(angle)
+    if abs(float(along.mean()) - wanted) > WANTED_AGREES * abs(wanted) or np.abs(force.sum(axis=1)).max() > CANCELLED:
+        return None
+    return (
+        f"The arms squeeze the payload with {n(float(along.mean()))} N along the link because F_d = {n(wanted)} N is wanted; it "
+        "moves nothing, as the two internal forces cancel."
+    )
+
+
+@register("axial load", "P_cr = c π²EI/L²; K_G = ∫N N'ᵀN' ds", "Axial load beside P_cr", 6)
+def axial_load(seen: Evidence) -> str | None:
+    """The model of the beam leaves out, or ends with, what the force along it does."""
+    samples = seen.samples
+    peaks = Survey(load_share=float(samples.axial_load_share.max()), spin_share=float(samples.spin_share.max()))
+    return axial_warning(seen.scenario.payload, peaks).text or None
+
+
+BENDING_AGREES = 0.1
+"""Relative difference up to which the mean bending is the weight's."""
+
+
+@register("bending by weight", "w(0) = -5 ρ g L⁴ cos θ / (384 EI), pinned grips", "Mid-span deflection", 25)
+def bending_by_weight(seen: Evidence) -> str | None:
+    """The mean quasi-static deflection is that of a beam on two pins under its weight."""
+    beam, gravity = seen.scenario.payload, seen.scenario.gravity
+    if seen.steady is None or gravity == 0 or beam.boundary != "pinned-pinned":
+        return None
+    span = (
+        newest(seen.samples, max(seen.period, seen.scenario.trajectory.slowest_period)) if seen.moving else seen.steady
+    )
+    sag = 5 * beam.linear_density * gravity * beam.length**4 / (384 * beam.bending_stiffness)
+    held = sag * float(np.mean(np.cos(span.desired_pose[:, 2])))
+    mean = float(np.mean(span.quasi_static_deflection))
+    if abs(mean + held) > BENDING_AGREES * abs(held):
+        return None
+    return (
+        f"The weight bends the beam by {length(abs(held))}, at rest as in motion, of {length(largest(span.midspan_deflection))} "
+        f"in all; only {length(largest(span.vibration))} of that vibrate. No law can take the weight's part away."
+    )
+
+
+NEAR = 0.3
+"""Sine of the elbow angle below which an arm counts as nearly singular: 17° from straight."""
+
+
+@register("nearly singular arm", "det J_i = l_1 l_2 sin θ_2, Eq. (12)", "Joint torques", 12)
+def nearly_singular_arm(seen: Evidence) -> str | None:
+    """The arm whose elbow came closest to straight in the newest second."""
+    found = []
+    for index, arm in enumerate(seen.scenario.arms):
+        reach, _, _ = wrist_reach(seen.scenario, index, seen.last_second.pose)
+        found.append((float(np.min(elbow_sine(reach, arm.link_length[0], arm.link_length[1]))), index, reach))
+    sine, index, reach = min(found, key=lambda one: one[0])
+    if sine >= NEAR:
+        return None
+    l1, l2, _ = seen.scenario.arms[index].link_length
+    posture = "stretched" if float(np.max(reach)) > np.hypot(l1, l2) else "folded"
+    torque = largest(seen.last_second.joint_torque[:, index])
+    return (
+        f"The elbow of the {arm_name(seen.scenario, index)} comes within {n(np.degrees(np.arcsin(sine)))}° of {posture}: there "
+        f"joint rates grow as 1/sin θ2 = {n(1 / max(sine, 1e-6))}, and its torques reach {n(torque)} N·m. A smaller path, or one "
+        "nearer to the bases' middle, helps."
+    )

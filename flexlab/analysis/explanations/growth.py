@@ -1,0 +1,206 @@
+"""A motion that grows by itself, and why: late torques, a loop as fast as the beam, an unobserved mode, a thin margin."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlab.analysis.explanations.evidence import Background, Evidence
+from flexlab.analysis.explanations.explanation import n, register
+from flexlab.analysis.loop_poles import NEUTRAL
+
+AGREES = 2.5
+"""Factor within which the growth of one mode alone must agree with the loop's for the delay to be its cause."""
+ROUNDING = 1e-6
+"""Relative, of a limit that is met exactly."""
+
+
+class Growth(NamedTuple):
+    """The fastest growing pole."""
+
+    rate: float
+    """1/s."""
+    mode: int
+    """Of the beam, from 1; 0: of pose or memory."""
+    frequency: float
+    """Hz, 0 where nothing oscillates."""
+
+
+def fastest_growth(background: Background) -> Growth | None:
+    """None of a loop in which nothing grows."""
+    found = background.modes
+    if not len(found.poles) or found.growth <= NEUTRAL:
+        return None
+    worst = int(np.argmax(found.poles.real))
+    origin, pole = found.pole_origin[worst], found.poles[worst]
+    mode = int(origin.removeprefix("beam mode ")) if origin.startswith("beam mode ") else 0
+    if mode and mode in background.rings:
+        return Growth(float(pole.real), mode, background.rings[mode].frequency)
+    return Growth(float(pole.real), mode, float(abs(pole.imag)) / (2 * np.pi))
+
+
+def observer_of(background: Background):
+    """The Kalman observer of the law at work; None without one."""
+    observer = getattr(background.scenario.controller, "observer", None)
+    return observer if hasattr(observer, "observer_modes") else None
+
+
+def lateness(background: Background) -> float:
+    """(d + ½) T_c, s: how late held torques come on average, less what an observer predicts; 0 of a continuous law."""
+    law, observer = background.scenario.controller, observer_of(background)
+    if law.control_period is None:
+        return 0.0
+    late = law.input_delay + 0.5
+    if observer is not None:
+        # What lqr predicts, over its delay alone, it answers by a model of held torques.
+        usual = late if hasattr(law, "slow") else law.input_delay
+        late -= usual if observer.horizon is None else observer.horizon
+    return max(0.0, late) * law.control_period
+
+
+def _growth_alone(background: Background, mode: int, late: float) -> float:
+    """Growth of a mode alone under rate feedback that comes `late` s late, 1/s."""
+    around, law = background.around, background.scenario.controller
+    if around is None or law.control_period is None:
+        return 0.0
+    at = int(np.argsort(around.omega)[mode - 1])
+    gains = (getattr(law, "lateral_vibration_gain", 0.0), getattr(law, "angular_vibration_gain", 0.0))
+    strength = gains[0] * around.loads[0, at] ** 2 + gains[1] * around.loads[1, at] ** 2
+    omega = around.omega[at]
+    reaching = np.sinc(omega * law.control_period / (2 * np.pi)) * np.cos(omega * late)
+    return float(-0.5 * strength * reaching - 0.5 * around.damping[at])
+
+
+@register(
+    "growing mode",
+    "η̈ + Dη̇ + ω²η = -k h²η̇(t - (d + ½) T_c): fed where cos(ω (d + ½) T_c) < 0; poles log(z)/T_c",
+    "Spectrum of the mid-span vibration",
+    0,
+)
+def growing_mode(seen: Evidence) -> str | None:
+    """A mode of the beam that rate feedback feeds because it comes late."""
+    growth, late = fastest_growth(seen.background), lateness(seen.background)
+    observer = observer_of(seen.background)
+    if growth is None or not growth.mode or late == 0 or (observer and growth.mode > observer.observer_modes):
+        return None
+    alone = _growth_alone(seen.background, growth.mode, late)
+    if not growth.rate / AGREES < alone < growth.rate * AGREES:
+        return None
+    law = seen.scenario.controller
+    fed_from = 1 / (4 * late)
+    shorter = law.control_period * fed_from / growth.frequency
+    more = 100 * growth.rate / (2 * np.pi * growth.frequency)
+    cure = "" if observer else ", or the predicting observer (composite, kalman)"
+    cure = ", or an observer that predicts over the delay" if observer else cure
+    return (
+        f"{n(growth.frequency)} Hz grows at {n(growth.rate)} 1/s: mode {growth.mode}, because the torque comes "
+        f"{n(1e3 * late)} ms late, which feeds modes from {n(fed_from)} Hz on. A damping ratio larger by {n(more)} %, a control "
+        f"period below {n(1e3 * shorter)} ms{cure} helps."
+    )
+
+
+@register(
+    "growing pose",
+    "x(k+1) = x(k) - λT_c x(k-d): stable up to λT_c = 2 sin(π/(2 (2d + 1))) (Levin and May 1976)",
+    "Tracking error",
+    1,
+)
+def growing_pose(seen: Evidence) -> str | None:
+    """Feedback of the pose that the clock is too slow for."""
+    growth, around = fastest_growth(seen.background), seen.background.around
+    law = seen.scenario.controller
+    if growth is None or growth.mode or around is None or law.control_period is None:
+        return None
+    limit = 2 * np.sin(np.pi / (2 * (2 * law.input_delay + 1)))
+    product = around.fastest_rate * law.control_period
+    if product <= (1 + ROUNDING) * limit:
+        return None
+    return (
+        f"The pose runs away at {n(growth.rate)} 1/s: feedback at {n(around.fastest_rate)} 1/s is answered every "
+        f"{n(1e3 * law.control_period)} ms with {law.input_delay} samples of delay, λT_c = {n(product)} above {n(limit)}. "
+        f"A control period below {n(1e3 * limit / around.fastest_rate)} ms or lower gains help."
+    )
+
+
+@register(
+    "growing loop",
+    "det(sI - A) = 0 has a root with Re s > 0, A: arms, beam and law about their rest point",
+    "Mid-span deflection",
+    4,
+)
+def growing_loop(seen: Evidence) -> str | None:
+    """A loop that grows for none of the reasons above; a likely one where the loop is as fast as the beam."""
+    growth, around, observer = fastest_growth(seen.background), seen.background.around, observer_of(seen.background)
+    if (
+        growth is None
+        or growing_mode(seen)
+        or growing_pose(seen)
+        or (observer and growth.mode > observer.observer_modes)
+    ):
+        return None
+    what = f"mode {growth.mode}" if growth.mode else "pose and law"
+    cause = ""
+    if around is not None and around.slow_rate > np.min(around.omega):
+        cause = (
+            f", as the law's loop, {n(around.slow_rate)} 1/s, is faster than the beam's first mode, "
+            f"{n(float(np.min(around.omega)))} 1/s, which it takes for rigid"
+        )
+    return (
+        f"{n(growth.frequency)} Hz grows at {n(growth.rate)} 1/s: {what}, a pole of arms, beam and law together{cause}. Lower "
+        "gains or more damping help."
+    )
+
+
+@register(
+    "spillover",
+    "y = C_o z_o + C_r z_r: what gauges see of modes r outside the model enters the estimate of those in it (Balas 1978)",
+    "Spectrum of the mid-span vibration",
+    3,
+)
+def spillover(seen: Evidence) -> str | None:
+    """The growing mode is none of those that are observed."""
+    growth, observer = fastest_growth(seen.background), observer_of(seen.background)
+    if growth is None or observer is None or growth.mode <= observer.observer_modes:
+        return None
+    period = seen.scenario.controller.control_period
+    shown = abs(growth.frequency - round(growth.frequency * period) / period)
+    folded = f", at {n(shown)} Hz with a clock of {n(1 / period)} Hz" if growth.frequency > 0.5 / period else ""
+    more = 100 * growth.rate / (2 * np.pi * growth.frequency)
+    return (
+        f"Mode {growth.mode}, {n(growth.frequency)} Hz, grows at {n(growth.rate)} 1/s: the observer knows "
+        f"{observer.observer_modes} modes, and the gauges see this one all the same{folded} (spillover). A damping ratio larger "
+        f"by {n(more)} % or lower vibration gains help."
+    )
+
+
+SMALL = 30.0
+"""Phase of all motors that counts as a small margin, °: textbooks ask for it."""
+
+SLOWEST = 0.1
+"""Hz; a memory that hardly moves has no phase to lose."""
+
+
+@register("small margin", "α = 1/max ρ((S - T)/2), the disk margin of all motors alike", "Tracking error", 18)
+def small_margin(seen: Evidence) -> str | None:
+    """A stable loop whose motors may deviate by little."""
+    found = seen.background.modes
+    margin = found.disk_margin
+    if margin is None or found.unstable or not 0 < margin.alike.alpha < 2 or margin.alike.phase >= SMALL:
+        return None
+    low, high = margin.alike.gain
+    frequency = margin.alike.frequency
+    if frequency < SLOWEST:
+        return None
+    late = 1e3 * margin.alike.phase / 360 / frequency
+    return (
+        f"The loop is nearly lost at {n(frequency)} Hz: it survives no more than a factor of {n(low)} to {n(high)} on all "
+        f"motors, or ±{margin.alike.phase:.0f}°, which is {n(late)} ms there. Lower gains or less delay widen it."
+    )
+
+
+@register("condition not met", "the law's stability conditions, below its gains", "Sliding variable s", 40)
+def condition_not_met(seen: Evidence) -> str | None:
+    """The first condition that the scenario does not meet, of a loop whose poles nevertheless decay."""
+    unmet = [condition for condition in seen.background.conditions if not condition.met]
+    if not unmet or seen.background.modes.unstable:
+        return None
+    return f"The proof is silent here, as one of its conditions is not met: {unmet[0].sentence}"

@@ -1,0 +1,115 @@
+"""What clock, sensors and motors do to a run: aliasing, noise in the torques, chatter, saturation."""
+
+import numpy as np
+
+from flexlab.analysis.explanations.evidence import Evidence
+from flexlab.analysis.explanations.explanation import n, register
+from flexlab.analysis.lesson_measures import largest, length, torque_jump
+
+LEAST_AMPLITUDE = 1e-8
+"""Amplitude below which nothing is worth a name, m."""
+NEAR = 0.02
+"""Relative distance of frequencies that count as one."""
+
+
+@register(
+    "folded mode",
+    "f_shown = |f - round(f T) / T| with T the time between samples (Nyquist: f < 1/(2T))",
+    "Spectrum of the mid-span vibration",
+    30,
+)
+def folded_mode(seen: Evidence) -> str | None:
+    """The strongest line of the spectrum is where a mode above half the sampling rate folds to, and no mode below it is."""
+    (hertz, amplitude), rate = seen.strongest, 1 / seen.period
+    if amplitude < LEAST_AMPLITUDE or any(
+        abs(ring.frequency - hertz) < NEAR * hertz for ring in seen.background.rings.values()
+    ):
+        return None
+    fast = [(number, ring) for number, ring in seen.background.rings.items() if ring.frequency > rate / 2]
+    shown = {number: abs(ring.frequency - round(ring.frequency / rate) * rate) for number, ring in fast}
+    near = [(number, ring) for number, ring in fast if abs(shown[number] - hertz) < max(NEAR * hertz, 2 / seen.length)]
+    if len(near) != 1:
+        return None
+    ((number, ring),) = near
+    return (
+        f"The {n(hertz)} Hz of the spectrum are mode {number} at {n(ring.frequency)} Hz: samples come every "
+        f"{n(1e3 * seen.period)} ms, and what is faster than {n(rate / 2)} Hz folds down. Nothing moves at {n(hertz)} "
+        "Hz; a run with a shorter sample period shows it as it is."
+    )
+
+
+LEAST_TORQUE_JUMP = 1.0
+"""RMS jump of a joint torque per control step that is worth a word, N·m."""
+WHITE = -0.3
+"""Correlation of one jump with the next, from which on downwards they are noise: -½ of a white signal's differences."""
+
+
+@register("noisy torques", "τ = 𝒥⁻ᵀu(x + n_x, ẋ + n_v): noise times gain", "Joint torques", 14)
+def noisy_torques(seen: Evidence) -> str | None:
+    """Torques change at random from instant to instant, and sensors are noisy."""
+    law = seen.scenario.controller
+    if law.control_period is None or not law.sensor_noise.active:
+        return None
+    span, stride = seen.last_second, max(1, round(law.control_period / seen.period))
+    jump = torque_jump(span, law.control_period)
+    turns = np.diff(span.joint_torque[::stride].reshape(len(span.time[::stride]), -1), axis=0)
+    if jump < LEAST_TORQUE_JUMP or len(turns) < 32:
+        return None
+    likeness = float(np.sum(turns[1:] * turns[:-1]) / np.sum(turns**2))
+    if likeness > WHITE:
+        return None
+    return (
+        f"The torques jump by {n(jump)} N·m (RMS) from one control instant to the next, at random (each jump is followed by its "
+        f"opposite, correlation {n(likeness)}): that is the sensors' noise times the gains. Better sensors, lower gains or an "
+        "observer calm them."
+    )
+
+
+CHATTER = 5.0
+"""RMS jump of a joint torque from one control step to the next that counts as chatter, N·m; 0.5 is usual."""
+
+
+@register("chatter", "ū_3 = -Ψ s / max(‖s‖, ε), Eq. (25): s crosses ε within a control period", "Joint torques", 6)
+def chatter(seen: Evidence) -> str | None:
+    """Torques alternate from instant to instant, and s moves by its boundary layer or more within one."""
+    law, layer = seen.scenario.controller, seen.field("boundary_layer")
+    if law.control_period is None or layer is None or law.sensor_noise.active:
+        return None
+    span, stride = seen.last_second, max(1, round(law.control_period / seen.period))
+    jump = torque_jump(span, law.control_period)
+    turns = np.diff(span.joint_torque[::stride].reshape(len(span.time[::stride]), -1), axis=0)
+    step = np.linalg.norm(np.diff(span.sliding_variable[::stride], axis=0), axis=1)
+    if jump < CHATTER or len(turns) < 8 or float(np.median(step)) < layer:
+        return None
+    if float(np.sum(turns[1:] * turns[:-1])) >= 0:
+        return None
+    return (
+        f"The torques chatter, by {n(jump)} N·m (RMS over the last second) at each instant of the "
+        f"{n(1e3 * law.control_period)} ms clock: within one, s moves by {n(float(np.median(step)))} m/s, more than its "
+        f"boundary layer of {n(layer)} m/s, so that every step overshoots. A thicker layer or a shorter control period calms "
+        f"them."
+    )
+
+
+AT_LIMIT = 1 - 1e-6
+LEAST_SHARE = 0.005
+"""Of the newest second: less is a passing touch."""
+NAMES = ("left", "right")
+
+
+@register("torque at its limit", "|τ_k| ≤ τ_max,k", "Joint torques", 5)
+def torque_at_its_limit(seen: Evidence) -> str | None:
+    """The joint that stands longest at its limit."""
+    limit = seen.scenario.controller.torque_limit
+    if limit is None:
+        return None
+    span = seen.last_second
+    share = np.mean(np.abs(span.joint_torque) >= AT_LIMIT * np.array(limit), axis=0)
+    arm, joint = np.unravel_index(int(np.argmax(share)), share.shape)
+    if share[arm, joint] < LEAST_SHARE:
+        return None
+    return (
+        f"Joint {joint + 1} of the {NAMES[arm]} arm stands at its limit of {n(limit[joint])} N·m for "
+        f"{n(100 * float(share[arm, joint]))} % of the last {n(min(seen.length, 1.0))} s: the law has no say left there, and the "
+        f"error reaches {length(largest(span.tracking_error[:, :2]))}. A slower path, a smooth start or a higher limit helps."
+    )

@@ -1,0 +1,247 @@
+"""Free and forced vibration: which mode rings and how fast it fades, what excites it, what a motion leaves behind."""
+
+import numpy as np
+
+from flexlab.analysis.explanations.evidence import Evidence, Ring
+from flexlab.analysis.explanations.explanation import n, register
+from flexlab.analysis.lesson_measures import largest, length, newest, ring_frequency
+from flexlab.analysis.metrics.residual_vibration import ResidualVibration
+from flexlab.analysis.metrics.run_metrics import between
+from flexlab.control.shapers import TOLERATED
+from flexlab.sim.samples import Samples
+
+RINGING = 2e-5
+"""Vibration that counts as a ring, m."""
+FADED = 0.03
+"""Share of its peak down to which a ring is measured."""
+FREQUENCY_AGREES, RATE_AGREES = 0.03, 0.3
+"""Relative differences between run and pole up to which they are one ring."""
+FEWEST_PERIODS = 4
+DAMPED = 1.5
+"""Times its own damping at which a mode counts as actively damped."""
+
+
+def ringing_part(samples: Samples) -> Samples | None:
+    """From the largest vibration until it has faded; None of one that does not fade, or is none."""
+    size = np.abs(samples.vibration)
+    peak = int(np.argmax(size))
+    if size[peak] < RINGING:
+        return None
+    end = peak + int(np.flatnonzero(size[peak:] > FADED * size[peak])[-1]) + 1
+    if end - peak < 16 or largest(samples.vibration[(peak + end) // 2 : end]) > 0.8 * size[peak]:
+        return None
+    return samples.slice(peak, end)
+
+
+def fading_rate(samples: Samples, hertz: float) -> float:
+    """d ln(amplitude)/dt of a ring, 1/s: through the largest magnitude of each of its periods; NaN of fewer than four."""
+    count = int((samples.time[-1] - samples.time[0]) * hertz)
+    if count < FEWEST_PERIODS:
+        return float("nan")
+    parts = np.array_split(np.arange(len(samples)), count)
+    tops = [part[np.argmax(np.abs(samples.vibration[part]))] for part in parts]
+    return float(np.polyfit(samples.time[tops], np.log(np.abs(samples.vibration[tops])), 1)[0])
+
+
+@register("ring", "w ~ exp(-ζωt) cos(ωt): the pole -ζω ± iω of the closed loop", "Mid-span deflection", 20)
+def ring(seen: Evidence) -> str | None:
+    """Frequency and decay in the run agree with a mode's pole."""
+    part = ringing_part(seen.samples)
+    if part is None:
+        return None
+    hertz = ring_frequency(part)
+    found = [(abs(each.frequency - hertz), number, each) for number, each in seen.background.rings.items()]
+    if not found:
+        return None
+    away, number, mode = min(found)
+    rate = fading_rate(part, hertz)
+    if not (rate < 0 and mode.rate < 0):
+        return None
+    if away > max(FREQUENCY_AGREES * hertz, 1 / seen.length) or not abs(rate - mode.rate) < RATE_AGREES * abs(
+        mode.rate
+    ):
+        return None
+    peak = largest(part.vibration)
+    return (
+        f"From t = {part.time[0]:.2f} s on the beam rings at {n(hertz)} Hz by up to {length(peak)}: mode {number}, free, as it "
+        f"fades at {n(-rate)} 1/s, to 1 % in {n(np.log(100) / -rate)} s{_by_what(seen, number, mode)}."
+    )
+
+
+def _by_what(seen: Evidence, number: int, mode: Ring) -> str:
+    found = seen.background.modes
+    own = 2 * np.pi * float(found.frequency[number - 1] * found.damping_ratio[number - 1])
+    if -mode.rate > DAMPED * own:
+        return f"; with its grips held it would fade at {n(own)} 1/s, so the law damps it"
+    held = f"; with its grips held it would fade at {n(own)} 1/s"
+    return (
+        held
+        if hasattr(seen.scenario.controller, "lateral_vibration_gain")
+        else f"{held}. Active damping ends it sooner"
+    )
+
+
+LEAST_JUMP = 0.1
+"""m/s."""
+FIRST = 0.1
+"""s in which the start's own vibration peaks."""
+
+
+@register("jerky start", "η̈ + Dη̇ + Ω²η = -h a⊥ - g θ̈, Eq. (10): a jump of ẋ is a burst of a", "Mid-span deflection", 22)
+def jerky_start(seen: Evidence) -> str | None:
+    """The run's first samples differ from the path's velocity, and its largest vibration follows at once."""
+    samples = seen.samples
+    if not seen.begins or seen.length < FIRST:
+        return None
+    path_rate = (samples.desired_pose[1] - samples.desired_pose[0]) / seen.period
+    jump = float(np.linalg.norm((path_rate - samples.pose_rate[0])[:2]))
+    start = float(samples.time[0])
+    peak = largest(between(samples, start, start + FIRST).vibration)
+    if jump < LEAST_JUMP or peak < RINGING or peak < seen.peak_vibration:
+        return None
+    return (
+        f"The run starts with a velocity that is wrong by {n(jump)} m/s: to make up for it bends the beam by {length(peak)} "
+        f"within {n(FIRST)} s. A smooth start, or one with the path's velocity, leaves it still."
+    )
+
+
+REPEATS = 0.05
+"""Relative difference of two periods that count as the same."""
+WORTH = 0.02
+"""Share of the bending from which on it is worth a sentence."""
+FOLLOWS = 0.2
+"""Error, as a share of the way, up to which the payload follows its path."""
+CLOSE = (0.6, 1.5)
+"""Frequencies of a path over a mode's at which it is called resonance."""
+AGREES = 0.35
+"""Relative difference up to which the measured amplification is the formula's."""
+
+
+def _two_periods(seen: Evidence) -> tuple[np.ndarray, np.ndarray] | None:
+    """Vibration of the last period of the path and of the one before; None where there are not two of steady motion."""
+    period = seen.scenario.trajectory.slowest_period
+    count = round(period / seen.period)
+    steps, motion = seen.samples.vibration, seen.last_second
+    # A payload that does not follow its path does not bend as the path's acceleration would have it.
+    if largest(motion.tracking_error[:, :2]) > FOLLOWS * float(np.ptp(motion.desired_pose[:, :2], axis=0).max()):
+        return None
+    if not seen.moving or count < 16 or 2 * period > seen.length + 1e-9 or len(steps) < 2 * count:
+        return None
+    return steps[-count:], steps[-2 * count : -count]
+
+
+@register("resonance", "|w|/|w_qs| = 1/√((1 - r²)² + (2ζr)²), r = f_path/f_k", "Mid-span deflection", 10)
+def resonance(seen: Evidence) -> str | None:
+    """A sine near a mode of the loop, amplified as the formula says."""
+    path, ring = seen.scenario.trajectory, seen.background.rings.get(1)
+    pair = _two_periods(seen)
+    if pair is None or ring is None or not hasattr(path, "amplitude") or not hasattr(path, "frequency"):
+        return None
+    amplitude, hertz = np.broadcast_to(path.amplitude, 3), np.broadcast_to(path.frequency, 3)
+    r = float(hertz[np.argmax(np.abs(amplitude[:2]))]) / ring.frequency
+    zeta = -ring.rate / (2 * np.pi * ring.frequency)
+    ideal = 1 / np.hypot(1 - r * r, 2 * zeta * r)
+    span = newest(seen.samples, path.slowest_period)
+    bent, quasi = largest(span.midspan_deflection), largest(span.quasi_static_deflection)
+    if not CLOSE[0] < r < CLOSE[1] or quasi < 1e-6 or abs(bent / quasi / ideal - 1) > AGREES:
+        return None
+    return (
+        f"The path's {n(r * ring.frequency)} Hz are {n(r)} times mode 1 ({n(ring.frequency)} Hz): the beam "
+        f"bends by {length(bent)}, {n(bent / quasi)} times what the same motion would hold slowly (resonance "
+        f"of one mode: {n(ideal)} times). Another frequency of the path, a stiffer beam or active damping helps."
+    )
+
+
+@register(
+    "forced vibration",
+    "|w|/|w_qs| - 1 ≈ r², r = f_path/f_1: forced, at the path's own period",
+    "Mid-span deflection",
+    21,
+)
+def forced_vibration(seen: Evidence) -> str | None:
+    """Vibration that repeats itself period by period."""
+    pair, ring = _two_periods(seen), seen.background.rings.get(1)
+    if pair is None or ring is None:
+        return None
+    peak, bending = largest(pair[0]), largest(seen.last_second.quasi_static_deflection)
+    period = seen.scenario.trajectory.slowest_period
+    if peak < max(RINGING, WORTH * bending) or largest(pair[0] - pair[1]) > REPEATS * peak:
+        return None
+    if ring.frequency * period < 1 / CLOSE[0] or resonance(seen):
+        return None
+    return (
+        f"{length(peak)} of vibration repeat with the path's period of {n(period)} s: forced, no free ring, as mode 1 "
+        f"({n(ring.frequency)} Hz) is only {n(ring.frequency * period)} times as fast. No damping ends it; a slower path or a "
+        "stiffer beam makes it smaller."
+    )
+
+
+RESIDUAL_WORTH = 1e-5
+"""Vibration after the stop from which on it is worth a sentence, m."""
+MISSED = TOLERATED + 0.01
+"""Share left over from which on a shaper counts as tuned to another mode."""
+
+
+def share_left(shaper: np.ndarray, ring: Ring) -> float:
+    """Vibration of a mode after a shaper's impulses (k, 2), as a share of that after one impulse at their beginning, 1."""
+    pole, (amplitude, time) = complex(ring.rate, 2 * np.pi * ring.frequency), shaper.T
+    return float(abs(np.sum(amplitude * np.exp(-pole * time))))
+
+
+def _left(seen: Evidence) -> float:
+    """Largest vibration after the stop, m; NaN of a target that has not stopped within the samples."""
+    metric = ResidualVibration()
+    metric.update(seen.samples)
+    return metric.compute()[0]
+
+
+@register("left after the stop", "η(t) = Σ of the free answers to each jump of ẍ_d", "Mid-span deflection", 11)
+def left_after_the_stop(seen: Evidence) -> str | None:
+    """Without a shaper: what rings on, and what a shaper for that mode would cost."""
+    left, ring = _left(seen), seen.background.rings.get(1)
+    if not left > RESIDUAL_WORTH or ring is None or len(seen.background.shaper):
+        return None
+    return (
+        f"After the stop the beam rings on by {length(left)}, {n(100 * left / seen.peak_vibration)} % of its largest vibration. "
+        f"An input shaper for mode 1 ({n(ring.frequency)} Hz) ends the motion {n(500 / ring.frequency)} ms later (zv) and "
+        "leaves nearly none."
+    )
+
+
+@register(
+    "left after a shaped stop",
+    "x_shaped(t) = Σ A_j x_d(t - t_j): vibration Σ A_j exp(iωt_j)",
+    "Mid-span deflection",
+    29,
+)
+def left_after_a_shaped_stop(seen: Evidence) -> str | None:
+    """With a shaper that fits: what is left after it."""
+    left, ring, shaper = _left(seen), seen.background.rings.get(1), seen.background.shaper
+    if not np.isfinite(left) or ring is None or not len(shaper) or seen.peak_vibration < RESIDUAL_WORTH:
+        return None
+    share = share_left(shaper, ring)
+    if share > MISSED or left > 0.2 * seen.peak_vibration:
+        return None
+    return (
+        f"The shaper {seen.scenario.trajectory.shaper} ends the motion {n(1e3 * float(shaper[-1, 1]))} ms later; of up to "
+        f"{length(seen.peak_vibration)} of vibration {length(left)} are left after the stop, as what one copy excites meets that "
+        "of the next."
+    )
+
+
+@register("shaper for another mode", "|Σ A_j exp(iωt_j)| of the mode that rings", "Mid-span deflection", 9)
+def shaper_for_another_mode(seen: Evidence) -> str | None:
+    """The shaper's frequency is not the closed loop's: what it leaves by the formula."""
+    shaper, ring = seen.background.shaper, seen.background.rings.get(1)
+    if not len(shaper) or ring is None:
+        return None
+    share = share_left(shaper, ring)
+    if share < MISSED:
+        return None
+    tuned = 0.5 / float(shaper[1, 1])
+    peak = largest(seen.samples.vibration)
+    return (
+        f"The shaper {seen.scenario.trajectory.shaper} is made for {n(tuned)} Hz, but the loop rings at {n(ring.frequency)} Hz: "
+        f"it leaves {n(100 * share)} % of the mode's vibration (so far {length(peak)} at most). No frequency (null) lets it "
+        "follow the loop; zvd and ei-shaper forgive more."
+    )

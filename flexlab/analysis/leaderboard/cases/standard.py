@@ -1,0 +1,205 @@
+"""The standard cases, B1 to B7: from the paper's own experiment to ten minutes with noise."""
+
+from math import pi, sqrt
+from typing import Self
+
+import numpy as np
+
+from flexlab.analysis.leaderboard.case import (
+    Case,
+    Score,
+    Variant,
+    internal_force,
+    largest_vibration,
+    peak_error,
+    peak_torque,
+    residual,
+    rms_error,
+    settled,
+)
+from flexlab.analysis.metrics import Column, Metric
+from flexlab.analysis.metrics.run_metrics import Window
+from flexlab.presets import load_preset
+from flexlab.sim.commands import Tap
+from flexlab.sim.samples import Samples
+
+B1 = Case(
+    "B1",
+    "The paper's sine",
+    "Section IV of the paper for 3 s: it begins at rest on a path that is already moving, so that the beam rings.",
+    3.0,
+    (settled(), peak_error(), rms_error((1.0, 3.0)), peak_torque(), internal_force()),
+)
+
+
+STIFFNESSES = (100.0, 10.0, 1.27)
+"""N·m²: first modes of 44, 14 and 5 Hz."""
+
+B2 = Case(
+    "B2",
+    "From rest to rest",
+    "0.2 m up in 0.5 s along a quintic, then it stands still: what rings afterwards is what the next move waits for.",
+    1.5,
+    (residual(), residual(later=False), peak_error(), peak_torque()),
+    {"trajectory.kind": "rest-to-rest"},
+    tuple(Variant(f"EI = {EI:g} N·m²", {"payload.bending_stiffness": EI}) for EI in STIFFNESSES),
+)
+
+
+AT = 0.1
+"""s."""
+IMPULSE = 0.2
+"""N·s across the beam: a tap with a finger."""
+QUIET = 0.2
+"""s after the tap from which on it counts what still rings."""
+
+B3 = Case(
+    "B3",
+    "Impulse at mid-span",
+    f"The pose is held; at t = {AT:g} s a tap of {IMPULSE:g} N·s hits the middle of the beam.",
+    1.1,
+    (largest_vibration((AT + QUIET, 1.1)), settled((AT, 1.1)), peak_error(), peak_torque()),
+    {"trajectory.kind": "hold"},
+    commands=((AT, Tap(0.0, (0.0, IMPULSE))),),
+)
+
+
+WRONG = (-0.5, -0.2, 0.2, 0.5)
+BELIEVED = {"EI": "controller.model.stiffness_factor", "ρ": "controller.model.linear_density_factor"}
+
+B4 = Case(
+    "B4",
+    "Wrong EI and ρ",
+    "B1 with a controller that believes in an EI or a ρ that is wrong by so much. The beam is the paper's throughout.",
+    3.0,
+    (rms_error((1.0, 3.0)), settled(), peak_error()),
+    variants=tuple(
+        Variant(f"{name} {wrong * 100:+.0f} %".replace("-", "−"), {path: 1 + wrong})
+        for name, path in BELIEVED.items()
+        for wrong in WRONG
+    ),
+)
+
+
+PERIOD = 0.001
+"""s."""
+POSE_NOISE = (2e-6, 2e-6, 5e-6)
+"""m, m, rad: encoders of 20 bits at the end of arms of this length."""
+RATE_NOISE = tuple(sqrt(2) / PERIOD * noise for noise in POSE_NOISE)
+"""m/s, m/s, rad/s: rates are differences of two readings."""
+STRAIN_NOISE = 1e-6
+TORQUE_LIMIT = (300.0, 300.0, 100.0)
+"""N·m: the paper's start asks for twice as much, its steady motion for less than half."""
+
+HARDWARE = {
+    "controller.control_period": PERIOD,
+    "controller.input_delay": 1,
+    "controller.torque_limit": TORQUE_LIMIT,
+    "controller.sensor_noise.pose": POSE_NOISE,
+    "controller.sensor_noise.pose_rate": RATE_NOISE,
+    "controller.sensor_noise.strain": STRAIN_NOISE,
+}
+
+B5 = Case(
+    "B5",
+    "Clock, delay, limits, noise",
+    "B1 at 1 kHz, torques one sample late and limited, with encoder and strain gauge noise: the paper's beam of two elements, "
+    "and one of eight elements that hardly damps itself (ζ = 0.1 %).",
+    3.0,
+    (largest_vibration((2.0, 3.0)), settled(), rms_error((1.0, 3.0)), peak_error(), peak_torque((1.0, 3.0))),
+    HARDWARE,
+    (
+        Variant("2 elements"),
+        Variant(
+            "8 elements, ζ = 0.1 %",
+            {"payload.element_count": 8, "payload.damping.kind": "modal", "payload.damping.ratio": 0.001},
+        ),
+    ),
+)
+
+
+RATIOS = (0.25, 0.5, 0.8, 0.9, 1.0, 1.1, 1.25, 2.0)
+"""Path frequency over f1."""
+ACCELERATION = 2.0
+"""m/s², the path's peak across the beam: the same at all frequencies, so that the beam's load is."""
+
+STIFFNESS = 10.0
+"""N·m²: twice the first mode is still a path that arms can be asked for."""
+
+_payload = load_preset("paper").payload
+FIRST_MODE = pi / (2 * _payload.length**2) * sqrt(STIFFNESS / _payload.linear_density)
+"""f1 of the beam on two pins that stand still, Hz."""
+
+
+def _path(ratio: float) -> dict[str, object]:
+    frequency = ratio * FIRST_MODE
+    amplitude = ACCELERATION / (2 * pi * frequency) ** 2
+    return {"trajectory.frequency": (frequency,) * 3, "trajectory.amplitude": (0.0, amplitude, 0.0)}
+
+
+B6 = Case(
+    "B6",
+    "Through the resonance",
+    f"A soft beam (EI = {STIFFNESS:g} N·m²) on a sine across it with {ACCELERATION:g} m/s² of peak acceleration, at frequencies "
+    f"about its first mode of {FIRST_MODE:.1f} Hz. It starts in step with the path and smoothly; the last second counts.",
+    3.0,
+    (largest_vibration((2.0, 3.0)), rms_error((2.0, 3.0)), peak_torque((2.0, 3.0))),
+    {"payload.bending_stiffness": STIFFNESS, "initial.pose_rate": None, "trajectory.smooth_start": 0.5},
+    tuple(Variant(f"{ratio:g} f1", _path(ratio)) for ratio in RATIOS),
+)
+
+
+DURATION = 600.0
+"""s."""
+SETTLED, END = 60.0, 540.0
+"""s: from when on a drift is one, and the last minute."""
+LEAKAGE = 0.1
+"""1/s: forgets within ten seconds."""
+
+
+class BoundDrift(Metric):
+    """Slope of the straight line through the bound b̂ᵀ(1, ‖x‖, ‖ẋ‖²), N/s."""
+
+    name, place = "bound_drift", 0
+    columns = (Column("drift", "Drift of the learnt bound", "drift", "N/min", 60.0),)
+
+    def __init__(self) -> None:
+        self._sums = np.zeros(5)
+
+    def update(self, samples: Samples) -> None:
+        """Take in a piece of a run."""
+        size = np.linalg.norm(samples.pose, axis=1)
+        speed = np.linalg.norm(samples.pose_rate, axis=1)
+        bound = np.sum(samples.bound_estimates * np.stack([np.ones_like(size), size, speed**2], axis=1), axis=1)
+        t = samples.time
+        self._sums += [len(t), t.sum(), bound.sum(), (t * t).sum(), (t * bound).sum()]
+
+    def merge(self, other: Self) -> None:
+        """Take in what another one has taken in."""
+        self._sums += other._sums
+
+    def compute(self) -> tuple[float, ...]:
+        """N/s."""
+        count, t, bound, tt, t_bound = self._sums
+        spread = count * tt - t * t
+        return ((count * t_bound - t * bound) / spread if spread > 0 else np.nan,)
+
+
+def drift(window: Window) -> Score:
+    """How fast b̂ grows."""
+    formula = f"slope of b̂ᵀ(1, ‖x‖, ‖ẋ‖²) over t, least squares, t ≥ {window[0]:g} s"
+    return Score(BoundDrift.columns[0], formula, BoundDrift, window=window)
+
+
+LAST = (END, DURATION)
+B7 = Case(
+    "B7",
+    "Ten minutes",
+    f"B5's clock, delay, limits and noise for {DURATION:g} s; once more with the leakage σ = {LEAKAGE:g} 1/s for laws that learn "
+    "the bound b̂. Ten minutes of each law take a minute or so of a processor: only with --long.",
+    DURATION,
+    (rms_error(LAST), drift((SETTLED, DURATION)), largest_vibration(LAST), peak_torque(LAST)),
+    HARDWARE,
+    (Variant("σ as it is"), Variant(f"σ = {LEAKAGE:g} 1/s", law_fields={"leakage": LEAKAGE})),
+    long=True,
+)

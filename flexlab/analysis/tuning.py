@@ -1,0 +1,262 @@
+"""Tuning: the parameters, within stated bounds, for which runs cost least.
+
+The cost is a weighted sum of metrics under limits; the search is differential evolution on all cores, after Storn and Price,
+J. Global Optim. 11 (1997) 341 (scipy.optimize). Robust if asked: a candidate costs what it costs in the worst of a set of
+scenarios.
+"""
+
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.optimize import differential_evolution
+
+from flexlab.analysis.figures import BLUE, GRAY, RESOLUTION, STYLE, VERMILION
+from flexlab.analysis.metrics import METRICS, RunMetrics
+from flexlab.analysis.sweep.axes import Axis
+from flexlab.analysis.sweep.figures import SIZE, metric_column, pareto_front
+from flexlab.analysis.sweep.plan import measure
+from flexlab.errors import FlexlabError, StudyError
+from flexlab.recording.store.notes import replacing
+from flexlab.scenario import Scenario
+from flexlab.scenario.settings import change_settings
+from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.simulate import sample_count
+from flexlab.sim.world import World
+
+FAILED = 1e12
+"""Cost of a run that fails, and of each unit relative to its limit by which a limit is passed a millionth of it: any run that
+keeps within its limits is better than one that does not, and that better than one that fails."""
+NOT_SETTLED = 10.0
+"""Times its length that a run which has not settled counts as settling time."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Weights and limits by the metrics' short names, as in "rms-y", in the units of tables."""
+
+    weights: Mapping[str, float]
+    limits: Mapping[str, float]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All metrics that count."""
+        return tuple(dict.fromkeys((*self.weights, *self.limits)))
+
+    def of(self, metrics: RunMetrics | None) -> float:
+        """The cost of a run; of None, which failed, `FAILED`."""
+        if metrics is None:
+            return FAILED
+        values = numbers_of(metrics)
+        excess = sum(max(values[name] / limit - 1, 0.0) for name, limit in self.limits.items())
+        total = sum(weight * values[name] for name, weight in self.weights.items())
+        return min(total + FAILED * 1e-6 * excess, FAILED)
+
+    def holds(self, metrics: RunMetrics) -> bool:
+        """Whether a run keeps within the limits."""
+        values = numbers_of(metrics)
+        return all(values[name] <= limit for name, limit in self.limits.items())
+
+
+def numbers_of(metrics: RunMetrics) -> dict[str, float]:
+    """Short name → number as tables show it; a settling time that there is not counts as ten times the run's length."""
+    numbers = {row.column.field: row.value for row in metrics.rows}
+    return {name: NOT_SETTLED * metrics.duration if math.isnan(value) else value for name, value in numbers.items()}
+
+
+def parse_cost(weights: Sequence[str] | Mapping[str, float], limits: Sequence[str] | Mapping[str, float] = ()) -> Cost:
+    """A cost of texts `rms-y=1` or of mappings; a weight may be left out, it is then 1. Raises `StudyError`."""
+    cost = Cost(_numbers("cost", weights, default=1.0), _numbers("limit", limits, default=None))
+    if not cost.weights:
+        raise StudyError("The cost names no metric: say what is to be small, as in rms-y=1,force=0.01.")
+    return cost
+
+
+def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: float | None) -> dict[str, float]:
+    if isinstance(given, Mapping):
+        pairs = [(str(name), value) for name, value in given.items()]
+    else:
+        texts = [word.strip() for text in ([given] if isinstance(given, str) else given) for word in text.split(",")]
+        pairs = [tuple(part.strip() for part in text.partition("=")[::2]) for text in texts if text]
+    known = [column.field for metric in METRICS.values() for column in metric.columns]
+    found: dict[str, float] = {}
+    for name, value in pairs:
+        if name not in known:
+            raise StudyError(f"{what}: {name!r:.60} is no metric: choose from {', '.join(known)}.")
+        try:
+            number = default if value == "" else float(value)
+        except (TypeError, ValueError):
+            number = None
+        if number is None or not math.isfinite(number) or number <= 0:
+            raise StudyError(f"{what}: {name}={value!s:.60} is not usable: give a number above 0.")
+        if name in found:
+            raise StudyError(f"{what}: {name} is named twice.")
+        found[name] = number
+    return found
+
+
+FEWEST_CANDIDATES, MOST_CANDIDATES = 8, 100_000
+BELOW_ONE = 1 - 1e-12
+"""Largest share of a range: shares are below 1."""
+CANDIDATES_PER_FIELD = 8
+"""Of a generation."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Parameters that were tried."""
+
+    changes: dict[str, Any]
+    cost: float
+    metrics: RunMetrics | None
+    """Of the scenario in which it costs most; None: it fails there."""
+    reason: str
+    """Why it fails."""
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What a search tried; the first candidate is the scenario as it was."""
+
+    scenario: Scenario
+    cost: Cost
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def before(self) -> Candidate:
+        """The scenario as it was."""
+        return self.candidates[0]
+
+    @property
+    def best(self) -> Candidate:
+        """The candidate that costs least."""
+        return min(self.candidates, key=lambda candidate: candidate.cost)
+
+    @property
+    def tuned(self) -> Scenario:
+        """The scenario with the best parameters."""
+        return change_settings(self.scenario, self.best.changes)
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{path} = {value:.5g}" for path, value in self.best.changes.items()) or "nothing better"
+        return f"<Tuning of {len(self.candidates)} candidates: cost {self.before.cost:.4g} → {self.best.cost:.4g}, {found}>"
+
+
+def tune(
+    scenario: Scenario,
+    axes: Sequence[Axis],
+    cost: Cost,
+    robust: Sequence[Axis] = (),
+    duration: float = 3.0,
+    candidates: int = 200,
+    seed: int = 0,
+    told: Callable[[int, int], None] = lambda done, total: None,
+) -> Tuning:
+    """Search the ranges `axes` for the least `cost`, the worst over all combinations of `robust`. Raises `StudyError`."""
+    sample_count(duration, 0.001)
+    for axis in axes:
+        if axis.low is None:
+            raise StudyError(f"{axis.path}: a range is searched, not a list: write LOW:HIGH or LOW:HIGH:log.")
+    if not axes:
+        raise StudyError("Nothing may change: say what, as in controller.feedback_gain=50:500:log.")
+    if (
+        isinstance(candidates, bool)
+        or not isinstance(candidates, int)
+        or not FEWEST_CANDIDATES <= candidates <= MOST_CANDIDATES
+    ):
+        limits = f"{FEWEST_CANDIDATES} to {MOST_CANDIDATES}"
+        raise StudyError(f"candidates = {candidates!r:.60} is not usable: give a whole number from {limits}.")
+    variants = [
+        change_settings(scenario, dict(zip((axis.path for axis in robust), values, strict=True)))
+        for values in product(*(axis.values for axis in robust))
+    ]
+    tried = [_try(variants, {}, cost, duration)]
+    if tried[0].metrics is None and not any(axis.path.startswith("controller") for axis in axes):
+        raise StudyError(f"The scenario fails as it is: {tried[0].reason}")
+
+    def one(shares: np.ndarray) -> float:
+        changes = {axis.path: axis.at(min(float(share), BELOW_ONE)) for axis, share in zip(axes, shares, strict=True)}
+        tried.append(_try(variants, changes, cost, duration))
+        told(len(tried), candidates)
+        return tried[-1].cost
+
+    size = max(5, min(CANDIDATES_PER_FIELD * len(axes), candidates // 3))
+    rounds = max(candidates // size - 1, 1)
+    start = np.random.default_rng(seed)
+    population = start.random((size, len(axes)))
+    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="flexlab-tune") as pool:
+        ordered: Callable[..., Iterable[float]] = lambda function, values: list(pool.map(function, list(values)))  # noqa: E731
+        differential_evolution(
+            one, [(0.0, 1.0)] * len(axes), init=population, maxiter=rounds, rng=start, updating="deferred",
+            workers=ordered, polish=False, tol=1e-6,
+        )  # fmt: skip
+    return Tuning(scenario, cost, (tried[0], *sorted(tried[1:], key=lambda item: (item.cost, str(item.changes)))))
+
+
+def _try(variants: Sequence[Scenario], changes: dict[str, Any], cost: Cost, duration: float) -> Candidate:
+    worst: Candidate | None = None
+    for variant in variants:
+        metrics, reason = _run(variant, changes, duration)
+        found = Candidate(changes, cost.of(metrics), metrics, reason)
+        if worst is None or found.cost > worst.cost:
+            worst = found
+        if worst.cost >= FAILED:
+            break
+    assert worst is not None
+    return worst
+
+
+def _run(scenario: Scenario, changes: dict[str, Any], duration: float) -> tuple[RunMetrics | None, str]:
+    try:
+        world = World(change_settings(scenario, changes))
+    except FlexlabError as error:
+        return None, str(error)
+    metrics = measure(world, sample_count(duration, world.tick_period))
+    return (None, world.status.text) if world.status.failed else (metrics.compute(), "")
+
+
+def draw_trade_off(tuning: Tuning, first: str, second: str) -> Figure:
+    """Two metrics of every candidate: what less of one costs in the other, where the scenario stood, what was chosen."""
+    one, other = metric_column(first), metric_column(second)
+    ran = [candidate for candidate in tuning.candidates if candidate.metrics is not None]
+    numbers = [numbers_of(candidate.metrics) for candidate in ran if candidate.metrics is not None]
+    x = np.array([values[one.field] for values in numbers])
+    y = np.array([values[other.field] for values in numbers])
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=SIZE, layout="constrained")
+        axes = figure.add_subplot()
+        axes.plot(x, y, "o", color=GRAY, markersize=3, alpha=0.6, label="tried")
+        best = pareto_front(x, y)
+        axes.step(x[best], y[best], "-", where="post", color=GRAY, linewidth=1)
+        for candidate, color, words in ((tuning.before, VERMILION, "before"), (tuning.best, BLUE, "chosen")):
+            if candidate.metrics is not None:
+                values = numbers_of(candidate.metrics)
+                axes.plot(values[one.field], values[other.field], "o", color=color, markersize=8, label=words)
+        axes.set_xlabel(f"{one.title} ({one.unit})")
+        axes.set_ylabel(f"{other.title} ({other.unit})")
+        for name, draw in ((one.field, axes.axvline), (other.field, axes.axhline)):
+            if name in tuning.cost.limits:
+                draw(tuning.cost.limits[name], color=VERMILION, linestyle=":", linewidth=1)
+        axes.legend(frameon=False)
+    return figure
+
+
+def write_trade_off(tuning: Tuning, path: Path, first: str, second: str) -> None:
+    """Write the figure (.svg or .png). Raises `StudyError`."""
+    kind = path.suffix.lstrip(".").lower()
+    if kind not in ("svg", "png"):
+        raise StudyError(f"{path} is no name for a figure: let it end in .svg or .png.")
+    try:
+        with replacing(path) as draft, mpl.rc_context(STYLE):
+            metadata = {"Date": None} if kind == "svg" else None
+            draw_trade_off(tuning, first, second).savefig(draft, dpi=RESOLUTION, format=kind, metadata=metadata)
+    except OSError as error:
+        raise StudyError(f"{path} cannot be written ({error.strerror}): choose another file.") from None

@@ -1,0 +1,59 @@
+/* A unit of flexlab: what its files share. layout.h is written for each scenario. */
+#ifndef FLEXLAB_UNIT_H
+#define FLEXLAB_UNIT_H
+
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include "layout.h"
+
+enum { DONE, REFUSED = 3 }; /* As fmi2OK, fmi3OK and fmi2Error, fmi3Error. */
+
+enum { NUMBER, OWN, SHARED };        /* Kinds of words: flexlab/fmi/memory.py. */
+enum { UNREACHABLE = 1, SINGULAR, NOT_A_NUMBER, BENT, OTHER_STEP = 100 }; /* flexlab/sim/advance.py. */
+
+typedef struct Unit Unit;
+typedef void (*Say)(Unit *unit, const char *sentence);
+
+struct Unit {
+    void *environment;
+    void (*log)(void); /* The importer's own callback; NULL: it listens to nothing. */
+    Say say;
+    char *name;
+    int64_t words[WORD_COUNT];            /* The kernel's arguments. */
+    unsigned char memory[OWN_SIZE + 8];   /* First the state, then scratch arrays. */
+};
+
+typedef struct { int64_t tick, level, stopped; double time; } State; /* The beginning of an instance's memory. */
+
+extern const unsigned char flexlab_data[];
+extern const int64_t *const words, *const kinds; /* Of an instance that has just been made. */
+
+static inline State *state_of(Unit *unit) { return (State *)unit->memory; }
+static inline int64_t bits(double number) {
+    int64_t word;
+    memcpy(&word, &number, sizeof word);
+    return word;
+}
+int64_t located(Unit *unit, int64_t kind, int64_t value);
+
+/* In world.c or law.c: show the present instant; go some ticks. They return a fault code. */
+int64_t look(Unit *unit);
+int64_t go(Unit *unit, int64_t count);
+
+Unit *unit_new(const char *name, const char *token, void *environment, void (*log)(void), Say say);
+void unit_free(Unit *unit);
+void unit_reset(Unit *unit);
+int unit_begin(Unit *unit, double start_time);
+int unit_observe(Unit *unit);
+double unit_time(const Unit *unit);
+int unit_step(Unit *unit, double time, double step, double *reached);
+int unit_get(Unit *unit, const uint32_t references[], size_t count, double values[]);
+int unit_set(Unit *unit, const uint32_t references[], size_t count, const double values[]);
+int unit_refuse(Unit *unit, const char *sentence);
+int unit_get_state(Unit *unit, void **state);
+int unit_set_state(Unit *unit, const void *state);
+int unit_read_state(Unit *unit, const unsigned char bytes[], size_t size, void **state);
+int unit_write_state(Unit *unit, const void *state, unsigned char bytes[], size_t size);
+
+#endif

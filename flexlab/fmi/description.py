@@ -1,0 +1,232 @@
+"""What a unit says of itself: its variables, and the model descriptions of FMI 2.0 and 3.0 (https://fmi-standard.org)."""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+
+from flexlab.control.law import law_of
+from flexlab.quantities import describe
+from flexlab.recording.table_columns import table_columns, to_columns
+from flexlab.scenario import Scenario
+from flexlab.signal import AXIS
+from flexlab.sim.row_layout import rows_to_samples
+from flexlab.sim.signals import known_signals, own_signals
+
+BASE_UNITS = {
+    "1": {},
+    "kg": {"kg": 1},
+    "m": {"m": 1},
+    "s": {"s": 1},
+    "rad": {"rad": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+}
+"""Exponents of the base units that FMI knows."""
+OF_THE_LAW = {"desired_pose", "tracking_error", "sliding_variable", "bound_estimates", "quasi_static_deflection"}
+"""Signals that a plant without its law does not have."""
+
+
+class Variable(NamedTuple):
+    """One number that an importer sees; its value reference is its number in the list."""
+
+    name: str
+    unit: str
+    description: str
+    causality: str
+    place: int
+    """Where it stands in an instance's memory, bytes."""
+    start: float | None = None
+    low: float = -math.inf
+    high: float = math.inf
+
+    @property
+    def is_settable(self) -> bool:
+        """Whether an importer gives it its value."""
+        return self.causality in ("input", "parameter")
+
+
+def sample_variables(scenario: Scenario, row: np.ndarray, place: int, with_law: bool) -> list[Variable]:
+    """The time, and each signal of a sample row that stands at `place` as an output.
+
+    Signals that the scenario's law does not have are left out: they are NaN in `row`, the sample of the beginning.
+    """
+    columns = table_columns(scenario)
+    numbers = to_columns(rows_to_samples(np.arange(len(row))[None], len(scenario.arms), own_signals(scenario)), columns)
+    own, table = {signal.name for signal in own_signals(scenario)}, known_signals()
+    found = []
+    for column in columns:
+        at = int(numbers[column.name][0])
+        if np.isnan(row[at]) or (not with_law and column.signal in OF_THE_LAW | own):
+            continue
+        name, _, unit = column.name.partition(" [")
+        signal = table[column.signal]
+        source = f" [{signal.equation}]" if signal.equation else ""
+        causality = "independent" if name == "time" else "output"
+        found.append(Variable(name, unit[:-1], f"{signal.symbol}: {signal.meaning}{source}", causality, place + 8 * at))
+    return found
+
+
+def torques(scenario: Scenario, start: np.ndarray, place: int, causality: str) -> list[Variable]:
+    """The motors' torques (arms, 3), which stand at `place`."""
+    return [
+        Variable(
+            f"motor_torque_{side}_{joint + 1}", "N·m", f"torque of the {side} arm's motor {joint + 1}, held over a step",
+            causality, place + 8 * (3 * arm + joint), float(start[arm, joint]) if causality == "input" else None,
+        )
+        for arm, side in enumerate(("left", "right")[: len(scenario.arms)])
+        for joint in range(3)
+    ]  # fmt: skip
+
+
+def sensors(scenario: Scenario, start: np.ndarray, place: int, causality: str) -> list[Variable]:
+    """What a law measures, at `place`: the beam's moments' rates and the gauges' strains; as inputs of a law also the pose."""
+    about = [(f"pose_{axis}", "m" if axis != "theta" else "rad", f"measured pose, {axis}") for axis in AXIS.labels]
+    about += [(f"pose_rate_{axis}", "m/s" if axis != "theta" else "rad/s", f"its rate, {axis}") for axis in AXIS.labels]
+    about = about if causality == "input" else []
+    about += [
+        ("beam_moment_rate_h", "kg·m/s", "hᵀq̇: rate of the beam's first moment of deflection"),
+        ("beam_moment_rate_g", "kg·m²/s", "gᵀq̇: rate of its second"),
+    ]
+    law = scenario.controller
+    about += [(f"strain_{j}", "1", f"strain at s/L = {at:.4g}") for j, at in enumerate(law_of(law).gauges(law))]
+    return [
+        Variable(*each, causality, place + 8 * k, float(start[k]) if causality == "input" else None)
+        for k, each in enumerate(about)
+    ]
+
+
+def law_signals(scenario: Scenario, place: int) -> list[Variable]:
+    """The law's own signals, which stand at `place`, as outputs."""
+    own = {signal.name: signal for signal in own_signals(scenario)}
+    found = []
+    for column in table_columns(scenario):
+        if column.signal in own:
+            name, _, unit = column.name.partition(" [")
+            meaning = f"{own[column.signal].symbol}: {own[column.signal].meaning}"
+            found.append(Variable(name, unit[:-1], meaning, "output", place + 8 * len(found)))
+    return found
+
+
+def parameters(scenario: Scenario, gravity_place: int, gains_place: int, gains: Sequence[str]) -> list[Variable]:
+    """Gravity, and these gains of the law, whose record stands at `gains_place`: what can be tuned while a unit runs."""
+    about = describe(type(scenario), "gravity")
+    found = [
+        Variable(
+            "gravity", about.unit, about.title, "parameter", gravity_place, scenario.gravity, about.low, about.high
+        )
+    ]  # fmt: skip
+    law, record = scenario.controller, law_of(scenario.controller).gains_type
+    for name in gains:
+        about, size = describe(type(law), name), math.prod(record[name].shape)
+        units, values = about.unit.split(", "), np.broadcast_to(getattr(law, name), size)
+        for k in range(size):
+            # Of two units, the first is of both directions.
+            unit = units[k] if len(units) == size else units[0] if k < 2 else units[-1]
+            place = gains_place + (record.fields or {})[name][1] + 8 * k
+            own_name = name if size == 1 else f"{name}_{k + 1}"
+            found.append(
+                Variable(own_name, unit, about.title, "parameter", place, float(values[k]), about.low, about.high)
+            )
+    return found
+
+
+def base_exponents(unit: str) -> dict[str, int] | None:
+    """Exponents of a unit's base units, as of "N·s²/m²"; None: it has others."""
+    if not all(name.rstrip("²³") in BASE_UNITS for name in re.split("[·/]", unit)):
+        return None
+    total: dict[str, int] = {}
+    for sign, factor in re.findall(r"([·/]?)([^·/]+)", unit):
+        name, power = factor.rstrip("²³"), {"²": 2, "³": 3}.get(factor[-1], 1)
+        for base, exponent in BASE_UNITS[name].items():
+            total[base] = total.get(base, 0) + (-power if sign == "/" else power) * exponent
+    return {base: exponent for base, exponent in total.items() if exponent}
+
+
+class Model(NamedTuple):
+    """What a model description says besides its variables."""
+
+    name: str
+    identifier: str
+    token: str
+    description: str
+    tool: str
+    tick_period: float
+    duration: float
+
+
+def model_description(version: int, model: Model, variables: Sequence[Variable]) -> bytes:
+    """modelDescription.xml for FMI `version` 2 or 3."""
+    third = version == 3
+    root = _element(
+        None, "fmiModelDescription", fmiVersion="3.0" if third else "2.0", modelName=model.name,
+        **{"instantiationToken" if third else "guid": model.token}, description=model.description, license="MIT",
+        generationTool=model.tool, variableNamingConvention="flat",
+    )  # fmt: skip
+    state = "FMUState" if third else "FMUstate"
+    _element(
+        root, "CoSimulation", modelIdentifier=model.identifier, canHandleVariableCommunicationStepSize="true",
+        **{f"canGetAndSet{state}": "true", f"canSerialize{state}": "true"},
+        **({"fixedInternalStepSize": repr(model.tick_period)} if third else {}),
+    )  # fmt: skip
+    _add_units(root, {variable.unit for variable in variables})
+    categories = _element(root, "LogCategories")
+    _element(categories, "Category", name="logStatusError", description="What was refused, and why a run stopped")
+    step = repr(model.tick_period)
+    _element(root, "DefaultExperiment", startTime="0", stopTime=repr(model.duration), stepSize=step)
+    _add_variables(root, variables, third)
+    structure = _element(root, "ModelStructure")
+    outputs = [number for number, variable in enumerate(variables) if variable.causality == "output"]
+    if third:
+        for kind in ("Output", "InitialUnknown"):
+            _add_references(structure, kind, "valueReference", outputs)
+    else:
+        for kind in ("Outputs", "InitialUnknowns"):
+            _add_references(_element(structure, kind), "Unknown", "index", (number + 1 for number in outputs))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, "utf-8", xml_declaration=True)
+
+
+def _element(parent: Any, tag: str, **attributes: str) -> Any:
+    return ElementTree.Element(tag, attributes) if parent is None else ElementTree.SubElement(parent, tag, attributes)
+
+
+def _add_references(parent: Any, tag: str, attribute: str, numbers: Iterable[int]) -> None:
+    for number in numbers:
+        _element(parent, tag, **{attribute: str(number)})
+
+
+def _add_units(root: Any, units: set[str]) -> None:
+    parent = _element(root, "UnitDefinitions")
+    for unit in sorted(units):
+        element, exponents = _element(parent, "Unit", name=unit), base_exponents(unit)
+        if exponents is not None:
+            _element(element, "BaseUnit", **{base: str(power) for base, power in exponents.items()})
+
+
+def _add_variables(root: Any, variables: Sequence[Variable], third: bool) -> None:
+    parent = _element(root, "ModelVariables")
+    for number, variable in enumerate(variables):
+        values = {"min": variable.low, "max": variable.high, "start": variable.start}
+        numbers = {
+            name: repr(float(value)) for name, value in values.items() if value is not None and math.isfinite(value)
+        }
+        variability = {"input": "discrete", "parameter": "tunable"}.get(variable.causality, "continuous")
+        about = {
+            "name": variable.name,
+            "valueReference": str(number),
+            "description": variable.description,
+            "causality": variable.causality,
+            "variability": variability,
+        }
+        if variable.causality == "output":
+            about["initial"] = "calculated"
+        elif variable.causality == "parameter":
+            about["initial"] = "exact"
+        if third:
+            _element(parent, "Float64", **about, unit=variable.unit, **numbers)
+        else:
+            _element(_element(parent, "ScalarVariable", **about), "Real", unit=variable.unit, **numbers)

@@ -1,0 +1,113 @@
+"""Changes on their way: undone and done again, and those with a person's own code carried out beside the page."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from flexlab.errors import FlexlabError
+from flexlab.log_limits import limited
+from flexlab.scenario import Scenario
+from flexlab.scenario.differences import changes_towards as changes_towards
+from flexlab.sim.world_state import Origin
+
+LONGEST_HISTORY = 200
+"""Steps that can be undone."""
+ONE_GESTURE = 1.0
+"""Changes of the same settings within this time, wall seconds, are one step: a slider sends twenty a second."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What can be gone back to. `baseline`: the preset or file, unchanged, that `scenario` came from as `name`.
+
+    `origin`: the instant of an earlier run from which the run went on that had these settings.
+    """
+
+    scenario: Scenario
+    name: str
+    baseline: Scenario
+    origin: Origin | None = None
+
+
+class Undo:
+    """Two stacks of settings."""
+
+    def __init__(self) -> None:
+        self._past: list[Settings] = []
+        self._future: list[Settings] = []
+        self._gesture: tuple[object, float] = (None, 0.0)
+
+    def note(self, before: Settings, gesture: object = None) -> None:
+        """A change is about to replace `before`. Equal `gesture`s in quick succession are one step."""
+        now = time.monotonic()
+        same = gesture is not None and gesture == self._gesture[0] and now - self._gesture[1] < ONE_GESTURE
+        self._gesture = (gesture, now)
+        self._future.clear()
+        if not same:
+            self._past = [*self._past[-LONGEST_HISTORY + 1 :], before]
+
+    def back(self, present: Settings) -> Settings | None:
+        """The settings one step back, or None if there is no step."""
+        return self._move(present, self._past, self._future)
+
+    def forward(self, present: Settings) -> Settings | None:
+        """The settings one step forward again, or None."""
+        return self._move(present, self._future, self._past)
+
+    def _move(self, present: Settings, source: list[Settings], target: list[Settings]) -> Settings | None:
+        self._gesture = (None, 0.0)
+        while source:
+            found = source.pop()
+            # A change that the engine refused left no trace: its step is passed over.
+            if found != present:
+                target.append(present)
+                return found
+        return None
+
+
+PATH = "trajectory"
+
+log = limited(__name__)
+
+
+class SlowChanges:
+    """What is asked for while another change is worked at waits, merged: the last value of a field counts."""
+
+    def __init__(self, carry_out: Callable[[Mapping[str, Any]], None], say: Callable[[str, str], None]):
+        """`say(sentence, level)`: what becomes of a change that is refused."""
+        self._carry_out, self._say = carry_out, say
+        self._lock = threading.Lock()
+        self._waiting: dict[str, Any] = {}
+        self._is_busy = False
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a change of the path must wait for another one."""
+        return self._is_busy
+
+    def ask(self, changes: Mapping[str, Any]) -> None:
+        """Carry a change out on a thread of its own. Any thread."""
+        with self._lock:
+            if f"{PATH}.kind" in changes or PATH in changes:  # Fields of the path that is left mean nothing any more.
+                self._waiting = {path: value for path, value in self._waiting.items() if not path.startswith(PATH)}
+            self._waiting.update(changes)
+            if not self._is_busy:
+                self._is_busy = True
+                threading.Thread(target=self._work, name="flexlab-own-path", daemon=True).start()
+
+    def _work(self) -> None:
+        while True:
+            with self._lock:
+                changes, self._waiting = self._waiting, {}
+                if not changes:
+                    self._is_busy = False
+                    return
+            try:
+                self._carry_out(changes)
+            except FlexlabError as error:
+                self._say(str(error), "error")
+            except Exception as error:
+                log.exception("a change failed")
+                self._say(f"This change failed ({type(error).__name__}: {error}); the simulation goes on.", "error")

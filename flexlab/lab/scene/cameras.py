@@ -1,0 +1,210 @@
+"""Cameras: named views, and each browser's own, which fits its window until the person moves it."""
+
+import threading
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import viser
+
+from flexlab.errors import LabError
+from flexlab.lab.scene.stage import floor_extent
+from flexlab.log_limits import limited
+from flexlab.scenario import Scenario
+from flexlab.sim.geometry import link_points
+from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Samples
+from flexlab.sim.snapshot import Snapshot
+
+FIELD_OF_VIEW = np.radians(28.0)
+"""Vertical, rad: narrow, so that the plane of motion is hardly distorted."""
+TILT = np.radians(24.0)
+"""Angle between the line of sight and the vertical in the overview, rad."""
+PLAN_TILT = np.radians(0.5)
+"""Of the plan view, rad: straight down leaves it open which side is up."""
+FRONT_TILT = np.radians(62.0)
+CAPTION = 0.2
+"""Room for the words above the picture, m."""
+FILLED = 0.97
+"""Share of the window that the floor takes up, in the direction in which it fits just so."""
+AROUND = 0.35
+"""Room around the payload wherever its path takes it, in its lengths: for what bends, and the arms that hold it."""
+LEAST_FREE = 0.2
+"""Share of the picture's height that counts as free whatever covers it."""
+CLOSE_UP = 2.6
+"""Distance of the close views, in payload lengths."""
+
+VIEWS = ("Payload", "Overview", "Plan", "Front", "Left grip", "Follow")
+MOVING = ("Left grip", "Follow")
+"""Those that move with the machine."""
+
+
+class Window(NamedTuple):
+    """A browser's picture: width over height, and the shares of its height that are covered, from above and from below."""
+
+    aspect: float
+    above: float = 0.0
+    below: float = 0.0
+
+
+class Shot(NamedTuple):
+    """A camera position and the point it looks at, m, (3,) each."""
+
+    position: np.ndarray
+    look_at: np.ndarray
+
+
+def shot(view: str, scenario: Scenario, sample: Samples, window: Window) -> Shot:
+    """Where the camera stands for one of `VIEWS`; the close views depend on `sample` (N = 1)."""
+    if view == "Left grip":
+        return _near(link_points(scenario, sample.pose)[0, 0], scenario, window, 0.5)
+    if view == "Follow":
+        return _near(sample.pose[0, :2], scenario, window, 1.0)
+    if view == "Payload":
+        return payload_view(scenario, window)
+    return overview(scenario, window, {"Plan": PLAN_TILT, "Front": FRONT_TILT}.get(view, TILT))
+
+
+def overview(scenario: Scenario, window: Window, tilt: float = TILT) -> Shot:
+    """The view of the whole floor, `tilt` rad from straight above."""
+    x_min, x_max, y_min, y_max = floor_extent(scenario)
+    return _fitted((x_min, x_max, y_min, y_max + CAPTION), window, tilt)
+
+
+def payload_view(scenario: Scenario, window: Window) -> Shot:
+    """The payload fills the free part of the picture, wherever its path takes it."""
+    length, path = scenario.payload.length, scenario.trajectory
+    half = np.array(path.reach[:2]) + [(0.5 + AROUND) * length, AROUND * length]
+    low, high = np.array(path.middle[:2]) - half, np.array(path.middle[:2]) + half
+    return _fitted((low[0], high[0], low[1], high[1]), window, TILT)
+
+
+def _fitted(extent: tuple[float, float, float, float], window: Window, tilt: float) -> Shot:
+    """`extent`, x_min, x_max, y_min, y_max on the floor, m, fits into the free part just so, and stands in its middle."""
+    x_min, x_max, y_min, y_max = extent
+    center = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2, 0.0])
+    half_angle = FILLED * np.tan(FIELD_OF_VIEW / 2)
+    free = max(1.0 - window.above - window.below, LEAST_FREE)
+    corners = np.array([(x, y, 0.0) for x in (x_min, x_max) for y in (y_min, y_max)]) - center
+    forward, up = np.array([0.0, np.sin(tilt), -np.cos(tilt)]), np.array([0.0, np.cos(tilt), np.sin(tilt)])
+    # A corner is in the picture from where its line of sight lies within the opening angle.
+    wide = np.abs(corners[:, 0]) / (half_angle * max(window.aspect, 0.1))
+    high = np.abs(corners @ up) / (half_angle * free)
+    distance = float(np.max(np.maximum(wide, high) - corners @ forward))
+    center[1] += (window.above - window.below) * np.tan(FIELD_OF_VIEW / 2) * distance / np.cos(tilt)
+    return _from(center, distance, tilt)
+
+
+def _near(place: np.ndarray, scenario: Scenario, window: Window, size: float) -> Shot:
+    distance = size * CLOSE_UP * scenario.payload.length / min(max(window.aspect, 0.1), 1.0)
+    return _from(np.array([*place, 0.15]), distance, TILT)
+
+
+def _from(center: np.ndarray, distance: float, tilt: float) -> Shot:
+    return Shot(center + distance * np.array([0.0, -np.sin(tilt), np.cos(tilt)]), center)
+
+
+STANDING = ""
+"""View of a camera that stays where it is, and is the person's own."""
+LOWEST = 0.1
+"""Height above the floor below which no camera goes, m: from below, the picture is a riddle."""
+STILL = 1e-3
+"""A camera this near to where it was put counts as not moved by the person, m."""
+SAME_ASPECT = 0.02
+"""Changes of width over height below this do not move the camera."""
+
+log = limited(__name__)
+
+
+def _at_rest(one: np.ndarray, other: np.ndarray) -> bool:
+    return float(np.linalg.norm(one - other)) < STILL
+
+
+@dataclass
+class _Watch:
+    """One browser."""
+
+    client: viser.ClientHandle
+    view: str = VIEWS[0]
+    put_at: np.ndarray | None = None
+    aspect: float = 0.0
+    covered: tuple[float, float] = (0.0, 0.0)
+    """Shares of the picture's height that something lies over, from above and from below."""
+    put_for: tuple[float, float] = (0.0, 0.0)
+    """Of them those that the camera was put for."""
+
+
+class ClientCameras:
+    """The cameras of all browsers of one server; a browser that comes back is a new one."""
+
+    def __init__(self, server: viser.ViserServer, runner: Runner):
+        self._server, self._runner = server, runner
+        self._watches: dict[int, _Watch] = {}
+        self._lock = threading.Lock()
+        server.on_client_connect(self._greet)
+        server.on_client_disconnect(self._forget)
+
+    def choose(self, client: viser.ClientHandle, view: str) -> None:
+        """Show one of `VIEWS` in one browser; raises `LabError` for another name."""
+        if view not in VIEWS:
+            raise LabError(f"{view[:40]!r} is not a camera view: choose one of {', '.join(VIEWS)}.")
+        with self._lock:
+            watch = self._watches.get(client.client_id)
+        if watch is not None:
+            watch.view = view
+            self._aim(watch, self._runner.snapshot)
+
+    def cover(self, client: viser.ClientHandle, above: float, below: float) -> None:
+        """Keep the machine in the part of one browser's picture that nothing lies over; shares of its height."""
+        with self._lock:
+            watch = self._watches.setdefault(client.client_id, _Watch(client))
+        watch.covered = (above, below)
+        self._reshape(watch)
+
+    def follow(self, snapshot: Snapshot) -> None:
+        """Move the cameras that follow the payload; called for every picture."""
+        with self._lock:
+            watches = [watch for watch in self._watches.values() if watch.view in MOVING]
+        for watch in watches:
+            try:
+                self._aim(watch, snapshot)
+            except Exception:
+                # One browser's camera is that browser's affair: everybody else's picture goes on.
+                log.exception("the camera of browser %s cannot follow: it stays where it is", watch.client.client_id)
+                watch.view = STANDING
+
+    async def _greet(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            watch = self._watches.setdefault(client.client_id, _Watch(client))
+
+        async def reshape(camera: viser.CameraHandle) -> None:
+            if camera.position[2] < LOWEST:
+                camera.position = np.array([*camera.position[:2], LOWEST])
+                return
+            self._reshape(watch)
+
+        client.camera.on_update(reshape)
+
+    def _reshape(self, watch: _Watch) -> None:
+        """Fit a picture whose shape has changed, unless the person has moved the camera."""
+        camera = watch.client.camera
+        # viser puts its own first camera back some two seconds after the page has opened.
+        put_back = watch.view == VIEWS[0] and _at_rest(camera.position, self._server.initial_camera.position)
+        stands = watch.put_at is None or _at_rest(camera.position, watch.put_at)
+        reshaped = abs(camera.aspect - watch.aspect) > SAME_ASPECT or watch.covered != watch.put_for
+        if watch.view not in (*MOVING, STANDING) and (put_back or (stands and reshaped)):
+            self._aim(watch, self._runner.snapshot)
+
+    async def _forget(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            self._watches.pop(client.client_id, None)
+
+    def _aim(self, watch: _Watch, snapshot: Snapshot) -> None:
+        camera = watch.client.camera
+        window = Window(camera.aspect, *watch.covered)
+        aim = shot(watch.view, snapshot.scenario, snapshot.display, window)
+        watch.put_at, watch.aspect, watch.put_for = aim.position, camera.aspect, watch.covered
+        # Position first: viser moves the point looked at along with it.
+        with watch.client.atomic():
+            camera.position = aim.position
+            camera.look_at = aim.look_at

@@ -1,0 +1,262 @@
+"""A person's text in a process of its own: reads calls from a socket, answers them, says what goes wrong.
+
+python -m flexlab.own.child CALLS REPORTS LIFELINE FILE SORT  (numbers of inherited sockets and of a pipe; SORT: law or path)
+
+A second process stays behind to end all that the text started: processes of processes too, with the text, and when the lab is
+gone.
+
+A law is asked with a message and a `LAW_INPUT` record, and answers with the first ANSWER_SIZE numbers of the message. A path is
+asked with two whole numbers (int64), of options and of shares, then both as float64; it answers with a whole number, of poses,
+then how long it lasts and the poses, (1 + 3 poses) of float64. A problem is a report, and a whole number of -1.
+"""
+
+import contextlib
+import ctypes
+import faulthandler
+import json
+import os
+import select
+import signal
+import socket
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from flexlab.errors import FlexlabError
+from flexlab.own.execution import ANSWER_SIZE, MESSAGE_SIZE, RunningLaw, RunningPath, TextProblem
+from flexlab.physics.law_input import LAW_INPUT
+
+T = TypeVar("T")
+FAILED = -1
+"""Instead of a number of poses."""
+PERIOD = 0.25
+"""s between two looks at what a text has started."""
+MOST_PROCESSES = 32
+"""That a text may have at once."""
+MOST_MEMORY = 2_000_000_000
+"""Bytes: of address space for each process of a text, of memory in use for all together."""
+SET_PARENT_DEATH_SIGNAL, SET_CHILD_SUBREAPER = 1, 36
+"""Of Linux's prctl."""
+ROUNDS = 50
+"""In which all that is found is stopped until nothing new is, before it is killed."""
+
+
+def receive(calls: socket.socket, size: int) -> bytearray | None:
+    """Exactly `size` bytes; None at the end."""
+    data = bytearray(size)
+    view, got = memoryview(data), 0
+    while got < size:
+        count = calls.recv_into(view[got:])
+        if count == 0:
+            return None
+        got += count
+    return data
+
+
+class Reports:
+    """Sentences for the parent, a line of JSON each."""
+
+    def __init__(self, reports: socket.socket):
+        self._reports = reports
+
+    def say(self, **what: Any) -> None:
+        """Tell the parent."""
+        self._reports.sendall(json.dumps(what).encode() + b"\n")
+
+
+def _watch_exits(reports: Reports, file: str) -> None:
+    """Have os._exit and os.abort say where they were called: nothing else would know."""
+
+    own = os.getpid()
+
+    def telling(name: str, function: Any) -> Any:
+        def end(*words: Any) -> None:
+            if os.getpid() != own:  # That of a process which the text started says nothing of the text.
+                function(*words)
+            lines = [frame.lineno for frame in traceback.extract_stack() if frame.filename == file]
+            line = f", line {lines[-1]}" if lines else ""
+            reports.say(problem=f"{os.path.basename(file)}{line}: it ended its own process with os.{name}.")
+            function(*words)
+
+        return end
+
+    os._exit, os.abort = telling("_exit", os._exit), telling("abort", os.abort)  # type: ignore[assignment]  # Types say that these never return.
+
+
+def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Reports], None]) -> None:
+    """Run one text for the parent: `load` it (text, file), then `answer` calls until the parent closes the socket.
+
+    The text comes first through the socket of the calls, after its length. When the other end of the lifeline is closed, this
+    process ends with all that the text started.
+    """
+    calls, reported = socket.socket(fileno=int(sys.argv[1])), socket.socket(fileno=int(sys.argv[2]))
+    file, reports = sys.argv[4], Reports(reported)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which ends this by closing the lifeline.
+    name = os.path.basename(file)
+    _supervised([calls.fileno()], int(sys.argv[3]), lambda text: reports.say(problem=f"{name}: {text}."))
+    reports.say(pid=os.getpid())
+    # Asked for by the parent when an answer is late: the handler works even while Python cannot.
+    faulthandler.register(signal.SIGUSR1, file=reported.fileno(), all_threads=False, chain=False)
+    faulthandler.enable(file=reported.fileno(), all_threads=False)
+    length = receive(calls, 8)
+    if length is None:
+        return
+    text = receive(calls, int.from_bytes(length, "little"))
+    if text is None:
+        return
+    _watch_exits(reports, file)
+    try:
+        loaded = load(text.decode(), file)
+    except (TextProblem, FlexlabError) as error:
+        reports.say(problem=str(error))
+        return
+    reports.say(ready=True)
+    answer(loaded, calls, reports)
+
+
+def _answer_law(law: RunningLaw, calls: socket.socket, reports: Reports) -> None:
+    message_bytes = 8 * MESSAGE_SIZE
+    while True:
+        data = receive(calls, message_bytes + LAW_INPUT.itemsize)
+        if data is None:
+            return
+        message = np.frombuffer(data, float, MESSAGE_SIZE)
+        text = law.answer(message, np.frombuffer(data, np.uint8, LAW_INPUT.itemsize, message_bytes))
+        if text:
+            reports.say(problem=text)
+        calls.sendall(memoryview(data)[: 8 * ANSWER_SIZE])
+
+
+def _answer_path(path: RunningPath, calls: socket.socket, reports: Reports) -> None:
+    while (head := receive(calls, 16)) is not None:
+        options, shares = np.frombuffer(head, np.int64).tolist()
+        data = receive(calls, 8 * (options + shares))
+        if data is None:
+            return
+        numbers = np.frombuffer(data, float)
+        try:
+            span, poses = path.poses(numbers[:options], numbers[options:])
+        except TextProblem as problem:
+            reports.say(problem=str(problem))
+            calls.sendall(np.int64(FAILED).tobytes())
+            continue
+        calls.sendall(np.int64(len(poses)).tobytes() + np.append(span, poses.ravel()).tobytes())
+
+
+def _supervised(calls: list[int], lifeline: int, say: Callable[[str], None]) -> None:
+    """Returns in a new process, in which the text may run; this one stays behind, looks after it and ends as it does.
+
+    calls: numbers of files that only the text's process uses. lifeline: the reading end of a pipe; when its other end is
+    closed, everything ends. `say` tells the lab what was wrong.
+    """
+    _control(SET_CHILD_SUBREAPER, 1)  # What outlives its own parent becomes this one's child, and is found.
+    above, here = os.getppid(), os.getpid()
+    pid = os.fork()
+    if pid == 0:
+        os.close(lifeline)
+        _control(SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+        if os.getppid() != here:
+            os._exit(0)
+        _limit_memory()
+        return
+    for number in calls:
+        os.close(number)
+    signal.signal(signal.SIGUSR1, lambda *_: _send(pid, signal.SIGUSR1))
+    ended = _watch(pid, above, lifeline, say)
+    _end(pid)
+    if ended is not None and os.WIFSIGNALED(ended):
+        number = os.WTERMSIG(ended)
+        if number != signal.SIGKILL:
+            signal.signal(number, signal.SIG_DFL)
+        os.kill(here, number)
+    os._exit(1 if ended is None else os.waitstatus_to_exitcode(ended))
+
+
+def _watch(pid: int, above: int, lifeline: int, say: Callable[[str], None]) -> int | None:
+    """Wait until the text's process has ended (its status), or has to (None)."""
+    while True:
+        found, status = os.waitpid(pid, os.WNOHANG)
+        if found == pid:
+            return status
+        if select.select([lifeline], [], [], PERIOD)[0] or os.getppid() != above:
+            return None
+        others = _descendants() - {pid}
+        for other in others:
+            with contextlib.suppress(ChildProcessError):  # Of those that became this one's, none is left as a zombie.
+                os.waitpid(other, os.WNOHANG)
+        if len(others) >= MOST_PROCESSES:
+            say(f"it started more than {MOST_PROCESSES} processes, which is more than a file may")
+            return None
+        if others and sum(map(_memory, others | {pid})) > MOST_MEMORY:
+            say(f"it and the processes that it started use more than {MOST_MEMORY / 1e9:g} GB of memory")
+            return None
+
+
+def _end(pid: int) -> None:
+    """Kill the text's process and all that came of it; first all are stopped, so that none starts another meanwhile."""
+    stopped: set[int] = set()
+    for _ in range(ROUNDS):
+        new = (_descendants() | {pid}) - stopped
+        if not new:
+            break
+        for each in new:
+            _send(each, signal.SIGSTOP)
+        stopped |= new
+    for each in stopped:
+        _send(each, signal.SIGKILL)
+    with contextlib.suppress(ChildProcessError):
+        while True:
+            os.waitpid(-1, 0)
+
+
+def _descendants() -> set[int]:
+    """All processes below this one; none where the system does not tell."""
+    found: set[int] = set()
+    above = [os.getpid()]
+    while above:
+        for task in Path(f"/proc/{above.pop()}/task").glob("*/children"):
+            with contextlib.suppress(OSError):
+                new = set(map(int, task.read_text().split())) - found
+                found |= new
+                above += new
+    return found
+
+
+def _memory(pid: int) -> int:
+    """Bytes in use that a process shares with no other."""
+    try:
+        _, resident, shared = map(int, Path(f"/proc/{pid}/statm").read_text().split()[:3])
+    except (OSError, ValueError):
+        return 0
+    return (resident - shared) * os.sysconf("SC_PAGE_SIZE")
+
+
+def _send(pid: int, number: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, number)
+
+
+def _control(option: int, value: int) -> None:
+    """Linux's prctl; nothing elsewhere."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(option, value, 0, 0, 0)
+
+
+def _limit_memory() -> None:
+    try:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    except (ImportError, ValueError, OSError):
+        pass  # Where the system has no such limit, its own must do.
+
+
+if __name__ == "__main__":
+    if sys.argv[5] == "law":
+        _serve(RunningLaw, _answer_law)
+    else:
+        _serve(RunningPath, _answer_path)

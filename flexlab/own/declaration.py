@@ -1,0 +1,268 @@
+"""What a person's law or path declares: settings with unit and range, memory, signals, how long; read, not run.
+
+So a recording, a shared scenario or a menu can show a law whose code nobody has allowed to run.
+"""
+
+import ast
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from flexlab.own.reading import DeclaredClass, called, is_finite, kind_of
+
+MOST_SETTINGS, MOST_SIGNALS, MOST_MEMORY = 64, 16, 256
+"""Numbers that go with each call, at most."""
+SHORTEST_PERIOD, LONGEST_PERIOD = 1e-5, 0.1
+"""s, as for every sampled controller."""
+DEFAULT_PERIOD = 1e-3
+"""s."""
+ON_SAVE = ("go on", "restart")
+SHORTEST, LONGEST = 0.01, 1000.0
+"""s that a path may last."""
+LASTING = ("duration", "period")
+"""Names under which a path says how long it lasts, until it stands or until it repeats."""
+
+
+class OwnLaw:
+    """Base of a control law written in Python; it runs at control instants, `period` s apart.
+
+    Class attributes declare it: `gain(...)`, `memory(...)`, `readout(...)`, `period` and `on_save`, with numbers that stand
+    in the file.
+    `act(self, at)` returns the inputs of the arms, (arms, 3): forces in N and torques in N·m at the grips, or what
+    `at.from_torques(joint_torques)` makes of joint torques. `at`: a `Measurement`. Within it `self.<gain>` is the gain's
+    present value, `self.<memory>` an array to read and change, `self.<readout>` a number to set.
+
+    `act` must follow from gains, measurement and memory alone: the engine may ask twice for one instant, to check its own
+    accuracy, and a replay asks again. What it needs to remember belongs into a memory, which recordings keep.
+    """
+
+    period: float = DEFAULT_PERIOD
+    on_save: str = "go on"
+    """What a lab does when the file is saved: "go on" with the memory as it is, or "restart" the run."""
+
+    def act(self, at: Any) -> Any:
+        """The inputs of the arms, (arms, 3), N, N, N·m."""
+        raise NotImplementedError("define act(self, at)")
+
+
+class OwnPath:
+    """Base of a desired motion written in Python; it is a function of time and of its options alone.
+
+    Class attributes declare it: `option(...)`s, and either `duration` (it ends, and its last pose is held) or `period` (it
+    repeats), in s, as a number, an option, or a method.
+    `position(self, t)` returns x, y, m, and θ, rad, of the beam's middle at `t` s from the path's start. Within it
+    `self.<option>` is the option's present value.
+
+    It is asked for its poses when it is chosen, when an option changes and when its file is saved; a spline of degree five
+    through them is what the payload follows, and what recordings keep.
+    """
+
+    def position(self, t: float) -> Any:
+        """x, y, θ, m, m, rad, at `t` s."""
+        raise NotImplementedError("define position(self, t)")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A gain or an option: one number, or three for x, y and θ, which may also be given as one."""
+
+    default: float | tuple[float, float, float]
+    unit: str
+    low: float
+    high: float
+    title: str = ""
+    symbol: str = ""
+    slider: tuple[float, float] | None = None
+    logarithmic: bool = False
+
+    @property
+    def size(self) -> int:
+        """Numbers in it."""
+        return 3 if isinstance(self.default, tuple) else 1
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Numbers that the law keeps from one instant to the next."""
+
+    size: int
+    start: float = 0.0
+
+
+@dataclass(frozen=True)
+class OwnSignal:
+    """A number that the law shows."""
+
+    unit: str
+    title: str = ""
+    symbol: str = ""
+
+
+def gain(
+    default: float | tuple[float, float, float],
+    unit: str,
+    *,
+    low: float,
+    high: float,
+    title: str = "",
+    symbol: str = "",
+    slider: tuple[float, float] | None = None,
+    logarithmic: bool = False,
+) -> Any:
+    """Declare a gain: its default, unit and allowed range. Three numbers as default: one each for x, y and θ.
+
+    `title`: its name on the screen (otherwise made of the attribute's). `slider`: the part of the range that the slider
+    covers (otherwise all of it); `logarithmic`: whether equal ratios are equally far apart on it.
+    """
+    return Setting(default, unit, low, high, title, symbol, slider, logarithmic)
+
+
+def memory(size: int, start: float = 0.0) -> Any:
+    """Declare `size` numbers that the law keeps from one instant to the next, all `start` at first."""
+    return Memory(size, start)
+
+
+def readout(unit: str, title: str = "", symbol: str = "") -> Any:
+    """Declare a number that the law sets at each instant, to be plotted and recorded."""
+    return OwnSignal(unit, title, symbol)
+
+
+def option(
+    default: float | tuple[float, float, float],
+    unit: str,
+    *,
+    low: float,
+    high: float,
+    title: str = "",
+    symbol: str = "",
+    slider: tuple[float, float] | None = None,
+    logarithmic: bool = False,
+) -> Any:
+    """Declare an option: its default, unit and allowed range. Three numbers as default: one each for x, y and θ.
+
+    `title`: its name on the screen (otherwise made of the attribute's). `slider`: the part of the range that the slider
+    covers (otherwise all of it); `logarithmic`: whether equal ratios are equally far apart on it.
+    """
+    return gain(default, unit, low=low, high=high, title=title, symbol=symbol, slider=slider, logarithmic=logarithmic)
+
+
+@dataclass(frozen=True)
+class Declared:
+    """What is known of any class without running it."""
+
+    name: str
+    """Of the class."""
+    line: int
+    """Where it begins in its file."""
+    meaning: str
+    """First paragraph of its docstring."""
+    settings: tuple[tuple[str, Setting], ...]
+    """Gains or options."""
+
+    @property
+    def kind(self) -> str:
+        """Its name in scenarios."""
+        return kind_of(self.name)
+
+
+@dataclass(frozen=True)
+class Declaration(Declared):
+    """All that is known of a law without running it."""
+
+    period: float
+    """s between control instants, unless the scenario says otherwise."""
+    goes_on: bool
+    """Whether a run goes on, with the memory as it is, when the file is saved anew."""
+    memory: tuple[tuple[str, Memory], ...]
+    signals: tuple[tuple[str, OwnSignal], ...]
+
+
+@dataclass(frozen=True)
+class PathDeclaration(Declared):
+    """All that is known of a path without running it."""
+
+    repeats: bool
+    """Whether it says a period."""
+
+
+def read_declaration(source: str, file: str) -> Declaration:
+    """What the law in `source` declares. Raises `ScenarioError` with file and line where it cannot be read."""
+    law = DeclaredClass(source, file, "OwnLaw", "controller.source")
+    found: dict[type, list[tuple[str, Any]]] = {Setting: [], Memory: [], OwnSignal: []}
+    period, on_save = DEFAULT_PERIOD, OwnLaw.on_save
+    for name, value in law.attributes():
+        maker = _MAKERS.get(called(value.func)) if isinstance(value, ast.Call) else None
+        if maker is not None and isinstance(value, ast.Call):
+            made = law.made(name, maker, value)
+            _check(law, name, made, value.lineno)
+            found[type(made)].append((name, made))
+        elif name == "period":
+            period = law.number(value, "period", SHORTEST_PERIOD, LONGEST_PERIOD, "s")
+        elif name == "on_save":
+            on_save = law.value(value)
+            if on_save not in ON_SAVE:
+                raise law.problem(value.lineno, f"on_save = {on_save!r} is none of " + ", ".join(map(repr, ON_SAVE)))
+    if not law.has_method("act"):
+        raise law.problem(law.line, f"{law.node.name} has no method act(self, at), which computes the inputs")
+    gains, memories = dict(found[Setting]), dict(found[Memory])
+    law.few("gains", sum(one.size for one in gains.values()), MOST_SETTINGS)
+    law.few("numbers of memory", sum(one.size for one in memories.values()), MOST_MEMORY)
+    law.few("signals", len(found[OwnSignal]), MOST_SIGNALS)
+    return Declaration(
+        law.node.name,
+        law.line,
+        law.meaning,
+        tuple(gains.items()),
+        period,
+        on_save == ON_SAVE[0],
+        tuple(memories.items()),
+        tuple(found[OwnSignal]),
+    )
+
+
+def read_path_declaration(source: str, file: str) -> PathDeclaration:
+    """What the path in `source` declares. Raises `ScenarioError` with file and line where it cannot be read."""
+    path = DeclaredClass(source, file, "OwnPath", "trajectory.source")
+    options: dict[str, Setting] = {}
+    lasting = [name for name in LASTING if path.has_method(name)]
+    for name, value in path.attributes():
+        is_option = isinstance(value, ast.Call) and called(value.func) == "option"
+        if is_option and isinstance(value, ast.Call):
+            options[name] = path.made(name, option, value)
+            _check_setting(path, name, options[name], value.lineno)
+        if name in LASTING:
+            lasting.append(name)
+            if not is_option:
+                path.number(value, name, SHORTEST, LONGEST, "s")
+    if len(set(lasting)) != 1:
+        text = f"{path.node.name} says {' and '.join(dict.fromkeys(lasting)) or 'neither duration nor period'}"
+        raise path.problem(path.line, f"{text}: give duration = ... or period = ... in s, one of the two")
+    if not path.has_method("position"):
+        raise path.problem(path.line, f"{path.node.name} has no method position(self, t), which gives x, y and θ")
+    path.few("options", sum(one.size for one in options.values()), MOST_SETTINGS)
+    return PathDeclaration(path.node.name, path.line, path.meaning, tuple(options.items()), lasting[0] == "period")
+
+
+_MAKERS: dict[str, Callable[..., Any]] = {"gain": gain, "memory": memory, "readout": readout}
+
+
+def _check(law: DeclaredClass, name: str, made: Any, line: int) -> None:
+    if isinstance(made, Memory):
+        if not isinstance(made.size, int) or not 1 <= made.size <= MOST_MEMORY or not is_finite(made.start):
+            text = f"{name} = memory({made.size!r}, {made.start!r}) needs a whole number from 1 to {MOST_MEMORY}"
+            raise law.problem(line, f"{text} and a finite start")
+    elif isinstance(made, OwnSignal):
+        if not all(isinstance(text, str) for text in (made.unit, made.title, made.symbol)):
+            raise law.problem(line, f"{name}: unit, title and symbol of a signal are texts")
+    else:
+        _check_setting(law, name, made, line)
+
+
+def _check_setting(declared: DeclaredClass, name: str, gain: Setting, line: int) -> None:
+    """Raises `ScenarioError` for a range that is none or a default outside it."""
+    if not is_finite(gain.low) or not is_finite(gain.high) or not gain.low < gain.high:
+        raise declared.problem(line, f"{name}: low = {gain.low!r} and high = {gain.high!r} are no range")
+    numbers = gain.default if isinstance(gain.default, tuple) else (gain.default,)
+    if len(numbers) not in (1, 3) or not all(is_finite(one) and gain.low <= one <= gain.high for one in numbers):
+        text = f"{name}: the default {gain.default!r} is outside {gain.low:g} to {gain.high:g} {gain.unit}"
+        raise declared.problem(line, f"{text}, or not one or three numbers")

@@ -1,0 +1,299 @@
+"""Runs the text of a person's class: each question of the engine becomes a call of the law's `act` or the path's `position`.
+
+What a text does wrong becomes a sentence with file and line. The numbers of a call go both ways in a message (MESSAGE_SIZE,) of
+float64.
+"""
+
+import ctypes
+import math
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import CodeType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlab.own import declaration
+from flexlab.own.believed import BELIEVED_SIZE, Believed
+from flexlab.own.declaration import (
+    LASTING,
+    LONGEST,
+    MOST_MEMORY,
+    MOST_SETTINGS,
+    MOST_SIGNALS,
+    SHORTEST,
+    Declaration,
+    PathDeclaration,
+    Setting,
+    read_declaration,
+    read_path_declaration,
+)
+from flexlab.own.measurement import Measurement
+from flexlab.physics.law_input import LAW_INPUT
+
+TURN = 0
+"""Room for the byte that says whose turn it is."""
+OUTCOME = 1
+"""What became of the call: `ASKED`, `ANSWERED` or `FAILED`; `WAIT` where the answer is late and may still come."""
+ASKED, ANSWERED, FAILED, WAIT = 0.0, 1.0, 2.0, 3.0
+PERIOD = 2
+"""T_c, s."""
+INPUTS = 3
+"""u, (arms, 3) row by row: the answer."""
+SIGNALS = INPUTS + 6
+GAINS = SIGNALS + MOST_SIGNALS
+MEMORY = GAINS + MOST_SETTINGS
+ANSWER_SIZE = MEMORY + MOST_MEMORY
+"""Numbers that go back; those after them are only told."""
+PLANT = ANSWER_SIZE
+MESSAGE_SIZE = PLANT + BELIEVED_SIZE
+
+AnswerFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)
+"""A C function of the addresses of a message and of a `LAW_INPUT` record."""
+
+
+class Channel(NamedTuple):
+    """The first fields of `law.CHANNEL`."""
+
+    answer: int
+    late: int
+    calls: int
+    next_turn: int
+    done: int
+
+
+def address_of(function: Any) -> int:
+    """Of a C function."""
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
+def message_at(address: int) -> np.ndarray:
+    """The message (MESSAGE_SIZE,) at an address."""
+    return np.ctypeslib.as_array((ctypes.c_double * MESSAGE_SIZE).from_address(address))
+
+
+def now_at(address: int) -> np.ndarray:
+    """The bytes of the `LAW_INPUT` record at an address."""
+    return np.ctypeslib.as_array((ctypes.c_uint8 * LAW_INPUT.itemsize).from_address(address))
+
+
+FORMER_PLACES = ("flexlab.own_laws.declaration", "flexlab.own_paths.declaration")
+"""Modules from which the texts of classes in earlier recordings import."""
+LONGEST_WORDS = 200
+"""Characters of an exception's own text that are shown."""
+
+
+class TextProblem(Exception):
+    """What is wrong with a text, as a sentence with file and line."""
+
+
+class RunningText:
+    """The object of one class of a text. Raises `TextProblem` if the text cannot be run."""
+
+    def __init__(self, source: str, file: str, name: str, line: int, what: str):
+        """`name`, `line`: of the class; `what` it is, in sentences."""
+        self._file, self._line, self._what = file, line, what
+        folder = str(Path(file).resolve().parent)
+        if Path(file).exists() and folder not in sys.path:
+            sys.path.append(folder)
+        for place in FORMER_PLACES:
+            sys.modules.setdefault(place, declaration)
+        names: dict[str, Any] = {"__name__": f"own_text_{name}", "__file__": file}
+        try:
+            code: CodeType = compile(source, file, "exec")
+            exec(code, names)
+            self.made: Any = names[name]()
+        except BaseException as error:  # SystemExit too: a file that ends Python must not end the lab.
+            raise TextProblem(self.where(error)) from None
+
+    def set(self, settings: tuple[tuple[str, Setting], ...], numbers: np.ndarray) -> None:
+        """Give the object its gains or options, from their numbers in the order of their declaration, flat."""
+        at = 0
+        for name, one in settings:
+            setattr(self.made, name, numbers[at : at + 3].copy() if one.size == 3 else float(numbers[at]))
+            at += one.size
+
+    def at_line(self, line: int | None) -> str:
+        """File and line as sentences begin with them."""
+        return f"{Path(self._file).name}, line {line}"
+
+    def first_line(self, method: str) -> str:
+        """File and line where a method begins."""
+        return self.at_line(getattr(type(self.made), method).__code__.co_firstlineno)
+
+    def at_return(self, method: str, again: Callable[[], Any]) -> str:
+        """File and line of the return that gave a wrong answer: the call is made once more, watched."""
+        code = getattr(type(self.made), method).__code__
+        last = [code.co_firstlineno]
+
+        def watch(frame: Any, event: str, _: Any) -> Any:
+            if frame.f_code is code:
+                if event == "return":
+                    last[0] = frame.f_lineno
+                return watch
+            return None
+
+        before = sys.gettrace()
+        sys.settrace(watch)
+        try:
+            again()
+        except BaseException:
+            return self.first_line(method)
+        finally:
+            sys.settrace(before)
+        return self.at_line(last[0])
+
+    def where(self, error: BaseException) -> str:
+        """An exception as a sentence with the line of the text that led to it."""
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == self._file]
+        if isinstance(error, SyntaxError) and error.filename == self._file:
+            lines.append(error.lineno)
+        line = next((line for line in reversed(lines) if line), self._line)
+        words = " ".join(str(error).split())[:LONGEST_WORDS]
+        what = f"{type(error).__name__}: {words}" if words else type(error).__name__
+        if isinstance(error, MemoryError):
+            what = f"it needs more memory than a {self._what} may have"
+        return f"{self.at_line(line)}: {what}."
+
+
+def short(value: Any) -> str:
+    """A value as sentences show it."""
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+class RunningLaw:
+    """A law at work. Raises `TextProblem` if its text cannot be run, `ScenarioError` if it declares nothing."""
+
+    def __init__(self, source: str, file: str):
+        self.declaration: Declaration = read_declaration(source, file)
+        self._text = RunningText(source, file, self.declaration.name, self.declaration.line, "control law")
+        self._law = self._text.made
+        self._told = b""
+        self._believed: Believed | None = None
+
+    def answer(self, message: np.ndarray, now: np.ndarray) -> str:
+        """One call: reads gains and memory of the message (MESSAGE_SIZE,) and `now` (a `LAW_INPUT` record as bytes).
+
+        Writes inputs, signals, memory and outcome. Returns what went wrong as a sentence, empty if nothing did.
+        """
+        try:
+            text = self._answer(message, now.view(LAW_INPUT)[0])
+        except BaseException as error:
+            text = self._text.where(error)
+        message[OUTCOME] = FAILED if text else ANSWERED
+        return text
+
+    def _answer(self, message: np.ndarray, now: Any) -> str:
+        law, declared = self._law, self.declaration
+        self._text.set(declared.settings, message[GAINS:])
+        at = MEMORY
+        for name, part in declared.memory:
+            setattr(law, name, message[at : at + part.size].copy())
+            at += part.size
+        for name, _ in declared.signals:
+            setattr(law, name, 0.0)
+        measurement = self._measurement(now, message)
+        u = law.act(measurement)
+        wanted = (measurement.arm_count, 3)
+        try:
+            inputs = np.asarray(u, float)
+        except (TypeError, ValueError):
+            return f"{self._at_return(now, message)}: act returned {short(u)}, which is no array of numbers {wanted}."
+        if inputs.shape != wanted:
+            kind = "nothing" if u is None else f"an array {inputs.shape}"
+            return f"{self._at_return(now, message)}: act returned {kind} where inputs {wanted} (arms, axes) are due."
+        if not np.isfinite(inputs).all():
+            return f"{self._at_return(now, message)}: act returned {short(inputs.tolist())}, which is not finite."
+        message[INPUTS : INPUTS + inputs.size] = inputs.ravel()
+        return self._write_back(message)
+
+    def _measurement(self, now: Any, message: np.ndarray) -> Measurement:
+        """What is believed stays the same object while it does not change; laws that do not ask pay nothing for it."""
+
+        def believed() -> Believed:
+            told = message[PLANT:].tobytes()
+            if self._believed is None or told != self._told:
+                self._told, self._believed = told, Believed(message[PLANT:])
+            return self._believed
+
+        return Measurement(now, float(message[PERIOD]), believed)
+
+    def _write_back(self, message: np.ndarray) -> str:
+        at = MEMORY
+        for name, part in self.declaration.memory:
+            value = np.asarray(getattr(self._law, name), float)
+            if value.shape not in ((part.size,), ()) or not np.isfinite(value).all():
+                return (
+                    f"{self._first_line()}: the memory {name} became {short(value.tolist())}; "
+                    f"it needs {part.size} finite numbers."
+                )
+            message[at : at + part.size] = value
+            at += part.size
+        for place, (name, _) in enumerate(self.declaration.signals):
+            try:
+                message[SIGNALS + place] = float(getattr(self._law, name))
+            except (TypeError, ValueError):
+                return f"{self._first_line()}: the signal {name} became {short(getattr(self._law, name))}, no number."
+        return ""
+
+    def _first_line(self) -> str:
+        return self._text.first_line("act")
+
+    def _at_return(self, now: Any, message: np.ndarray) -> str:
+        return self._text.at_return("act", lambda: self._law.act(self._measurement(now, message)))
+
+
+class RunningPath:
+    """A path at work. Raises `TextProblem` if its text cannot be run, `ScenarioError` if it declares nothing."""
+
+    def __init__(self, source: str, file: str):
+        self.declaration: PathDeclaration = read_path_declaration(source, file)
+        self._text = RunningText(source, file, self.declaration.name, self.declaration.line, "path")
+        self._path = self._text.made
+        self._lasts = LASTING[1] if self.declaration.repeats else LASTING[0]
+
+    def poses(self, options: np.ndarray, shares: np.ndarray) -> tuple[float, np.ndarray]:
+        """How long it lasts, s, and x, y, θ, (N, 3), at `shares` (N,) of that. Raises `TextProblem`.
+
+        options: the numbers of the options in the order of their declaration, flat.
+        """
+        self._text.set(self.declaration.settings, options)
+        try:
+            span = self._span()
+            found = np.empty((len(shares), 3))
+            for k, t in enumerate((shares * span).tolist()):
+                given = self._path.position(t)
+                try:
+                    found[k] = given
+                    fits = np.shape(given) == (3,) and np.isfinite(found[k]).all()
+                except (TypeError, ValueError):
+                    fits = False
+                if not fits:
+                    raise TextProblem(self._wrong(t, given))
+        except TextProblem:
+            raise
+        except BaseException as error:  # SystemExit too.
+            raise TextProblem(self._text.where(error)) from None
+        return span, found
+
+    def _span(self) -> float:
+        given = getattr(self._path, self._lasts)
+        span = given() if callable(given) else given
+        try:
+            seconds = float(span)
+        except (TypeError, ValueError):
+            seconds = math.nan
+        if not SHORTEST <= seconds <= LONGEST:
+            where = self._text.at_line(self.declaration.line)
+            if callable(given):
+                where = self._text.first_line(self._lasts)
+            raise TextProblem(f"{where}: {self._lasts} = {short(span)} s is outside {SHORTEST:g} to {LONGEST:g} s.")
+        return seconds
+
+    def _wrong(self, t: float, given: Any) -> str:
+        where = self._text.at_return("position", lambda: self._path.position(t))
+        what = "nothing" if given is None else short(given)
+        return f"{where}: position({t:g}) returned {what}, which is not three finite numbers x, y, θ."

@@ -1,0 +1,152 @@
+"""Laws and paths in plain Python, as far as they are the same: how a declared text gets a model, a name, and leave to run.
+
+A text is part of the scenario (`controller.source`, `trajectory.source`), so that recordings, presets and replays are
+complete. A scenario that comes with one makes its declaration known; it runs only if this process was told to allow it.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, Literal, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, Field, create_model
+
+from flexlab.control.law import Law
+from flexlab.control.path import Path
+from flexlab.errors import ScenarioError
+from flexlab.own import hosts
+from flexlab.own.declaration import Declared, Setting
+from flexlab.own.reading import LONGEST_SOURCE, digest
+from flexlab.quantities import Number, OneOrThree, quantity
+from flexlab.registry import Registry
+
+OWN_PLACE = 80
+"""Rank in menus: after the built-in ones, before the motors that are off."""
+
+K = TypeVar("K", bound=Law | Path)
+
+
+def source_field(source: str, word: str) -> Any:
+    """The model's field for the text of a law or a path."""
+    return Field(source, max_length=LONGEST_SOURCE, title=f"Text of the {word}")
+
+
+@dataclass(frozen=True)
+class OwnKinds(Generic[K]):
+    """The laws, or the paths, in Python text."""
+
+    registry: Registry[Any]
+    sort: type[K]
+    base: type[BaseModel]
+    """What their models share."""
+    field: str
+    """Where a scenario has one."""
+    word: str
+    owner: str
+    """What is said to have the fields of `base`."""
+    setting: str
+    """What is said to be declared."""
+    read: Callable[[str, str, str], K]
+    """What a text declares: of text, file and another name, if not empty. Raises `ScenarioError` with file and line."""
+    same: Callable[[K, K], bool]
+    """Whether two texts declare the same, so that a run can go on from one to the other."""
+
+    def add(self, source: str, file: str) -> K:
+        """Make that of a person's own file known, in place of an earlier text, and let it run. Raises `ScenarioError`."""
+        own = self.read(source, file, "")
+        known = self.registry.all().get(own.kind)
+        if known is not None and not isinstance(known, self.sort):
+            text = (
+                f"{file}: a {self.registry.what} of flexlab is called {own.kind} already: give the class another name."
+            )
+            raise ScenarioError([(f"{self.field}.source", text)])
+        hosts.allow(source, file)
+        if known is None or default_source(known) != source:
+            self.registry.add(own, instead=True)
+        return own
+
+    def known(self) -> list[K]:
+        """Those in Python text."""
+        return [own for own in self.registry.all().values() if isinstance(own, self.sort)]
+
+    def named(self, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Plain data of a scenario in which what came as Python text is known by a name; it does not run by that."""
+        own = data.get(self.field)
+        if isinstance(own, self.base):
+            known = self.registry.all().get(getattr(own, "kind", ""))
+            if known is not None and known.model is type(own):
+                return data
+            own = own.model_dump()
+        if not isinstance(own, Mapping) or not isinstance(own.get("source"), str) or not own["source"]:
+            return data
+        return {**data, self.field: {**own, "kind": self._known_kind(own["source"])}}
+
+    def restored(self, data: dict[str, Any]) -> Any:
+        """The model that `model_dump` took apart in another process."""
+        kind = self._known_kind(data["source"])
+        return self.registry[kind].model.model_validate({**data, "kind": kind})
+
+    def _known_kind(self, source: str) -> str:
+        """The name under which a text's declaration is known, made known if it is not.
+
+        One of the same name that declares something else keeps its name: this one then has a part of its digest after it.
+        """
+        named = hosts.file_of(source)
+        own = self.read(source, named or f"the {self.word} of this scenario", "")
+        for kind in (own.kind, f"{own.kind}-{digest(source)[:6]}"):
+            known = self.registry.all().get(kind)
+            if known is None:
+                self.registry.add(own if kind == own.kind else self.read(source, named or kind, kind))
+                return kind
+            if isinstance(known, self.sort) and self.same(known, own):
+                return kind
+        return own.kind
+
+    def model(
+        self,
+        declared: Declared,
+        source: str,
+        file: str,
+        kind: str,
+        reserved: Collection[str] = (),
+        **fields: Any,
+    ) -> type[Any]:
+        """The model of what a text declares, with `fields` besides its settings. Raises `ScenarioError`."""
+        for name, _ in declared.settings:
+            if name in self.base.model_fields or name in ("kind", *reserved):
+                text = f"{file}: {name} is a field of every {self.owner}: give the {self.setting} another name."
+                raise ScenarioError([(f"{self.field}.source", text)])
+        own = {
+            name: (OneOrThree if one.size == 3 else Number, _setting_field(name, one))
+            for name, one in declared.settings
+        }
+        return create_model(
+            declared.name,
+            __base__=self.base,
+            __doc__=declared.meaning,
+            kind=(Literal[kind], kind),  # type: ignore[valid-type]  # A type that is made while the program runs.
+            source=(str, source_field(source, self.word)),
+            **fields,
+            **own,
+        )
+
+
+def default_source(own: Law | Path) -> str:
+    """The text of a law or a path as its file has it."""
+    return own.model.model_fields["source"].default
+
+
+def _setting_field(name: str, gain: Setting) -> Any:
+    """A gain's or option's field; its slider covers the range, or three times the default where that is much less."""
+    top = 3 * float(np.max(np.abs(gain.default)))
+    slider = gain.slider or (gain.low, min(gain.high, top) if top > gain.low else gain.high)
+    return quantity(
+        gain.default,
+        title=gain.title or name.replace("_", " ").capitalize(),
+        symbol=gain.symbol,
+        unit=gain.unit,
+        low=gain.low,
+        high=gain.high,
+        slider=slider,
+        logarithmic=gain.logarithmic,
+    )

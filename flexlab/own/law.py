@@ -1,0 +1,265 @@
+"""Control laws in plain Python, as the engine sees them: a model of their gains, and one kernel that asks for the answer.
+
+The text of a law is part of the scenario (`controller.source`), so that recordings, presets and replays are complete. It runs
+only if this process was told to allow it (`allow`), here (`hosts.LawHere`) or in a process of its own.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numba
+import numpy as np
+from numba.extending import intrinsic
+from pydantic import field_validator
+
+from flexlab.compiled import PLAIN_PYTHON, call_kernel, pluggable
+from flexlab.control.controller import Controller
+from flexlab.control.law import LAWS, Law, Memory, Start, usual_gauges
+from flexlab.control.observers.believed_plant import believed_plant
+from flexlab.control.observers.kalman import padded
+from flexlab.numerics.linear_algebra import product
+from flexlab.own import hosts
+from flexlab.own.believed import BELIEVED, MOST_MODES, PLACES
+from flexlab.own.declaration import (
+    LONGEST_PERIOD,
+    SHORTEST_PERIOD,
+    Declaration,
+    read_declaration,
+)
+from flexlab.own.execution import (
+    ANSWER_SIZE,
+    ANSWERED,
+    ASKED,
+    FAILED,
+    GAINS,
+    INPUTS,
+    MEMORY,
+    MESSAGE_SIZE,
+    OUTCOME,
+    PERIOD,
+    PLANT,
+    SIGNALS,
+    WAIT,
+    Channel,
+)
+from flexlab.own.kinds import OWN_PLACE, OwnKinds, default_source, source_field
+from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
+from flexlab.physics.law_input import LAW_INPUT, MOST_ARMS
+from flexlab.quantities import Number, quantity
+from flexlab.signal import Signal
+
+CHANNEL = np.dtype([*((name, "i8") for name in Channel._fields), ("message", "f8", (MESSAGE_SIZE,))])
+"""How the kernel reaches a law. `answer`: address of a C function of message and `LAW_INPUT` record, 0: none. `late`: the
+same, asked where the answer is late. `calls`: socket to a process. `next_turn`, `done`: ends of a pipe with one byte, which
+whoever asks takes and gives back."""
+
+
+class OwnController(Controller):
+    """What all control laws in Python share."""
+
+    source: str = source_field("", "law")
+
+    def __reduce__(self) -> Any:
+        """For other processes, which make the class themselves from the text."""
+        return _restored, (self.model_dump(),)
+
+    @field_validator("control_period", mode="before")
+    @classmethod
+    def _own_period(cls, value: Any) -> Any:
+        """A law in Python always runs sampled: null means the period that its file asks for."""
+        return cls.model_fields["control_period"].default if value is None else value
+
+
+def _restored(data: dict[str, Any]) -> OwnController:
+    """What `__reduce__` took apart."""
+    return OWN_LAWS.restored(data)
+
+
+@dataclass(frozen=True)
+class PythonLaw(Law):
+    """A law in Python, complete. Compared by what it declares: another text of the same declaration is the same law."""
+
+    declaration: Declaration | None = None
+
+    @cached_property
+    def gains_type(self) -> np.dtype:
+        """The same for all: so the kernel is compiled once."""
+        return CHANNEL
+
+    def gains(self, scenario: Any) -> np.ndarray:
+        """The channel to the law, with the gains in its message. Raises `ScenarioError` if its text may not run here."""
+        settings = scenario.controller
+        host = hosts.host_of(settings.source, settings.kind)
+        record = np.zeros(1, CHANNEL)
+        for name, value in host.channel._asdict().items():
+            record[name] = value
+        message = record["message"][0]
+        message[PERIOD] = settings.control_period
+        message[PLANT:] = self.derive(scenario)["plant"]
+        values = [np.broadcast_to(getattr(settings, name), gain.size) for name, gain in self._declared.settings]
+        flat = np.concatenate([np.zeros(0), *values])
+        message[GAINS : GAINS + len(flat)] = flat
+        return record.view(np.float64)
+
+    def chosen(self) -> dict[str, Any]:
+        """With its text, so that a recording of the choice is complete."""
+        return {**super().chosen(), "controller.source": default_source(self)}
+
+    def problem(self, settings: Any) -> str:
+        """What its text did wrong last, as a sentence; empty: nothing."""
+        return hosts.problem(settings.source)
+
+    def is_ready(self, settings: Any) -> bool:
+        """Whether its process is there, or it may not have one: then the sentence needs no waiting."""
+        return hosts.is_ready(settings.source) or not hosts.is_allowed(settings.source)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether a run goes on when the file is saved anew."""
+        return self._declared.goes_on
+
+    @property
+    def _declared(self) -> Declaration:
+        assert self.declaration is not None
+        return self.declaration
+
+    def begin(self, _: Start) -> dict[str, np.ndarray]:
+        """The memory's first numbers."""
+        return {name: np.full(part.size, float(part.start)) for name, part in self._declared.memory}
+
+
+def _told(scenario: Any) -> dict[str, np.ndarray]:
+    """`BELIEVED` of a scenario, flat."""
+    payload, law = scenario.payload, scenario.controller
+    model, noise, mesh = law.model, law.sensor_noise, (payload.element_count, payload.boundary)
+    count, length = min(MOST_MODES, payload.coordinate_count), payload.length * model.length_factor
+    gauges = usual_gauges(law)
+    plant = believed_plant(scenario, count, gauges)
+    density = payload.linear_density * model.linear_density_factor
+    beam = beam_matrices(length, density, payload.bending_stiffness * model.stiffness_factor, *mesh)
+    places = np.linspace(-0.5, 0.5, PLACES) * length
+    shapes = product(np.stack([shape_row(s, length, *mesh) for s in places]), undamped_modes(beam)[1][:, :count])
+    parts = {
+        "counts": (count, len(gauges)),
+        "wanted_force": law.wanted_internal_force if len(scenario.arms) == MOST_ARMS else 0.0,
+        "rigid_mass": plant.mass[:3, :3],
+        "coupling": plant.mass[:3, 3:],
+        "omega": plant.omega,
+        "stiffness": plant.stiffness,
+        "damping": plant.damping[3:, 3:],
+        "loads": np.stack([plant.h, plant.g]),
+        "shapes": shapes,
+        "strain": plant.strain,
+        "gauge_places": length * np.array(gauges),
+        "pose_noise": noise.pose,
+        "rate_noise": noise.pose_rate,
+        "strain_noise": noise.strain,
+        "moment_rate_noise": noise.moment_rate,
+        "length": length,
+    }
+    block = np.zeros(1, BELIEVED)
+    for name, value in parts.items():
+        block[name] = padded(np.asarray(value, float), BELIEVED[name].shape)
+    return {"plant": block.view(float)}
+
+
+@intrinsic
+def _address(typing, record):
+    """Where a record stands in memory."""
+
+    def code(context, builder, signature, values):
+        return builder.ptrtoint(values[0], context.get_value_type(numba.int64))
+
+    return numba.int64(record), code
+
+
+_write = numba.types.ExternalFunction("write", numba.intp(numba.int32, numba.intp, numba.intp))
+_read = numba.types.ExternalFunction("read", numba.intp(numba.int32, numba.intp, numba.intp))
+MESSAGE_BYTES, ANSWER_BYTES, INPUT_BYTES = 8 * MESSAGE_SIZE, 8 * ANSWER_SIZE, LAW_INPUT.itemsize
+
+
+def _ask(gains, message, now):
+    """One call: by a C function of this process, or of a process through its socket, without Python's global lock."""
+    now_at = _address(now)
+    if gains.answer != 0:
+        call_kernel(gains.answer, message, (now_at,))
+        return
+    at = message.ctypes.data
+    if _read(np.int32(gains.next_turn), at, 1) != 1:
+        message[OUTCOME] = FAILED
+        return
+    calls = np.int32(gains.calls)
+    good = _write(calls, at, MESSAGE_BYTES) == MESSAGE_BYTES and _write(calls, now_at, INPUT_BYTES) == INPUT_BYTES
+    if not good:
+        call_kernel(gains.late, message, (now_at,))
+    got = 0
+    while good and got < ANSWER_BYTES:
+        count = _read(calls, at + got, ANSWER_BYTES - got)
+        got += max(count, 0)
+        if count <= 0:
+            # The socket's time limit has passed, or its end: somebody who knows the process says whether to wait.
+            call_kernel(gains.late, message, (now_at,))
+            good = message[OUTCOME] == WAIT
+    if not good:
+        message[OUTCOME] = FAILED
+    _write(np.int32(gains.done), at, 1)
+
+
+_ask_compiled = numba.njit(nogil=True, error_model="numpy", _nrt=False)(_ask)
+ask: Any = hosts.ask_plainly if PLAIN_PYTHON else _ask_compiled
+
+
+@pluggable
+def own_law(gains, now, memory, memory_rate, signals):
+    """u_i as the law's `act` answers, not a number where it fails. Its memory changes at once: the law runs sampled only."""
+    message = gains.message
+    message[OUTCOME] = ASKED
+    for k in range(len(memory)):
+        message[MEMORY + k] = memory[k]
+    ask(gains, message, now)
+    good = message[OUTCOME] == ANSWERED
+    for i in range(now.arm_count):
+        for a in range(3):
+            now.u[i, a] = message[INPUTS + 3 * i + a] if good else np.nan
+    if good:
+        for k in range(len(memory)):
+            memory[k] = message[MEMORY + k]
+        for k in range(len(signals)):
+            signals[k] = message[SIGNALS + k]
+
+
+@pluggable
+def fastest_rate(gains, now, memory, S, kappa):
+    """0: between two control instants nothing of the law moves."""
+    return 0.0
+
+
+def own_law_of(source: str, file: str, kind: str = "") -> PythonLaw:
+    """The law that a text declares, under another name if one is given. Raises `ScenarioError` with file and line."""
+    declared = read_declaration(source, file)
+    period = quantity(
+        declared.period, title="Control period", symbol="T_c", unit="s", low=SHORTEST_PERIOD, high=LONGEST_PERIOD
+    )
+    model = OWN_LAWS.model(declared, source, file, kind or declared.kind, control_period=(Number | None, period))
+    signals = [
+        Signal(signal, one.symbol or signal, (one.unit,), one.title or signal.replace("_", " "))
+        for signal, one in declared.signals
+    ]
+    parts = tuple(Memory(part, about.size) for part, about in declared.memory)
+    law = PythonLaw(
+        model, own_law, fastest_rate, parts, tuple(signals), derive=_told, place=OWN_PLACE, declaration=declared
+    )
+    return replace(law, start=law.begin)
+
+
+def same_declaration(one: PythonLaw, other: PythonLaw) -> bool:
+    """Whether two laws have the same gains, memory and signals, so that a run can go on from one text to the other."""
+    parts = [(law._declared.settings, law._declared.memory, law._declared.signals) for law in (one, other)]
+    return parts[0] == parts[1]
+
+
+OWN_LAWS = OwnKinds(
+    LAWS, PythonLaw, OwnController, "controller", "law", "controller", "gain", own_law_of, same_declaration
+)
+add_own_law, with_known_law = OWN_LAWS.add, OWN_LAWS.named

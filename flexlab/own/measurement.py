@@ -1,0 +1,159 @@
+"""What a control law in Python sees of one instant."""
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from flexlab.own.believed import Believed, Modes
+
+
+class Measurement:
+    """What the controller measures and believes at a control instant; SI units; arms in the order left, right.
+
+    Measured, with the scenario's sensor noise: `pose`, `pose_rate`, `beam_rate`, `strains`, and what follows from the pose:
+    `jacobians`, `joint_angles`, `joint_rates`, and the arms' matrices. Known: time, `torques`, `delay` and the desired motion.
+    Believed, from the scenario's `controller.model`: the payload's numbers, `believed`, `modes` and `internal_force`.
+    """
+
+    def __init__(self, now: Any, period: float, believed: Callable[[], Believed]):
+        self._now, self._believe = now, believed
+        arms = int(now["arm_count"])
+        self.arm_count: int = arms
+        """Arms that are there: 2, or 1."""
+        self.time: float = float(now["time"])
+        """t, s."""
+        self.period: float = period
+        """T_c between control instants, s."""
+        self.pose: np.ndarray = now["x"]
+        """x = (x, y, θ) of the beam's middle, m, m, rad, (3,)."""
+        self.pose_rate: np.ndarray = now["v"]
+        """ẋ, m/s, m/s, rad/s, (3,)."""
+        self.beam_rate: np.ndarray = now["beam_rate"]
+        """hᵀq̇ and gᵀq̇: how the vibration's momentum and angular momentum move, kg·m/s, kg·m²/s, (2,)."""
+        self.desired_pose: np.ndarray = now["desired"][0]
+        """x_d, m, m, rad, (3,)."""
+        self.desired_rate: np.ndarray = now["desired"][1]
+        """ẋ_d, (3,)."""
+        self.desired_acceleration: np.ndarray = now["desired"][2]
+        """ẍ_d, (3,)."""
+        self.inertias: np.ndarray = now["M"][:arms]
+        """M̄_i of the arms in the payload's coordinates, kg, kg·m, kg·m², (arms, 3, 3)."""
+        self.coriolis: np.ndarray = now["C"][:arms]
+        """C̄_i, (arms, 3, 3)."""
+        self.arm_weights: np.ndarray = now["G"][:arms]
+        """Ḡ_i: what holds the arms' own weight, N, N, N·m, (arms, 3)."""
+        self.share: np.ndarray = now["share"][:arms]
+        """What each arm carries of the common part, 1, (arms,)."""
+        self.payload_mass: float = float(now["m"])
+        """As the controller believes it, kg."""
+        self.payload_inertia: float = float(now["I"])
+        """About the middle, kg·m²."""
+        self.gravity: float = float(now["gravity"])
+        """Along -y, m/s²."""
+
+        self.strains: np.ndarray = now["strain"][: int(now["gauge_count"])]
+        """-½ t w''(s_j) at the gauges, measured, 1, (gauges,); their places: `gauge_places`."""
+        self.delay: int = int(now["delay"])
+        """d, control periods until the inputs asked for now begin to act."""
+        self.torques: np.ndarray = now["torque"][: self.delay + 1, :arms]
+        """Joint torques, N·m, (d + 1, arms, 3): [0] those held until now, then those on their way, next one first."""
+        self.coming: np.ndarray = now["coming"]
+        """x_d, ẋ_d, ẍ_d when the inputs asked for now begin to act, (3, 3)."""
+
+    @cached_property
+    def believed(self) -> Believed:
+        """The linear plant of arms and lowest modes, and the sensors' noise; the same object while it does not change."""
+        return self._believe()
+
+    @property
+    def gauge_places(self) -> np.ndarray:
+        """s of the strain gauges from the beam's middle, believed, m, (gauges,)."""
+        return self.believed.gauge_places
+
+    @property
+    def modes(self) -> Modes:
+        """Frequencies and shapes of the beam's lowest modes, believed."""
+        return self.believed.modes
+
+    @property
+    def wanted_force(self) -> float:
+        """F_d, N, squeeze positive: the engine adds F_d (cos θ, sin θ, 0) to the left input, its opposite to the right one."""
+        return self.believed.wanted_force
+
+    @cached_property
+    def payload_matrix(self) -> np.ndarray:
+        """Ā = A11 - A12 A22⁻¹ A21, the payload's inertia where the beam may bend, believed, at the measured pose, (3, 3)."""
+        c, s = self._now["trig"]
+        hh, hg, gg = self._now["kappa"]
+        bent = [[s * s * hh, -s * c * hh, -s * hg], [-s * c * hh, c * c * hh, c * hg], [-s * hg, c * hg, gg]]
+        return np.diag([self.payload_mass, self.payload_mass, self.payload_inertia]) - bent
+
+    @property
+    def grip_forces(self) -> np.ndarray:
+        """What the arms press on the payload, believed, N, N, N·m, (arms, 3).
+
+        No sensor tells it: the torques in force less what moves and holds the arms, if the pose accelerates as desired.
+        """
+        used = self.inertias @ self.desired_acceleration + self.coriolis @ self.pose_rate + self.arm_weights
+        return self.from_torques(self.torques[0]) - used
+
+    @property
+    def internal_force(self) -> float:
+        """Squeeze along the beam, N, believed: half of the left grip's push less the right one's; 0 for one arm."""
+        if self.arm_count == 1:
+            return 0.0  # Nothing presses against it.
+        push = self.grip_forces[0, :2] - self.grip_forces[1, :2]
+        return 0.5 * float(push @ self._now["trig"])
+
+    @cached_property
+    def jacobians(self) -> np.ndarray:
+        """𝒥 of each arm: joint rates from the pose rate, rad/m and 1, (arms, 3, 3), relative joints from the base on."""
+        rows = np.zeros((self.arm_count, 3, 3))
+        first, second = self._now["J"][: self.arm_count, 0], self._now["J"][: self.arm_count, 1]
+        rows[:, 0], rows[:, 1], rows[:, 2] = first, second - first, -second
+        rows[:, 2, 2] += 1.0
+        return rows
+
+    @property
+    def joint_rates(self) -> np.ndarray:
+        """θ̇ of the relative joints, rad/s, (arms, 3)."""
+        return self.jacobians @ self.pose_rate
+
+    @cached_property
+    def joint_angles(self) -> np.ndarray:
+        """θ of the relative joints, base first, rad in -π to π, (arms, 3)."""
+        c1, s1, c2, s2 = self._now["direction"][: self.arm_count].T
+        first, second = np.arctan2(s1, c1), np.arctan2(s2, c2)
+        # The last link points along the beam; the right arm's against it.
+        last = self.pose[2] + np.where(np.arange(self.arm_count) == 0, 0.0, np.pi)
+        angles = np.stack([first, second - first, last - second], axis=1)
+        return (angles + np.pi) % (2 * np.pi) - np.pi
+
+    @property
+    def weights(self) -> np.ndarray:
+        """What holds the arms and their shares of the payload's weight, N, N, N·m, (arms, 3)."""
+        held = self.arm_weights.copy()
+        held[:, 1] += self.share * self.payload_mass * self.gravity
+        return held
+
+    def shared(self, common: Any) -> np.ndarray:
+        """A common input (3,), N, N, N·m, dealt out to the arms by their shares, (arms, 3)."""
+        return self.share[:, None] * np.asarray(common, float)
+
+    def inputs_for(self, acceleration: Any) -> np.ndarray:
+        """The inputs (arms, 3) that give a rigid payload an acceleration (3,), m/s², m/s², rad/s²: inverse dynamics."""
+        a = np.asarray(acceleration, float)
+        payload = np.array([self.payload_mass, self.payload_mass, self.payload_inertia])
+        return self.inertias @ a + self.coriolis @ self.pose_rate + self.weights + self.shared(payload * a)
+
+    def net_force(self, inputs: Any) -> np.ndarray:
+        """What inputs (arms, 3) do to the pose beyond the arms' velocity terms and all weight, N, N, N·m, (3,)."""
+        force = (np.asarray(inputs, float) - self.coriolis @ self.pose_rate - self.arm_weights).sum(axis=0)
+        force[1] -= self.payload_mass * self.gravity
+        return force
+
+    def from_torques(self, torques: Any) -> np.ndarray:
+        """The inputs u_i = 𝒥_iᵀτ_i, (arms, 3), of joint torques (arms, 3), N·m."""
+        return np.einsum("ija,ij->ia", self.jacobians, np.asarray(torques, float).reshape(self.arm_count, 3))

@@ -1,0 +1,340 @@
+"""Paths in plain Python, as the engine sees them: a model of their options, and the table of poses that they gave.
+
+The text of a path is part of the scenario (`trajectory.source`), and so is the table of its poses: the engine follows the
+spline through them, and a replay or a scenario from elsewhere needs nothing else. The text runs only if this process was told
+to allow it, when the table does not belong to text and options.
+
+The spline of degree five through the poses at N + 1 even instants is compared with the function between them, twice in every
+interval, once at a place that no period of the function can share; N doubles until they agree.
+"""
+
+import base64
+import binascii
+import hashlib
+import json
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from flexlab.compiled import pluggable
+from flexlab.control.path import PATHS, Path, Trajectory
+from flexlab.control.paths.table import FREE_ROWS, along_pieces, polynomials, spline
+from flexlab.errors import FlexlabError
+from flexlab.own import hosts
+from flexlab.own.declaration import PathDeclaration, read_path_declaration
+from flexlab.own.execution import TextProblem
+from flexlab.own.kinds import OWN_PLACE, OwnKinds, source_field
+from flexlab.own.reading import digest
+from flexlab.quantities import Number, quantity
+
+LONGEST_TABLE = 200_000
+"""Characters of a table in letters."""
+MILLI = 1e-3
+RECORD = np.dtype([("start", "f8"), ("period", "f8")])
+"""What the kernel takes besides the table; a period of 0: the path ends."""
+TABLES_KEPT = 128
+"""Tables that need not be made again when an option comes back to where it was."""
+COMPUTED = ("trajectory.source", "trajectory.table", "trajectory.table_of")
+"""Fields that go with every change of such a path, so that a recording of the change is complete."""
+RESERVED = ("rows", "span", "end", "window")
+"""What every path says of itself, besides its fields."""
+
+FEWEST, MOST = 64, 4096
+"""Intervals of a table."""
+AGREED = 1e-9
+"""m and rad between spline and function that are good enough: a hundred thousandth of the paper's deflection."""
+TOLERATED = 1e-6
+"""The same for a function whose acceleration jumps, which more intervals improve slowly."""
+SMOOTH = 8.0
+"""Factor by which half as long intervals reduce the difference at least where the function is smooth."""
+ROUND = 1e-6
+"""m and rad between the two ends of a period."""
+GOLDEN = 0.5 * (np.sqrt(5) - 1)
+FARTHEST = 1e6
+"""m and rad: a pose beyond is no pose."""
+COLUMNS = 4
+
+Poses = Callable[[np.ndarray], tuple[float, np.ndarray]]
+"""Shares of a path's length (N,) → its length, s, and the poses there, (N, 3)."""
+
+
+class OwnTrajectory(Trajectory):
+    """What all paths in Python share."""
+
+    repeats: ClassVar[bool] = False
+    options: ClassVar[tuple[str, ...]] = ()
+    """Names of the options, in the order of their declaration."""
+
+    start: Number = quantity(0.0, title="Its t = 0 is at", symbol="t_0", unit="s", low=-1e6, high=1e6)
+    source: str = source_field("", "path")
+    table: str = Field("", max_length=LONGEST_TABLE, title="Poses of the path")
+    """`to_text` of rows (t, x, y, θ)."""
+    table_of: str = Field("", max_length=64, title="What the poses belong to")
+    """Digest of the text and the options."""
+
+    def __reduce__(self) -> Any:
+        """For other processes, which make the class themselves from the text."""
+        return _restored, (self.model_dump(),)
+
+    @model_validator(mode="after")
+    def _has_its_table(self) -> "OwnTrajectory":
+        wanted = _digest_of(self)
+        if self.table_of != wanted or _rows(self.table) is None:
+            try:
+                table = _made_tables.get(wanted) or _make_table(self, wanted)
+            except (TextProblem, FlexlabError) as error:
+                raise PydanticCustomError("path", "{text}", {"text": str(error).rstrip(".")}) from None
+            vars(self).update(table=table, table_of=wanted)
+            self.model_fields_set.update(("table", "table_of"))
+        return self
+
+    @property
+    def rows(self) -> np.ndarray:
+        """(t, x, y, θ), (N, 4), s, m, m, rad."""
+        rows = _rows(self.table)
+        assert rows is not None
+        return rows
+
+    @property
+    def slowest_period(self) -> float:
+        """s."""
+        return float(self.rows[-1, 0])
+
+    @property
+    def span(self) -> float:
+        """s."""
+        return self.slowest_period if self.repeats else self.start + self.slowest_period
+
+    @property
+    def end(self) -> float | None:
+        """s."""
+        return None if self.repeats else self.span
+
+    @property
+    def jumps(self) -> bool:
+        """Where it ends, even the velocity may."""
+        return not self.repeats
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Both ends, if it has any."""
+        return () if self.repeats else self.window
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """s."""
+        return (0.0, self.span) if self.repeats else (self.start, self.span)
+
+    def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
+        """Another option: as far along as it was; a path that has ended begins anew."""
+        if "start" in changes or not isinstance(changed, OwnTrajectory):
+            return changed
+        if not self.repeats:
+            return changed if time <= self.span else changed.model_copy(update={"start": _now(time)})
+        phase = math.modf((time - self.start) / self.slowest_period)[0]
+        return changed.model_copy(update={"start": time - phase * changed.slowest_period})
+
+    def taken_up(self, old: Trajectory, given: Collection[str], time: float) -> Trajectory:
+        """From its beginning, now."""
+        return self if "start" in given else self.model_copy(update={"start": _now(time)})
+
+
+def _now(time: float) -> float:
+    return round(time / MILLI) * MILLI
+
+
+def _restored(data: dict[str, Any]) -> OwnTrajectory:
+    """What `__reduce__` took apart."""
+    return OWN_PATHS.restored(data)
+
+
+def _digest_of(path: OwnTrajectory) -> str:
+    options = {name: getattr(path, name) for name in path.options}
+    return hashlib.sha256(f"{digest(path.source)} {json.dumps(options)}".encode()).hexdigest()[:16]
+
+
+@lru_cache(maxsize=TABLES_KEPT)
+def _rows(table: str) -> np.ndarray | None:
+    rows = from_text(table)
+    if rows is not None:
+        rows.flags.writeable = False
+    return rows
+
+
+@lru_cache(maxsize=TABLES_KEPT)
+def _pieces(table: str, repeats: bool) -> np.ndarray:
+    rows = _rows(table)
+    assert rows is not None
+    return polynomials(rows, "round" if repeats else "free")
+
+
+_made_tables: dict[str, str] = {}
+"""Table by digest of text and options, of the texts that ran here; the oldest go first."""
+
+
+def _make_table(path: OwnTrajectory, name: str) -> str:
+    """Have the text give its poses. Raises `TextProblem` or `ScenarioError`."""
+    if not hosts.is_allowed(path.source):
+        raise TextProblem(
+            f"The path {path.kind} came with this scenario as Python code, which does not run by itself, and without the poses "
+            "for these options. If you know who wrote it and have read it, allow it: give its file with --path."
+        )
+    flat = [np.atleast_1d(np.asarray(getattr(path, option), float)) for option in path.options]
+    sizes = [_option_size(type(path), option) for option in path.options]
+    numbers = np.concatenate([np.zeros(0), *(np.broadcast_to(a, n) for a, n in zip(flat, sizes, strict=True))])
+    file = hosts.file_of(path.source).replace("\\", "/").rpartition("/")[2]
+    table = to_text(sampled(lambda shares: hosts.poses_of(path.source, numbers, shares), path.repeats, file))
+    while len(_made_tables) >= TABLES_KEPT:
+        _made_tables.pop(next(iter(_made_tables)), None)
+    _made_tables[name] = table
+    return table
+
+
+def _option_size(model: type[OwnTrajectory], option: str) -> int:
+    return 3 if model.model_fields[option].annotation == float | tuple[float, float, float] else 1
+
+
+@pluggable
+def own_path(path, rows, t, desired):
+    """The spline through the table's poses from the start on; a path with a period comes round again."""
+    own = t - path.start
+    if path.period > 0:
+        own -= math.floor(own / path.period) * path.period
+        if own >= path.period:
+            own -= path.period
+    along_pieces(rows, own, desired)
+
+
+@dataclass(frozen=True)
+class PythonPath(Path):
+    """A path in Python, complete. Compared by what it declares."""
+
+    declaration: PathDeclaration | None = None
+
+    @property
+    def record(self) -> np.dtype:  # type: ignore[override]  # Computed there, and kept: one for all here.
+        """The same for all: so the kernel is compiled once."""
+        return RECORD
+
+    def numbers(self, trajectory: Trajectory) -> np.ndarray:
+        """Start and period."""
+        assert isinstance(trajectory, OwnTrajectory)
+        return np.array([(trajectory.start, trajectory.slowest_period if trajectory.repeats else 0.0)], RECORD)
+
+
+def own_path_of(source: str, file: str, kind: str = "") -> PythonPath:
+    """The path that a text declares, under another name if one is given. Raises `ScenarioError` with file and line."""
+    declared = read_path_declaration(source, file)
+    model = OWN_PATHS.model(declared, source, file, kind or declared.kind, RESERVED)
+    model.repeats, model.options = declared.repeats, tuple(option for option, _ in declared.settings)
+
+    def rows(trajectory: Any) -> np.ndarray:
+        return _pieces(trajectory.table, trajectory.repeats)
+
+    return PythonPath(model, own_path, rows, OWN_PLACE, declared)
+
+
+def same_options(one: PythonPath, other: PythonPath) -> bool:
+    """Whether two paths have the same options and last in the same way."""
+    parts = [(path.declaration.repeats, path.declaration.settings) for path in (one, other) if path.declaration]
+    return parts[0] == parts[1]
+
+
+OWN_PATHS = OwnKinds(
+    PATHS, PythonPath, OwnTrajectory, "trajectory", "path", "path", "option", own_path_of, same_options
+)
+add_own_path, with_known_path = OWN_PATHS.add, OWN_PATHS.named
+
+
+def needs_running(trajectory: Trajectory, changes: Mapping[str, Any]) -> bool:
+    """Whether changes of a scenario with this path may have a text in Python run, which takes its time."""
+    whole = changes.get("trajectory", {})
+    kind = changes.get("trajectory.kind", whole.get("kind", trajectory.kind))
+    path = PATHS.all().get(kind)
+    if not isinstance(path, PythonPath):
+        return False
+    wanted = {
+        "trajectory",
+        "trajectory.kind",
+        "trajectory.source",
+        *(f"trajectory.{name}" for name in path.model.options),
+    }
+    return not wanted.isdisjoint(changes)
+
+
+def with_table(changes: Mapping[str, Any], changed: Trajectory) -> dict[str, Any]:
+    """Changes that made a scenario's path `changed`, with text and table if it is one in Python: complete for a recording."""
+    if not isinstance(changed, OwnTrajectory) or not needs_running(changed, changes):
+        return dict(changes)
+    return {**changes, **{path: getattr(changed, path.rpartition(".")[2]) for path in COMPUTED}}
+
+
+def sampled(poses: Poses, repeats: bool, file: str) -> np.ndarray:
+    """Rows (t, x, y, θ), (N + 1, 4), of a path. Raises `TextProblem` for one that no spline can follow."""
+    count, before = FEWEST, np.inf
+    span, grid = poses(np.linspace(0.0, 1.0, count + 1))
+    _check_size(grid, span, file)
+    if repeats:
+        _check_round(grid, span, file)
+    while True:
+        if repeats:
+            grid[-1] = grid[0]
+        place = np.arange(count)
+        shares = np.concatenate([(place + 0.5) / count, (place + (place * GOLDEN) % 1.0) / count])
+        _, between = poses(shares)
+        _check_size(between, span, file)
+        rows = np.column_stack([np.linspace(0.0, 1.0, count + 1) * span, grid])
+        differences = np.abs(spline(rows, "round" if repeats else "free")(shares * span) - between).max(axis=1)
+        worst = float(differences.max())
+        if worst <= AGREED or (worst <= TOLERATED and worst > before / SMOOTH):
+            return rows
+        if count == MOST:
+            if worst <= TOLERATED:
+                return rows
+            at = float(shares[differences.argmax()]) * span
+            raise TextProblem(
+                f"{file}: near t = {at:.4g} s it turns too sharply: a spline through {MOST + 1} poses is {1e3 * worst:.2g} mm "
+                "or mrad off there. Is there a jump or a corner? Round it off, or let the path last less long."
+            )
+        finer = np.empty((2 * count + 1, 3))
+        finer[::2], finer[1::2] = grid, between[:count]
+        grid, before, count = finer, worst, 2 * count
+
+
+def _check_size(poses: np.ndarray, span: float, file: str) -> None:
+    if np.abs(poses).max() > FARTHEST:
+        raise TextProblem(f"{file}: a pose within its {span:g} s is more than {FARTHEST:g} m or rad away.")
+
+
+def _check_round(grid: np.ndarray, span: float, file: str) -> None:
+    gap = np.abs(grid[-1] - grid[0])
+    if gap.max() > ROUND:
+        name, unit = [("x", "m"), ("y", "m"), ("θ", "rad")][int(gap.argmax())]
+        raise TextProblem(
+            f"{file}: after its period of {span:g} s it is not where it began: {name} differs by {gap.max():.3g} {unit}. "
+            "Let position(period) be position(0), or say duration instead of period."
+        )
+
+
+def to_text(rows: np.ndarray) -> str:
+    """A table in letters, every bit kept: base64 of little-endian float64, row by row."""
+    return base64.b64encode(rows.astype("<f8").tobytes()).decode()
+
+
+def from_text(text: str) -> np.ndarray | None:
+    """The table (N, 4) that `to_text` was given; None for any other text."""
+    try:
+        numbers = np.frombuffer(base64.b64decode(text, validate=True), "<f8")
+    except (ValueError, binascii.Error):
+        return None
+    if len(numbers) % COLUMNS or not FREE_ROWS <= len(numbers) // COLUMNS <= MOST + 1:
+        return None
+    rows = numbers.reshape(-1, COLUMNS).astype(float)
+    usable = np.isfinite(rows).all() and rows[0, 0] == 0 and (np.diff(rows[:, 0]) > 0).all()
+    return rows if usable and np.abs(rows).max() <= FARTHEST else None

@@ -1,0 +1,194 @@
+"""How signals are seen over time: in which unit, under which names, in which colours, and which of them together.
+
+The lab's plots, a recording's curves and its texts follow from these rows; what a signal means stands in the table of signals.
+A law's own signals have a view each, without a row here. Views use the unit that suits the eye (mm, mrad); exact signals, in SI
+units, are in `flexlab.recording.codec`.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexlab.scenario import Scenario
+from flexlab.signal import Signal
+from flexlab.sim.samples import Samples
+from flexlab.sim.signals import DERIVED, TABLE, own_signals
+
+Color = tuple[int, int, int]
+BLUE, VERMILION, GREEN = (0, 114, 178), (213, 94, 0), (0, 158, 115)
+PURPLE, ORANGE, SKY, GRAY = (204, 121, 167), (230, 159, 0), (86, 180, 233), (150, 156, 164)
+"""Okabe and Ito's palette (RGB), told apart with any colour vision."""
+LEFT, RIGHT = (BLUE, SKY, GREEN), (VERMILION, ORANGE, PURPLE)
+"""Shades of the left arm's and of the right arm's three curves."""
+
+OWN = "own/"
+"""Where a law's own signals are in recordings."""
+LEAST_OWN = 1e-6
+"""Smallest range of a law's own signal, whose size nobody knows beforehand."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Curves that are seen together."""
+
+    entity: str
+    """Their place in a recording."""
+    title: str
+    signals: tuple[Signal, ...]
+    """Their numbers, one signal after the other, are the curves; of an arm's signals those of the left arm come first."""
+    curves: tuple[str, ...]
+    """Name of each; further numbers of the signals are not shown."""
+    units: tuple[str, ...]
+    """Of each curve, as it is shown."""
+    scale: float = 1.0
+    """Shown number over SI number."""
+    least: float = 1.0
+    """Smallest range of a plot, in its unit; below it there is nothing worth magnifying."""
+    palette: tuple[Color, ...] = (BLUE, VERMILION, GREEN, SKY, ORANGE, PURPLE)
+    """Of its curves in recordings, beginning anew where there are more of them."""
+    beside: str = ""
+    """What else there is to say of it."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Curves with their units."""
+        return tuple(f"{curve} [{unit}]" for curve, unit in zip(self.curves, self.units, strict=True))
+
+    @property
+    def colors(self) -> tuple[Color, ...]:
+        """Of each curve, in recordings."""
+        return tuple(self.palette[number % len(self.palette)] for number in range(len(self.curves)))
+
+    @property
+    def meaning(self) -> str:
+        """What it is: symbol, meaning, equation and SI unit of each signal, and the units shown."""
+        shown = f"; here in {' and '.join(dict.fromkeys(self.units))}" if self.scale != 1 else ""
+        return " ".join(f"{_about(signal)}{shown}." for signal in self.signals) + self.beside
+
+    def values(self, samples: Samples) -> np.ndarray:
+        """(N, curves), in the units shown; NaN of another law's signals."""
+        if self.entity.startswith(OWN) and self.signals[0].name not in samples.own:
+            return np.full((len(samples), len(self.curves)), np.nan)
+        parts = [np.asarray(samples[signal.name]).reshape(len(samples), -1) for signal in self.signals]
+        return self.scale * np.concatenate(parts, axis=1)[:, : len(self.curves)]
+
+
+def _about(signal: Signal) -> str:
+    source = f" ({signal.equation})" if signal.equation else ""
+    return f"{signal.symbol}: {signal.meaning}{source}, in {signal.unit_text}"
+
+
+def _view(entity: str, title: str, curves: str, units: str, *names: str, **how: Any) -> View:
+    """Curves by their names and units, divided by commas: one unit is that of all."""
+    each, unit = tuple(curves.split(", ")), tuple(units.split(", "))
+    known = {**TABLE, **DERIVED}
+    return View(entity, title, tuple(known[name] for name in names), each, unit * (len(each) // len(unit)), **how)
+
+
+MILLI = 1e3
+"""Millimetres per metre, milliradians per radian."""
+PERCENT = 100.0
+
+ERROR = _view("error", "Tracking error", "x, y, θ", "mm, mm, mrad", "tracking_error", scale=MILLI, least=0.1)
+DEFLECTION = _view(
+    "vibration",
+    "Mid-span deflection, true size",
+    "vibration, deflection, quasi-static",
+    "mm",
+    "vibration",
+    "midspan_deflection",
+    "quasi_static_deflection",
+    scale=MILLI,
+    least=0.01,
+    palette=(VERMILION, SKY, GREEN),
+)
+INTERNAL_FORCE = _view(
+    "internal_force",
+    "Internal force, left arm",
+    "Fx, Fy, M",
+    "N, N, N·m",
+    "internal_force",
+    beside=" It only squeezes and bends; the right arm's is equal and opposite.",
+)
+TORQUES = tuple(
+    _view("joint_torque", "Joint torques", curves, "N·m", "joint_torque", palette=(*LEFT, *RIGHT))
+    for curves in ("left τ1, left τ2, left τ3", "left τ1, left τ2, left τ3, right τ1, right τ2, right τ3")
+)
+"""Of one arm, of two."""
+SLIDING = _view("sliding_variable", "Sliding variable s", "x, y, θ", "m/s, m/s, rad/s", "sliding_variable", least=0.01)
+ESTIMATES = _view(
+    "bound_estimates", "Bound estimates b̂", "b̂0, b̂1, b̂2", "N, N/m, N·s²/m²", "bound_estimates", least=0.01
+)
+ENERGIES = _view(
+    "energy",
+    "Energy of arms and payload",
+    "kinetic, elastic, weight, total, work put in, work of the axial load, damped away",
+    "J",
+    "kinetic_energy",
+    "elastic_energy",
+    "gravity_energy",
+    "total_energy",
+    "input_work",
+    "axial_work",
+    "dissipated_energy",
+    palette=(BLUE, GREEN, GRAY, PURPLE, ORANGE, SKY, VERMILION),
+)
+ELASTIC = _view(
+    "elastic_energy", "Elastic energy of the beam", "elastic", "mJ", "elastic_energy", scale=MILLI, least=0.01
+)
+"""Beside the others it would be a line at zero."""
+AXIAL_LOAD = _view(
+    "axial_load",
+    "Axial load",
+    "place 1, place 2, place 3, place 4",
+    "N",
+    "axial_load",
+    palette=(BLUE, GREEN, ORANGE, VERMILION),
+)
+AXIAL_SHARE = _view(
+    "axial_load_share",
+    "Axial load beside P_cr",
+    "compression, stiffness taken by the spin",
+    "%",
+    "axial_load_share",
+    "spin_share",
+    scale=PERCENT,
+)
+REAL_TIME_FACTOR = _view(
+    "real_time_factor",
+    "Real-time factor",
+    "real-time factor",
+    "1",
+    beside="Simulated seconds per wall second, as reached (1: real time); one value per block of the simulation thread.",
+)
+"""Its values come with the blocks, not from samples."""
+
+
+def own_views(scenario: Scenario) -> tuple[View, ...]:
+    """The signals that a scenario's law adds to the table's."""
+    return tuple(map(_own_view, own_signals(scenario)))
+
+
+def _own_view(signal: Signal) -> View:
+    parts = [f"{signal.symbol} {label}" for label in signal.axes[-1].labels] if signal.axes else [signal.symbol]
+    title = f"{signal.meaning[:1].upper()}{signal.meaning[1:]} {signal.symbol}"
+    units = signal.units * (len(parts) // len(signal.units))
+    return View(OWN + signal.name, title, (signal,), tuple(parts), units, least=LEAST_OWN)
+
+
+def views(scenario: Scenario) -> tuple[View, ...]:
+    """All that is seen of a run, most looked at first, signals that only its law has last."""
+    arms = len(scenario.arms)
+    shared = (
+        ERROR,
+        DEFLECTION,
+        INTERNAL_FORCE,
+        TORQUES[arms - 1],
+        SLIDING,
+        ESTIMATES,
+        ENERGIES,
+        AXIAL_LOAD,
+        AXIAL_SHARE,
+    )
+    return (*shared, *own_views(scenario))

@@ -1,0 +1,100 @@
+"""A law in plain Python sees all that flexlab's own laws do: two of them, written again, give the same runs."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from own_law_text import forget_own_laws
+
+import flexlab
+from flexlab.control.law import USUAL_GAUGES
+from flexlab.own import hosts
+from flexlab.own.believed import Believed
+from flexlab.own.files import law_kind
+from flexlab.own.law import add_own_law
+from flexlab.presets import load_preset
+from flexlab.sim.build import build_beam, payload_row
+
+NOISY = {
+    "controller.sensor_noise.pose": [1e-5, 1e-5, 1e-5],
+    "controller.sensor_noise.pose_rate": [1e-4, 1e-4, 1e-4],
+    "controller.sensor_noise.strain": 1e-7,
+    "controller.input_delay": 2,
+    "controller.model.stiffness_factor": 1.1,
+    "controller.wanted_internal_force": 15.0,
+}
+
+
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    yield
+    forget_own_laws()
+
+
+@pytest.mark.parametrize("changes", [{}, NOISY], ids=["exact", "noisy and late"])
+@pytest.mark.parametrize(("kind", "file"), [("lqr", "observed_lqr"), ("composite", "damped_sliding_mode")])
+def test_a_law_written_again_gives_the_same_run(kind: str, file: str, changes: dict, root: Path):
+    if kind == "composite" and changes:
+        changes = changes | {"controller.input_delay": 0, "controller.sensor_noise.strain": 0.0}
+    built_in = load_preset("paper").replace({"controller.kind": kind, "controller.control_period": 1e-3, **changes})
+    own = load_preset("paper").replace(
+        {
+            "controller.kind": law_kind(root / "presets" / "laws" / f"{file}.py"),
+            "controller.control_period": 1e-3,
+            **changes,
+        }
+    )
+    one, other = (flexlab.simulate(scenario, 0.5, check=True) for scenario in (built_in, own))
+    np.testing.assert_allclose(other.pose, one.pose, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(other.midspan_deflection, one.midspan_deflection, rtol=0, atol=1e-9)
+    forces = np.abs(one.joint_torque).max()
+    np.testing.assert_allclose(other.joint_torque, one.joint_torque, rtol=0, atol=1e-9 * forces)
+
+
+SEES = '''import numpy as np
+from flexlab import OwnLaw, readout
+
+class Sees(OwnLaw):
+    """Holds the pose and shows what it is told."""
+    squeeze = readout("N")
+    wanted = readout("N")
+    gauges = readout("1")
+    strain = readout("1")
+
+    def act(self, at):
+        self.squeeze, self.wanted = at.internal_force, at.wanted_force
+        self.gauges, self.strain = len(at.gauge_places), at.strains[0]
+        e, e_dot = at.pose - at.desired_pose, at.pose_rate - at.desired_rate
+        return at.weights + at.shared(-2e4 * e - 2e3 * e_dot)
+'''
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
+def test_internal_force_and_strains_are_those_of_the_run(apart: bool):
+    hosts.run_apart(apart)
+    changes = {"controller.kind": add_own_law(SEES, "sees.py").kind, "controller.wanted_internal_force": 15.0}
+    still = load_preset("paper").replace({"trajectory.kind": "hold"}).replace(changes)
+    run = flexlab.simulate(still, 1.5, check=True)
+    along = np.array([np.cos(run.pose[-1, 2]), np.sin(run.pose[-1, 2]), 0.0])
+    felt = 0.5 * (run.internal_force[-1, 0] - run.internal_force[-1, 1]) @ along
+    assert felt == pytest.approx(15.0, abs=1e-3)
+    assert run["squeeze"][-1] == pytest.approx(felt, abs=1e-3)
+    assert run["wanted"][-1] == 15.0
+    assert run["gauges"][-1] == len(USUAL_GAUGES)
+    assert np.abs(run["strain"]).max() > 0
+
+
+def test_modes_are_those_that_are_believed():
+    law = add_own_law(SEES, "sees.py")
+    scenario = load_preset("paper").replace({"controller.kind": law.kind})
+    believed = Believed(law.derive(scenario)["plant"])
+    beam = build_beam(scenario.payload)
+    order = np.argsort(beam.modes.omega)[:8]
+    omega, V = beam.modes.omega[order], beam.modes.V[:, order]
+    np.testing.assert_allclose(believed.omega, omega, rtol=1e-12)
+    np.testing.assert_allclose(believed.modes.frequencies, omega / (2 * np.pi), rtol=1e-12)
+    shape = payload_row(scenario.payload, float(believed.modes.places[5])) @ V
+    np.testing.assert_allclose(np.abs(believed.modes.shapes[5]), np.abs(shape), rtol=1e-9, atol=1e-12)
+    stiffer = Believed(law.derive(scenario.replace({"controller.model.stiffness_factor": 4.0}))["plant"])
+    np.testing.assert_allclose(stiffer.omega, 2 * believed.omega, rtol=1e-12)

@@ -1,0 +1,347 @@
+"""Functional mock-up units in FMPy, an importer that is not ours: valid, the same bits as the engine's, and whole states."""
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+from fmpy.validation import validate_fmu
+from own_law_text import PD, forget_own_laws
+
+import flexlab
+from flexlab.errors import StudyError
+from flexlab.fmi.export import write_fmu
+from flexlab.fmi.parts import make_part
+from flexlab.own.law import add_own_law
+from flexlab.presets import load_preset, preset_names
+from flexlab.recording.table_columns import table_columns, to_columns
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Samples
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+pytestmark = pytest.mark.skipif(
+    shutil.which("cc") is None and not os.environ.get("CI"), reason="no C compiler (cc): units are not looked at"
+)
+
+TICK = 0.001
+BANG_BANG = {"trajectory": {"kind": "bang-bang", "duration": 0.1513}}
+"""A path whose acceleration jumps within ticks."""
+Export = Callable[..., Path]
+
+
+@pytest.fixture(scope="module")
+def export(tmp_path_factory: pytest.TempPathFactory) -> Export:
+    """Writes a unit once."""
+    folder, known = tmp_path_factory.mktemp("units"), {}
+
+    def written(scenario: Scenario, part: str = "loop", version: int = 3) -> Path:
+        key = scenario.model_dump_json(), part, version
+        if key not in known:
+            known[key] = folder / f"{len(known)}.fmu"
+            write_fmu(scenario, known[key], "test", part, version)
+        return known[key]
+
+    return written
+
+
+@contextmanager
+def instance(file: Path, folder: Path, version: int = 3) -> Iterator[Any]:
+    """An instance of a unit that stands at t = 0."""
+    about = fmpy.read_model_description(str(file))
+    kind = FMU3Slave if version == 3 else FMU2Slave
+    unit = kind(
+        guid=about.guid,
+        unzipDirectory=fmpy.extract(str(file), str(folder)),
+        modelIdentifier=about.coSimulation.modelIdentifier,
+        instanceName="one",
+    )
+    unit.numbers = {variable.name: variable.valueReference for variable in about.modelVariables}
+    unit.instantiate()
+    if version == 2:
+        unit.setupExperiment()
+    unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    yield unit
+    unit.terminate()
+    unit.freeInstance()
+
+
+def outputs(unit: Any) -> np.ndarray:
+    numbers = list(unit.numbers.values())
+    return np.array(unit.getFloat64(numbers))
+
+
+def assert_same_bits(result: np.ndarray, samples: Samples, scenario: Scenario, every: int = 1) -> None:
+    names = set(result.dtype.names or ())
+    columns = to_columns(samples, table_columns(scenario))
+    found = {name.partition(" [")[0]: values for name, values in columns.items()}
+    assert names <= set(found)
+    assert len(names) > 40
+    for name in names:
+        np.testing.assert_array_equal(result[name], found[name][::every], err_msg=name)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("part", ["plant", "law", "loop"])
+def test_fmpy_finds_nothing_wrong(export: Export, part: str, version: int):
+    file = export(load_preset("paper"), part, version)
+    assert validate_fmu(str(file)) == []
+    about = fmpy.read_model_description(str(file))
+    assert about.fmiVersion == f"{version}.0"
+    assert about.defaultExperiment.stepSize == str(TICK)
+    inputs = [variable.name for variable in about.modelVariables if variable.causality == "input"]
+    motors = [f"motor_torque_{side}_{joint}" for side in ("left", "right") for joint in (1, 2, 3)]
+    assert inputs[:6] == {"plant": motors, "loop": []}.get(part, inputs[:6])
+    outputs = {variable.name for variable in about.modelVariables if variable.causality == "output"}
+    if part == "law":
+        assert set(motors) <= outputs
+        assert set(inputs) <= {
+            variable.name
+            for variable in fmpy.read_model_description(str(export(load_preset("paper"), "plant"))).modelVariables
+        }
+        return
+    units = {variable.name: variable.unit for variable in about.modelVariables}
+    assert (units["pose_theta"], units["joint_torque_left_1"], units["kinetic_energy"]) == ("rad", "N·m", "J")
+    with zipfile.ZipFile(file) as archive:
+        assert {"documentation/index.html", "documentation/licenses/license.txt"} <= set(archive.namelist())
+
+
+@pytest.mark.parametrize(
+    ("preset", "changes", "version", "ticks"),
+    [
+        ("paper", {}, 3, 1),
+        ("paper", {}, 2, 5),
+        *((preset, {}, 3, 25) for preset in preset_names()),
+        ("paper", {"simulation.integrator": "rk4", "payload.element_count": 2}, 3, 4),
+        ("paper", {"simulation.integrator": "generalized-alpha"}, 3, 4),
+        ("paper", BANG_BANG, 3, 1),
+    ],
+)
+def test_the_loop_gives_the_engines_bits(
+    export: Export, preset: str, changes: dict[str, Any], version: int, ticks: int
+):
+    scenario = load_preset(preset).replace(changes)
+    file, duration = export(scenario, "loop", version), 0.3
+    names = [each.name for each in fmpy.read_model_description(str(file)).modelVariables if each.causality == "output"]
+    step = ticks * TICK
+    result = fmpy.simulate_fmu(str(file), stop_time=duration, step_size=step, output_interval=step, output=names)
+    run = simulate(scenario, duration, TICK)
+    assert len(run) == 301
+    assert_same_bits(result[names], run, scenario, ticks)
+
+
+def test_the_path_with_kinks_within_ticks_is_gone_in_pieces():
+    loop = make_part(load_preset("paper").replace(BANG_BANG), "loop", TICK)
+    assert {piece.tick for piece in loop.memory.pieces} == {75, 151}
+
+
+def test_the_plant_with_the_engines_torques_moves_as_the_engine_does(export: Export, tmp_path: Path):
+    scenario = load_preset("paper").replace({"controller.control_period": TICK})
+    world = World(scenario)
+    moving = ["pose_x", "pose_rate_y", "pose_theta", "midspan_deflection", "elastic_energy", "input_work"]
+    with instance(export(scenario, "plant"), tmp_path) as unit:
+        motors = [number for name, number in unit.numbers.items() if name.startswith("motor_torque")]
+        for tick in range(200):
+            unit.setFloat64(motors, world.state().held_torque.ravel().tolist())
+            unit.doStep(tick * TICK, TICK)
+            samples = world.advance(1)
+            columns = to_columns(samples, table_columns(scenario))
+            expected = {name.partition(" [")[0]: float(values[0]) for name, values in columns.items()}
+            assert unit.getFloat64([unit.numbers[name] for name in moving]) == [expected[name] for name in moving]
+
+
+@pytest.mark.parametrize(
+    ("preset", "changes"),
+    [
+        ("paper", {}),
+        ("gravity", {"controller.control_period": TICK, "controller.input_delay": 2}),
+        ("composite", {"controller.control_period": TICK, "controller.observer.kind": "kalman"}),
+        (
+            "fast-adaptation",
+            {
+                "controller.control_period": TICK,
+                "controller.sensor_noise": {"pose": (1e-5, 1e-5, 1e-5), "strain": 1e-7, "seed": 3},
+            },
+        ),
+    ],
+)
+def test_plant_and_law_make_the_loop(export: Export, tmp_path: Path, preset: str, changes: dict[str, Any]):
+    scenario = load_preset(preset).replace(changes)
+    sampled = scenario.replace({"controller.control_period": TICK})
+    run = simulate(sampled, 0.1, TICK)
+    with (
+        instance(export(scenario, "plant"), tmp_path / "plant") as plant,
+        instance(export(scenario, "law"), tmp_path / "law") as law,
+    ):
+        motors = [name for name in law.numbers if name.startswith("motor_torque")]
+        sensors = [name for name in law.numbers if name.startswith(("pose", "beam_moment", "strain"))]
+        for tick in range(100):
+            plant.setFloat64([plant.numbers[n] for n in motors], law.getFloat64([law.numbers[n] for n in motors]))
+            plant.doStep(tick * TICK, TICK)
+            law.setFloat64([law.numbers[n] for n in sensors], plant.getFloat64([plant.numbers[n] for n in sensors]))
+            law.doStep(tick * TICK, TICK)
+            pose = plant.getFloat64([plant.numbers[f"pose_{axis}"] for axis in ("x", "y", "theta")])
+            assert pose == run.pose[tick + 1].tolist()
+
+
+@pytest.mark.parametrize(
+    ("preset", "changes", "start"),
+    [
+        ("gravity", {"gravity": 3.7}, {"gravity": 3.7}),
+        (
+            "paper",
+            {"controller.feedback_gain": (210.0, 205.0, 195.0)},
+            {"feedback_gain_1": 210.0, "feedback_gain_2": 205.0, "feedback_gain_3": 195.0},
+        ),
+    ],
+)
+def test_a_tuned_parameter_is_a_scenario_with_that_value(
+    export: Export, preset: str, changes: dict[str, Any], start: dict[str, float]
+):
+    scenario, names = load_preset(preset), ["pose_x", "pose_y", "pose_theta", "joint_torque_left_1"]
+    file = str(export(scenario))
+    tuned = fmpy.simulate_fmu(
+        file, stop_time=0.2, step_size=TICK, output_interval=TICK, output=names, start_values=start
+    )
+    run, before = simulate(scenario.replace(changes), 0.2, TICK), simulate(scenario, 0.2, TICK)
+    np.testing.assert_array_equal(tuned["pose_y"], run.pose[:, 1])
+    np.testing.assert_array_equal(tuned["joint_torque_left_1"], run.joint_torque[:, 0, 0])
+    assert not np.array_equal(before.pose, run.pose)
+
+
+def test_a_parameter_out_of_range_is_refused(export: Export, tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    with instance(export(load_preset("paper"), "law"), tmp_path) as unit:
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            unit.setFloat64([unit.numbers["boundary_layer"]], [-1.0])
+        unit.setFloat64([unit.numbers["boundary_layer"]], [0.2])
+    assert "out of its range: see min and max" in capfd.readouterr().out
+
+
+def test_an_instance_goes_on_from_a_state_bit_for_bit(export: Export, tmp_path: Path):
+    file = export(load_preset("composite"))
+    with instance(file, tmp_path / "one") as one, instance(file, tmp_path / "two") as two:
+        one.doStep(0.0, 0.05)
+        state = one.getFMUState()
+        kept = one.serializeFMUState(state)
+        there = outputs(one)
+        one.doStep(0.05, 0.05)
+        after = outputs(one)
+        one.setFMUState(state)
+        np.testing.assert_array_equal(outputs(one), there)
+        one.doStep(0.05, 0.05)
+        np.testing.assert_array_equal(outputs(one), after)
+        one.freeFMUState(state)
+        other = two.deserializeFMUState(kept)
+        two.setFMUState(other)
+        two.doStep(0.05, 0.05)
+        np.testing.assert_array_equal(outputs(two), after)
+        two.freeFMUState(other)
+        two.reset()
+        two.enterInitializationMode()
+        two.exitInitializationMode()
+        two.doStep(0.0, 0.05)
+        np.testing.assert_array_equal(outputs(two), there)
+
+
+@pytest.mark.parametrize(
+    ("time", "step", "says"),
+    [
+        (0.0, 0.0015, "The communication step 0.0015 s is no whole number of this unit's ticks of 0.001 s"),
+        (0.0, 0.0, "The communication step 0 s is no whole number"),
+        (0.5, 0.001, "The communication point t = 0.5 s is not where this unit stands, t = 0 s."),
+    ],
+)
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_step_that_cannot_be_is_refused_with_a_sentence(
+    export: Export, tmp_path: Path, capfd: pytest.CaptureFixture[str], version: int, time: float, step: float, says: str
+):
+    with instance(export(load_preset("paper"), "loop", version), tmp_path, version) as unit:
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            unit.doStep(time, step)
+        unit.doStep(0.0, TICK)
+    assert says in capfd.readouterr().out
+
+
+def test_a_plant_without_torques_stops_with_a_sentence(
+    export: Export, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    with instance(export(load_preset("gravity"), "plant"), tmp_path) as unit:
+        unit.setFloat64([number for name, number in unit.numbers.items() if name.startswith("motor")], [0.0] * 6)
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            unit.doStep(0.0, 10.0)
+        assert np.isfinite(outputs(unit)).all()
+    said = capfd.readouterr().out
+    assert "The run stopped just after t = " in said
+    assert "The last good state is kept." in said
+
+
+def test_the_binary_needs_the_c_library_alone(export: Export, tmp_path: Path):
+    folder = Path(fmpy.extract(str(export(load_preset("composite"))), str(tmp_path)))
+    (binary,) = folder.glob("binaries/*/*")
+    code = (
+        "import ctypes, sys\n"
+        f"unit = ctypes.CDLL({str(binary)!r})\n"
+        "unit.fmi3GetVersion.restype = ctypes.c_char_p\n"
+        "assert unit.fmi3GetVersion() == b'3.0'\n"
+        "assert not {'numba', 'llvmlite', 'flexlab', 'numpy'} & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-I", "-S", "-c", code], check=True)
+    if sys.platform == "linux":
+        listed = subprocess.run(["objdump", "-p", binary], capture_output=True, text=True, check=True).stdout
+        needed = {line.split()[1].split(".")[0] for line in listed.splitlines() if "NEEDED" in line}
+        assert needed <= {"libc", "libm"}
+        undefined = subprocess.run(["nm", "-Du", binary], capture_output=True, text=True, check=True).stdout
+        assert "Py" not in undefined
+        assert "numba" not in undefined
+
+
+def test_the_same_scenario_gives_the_same_bytes(tmp_path: Path):
+    files = [flexlab.export_fmu("paper", tmp_path / f"{k}.fmu", "loop") for k in range(2)]
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"part": "arms"}, "part = 'arms' is no part of a scenario: choose plant, law, loop."),
+        ({"version": 1}, "fmi = 1 is no version that can be written: choose 2 or 3."),
+    ],
+)
+def test_what_cannot_be_written_is_said(tmp_path: Path, given: dict[str, Any], says: str):
+    with pytest.raises(StudyError, match=says):
+        flexlab.export_fmu("paper", tmp_path / "none.fmu", **given)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_compiler_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(StudyError, match="linked by a C compiler, and no-such-compiler is not there: install one"):
+        flexlab.export_fmu("paper", tmp_path / "none.fmu")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_law_in_python_is_refused(tmp_path: Path):
+    try:
+        scenario = load_preset("paper").replace({"controller.kind": add_own_law(PD, "own_pd.py").kind})
+        for part in ("loop", "law"):
+            with pytest.raises(StudyError, match="runs in Python, which a unit does without: export --part plant"):
+                write_fmu(scenario, tmp_path / "none.fmu", part=part)
+    finally:
+        forget_own_laws()
+
+
+def test_a_start_that_cannot_be_is_said(tmp_path: Path):
+    scenario = load_preset("paper").replace({"initial.pose": (5.0, 5.0, 0.0)})
+    with pytest.raises(StudyError, match="cannot reach the start pose"):
+        flexlab.export_fmu(scenario, tmp_path / "none.fmu")

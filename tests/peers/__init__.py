@@ -1,0 +1,10 @@
+"""Other engines on the paper's system, for `flexlab bench --peers`: verified to move the same, then timed.
+
+They need `pip install --editable ".[peers]"` in a checkout: flexlab itself does not carry them.
+"""
+
+from peers.chain_comparison import compare_chains
+from peers.peer_comparison import compare_peers
+from peers.tables import chain_table, peers_table
+
+__all__ = ["chain_table", "compare_chains", "compare_peers", "peers_table"]

@@ -1,5 +1,6 @@
 """Text from files and visitors as people may see it: every control character visible, none obeyed by a terminal or page."""
 
+import ast
 import logging
 import re
 import sys
@@ -7,7 +8,7 @@ import threading
 import traceback
 from collections.abc import Iterable
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,6 +30,17 @@ _WITHOUT_PICTURE = re.compile(
 _OBEYED = re.compile(f"\x7f|{_WITHOUT_PICTURE.pattern}")
 
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|mrad|rad|kg|micrometres|MB/min|%)\b|%)")
+
+
+PARSER = threading.RLock()
+"""Held while Python parses a text: in 3.11, two threads at once fail with a SystemError (python/cpython#106905).
+`inspect.getsource` of a class parses, too."""
+
+
+def syntax_tree(source: str, mode: Literal["exec", "eval"] = "exec") -> Any:
+    """The tree of a text in Python, as `ast.parse` gives and raises; any thread may ask."""
+    with PARSER:
+        return ast.parse(source, mode=mode)
 
 
 def with_units(text: str) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from flexlab.analysis.metrics import METRICS, run_metrics
 from flexlab.errors import LabError
+from flexlab.plain_text import syntax_tree
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import DERIVED, TABLE
@@ -58,7 +59,7 @@ class Expression:
         if len(text) > LONGEST:
             raise ExpressionError(f"the check has {len(text)} characters, over {LONGEST}: shorten it.")
         try:
-            self._tree = ast.parse(text.strip(), mode="eval").body
+            self._tree = syntax_tree(text.strip(), "eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             raise ExpressionError(f"the check {text[:60]!r} cannot be read ({error}).") from None
         _check(self._tree)

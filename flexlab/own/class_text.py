@@ -8,6 +8,7 @@ from types import ModuleType
 from typing import Any
 
 from flexlab.own.declaration import OwnLaw
+from flexlab.plain_text import PARSER, syntax_tree
 
 HEADER = (
     "import math",
@@ -25,11 +26,12 @@ def class_text(given: type) -> str:
     A name that the file (or the notebook's cell) does not define is looked up in the class's module: modules, what can be
     imported, and numbers. Raises `OSError`, `TypeError` or `SyntaxError` where the text cannot be had.
     """
-    own, first = inspect.getsourcelines(given)
-    lines = inspect.findsource(given)[0]
+    with PARSER:
+        own, first = inspect.getsourcelines(given)
+        lines = inspect.findsource(given)[0]
     text = textwrap.dedent("".join(own))
-    needed, kept, found = _loaded(ast.parse(text)), {}, set()
-    nodes = [node for node in ast.parse("".join(lines)).body if not _is_main(node)]
+    needed, kept, found = _loaded(syntax_tree(text)), {}, set()
+    nodes = [node for node in syntax_tree("".join(lines)).body if not _is_main(node)]
     while new := [
         node for node in nodes if node.lineno not in kept and _bound(node) & needed and not _holds(node, first)
     ]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from flexlab.errors import ScenarioError
-from flexlab.plain_text import visible
+from flexlab.plain_text import syntax_tree, visible
 
 LONGEST_SOURCE = 200_000
 """Characters of a text."""
@@ -57,7 +57,7 @@ class DeclaredClass:
         if len(source) > LONGEST_SOURCE:
             raise self.problem(1, f"has {len(source)} characters: keep it under {LONGEST_SOURCE}")
         try:
-            tree = ast.parse(source)
+            tree = syntax_tree(source)
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             line = getattr(error, "lineno", None) or 1
             raise self.problem(line, f"is no Python text ({getattr(error, 'msg', None) or error})") from None

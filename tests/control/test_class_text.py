@@ -1,10 +1,13 @@
 """Laws and paths that are given as classes: their texts hold what they use of their files."""
 
+import gc
 import importlib.util
 import linecache
 import re
 import sys
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 
@@ -17,6 +20,7 @@ import flexlab
 from flexlab.analysis.replay import replay
 from flexlab.errors import ScenarioError
 from flexlab.own import hosts
+from flexlab.own.class_text import class_text
 from flexlab.own.law import add_own_law
 from flexlab.own.path import add_own_path
 from flexlab.presets import load_preset
@@ -175,3 +179,20 @@ def test_a_class_of_a_class_is_a_sentence(tmp_path: Path):
     module = module_of(TWO_OF_EACH + "\n\nclass Third(Other):\n    pass\n", tmp_path / "third_class.py")
     with pytest.raises(ScenarioError, match="Third inherits from OwnLaw through another class: inherit directly"):
         flexlab.simulate("paper", 0.01, law=module.Third)
+
+
+def test_many_threads_ask_for_texts_at_once(tmp_path: Path):
+    law = module_of(TWO_OF_EACH, tmp_path / "asked_at_once.py").One
+    text, often = class_text(law), gc.get_threshold()
+
+    def let_others_in(*_: object) -> None:
+        time.sleep(1e-5)
+
+    gc.callbacks.append(let_others_in)  # Within the parser, nothing else does.
+    gc.set_threshold(50)
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            assert set(threads.map(class_text, [law] * 20)) == {text}
+    finally:
+        gc.set_threshold(*often)
+        gc.callbacks.remove(let_others_in)

@@ -25,6 +25,7 @@ from flexlab.analysis.leaderboard.row import Row
 from flexlab.control.law import laws
 from flexlab.errors import StudyError
 from flexlab.own.law import PythonLaw
+from flexlab.plain_text import syntax_tree
 from flexlab.recording.run_info import package_version
 from flexlab.recording.store.notes import is_regular, replacing
 from flexlab.scenario import Scenario
@@ -84,7 +85,7 @@ def _digest_of(modules: tuple[str, ...]) -> str:
         module = left.pop()
         if module not in found:
             found.add(module)
-            imported = [n.module for n in ast.walk(ast.parse(_text(module))) if isinstance(n, ast.ImportFrom)]
+            imported = [n.module for n in ast.walk(syntax_tree(_text(module))) if isinstance(n, ast.ImportFrom)]
             left += [name for name in imported if name is not None and name.startswith(LAWS)]
     return digest(_text(module) for module in sorted(found))
 

@@ -2,10 +2,11 @@
 
 import json
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -215,28 +216,30 @@ def read_rows(path: Path, content: list[str]) -> Rows:
 def rows_in_order(path: Path, entity: str) -> Iterator[Row]:
     """The rows of one entity in the order of times, few of them in memory at once.
 
-    Of a torn file through a mended copy. Raises `RecordingError`.
+    Of a torn file, and of one whose writer is within a piece just now, through a mended copy. Raises `RecordingError`.
     """
     check_recording(path)
-    with ExitStack() as closing:
-        try:
-            times = entity_times(path, entity)
-        except Unreadable:
-            path = closing.enter_context(_mended(path))
-            times = entity_times(path, entity)
-        # A file that was indexed may hold some rows before their turn: those wait.
-        turns = np.argsort(np.argsort(times, kind="stable"), kind="stable")
-        waiting: dict[int, Row] = {}
-        following = 0
-        try:
-            # A run that is being recorded has grown meanwhile: what came later is left out.
-            for turn, (_, row) in zip(turns.tolist(), stream_rows(path, [entity]), strict=False):
-                waiting[turn] = row
-                while following in waiting:
-                    yield waiting.pop(following)
-                    following += 1
-        except Unreadable:
-            raise RecordingError(f"{path} changed while it was read: try again.") from None
+    given = 0
+    try:
+        for row in _in_order(path, entity):
+            yield row
+            given += 1
+    except Unreadable:
+        with _mended(path) as copy:
+            yield from islice(_in_order(copy, entity), given, None)
+
+
+def _in_order(path: Path, entity: str) -> Iterator[Row]:
+    # A file that was indexed may hold some rows before their turn: those wait.
+    turns = np.argsort(np.argsort(entity_times(path, entity), kind="stable"), kind="stable")
+    waiting: dict[int, Row] = {}
+    following = 0
+    # A run that is being recorded has grown meanwhile: what came later is left out.
+    for turn, (_, row) in zip(turns.tolist(), stream_rows(path, [entity]), strict=False):
+        waiting[turn] = row
+        while following in waiting:
+            yield waiting.pop(following)
+            following += 1
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -84,6 +85,31 @@ def test_a_run_that_is_being_recorded_is_read_up_to_when_the_reading_began(run: 
     assert_same_bits(join_blocks([first, *blocks]), run.slice(0, 300))
     stream.close()
     file.release()
+
+
+def test_a_run_is_read_while_it_is_written(run: Run, tmp_path: Path) -> None:
+    info = RunInfo("paper", load_preset("paper"))
+    file = claim_run_file(tmp_path, "paper", info.started)
+    stream = open_file_stream(file, info)
+    writer = RunEncoder(info, [stream])
+
+    def write() -> None:
+        for first in range(0, 1000, 5):
+            writer.write_samples(run.slice(first, first + 5))
+            stream.push()
+
+    stream.push()
+    writing = Thread(target=write)
+    writing.start()
+    lengths = [0]
+    while writing.is_alive():
+        samples = join_blocks(list(read_blocks(file.path)) or [run.slice(0, 0)])
+        assert_same_bits(samples, run.slice(0, len(samples)))
+        lengths.append(len(samples))
+    stream.close()
+    file.release()
+    assert lengths == sorted(lengths)
+    assert_same_bits(join_blocks(list(read_blocks(file.path))), run.slice(0, 1000))
 
 
 @pytest.mark.parametrize("share", [0.999, 0.9, 0.6, 0.35])

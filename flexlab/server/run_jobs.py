@@ -182,7 +182,7 @@ class Comparisons:
         """`folder`: where the overlays lie; somebody else removes it."""
         self._tasks, self._folder = tasks, folder
         self._made: OrderedDict[str, ComparisonTables] = OrderedDict()
-        self._making: dict[str, asyncio.Future[ComparisonTables]] = {}
+        self._making: dict[tuple[str, ...], asyncio.Future[tuple[str, ComparisonTables]]] = {}
 
     async def get(self, asker: Asker, rows: Sequence[RunRow]) -> tuple[str, ComparisonTables]:
         """(id, tables) of the comparison of these runs, made if need be. Raises `FlexlabError` if they cannot be compared."""
@@ -190,21 +190,22 @@ class Comparisons:
         if key in self._made and self._path(key).exists():
             self._made.move_to_end(key)
             return key, self._made[key]
-        if key not in self._making:
-            # Two who ask at once share what the first one's question starts.
-            self._making[key] = asyncio.ensure_future(self._make(asker, key, rows))
-            self._making[key].add_done_callback(lambda _: self._making.pop(key, None))
-        return key, await asyncio.shield(self._making[key])
+        asked = tuple(row.id for row in rows)
+        if asked not in self._making:
+            # Who asks meanwhile shares what this question starts, although a run that is being recorded has grown.
+            self._making[asked] = asyncio.ensure_future(self._make(asker, key, rows))
+            self._making[asked].add_done_callback(lambda _: self._making.pop(asked, None))
+        return await asyncio.shield(self._making[asked])
 
     def file(self, key: str) -> Path | None:
         """The overlay; None if it is no more."""
         return self._path(key) if key in self._made else None
 
-    async def _make(self, asker: Asker, key: str, rows: Sequence[RunRow]) -> ComparisonTables:
+    async def _make(self, asker: Asker, key: str, rows: Sequence[RunRow]) -> tuple[str, ComparisonTables]:
         tables = await self._tasks.run(asker, compare_runs, tuple(row.path for row in rows), self._path(key))
         self._made[key] = tables
         await asyncio.to_thread(self._make_room)
-        return tables
+        return key, tables
 
     def _make_room(self) -> None:
         while len(self._made) > 1 and (len(self._made) > MOST_COMPARISONS or self._bytes() > MOST_BYTES):

@@ -109,7 +109,7 @@ class Summary:
         return (
             f"{column.title} {value_text(column, seconds)} s."
             if seconds == seconds
-            else f"Vibration: {column.missing}."
+            else f"Vibration: {self._settling.reason() or column.missing}."
         )
 
     def table(self, status: Status) -> "Table":
@@ -222,7 +222,8 @@ def run_and_record(
 def _tell(run: EndedRun, summary: Summary) -> None:
     output().print(f"{run.name}: {run.world.scenario.title}", style="bold")
     output().print(summary.table(run.status))
-    output().print(summary.settling_text())
+    if not run.status.failed:
+        output().print(summary.settling_text())
     output().print(
         f"{run.samples} samples in {run.seconds:.2f} s with {run.world.integrator}, "
         f"steps of {1e6 * run.world.step:.4g} µs. Result {run.result_hash}."

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import flexlab
 from flexlab.analysis.identification.beam_parameters import beam_parameters, read_measured
+from flexlab.analysis.identification.fitting import fit_file
 from flexlab.analysis.identification.ring import fit_ring
 from flexlab.errors import StudyError
 from flexlab.recording.headless import HeadlessRecording, write_run
@@ -252,3 +254,59 @@ def test_the_beam_of_noise_alone_is_not_identifiable():
     fit = fit_ring(time, np.random.default_rng(1).normal(size=len(time)))
     found = beam_parameters(fit, flexlab.load_preset("paper"), in_loop=False)
     assert "no oscillation stands out from the noise" in str(found.bending_stiffness)
+
+
+def test_a_measurement_of_noise_alone_is_no_ring(flexlab_command: Command, tmp_path: Path):
+    """Whatever the seed: no frequency, no stiffness, and the command says so."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        rows = [f"{k},{y:.6f}" for k, y in enumerate(0.01 * rng.normal(size=2000))]
+        path = tmp_path / f"noise{seed}.csv"
+        path.write_text("t [ms],laser [mm]\n" + "\n".join(rows) + "\n")
+        fit = fit_file(path, scenario=flexlab.load_preset("paper"))
+        assert not fit.is_ring
+        assert not fit.estimates["EI"].identifiable
+        assert "No ring: no oscillation stands out from the noise." in str(fit)
+    done = flexlab_command("fit", "noise0.csv", "--preset", "paper")
+    assert done.returncode == 1
+    assert "No ring: " in done.stdout
+    assert "EI" not in done.stdout
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_band_of_noise_is_no_ring(seed: int):
+    """What random knocks keep a structure doing has a resonance, and no free ring."""
+    rng = np.random.default_rng(seed)
+    noise = lfilter([1.0], [1.0, -2 * 0.97 * np.cos(0.5), 0.97**2], rng.normal(size=3000))
+    assert not fit_ring(np.arange(3000) * 1e-3, noise).is_ring
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_log_that_begins_before_the_tap_rings_from_the_tap_on(seed: int, tmp_path: Path):
+    """Two seconds of nothing, then two modes: both as they are, and none beside them."""
+    rng, time = np.random.default_rng(seed), np.arange(0, 4, 1e-3)
+    late = np.maximum(time - 2, 0)
+    signal = ring(late, 12.6, 0.005, phase=-np.pi / 2) + ring(late, 80.0, 0.01, 0.2, -np.pi / 2)
+    signal = np.where(time < 2, 0, signal) + 0.01 * rng.normal(size=len(time))
+    path = tmp_path / "late.csv"
+    path.write_text("t [s],y [mm]\n" + "\n".join(f"{t:.4f},{y:.9f}" for t, y in zip(time, signal, strict=True)) + "\n")
+    fit = fit_file(path)
+    assert "The ring begins at t = 2.0" in fit.notes[0]
+    assert [mode.frequency.value for mode in fit.ring.modes] == pytest.approx([12.6, 80.0], rel=1e-3)
+    assert [mode.damping_ratio.value for mode in fit.ring.modes] == pytest.approx([0.005, 0.01], rel=0.05)
+    assert fit_file(path, start=2.2, end=3.9).notes == ()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_what_is_no_single_ring_is_not_fitted_as_one(seed: int):
+    rng, time = np.random.default_rng(seed), np.arange(0, 2, 1e-3)
+    noise = rng.normal(size=len(time))
+    again = np.where(time > 1, ring(np.maximum(time - 1, 0), 12.6, 0.005, phase=-np.pi / 2), 0)
+    for signal in (
+        ring(time, 12.6, 0.005) + again + 0.01 * noise,  # a second tap
+        np.exp(-(((time - 1) / 0.2) ** 2)) * noise,  # a burst
+        10.0 * (time > 1) + noise,  # a step
+    ):
+        fit = fit_ring(time, signal)
+        assert not fit.is_ring
+        assert fit.first.frequency.reason == fit.problem

@@ -215,7 +215,19 @@ def test_a_run_under_pd_is_not_settled_whatever_its_length():
     run = simulate(load_preset("paper").replace({"controller.kind": "pd"}), 6.0)
     for end in (3.0, 3.5, 4.0, 5.3, 6.0):
         rows = run.time <= end
-        assert np.isnan(settling_time(run.time[rows], run.vibration[rows])), end
+        metric = SettlingTime()
+        metric.add(run.time[rows], run.vibration[rows])
+        assert np.isnan(metric.compute()[0]), end
+        assert metric.reason() == "does not settle: forced or undamped at 1.45 %", end
+
+
+def test_why_there_is_no_settling_time_is_said() -> None:
+    metric = SettlingTime()
+    metric.add(TIME[:300], RING[:300])
+    assert metric.reason() == "not settled: still at 13.8 %"
+    assert SettlingTime().reason() == ""
+    metric.add(TIME, RING)
+    assert metric.reason() == ""
 
 
 def test_a_ring_after_a_tap_settles_and_pieces_say_the_same():

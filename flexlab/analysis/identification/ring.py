@@ -15,6 +15,18 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from flexlab.analysis.identification.evidence import (
+    BEST_TOLD,
+    DENSE,
+    LEFT,
+    SEEN,
+    SEEN_NEAR,
+    is_white,
+    local_density,
+    ring_begins,
+    stands_out,
+    unevenness,
+)
 from flexlab.errors import StudyError
 from flexlab.recording.reader import Recording
 from flexlab.sim.blas import one_blas_thread
@@ -30,16 +42,14 @@ FEWEST_PERIODS = 2.0
 MOST_MODES = 3
 GAIN = 10.0
 """By which Schwarz's criterion must gain for one more mode: very strong evidence (Kass and Raftery 1995)."""
-STANDS_OUT = 30.0
-"""The same for all modes together over noise: a search over all frequencies finds chance lines, more so where noise remembers."""
 BACKGROUND_ORDER = 2
 START_RATIOS = (0.002, 0.01, 0.05, 0.2)
 """Damping ratios from which the search begins."""
 LARGEST_RATIO = 0.9
+NOISE_ALONE = "no oscillation stands out from the noise"
+NOT_ONE = "the samples hold something else as well, such as a second tap; say where one free ring begins and ends"
 FITTED = 1e-9
 """Relative change at which a search ends: far below any interval."""
-BEST_TOLD = 1e-12
-"""Relative noise below which the samples are exact to rounding."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +99,13 @@ class RingFit:
     samples: int
     background: np.ndarray = field(compare=False, repr=False)
     """What the signal rings about, in its unit, (N,)."""
+    problem: str = ""
+    """Why this is no ring; empty for one."""
+
+    @property
+    def is_ring(self) -> bool:
+        """Whether the samples hold a free ring at all, and nothing else."""
+        return not self.problem
 
     @property
     def first(self) -> RingMode:
@@ -120,7 +137,7 @@ def _fit(time: np.ndarray, signal: np.ndarray, most_modes: int) -> RingFit:
         found, criterion = more, better
         if _rest(found, tau, y).std() < BEST_TOLD:
             break
-    return _described(found, tau, y, scale, time, _stands_out(found, tau, y))
+    return _described(found, tau, y, scale, time)
 
 
 def _basis(modes: np.ndarray, tau: np.ndarray) -> np.ndarray:
@@ -143,24 +160,6 @@ def _criterion(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> float:
     """Schwarz's criterion; less is better."""
     count = 4 * len(modes) + BACKGROUND_ORDER + 1
     return len(y) * np.log(max(np.mean(_rest(modes, tau, y) ** 2), BEST_TOLD**2)) + count * np.log(len(y))
-
-
-def _stands_out(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> bool:
-    """Whether the modes are more than noise: Schwarz's criterion gains by them, with noise that may remember in both cases.
-
-    Noise that remembers, r_k = ρ r_(k-1) + white noise, is not taken for an oscillation; without modes it explains drifts.
-    """
-    before, left = (_unforeseen(_rest(each, tau, y)) for each in (np.empty((0, 2)), modes))
-    count = len(y)
-    gain = count * np.log(max(before, BEST_TOLD**2) / max(left, BEST_TOLD**2))
-    return bool(gain - 4 * len(modes) * np.log(count) >= STANDS_OUT)
-
-
-def _unforeseen(rest: np.ndarray) -> float:
-    """Mean square of what of each value its neighbour does not tell."""
-    power = float(rest[:-1] @ rest[:-1])
-    alike = float(rest[1:] @ rest[:-1]) / power if power > 0 else 0.0
-    return float(np.mean((rest[1:] - alike * rest[:-1]) ** 2))
 
 
 def _with_another(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -190,9 +189,7 @@ def _strongest(tau: np.ndarray, rest: np.ndarray) -> float:
     return 2 * np.pi * max(int(np.argmax(spectrum)), 1) / (size * (even[1] - even[0]))
 
 
-def _described(
-    modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, time: np.ndarray, stands_out: bool
-) -> RingFit:
+def _described(modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, time: np.ndarray) -> RingFit:
     basis = _basis(modes, tau)
     linear = np.linalg.lstsq(basis, y, rcond=None)[0]
     rest = y - basis @ linear
@@ -207,21 +204,44 @@ def _described(
     size = np.linalg.norm(J, axis=0)
     covariance = variance * np.linalg.pinv((J / size).T @ (J / size)) / np.outer(size, size)
     factor = float(student.ppf(0.5 + CONFIDENCE / 2, freedom))
+    density, problem = _judged(modes, tau, y, rest, basis[:, : 2 * len(modes)] @ linear[: 2 * len(modes)])
     found = []
     for k, (omega, sigma) in enumerate(modes):
-        own = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
+        own = density[k] * covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
-        found.append(_mode(omega, sigma, own, factor, amplitude, tau, stands_out))
+        found.append(_mode(omega, sigma, own, factor, amplitude, tau, problem))
     # A slow change of the background passes for part of a period of something.
     found = [mode for mode in found if mode.frequency.identifiable] or found
     found.sort(key=lambda mode: mode.frequency.value)
     background = basis[:, 2 * len(modes) :] @ linear[2 * len(modes) :] * scale
     noise = float(np.sqrt(variance)) * scale
-    return RingFit(tuple(found), noise, float(time[0]), float(time[-1]), len(time), background)
+    return RingFit(tuple(found), noise, float(time[0]), float(time[-1]), len(time), background, problem)
+
+
+def _judged(
+    modes: np.ndarray, tau: np.ndarray, y: np.ndarray, rest: np.ndarray, rings: np.ndarray
+) -> tuple[list[float], str]:
+    """By how much noise near each mode is denser than white noise, and why this is no ring, empty if it is one."""
+    if rest.std() < BEST_TOLD:
+        return [1.0] * len(modes), ""
+    if not stands_out(_rest(np.empty((0, 2)), tau, y), rest, len(modes)):
+        return [1.0] * len(modes), NOISE_ALONE
+    uneven = unevenness(rest, rings)
+    if uneven > SEEN:
+        return [1.0] * len(modes), NOT_ONE
+    if is_white(rest):
+        return [1.0] * len(modes), ""
+    even = np.linspace(0, tau[-1], len(tau))
+    left = np.interp(even, tau, rest)
+    near = [local_density(left, even[1], omega / (2 * np.pi), float(rings @ rings)) for omega in modes[:, 0]]
+    density, excess = map(max, zip(*near, strict=True))
+    if excess > LEFT or (uneven > SEEN_NEAR and density > DENSE):
+        return [1.0] * len(modes), NOT_ONE
+    return [max(1.0, density) for density, _ in near], ""
 
 
 def _mode(
-    omega: float, sigma: float, own: np.ndarray, factor: float, amplitude: float, tau: np.ndarray, stands_out: bool
+    omega: float, sigma: float, own: np.ndarray, factor: float, amplitude: float, tau: np.ndarray, problem: str
 ) -> RingMode:
     natural = float(np.hypot(omega, sigma))
     d_frequency = np.array([omega, sigma]) / natural / (2 * np.pi)
@@ -230,14 +250,12 @@ def _mode(
     half_z = factor * float(np.sqrt(max(d_ratio @ own @ d_ratio, 0.0)))
     f, zeta = natural / (2 * np.pi), sigma / natural
     periods, rate = f * tau[-1], (len(tau) - 1) / tau[-1]
-    why = ""
-    if not stands_out:
-        why = "no oscillation stands out from the noise"
-    elif periods < FEWEST_PERIODS:
+    why = problem
+    if not why and periods < FEWEST_PERIODS:
         why = f"the samples hold {periods:.1f} of its periods; {FEWEST_PERIODS:g} are needed"
-    elif f > rate / 2:
+    elif not why and f > rate / 2:
         why = f"it lies beyond half the sample rate, {rate / 2:.4g} Hz"
-    elif half_f > 0.5 * f:
+    elif not why and half_f > 0.5 * f:
         why = "the noise hides it"
     why_not = why
     if not why and zeta - half_z <= 0:
@@ -262,7 +280,7 @@ STOOD = 0.01
 def ring_of_run(
     recording: Recording, name: str = "vibration", start: float | None = None, end: float | None = None
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """(time s, signal, unit) of the free ring; `start` None: after the last tap, or the run's start. Raises `StudyError`."""
+    """(time s, signal, unit) of the free ring; `start` None: after the last tap, or where it begins. Raises `StudyError`."""
     about = {**TABLE, **DERIVED}.get(name)
     if about is None or about.axes:
         usable = [other for other, signal in {**TABLE, **DERIVED}.items() if not signal.axes and other != "time"]
@@ -271,11 +289,16 @@ def ring_of_run(
     if len(samples) == 0:
         raise StudyError(f"{recording.path.stem} has no samples.")
     taps = [event.time for event in recording.events if isinstance(event.command, Tap)]
-    first = start if start is not None else taps[-1] if taps else float(samples.time[0])
+    first = start if start is not None else taps[-1] if taps else _first(samples, name)
     time, signal = _ring(samples, recording.events, name, first, end)
     if not len(time):
         raise StudyError(f"{recording.path.stem} has no samples after {first:g} s in which it rings freely.")
     return time, signal, about.units[0]
+
+
+def _first(samples: Samples, name: str) -> float:
+    """s at which a run rings first of whose beginning no event tells."""
+    return float(samples.time[ring_begins(np.asarray(samples[name], float))])
 
 
 def recent_ring(samples: Samples, events: Sequence[Event]) -> tuple[np.ndarray, np.ndarray, str]:

@@ -61,6 +61,10 @@ class Metric(ABC):
     def compute(self) -> tuple[float, ...]:
         """One number per column, of all pieces so far; NaN of none."""
 
+    def reason(self) -> str:
+        """Why there is no number, in a few words; empty: the column's word says it."""
+        return ""
+
 
 METRICS: dict[str, type[Metric]] = {}
 """Every metric by its name, in the order of tables."""

@@ -33,6 +33,8 @@ class MetricRow:
     """In `column.unit`."""
     finished: bool = True
     """Whether the run came to its end."""
+    reason: str = ""
+    """Why there is no value, where more is known than the column's word."""
 
     @property
     def title(self) -> str:
@@ -52,7 +54,9 @@ class MetricRow:
     @property
     def text(self) -> str:
         """The value with four digits, or what stands for a missing one."""
-        return value_text(self.column, self.value) if self.finished or self.value == self.value else NOT_FINISHED
+        if self.value == self.value:
+            return value_text(self.column, self.value)
+        return (self.reason or self.column.missing) if self.finished else NOT_FINISHED
 
 
 def value_text(column: Column, value: Any) -> str:
@@ -68,15 +72,21 @@ class RunMetrics:
     A metric of one number is a float, one of several a tuple; NaN where it has no value. `print` shows a table.
     """
 
-    def __init__(self, window: Window | None, values: dict[str, tuple[float, ...]], finished: bool = True):
-        """`window`: first and last instant, s; None without samples. `values`: numbers by the metrics' names.
+    def __init__(
+        self,
+        window: Window | None,
+        values: dict[str, tuple[float, ...]],
+        finished: bool = True,
+        reasons: Mapping[str, str] | None = None,
+    ):
+        """`window`: first and last instant, s; None without samples. `values`: numbers by the metrics' names; `reasons`: why not.
 
         Of a run that stopped before its end only the duration is a number: what it did not do yet, nobody knows.
         """
         self.window = window
         if not finished:
             values = {name: numbers if name == DURATION else (nan,) * len(numbers) for name, numbers in values.items()}
-        self._values, self._finished = values, finished
+        self._values, self._finished, self._reasons = values, finished, reasons or {}
 
     def __getattr__(self, name: str) -> Any:
         values = self.__dict__.get("_values", {}).get(name)
@@ -94,7 +104,7 @@ class RunMetrics:
     def rows(self) -> tuple[MetricRow, ...]:
         """All numbers with titles and units for people (mm, mrad), in the order of a table."""
         return tuple(
-            MetricRow(column, column.scale * value, self._finished)
+            MetricRow(column, column.scale * value, self._finished, self._reasons.get(name, ""))
             for name, values in self._values.items()
             for column, value in zip(METRICS[name].columns, values, strict=True)
         )
@@ -156,7 +166,10 @@ class MetricCollection:
 
     def compute(self, finished: bool = True) -> RunMetrics:
         """The metrics of all pieces so far; `finished`: whether the run came to its end."""
-        return RunMetrics(self._span, {name: metric.compute() for name, metric in self._metrics.items()}, finished)
+        values = {name: metric.compute() for name, metric in self._metrics.items()}
+        return RunMetrics(
+            self._span, values, finished, {name: metric.reason() for name, metric in self._metrics.items()}
+        )
 
 
 def run_metrics(samples: "Samples", window: Window = (-inf, inf), finished: bool = True) -> RunMetrics:

@@ -22,6 +22,9 @@ say nothing of what follows."""
 FINEST, MOST_PIECES = 0.0025, 4000
 """s of a piece of time whose peak is kept; pieces grow twice as long where a run has more of them."""
 
+PARTS, KEEPS = 3, 0.8
+"""Parts of a run that has not settled, the last two of which are compared; share of the former's peak that is no decay."""
+
 NOTHING = 1e-9
 """A vibration that never exceeds a nanometre is none, m: it is the integrator's error."""
 
@@ -125,6 +128,26 @@ class SettlingTime(Metric):
             return (0.0,)
         settled = self._last - loud[-1] >= max(QUIET, LONGER * self._piece, LONGER * self._longest_pause())
         return (float(loud[-1] - self._first) if settled else np.nan,)
+
+    def reason(self) -> str:
+        """Whether what has not settled goes on, as far as the run tells, or had no time, and at which share of its peak."""
+        if self._last <= self._first or not np.isnan(self.compute()[0]):
+            return ""
+        part = (self._last - self._first) / PARTS
+        before, last = (self._largest(self._last - count * part, self._last - (count - 1) * part) for count in (2, 1))
+        goes_on = last >= KEEPS * before
+        return f"{'does not settle: forced or undamped' if goes_on else 'not settled: still'} at {100 * last / self._peak:.3g} %"
+
+    def _largest(self, first: float, last: float) -> float:
+        """Largest magnitude from `first` to `last`, s, to a piece of time."""
+        return max(
+            (
+                size
+                for place, size in self._peaks.items()
+                if first <= (place + 1) * self._piece and place * self._piece <= last
+            ),
+            default=0.0,
+        )
 
 
 def settling_time(time: np.ndarray, signal: np.ndarray) -> float:

@@ -1,0 +1,145 @@
+"""A fit from its samples to a scenario: of a CSV file, a recorded run or a run in memory."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexlab.analysis.identification.beam_parameters import BeamParameters, beam_parameters, read_measured
+from flexlab.analysis.identification.evidence import ring_begins
+from flexlab.analysis.identification.ring import Estimate, RingFit, fit_ring, ring_of_run
+from flexlab.analysis.run_summary import note_metrics
+from flexlab.errors import RecordingError, StudyError
+from flexlab.presets import load_preset
+from flexlab.recording.importing import take_measurement
+from flexlab.recording.reader import read_recording
+from flexlab.recording.store.run_files import find_run
+from flexlab.scenario import Scenario
+
+UNTOLD = "paper"
+"""The preset whose beam a measurement is held against that names none."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How samples ring, and the beam that rings so."""
+
+    name: str
+    """Of the file or run."""
+    ring: RingFit
+    time: np.ndarray
+    """s, (N,), from where the ring begins."""
+    signal: np.ndarray
+    """In `unit`, (N,)."""
+    unit: str
+    beam: BeamParameters | None
+    """None where no scenario says what is known of the beam."""
+    measured: bool
+    """Whether the samples are a measurement, not a run's."""
+    notes: tuple[str, ...]
+    """Sentences on samples that were left out."""
+
+    @property
+    def is_ring(self) -> bool:
+        """Whether the samples hold a free ring at all, and nothing else; `ring.problem` says what is wrong."""
+        return self.ring.is_ring
+
+    @property
+    def estimates(self) -> dict[str, Estimate]:
+        """f1, ζ1, f2… and, of a beam, EI, ρ and the field of its damping."""
+        rows: dict[str, Estimate] = {}
+        for number, mode in enumerate(self.ring.modes, start=1):
+            rows[f"f{number}"], rows[f"ζ{number}"] = mode.frequency, mode.damping_ratio
+        if self.beam is not None:
+            found = self.beam
+            rows |= {"EI": found.bending_stiffness, "ρ": found.linear_density, found.damping_field: found.damping}
+        return rows
+
+    @property
+    def scenario(self) -> Scenario | None:
+        """What was given, with the beam that rings so as far as it could be identified."""
+        return None if self.beam is None else self.beam.scenario
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data with all digits."""
+        rows = {name: {**vars(value), "identifiable": value.identifiable} for name, value in self.estimates.items()}
+        return {"ring": self.is_ring, "samples": self.ring.samples, "noise": self.ring.noise, **rows}
+
+    def __str__(self) -> str:
+        ring = self.ring
+        lines = [
+            f"{ring.samples} samples from t = {ring.start:.6g} s to {ring.end:.6g} s, noise {ring.noise:.3g} {self.unit}"
+        ]
+        if not self.is_ring:
+            return "\n".join([*lines, f"No ring: {ring.problem}."])
+        return "\n".join([*lines, *(f"  {name:<4} {value}" for name, value in self.estimates.items())])
+
+
+def fit_file(
+    path: Path,
+    time: str | None = None,
+    signal: str | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    scenario: Scenario | None = None,
+) -> Fit:
+    """Of two columns of a CSV file (see `read_measured`), from `start` to `end`, s; None: where the ring begins, the last.
+
+    `scenario`: what is known of the beam, its grips in a vice. Raises `StudyError`.
+    """
+    found = read_measured(path, time, signal)
+    t, y = _window(found.time, found.signal, start, end)
+    notes = found.notes
+    if start is None and (first := ring_begins(y)):
+        notes += (f"The ring begins at t = {t[first]:.6g} s: what comes before is left out.",)
+        t, y = t[first:], y[first:]
+    return _fit(path.stem, t, y, found.unit, scenario, True, notes)
+
+
+def fit_run(
+    run: str,
+    logs: Path,
+    signal: str | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    scenario: Scenario | None = None,
+) -> Fit:
+    """Of a recorded run's last tap, or from where it rings first; `scenario`: None for the run's own. Raises `FlexlabError`."""
+    recording = read_recording(find_run(run, logs))
+    t, y, unit = ring_of_run(recording, signal or "vibration", start, end)
+    return _fit(recording.path.stem, t, y, unit, scenario or recording.scenario, False, ())
+
+
+def _fit(
+    name: str,
+    t: np.ndarray,
+    y: np.ndarray,
+    unit: str,
+    scenario: Scenario | None,
+    measured: bool,
+    notes: tuple[str, ...],
+) -> Fit:
+    ring = fit_ring(t, y)
+    beam = None if scenario is None else beam_parameters(ring, scenario, in_loop=not measured)
+    return Fit(name, ring, t, y, unit, beam, measured, notes)
+
+
+def keep_measurement(fit: Fit, source: Path, scenario: Scenario | None, against: str | None, logs: Path) -> Path:
+    """Keep a measured deflection as a run in `logs`, held against a scenario called `against`. Raises `RecordingError`."""
+    if fit.unit != "m":
+        raise RecordingError(f"{fit.unit or 'a number without a unit'} is no deflection.")
+    held = scenario or load_preset(UNTOLD)
+    what = f"{len(fit.time)} deflections from {source.name}, held against {against or UNTOLD}"
+    path = take_measurement(source, held, fit.time, fit.signal, fit.ring.background, what, logs)
+    note_metrics(path)
+    return path
+
+
+def _window(t: np.ndarray, y: np.ndarray, start: float | None, end: float | None) -> tuple[np.ndarray, np.ndarray]:
+    inside = (t >= (t[0] if start is None else start)) & (t <= (t[-1] if end is None else end))
+    if not inside.any():
+        raise StudyError(
+            f"There are no samples from {start} to {end} s: the data last from {t[0]:.6g} to {t[-1]:.6g} s."
+        )
+    return t[inside], y[inside]

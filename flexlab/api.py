@@ -32,6 +32,7 @@ from flexlab.sim.commands import WorldCommand
 if TYPE_CHECKING:
     import pandas
     import pyarrow
+    import xarray
     from matplotlib.figure import Figure
 
     from flexlab.analysis.explanations import Explained
@@ -123,6 +124,15 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
             return self.to_arrow().to_pandas()
         except ImportError:
             raise StudyError("pandas is not installed: pip install pandas brings it, or use to_arrow().") from None
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """All signals as an xarray dataset with named axes: `run.to_xarray().joint_torque.sel(arm="left")`; units in `attrs`.
+
+        Raises `StudyError` where xarray is not installed.
+        """
+        from flexlab.recording.dataset import to_dataset
+
+        return to_dataset(self)
 
     def _repr_html_(self) -> str:
         """What it is and its metrics, for notebooks."""

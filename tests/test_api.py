@@ -160,3 +160,21 @@ def test_importing_is_quick_and_lean():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+def test_a_run_is_a_dataset_with_named_axes():
+    run = flexlab.simulate("paper", 0.05)
+    data = run.to_xarray()
+    torque = data.joint_torque.sel(arm="right", joint="2")
+    np.testing.assert_array_equal(torque, run.joint_torque[:, 1, 1])
+    assert (torque.attrs["units"], torque.dims) == ("N·m", ("time",))
+    assert list(data.tracking_error.axis.values) == ["x", "y", "theta"]
+    assert list(data.beam_coordinates.coordinate.values) == [
+        "node0_slope",
+        "node1_deflection",
+        "node1_slope",
+        "node2_slope",
+    ]
+    np.testing.assert_array_equal(data.time, run.time)
+    assert set(data.variables) >= set(run.signals())
+    assert flexlab.parse_scenario(json.loads(data.attrs["scenario"])) == run.scenario

@@ -79,6 +79,14 @@ def test_a_preset_goes_out_as_a_unit(flexlab_command: Command, tmp_path: Path):
         assert b'fmiVersion="2.0" modelName="paper (loop)"' in archive.read("modelDescription.xml")
 
 
+def test_a_preset_goes_out_as_bodies(flexlab_command: Command, tmp_path: Path):
+    for file, head in (("paper.urdf", '<robot name="paper">'), ("paper.xml", '<mujoco model="paper">')):
+        done = flexlab_command("export", "paper", "--to", file)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.startswith(f"{file}  ")
+        assert head in (tmp_path / file).read_text(encoding="utf-8")
+
+
 def test_a_replay_that_differs_says_where_and_fails(flexlab_command: Command, tmp_path: Path):
     run = simulate(load_preset("paper"), duration=0.3)
     torque = run.joint_torque.copy()
@@ -100,6 +108,9 @@ def test_a_replay_that_differs_says_where_and_fails(flexlab_command: Command, tm
         (["export", "--figures", "pdf"], "choose png or svg"),
         (["export", "zzz", "--to", "x.csv"], "no recording zzz"),
         (["export", "--to", "x.fmu"], "x.fmu is made of a scenario alone: flexlab export PRESET --to x.fmu."),
+        (["export", "--to", "x.xml"], "x.xml is made of a scenario alone"),
+        (["export", "paper", "--to", "x.urdf", "--fmi", "2"], "--part and --fmi are for units"),
+        (["export", "paper", "--to", "no/such/x.urdf"], "cannot be written"),
         (["export", "papr", "--to", "x.fmu"], "did you mean paper"),
         (["export", "--to", "x.csv", "--part", "loop"], "--part and --fmi are for units: write --to FILE.fmu."),
         (["import", "none.csv"], "There is no file none.csv"),

@@ -41,6 +41,7 @@ LAYERS = {
     "linear_api": 8,
     "notebook": 8,
     "fmi": 8,
+    "multibody": 8,
     "gym_environment": 9,
     "benchmarks": 9,
     "": 8,  # flexlab/__init__.py, the names of the Python interface

@@ -53,3 +53,12 @@ def test_the_tree_is_the_real_one(readme: str, root: Path):
         assert (root / "flexlab" / name).exists(), name
     for name in re.findall(r"^(\w+/)", tree, re.MULTILINE):
         assert (root / name).is_dir(), name
+
+
+def test_the_citation_is_of_this_version(root: Path):
+    """`.github/CITATION.cff` has the newest release of the changelog, with its date."""
+    release, date = re.findall(
+        r"^## (\S+) \((\S+)\)", (root / ".github/CHANGELOG.md").read_text(encoding="utf-8"), re.M
+    )[0]
+    lines = (root / ".github/CITATION.cff").read_text(encoding="utf-8").splitlines()
+    assert {f"version: {release}", f"date-released: {date}"} <= set(lines)

@@ -11,8 +11,8 @@ from flexlab.errors import StudyError
 
 WHOLE_RUN = (".html", ".zip")
 """Files that hold a whole run."""
-UNIT = ".fmu"
-"""What other tools simulate a scenario by."""
+UNIT, BODIES = ".fmu", (".urdf", ".xml", ".mjcf")
+"""What other tools simulate a scenario by: as machine code, or as rigid bodies."""
 
 
 def command(
@@ -21,7 +21,8 @@ def command(
         Path | None,
         tyro.conf.arg(
             metavar="FILE",
-            help="Table (.csv, .parquet, .npz), page with moving picture (.html), archive to verify (.zip); of a preset: .fmu.",
+            help="Table (.csv, .parquet, .npz), page with moving picture (.html), archive to verify (.zip); "
+            "of a preset: .fmu, .urdf, .xml (MuJoCo).",
             help_behavior_hint="",
         ),
     ] = None,
@@ -48,25 +49,34 @@ def command(
 ) -> None:
     """Write all signals of RUN as a table, or its figures, or both; or RUN as one page, or as one archive.
 
-    Or write a preset or scenario file as a functional mock-up unit, which other tools simulate, as in
-    flexlab export paper --to paper.fmu.
+    Or write a preset or scenario file for other simulators: as a functional mock-up unit (flexlab export paper --to
+    paper.fmu), or its arms and beam as rigid bodies (.urdf; .xml or .mjcf for MuJoCo).
 
     Columns say their units; SI throughout. Scenario, seed and every command go along, so that `flexlab import` makes of a
     table the same run again, bit for bit.
     """
     if to is None and figures is None:
         raise StudyError("Say what to write: --to FILE.csv (or .parquet, .npz), --figures png or svg, or both.")
-    if to is not None and to.suffix.lower() == UNIT:
+    kind = "" if to is None else to.suffix.lower()
+    if to is not None and kind in (UNIT, *BODIES):
         if run == "newest" or (figures, start, end) != (None, None, None):
             raise StudyError(f"{to} is made of a scenario alone: flexlab export PRESET --to {to}.")
-        _write_unit(run, to, part or "plant", fmi or 3)
-        return
+        if kind == UNIT:
+            _write_unit(run, to, part or "plant", fmi or 3)
+            return
     if (part, fmi) != (None, None):
         raise StudyError("--part and --fmi are for units: write --to FILE.fmu.")
+    if to is not None and kind in BODIES:
+        from flexlab.multibody.export import write_bodies
+        from flexlab.presets import find_scenario
+
+        name, scenario = find_scenario(run)
+        _say(write_bodies(scenario, to, name))
+        return
     from flexlab.recording.store.run_files import find_run
 
     path = find_run(run, logs)
-    if to is not None and to.suffix.lower() in WHOLE_RUN:
+    if to is not None and kind in WHOLE_RUN:
         if start is not None or end is not None:
             raise StudyError(f"--start and --end are for tables: {to} holds the whole run.")
         _write_whole(path, to)

@@ -59,12 +59,12 @@ def _parts(signal: Signal, scenario: Scenario) -> list[tuple[tuple[str, ...], st
         parts = [
             (words + label, signal.units[kind % len(signal.units)], (*index, place))
             for words, _, index in parts
-            for place, (label, kind) in enumerate(_labels(axis, scenario))
+            for place, (label, kind) in enumerate(axis_labels(axis, scenario))
         ]
     return parts
 
 
-def _labels(axis: Axis, scenario: Scenario) -> list[tuple[tuple[str, ...], int]]:
+def axis_labels(axis: Axis, scenario: Scenario) -> list[tuple[tuple[str, ...], int]]:
     """(words, number of the unit) of each entry along an axis."""
     if axis == COORDINATE:
         nodal = range(2 * (scenario.payload.element_count + 1))

@@ -28,6 +28,12 @@ TICKS = 60
 """The start's jerk, where engines differ most."""
 
 
+def with_peers() -> None:
+    """Skip a test where the extra `peers` is not installed: the engines take half a minute, for `bench --peers` alone."""
+    for engine in ("mujoco", "exudyn"):
+        pytest.importorskip(engine)
+
+
 @pytest.fixture(scope="module")
 def world() -> World:
     return World(load_preset("paper"))
@@ -71,7 +77,7 @@ def test_the_law_gives_the_engines_own_torques(world):
 
 
 def test_mujoco_moves_the_same(world, exact):
-    pytest.importorskip("mujoco")
+    with_peers()
     from peers.mujoco_model import simulate_mujoco
 
     motion = simulate_mujoco(world, "rk4", 3, TICKS)
@@ -83,7 +89,7 @@ def test_mujoco_moves_the_same(world, exact):
 
 
 def test_exudyn_moves_the_same(world, exact):
-    pytest.importorskip("exudyn")
+    with_peers()
     from peers.exudyn_model import simulate_exudyn
 
     motion = simulate_exudyn(world, 3, TICKS, 1e-6)
@@ -123,7 +129,7 @@ def test_a_peer_that_is_missing_or_fails_is_a_line_of_the_table(monkeypatch):
 
 @pytest.mark.parametrize(("segments", "steps"), [(4, 1), (6, 3)])
 def test_a_chain_of_segments_in_mujoco_moves_the_same(segments: int, steps: int):
-    pytest.importorskip("mujoco")
+    with_peers()
     from peers.mujoco_model import simulate_chain
 
     # A tenth of the path's amplitude: what rods that keep their length add goes with its square.

@@ -1,0 +1,1 @@
+"""A scenario's mechanics as rigid bodies, springs and dampers, in the files that other simulators of robots read."""

@@ -47,6 +47,8 @@ ELSEWHERE = {
     "flexlab run": "the name of a command that wants more words",
     "dask scheduler": "tests/analysis/test_sweep_cluster.py",
     "dask worker tcp://HOST:8786": "tests/analysis/test_sweep_cluster.py",
+    "flexlab --law tcp://HOST:PORT": "tests/control/test_law_elsewhere.py",
+    "flexlab --law tcp://localhost:9000": "tests/control/test_law_elsewhere.py",
     "at.from_torques(...)": "tests/control/test_own_law.py",
     "largest(vibration)": "tests/analysis/test_lesson_checks.py",
     "rms(tracking_error[0:2])": "tests/analysis/test_lesson_checks.py",

@@ -14,6 +14,7 @@ from flexlab.benchmarks.measure import this_machine
 from flexlab.benchmarks.memory import measure_memory
 from flexlab.benchmarks.precision import mesh_precision, mesh_scaling, paper_costs
 from flexlab.benchmarks.report import Report, plain
+from flexlab.benchmarks.round_trip import measure_round_trip
 from flexlab.benchmarks.startup import start_times
 from flexlab.benchmarks.workers import worker_scaling
 from flexlab.plain_text import console
@@ -83,6 +84,11 @@ def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Rep
             "the environment",
             lambda: measure_environment(2 * plan.rounds),
             lambda rates: report.environment_table(rates) if rates else "",
+        ),
+        part(
+            "a law in another program",
+            lambda: measure_round_trip(400 * plan.rounds),
+            lambda trip: report.round_trip_table(trip) if trip else "",
         ),
         part("starts", lambda: start_times(plan.cold), report.start_table),
         part("memory", measure_memory, lambda used: report.memory_table(used) if used else ""),

@@ -18,6 +18,7 @@ from flexlab.benchmarks.precision import (
     Scaling,
     WorkPoint,
 )
+from flexlab.benchmarks.round_trip import RoundTrip
 from flexlab.benchmarks.startup import Start, StartTimes
 from flexlab.benchmarks.workers import SPEED_UP_GOAL, WorkerScaling
 from flexlab.scenario.scenario import SMALLEST_STEP
@@ -59,6 +60,8 @@ class Report:
     workers: WorkerScaling
     environment: EnvironmentRate | None
     """None where Gymnasium is not installed."""
+    round_trip: RoundTrip | None
+    """None where a control law in another program cannot be started."""
     start: StartTimes
     memory: Memory | None
     """None where the system does not tell."""
@@ -193,6 +196,14 @@ def environment_table(rate: EnvironmentRate) -> "Table":
     table = new_table(f"Vector environment, {rate.worlds} worlds, 1 kHz control", ("", "steps/s"))
     table.add_row("one core, by processor time", f"{rate.one_core:.0f}")
     table.add_row(f"all cores ({rate.cores}), by wall time", f"{rate.all_cores:.0f}", style="bold")
+    return table
+
+
+def round_trip_table(trip: RoundTrip) -> "Table":
+    """A law that another program computes."""
+    table = new_table("A control law in another program, 1 kHz control", ("", "wall time of an instant"))
+    table.add_row("p50", f"{trip.p50_ms:.3f} ms")
+    table.add_row(f"p99, of {trip.instants}", f"{trip.p99_ms:.3f} ms")
     return table
 
 

@@ -36,8 +36,8 @@ Settings = Annotated[
 Law = Annotated[
     str | None,
     tyro.conf.arg(
-        metavar="KIND|FILE.py",
-        help="Another control law, by its name or the Python file that holds it.",
+        metavar="KIND|FILE.py|tcp://HOST:PORT",
+        help="Another control law, by its name, the Python file that holds it, or the address of a program.",
         help_behavior_hint="",
     ),
 ]

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 RunOwnLaw = Annotated[
     bool,
     tyro.conf.arg(
-        help="Let a control law run that came with the recording as Python code, without asking.", help_behavior_hint=""
+        help="Let a control law run that came with the recording as Python code, or connect to its program, without asking.",
+        help_behavior_hint="",
     ),
 ]
 
@@ -64,18 +65,25 @@ def _replay(path: Path, run_own_law: bool) -> int:
 def _allow(kind: str, source: str, allowed: bool) -> None:
     """Let a recording's own law run if the person agrees. Raises `StudyError` if not."""
     from flexlab.own import hosts
+    from flexlab.own.elsewhere import address_in
 
     if hosts.is_allowed(source):
         return
-    lines = len(source.splitlines())
+    address, lines = address_in(source), len(source.splitlines())
     if not allowed:
-        note(visible(source))
         question = (
             f"This run was controlled by {kind}, Python code of {lines} lines that stands above. Let it run here?"
         )
+        if address:
+            question = (
+                f"This run was controlled by the program at {address}, which a replay needs: it has to run there now. "
+                "Connect to it?"
+            )
+        else:
+            note(visible(source))
         if not agreed(question, "give --run-own-law to let it run"):
             raise StudyError(f"The run was not replayed: its control law {kind} was not allowed to run.")
-    hosts.allow(source, f"{kind.replace('-', '_')}.py")
+    hosts.allow(source, address or f"{kind.replace('-', '_')}.py")
 
 
 def _counted(blocks: "Iterable[Samples]", end: float) -> "Iterator[Samples]":

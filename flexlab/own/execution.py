@@ -30,6 +30,7 @@ from flexlab.own.declaration import (
     read_declaration,
     read_path_declaration,
 )
+from flexlab.own.elsewhere import is_foreign
 from flexlab.own.measurement import Measurement
 from flexlab.physics.law_input import LAW_INPUT
 
@@ -102,7 +103,7 @@ class RunningText:
             sys.modules.setdefault(place, declaration)
         names: dict[str, Any] = {"__name__": f"own_text_{name}", "__file__": file}
         try:
-            code: CodeType = compile(source, file, "exec")
+            code: CodeType = compile(source, f"<{name}>" if is_foreign(file) else file, "exec")
             exec(code, names)
             self.made: Any = names[name]()
         except BaseException as error:  # SystemExit too: a file that ends Python must not end the lab.
@@ -116,8 +117,8 @@ class RunningText:
             at += one.size
 
     def at_line(self, line: int | None) -> str:
-        """File and line as sentences begin with them."""
-        return f"{Path(self._file).name}, line {line}"
+        """File and line as sentences begin with them; of a text that nobody wrote, the file alone."""
+        return self._file if is_foreign(self._file) else f"{Path(self._file).name}, line {line}"
 
     def first_line(self, method: str) -> str:
         """File and line where a method begins."""
@@ -125,6 +126,8 @@ class RunningText:
 
     def at_return(self, method: str, again: Callable[[], Any]) -> str:
         """File and line of the return that gave a wrong answer: the call is made once more, watched."""
+        if is_foreign(self._file):
+            return self._file
         code = getattr(type(self.made), method).__code__
         last = [code.co_firstlineno]
 
@@ -147,6 +150,8 @@ class RunningText:
 
     def where(self, error: BaseException) -> str:
         """An exception as a sentence with the line of the text that led to it."""
+        if isinstance(error, TextProblem):
+            return str(error)
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == self._file]
         if isinstance(error, SyntaxError) and error.filename == self._file:
             lines.append(error.lineno)

@@ -15,6 +15,7 @@ from flexlab.errors import ScenarioError
 from flexlab.own import hosts
 from flexlab.own.class_text import class_text
 from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration, read_path_declaration
+from flexlab.own.elsewhere import address_in, is_address, text_of_program
 from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
 from flexlab.own.path import OWN_PATHS
@@ -88,8 +89,14 @@ class OwnFolder(Generic[K]):
         return problems
 
     def kind_of(self, given: Any) -> str:
-        """The kind of what is given by its name, by a Python file, or as a class. Raises `ScenarioError`."""
+        """The kind of what is given by its name, by a Python file, as a class, or, of a law, by a program's address.
+
+        Raises `ScenarioError`.
+        """
         word, what, base = self.kinds.word, self.kinds.registry.what, self.base
+        if is_address(given) and base is OwnLaw:
+            text = text_of_program(given)
+            return self.kinds.add(text, address_in(text)).kind
         if isinstance(given, Path) or (isinstance(given, str) and given.endswith(".py")):
             kernel = self._kernel(Path(given))
             if not kernel and not self.holds(given):

@@ -9,6 +9,7 @@ import numpy as np
 from flexlab.compiled import PLAIN_PYTHON
 from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.own.apart import LawApart, PathApart
+from flexlab.own.elsewhere import address_in, is_foreign
 from flexlab.own.execution import (
     AnswerFunction,
     Channel,
@@ -92,7 +93,8 @@ class Hosts(Generic[Host]):
         with self._lock:
             host = self.known.pop(key, None)
             if host is None:
-                host = self._kinds[_apart](source, _allowed[key])
+                apart = _apart or (is_foreign(_allowed[key]) and not PLAIN_PYTHON)
+                host = self._kinds[apart](source, _allowed[key])
             self.known[key] = host
             self._retire(_allowed[key])
         return host
@@ -188,8 +190,13 @@ def is_allowed(source: str) -> bool:
     return digest(source) in _allowed
 
 
-def not_allowed(kind: str) -> str:
+def not_allowed(source: str, kind: str) -> str:
     """Why a law that came with a scenario does not run."""
+    if address := address_in(source):
+        return (
+            f"The control law {kind} of this scenario is the program at {address}, to which flexlab does not connect by "
+            f"itself. If it is yours, start it and give --law {address}, or answer yes where flexlab replay asks."
+        )
     return (
         f"The control law {kind} came with this scenario as Python code, which does not run by itself. If you know who wrote "
         "it and have read it, allow it: give its file with --law, or answer yes where flexlab replay asks."
@@ -199,7 +206,7 @@ def not_allowed(kind: str) -> str:
 def host_of(source: str, kind: str) -> LawHere | LawApart:
     """Where a law runs, ready. Raises `ScenarioError` if it may not, or cannot be run."""
     if not is_allowed(source):
-        raise ScenarioError([("controller.source", not_allowed(kind))])
+        raise ScenarioError([("controller.source", not_allowed(source, kind))])
     try:
         host = LAW_HOSTS.get(source)
         host.ensure()

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from flexlab.control.law import laws
+from flexlab.own.elsewhere import address_in
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import BENT
@@ -119,7 +120,10 @@ def runtime_fault(
     law = scenario.controller
     own_problem = laws()[law.kind].problem(law)
     if own_problem:
-        text = f"The control law {law.kind} stopped just after t = {time:.3f} s. {own_problem} {kept} Mend the file, then reset."
+        mend = "See to that program" if address_in(getattr(law, "source", "")) else "Mend the file"
+        text = (
+            f"The control law {law.kind} stopped just after t = {time:.3f} s. {own_problem} {kept} {mend}, then reset."
+        )
         return Status("law failed", text, time)
     sampled = law.control_period is not None and law.kind != "none"
     if sampled and code in (UNREACHABLE, SINGULAR):

@@ -194,8 +194,8 @@ def test_everything_is_measured_and_printed_as_json(
     assert asked == [(benchmarks.QUICK, None, None)]
     report = json.loads(capsys.readouterr().out)
     assert set(report) == {
-        "machine", "paper", "precision", "scaling", "changes", "workers", "environment", "start", "memory",
-        "peers", "chain", "goals",
+        "machine", "paper", "precision", "scaling", "changes", "workers", "environment", "round_trip", "start",
+        "memory", "peers", "chain", "goals",
     }  # fmt: skip
     assert [mesh["elements"] for mesh in report["scaling"]["meshes"]] == list(MESHES)
     assert report["precision"][0]["goal"] == GOALS[2]
@@ -208,6 +208,8 @@ def test_everything_is_measured_and_printed_as_json(
         assert report["environment"]["worlds"] == 64
         assert report["environment"]["one_core"] > 0
         assert "vector environment, 64 worlds" in {goal["what"] for goal in report["goals"]}
+    if report["round_trip"] is not None:
+        assert 0 < report["round_trip"]["p50_ms"] <= report["round_trip"]["p99_ms"]
     if report["memory"] is not None:
         assert 0.9 < report["memory"]["overhead"] < 1.5
         assert report["memory"]["live_growth"] < 2e6
@@ -216,7 +218,16 @@ def test_everything_is_measured_and_printed_as_json(
 def test_tables_are_printed_for_a_person(
     measured: tuple[Report, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    for words in ("ms per s", "etdrk4", "unstable", "speed-up", "warm", "Vector environment", "Goals"):
+    for words in (
+        "ms per s",
+        "etdrk4",
+        "unstable",
+        "speed-up",
+        "warm",
+        "Vector environment",
+        "another program",
+        "Goals",
+    ):
         assert words in measured[1]
     monkeypatch.setattr(benchmarks, "measure", lambda plan, peers, show: show.print("a table"))
     benchmarks.run_bench(as_json=False)

@@ -1,0 +1,191 @@
+"""Asks a program at tcp://HOST:PORT for the inputs: one message each way per control instant.
+
+The program listens; flexlab connects, once for each process that simulates. Every message is four bytes, its length, highest
+byte first, and so many bytes of MessagePack (https://msgpack.org).
+
+1. flexlab greets: {"protocol": "flexlab law", "version": 1, "asks": {name: [shape, unit]}, "answers": {name: [shape, unit]}}.
+   The program greets back: {"version": 1}.
+2. At each control instant flexlab sends {name: value} of all names in `asks` (`ASKS`; meanings: `flexlab.Measurement`). Numbers
+   are float64, but `arm_count` and `delay`, which are whole; arrays are nested lists.
+3. The program answers within a second with {"inputs": ...}, forces and torques at the grips, or {"torques": ...}, those of the
+   joints; besides, as it likes, {"memory": ...}, 16 numbers that come back with the next instant and are 0 at first. Or with
+   {"error": "a sentence"}, which stops the run.
+
+As `OwnLaw.act`, an answer must follow from its message alone: an instant may be asked again, and a run may begin again, from
+anywhere. What is to be remembered belongs into `memory`.
+"""
+
+import socket
+import time
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from flexlab.own.elsewhere import MOST_KEPT, host_and_port
+from flexlab.own.execution import TextProblem
+from flexlab.own.measurement import Measurement
+from flexlab.plain_text import visible
+
+PROTOCOL, VERSION = "flexlab law", 1
+GREETING_LIMIT = 5.0
+"""s to connect and to be greeted."""
+ANSWER_LIMIT = 1.0
+"""s until an answer counts as late: a network and a program that nobody here can look at lie between."""
+LONGEST = 65536
+"""Bytes of a message from the program."""
+HEAD = 4
+"""Bytes of a message's length."""
+ASKS: dict[str, tuple[list[Any], str]] = {
+    "time": ([], "s"),
+    "period": ([], "s"),
+    "arm_count": ([], "1"),
+    "pose": ([3], "m, m, rad"),
+    "pose_rate": ([3], "m/s, m/s, rad/s"),
+    "beam_rate": ([2], "kg·m/s, kg·m²/s"),
+    "strains": (["gauges"], "1"),
+    "joint_angles": (["arms", 3], "rad"),
+    "joint_rates": (["arms", 3], "rad/s"),
+    "torques": (["delay + 1", "arms", 3], "N·m"),
+    "delay": ([], "1"),
+    "desired_pose": ([3], "m, m, rad"),
+    "desired_rate": ([3], "m/s, m/s, rad/s"),
+    "desired_acceleration": ([3], "m/s², m/s², rad/s²"),
+    "coming": ([3, 3], "m, rad; m/s, rad/s; m/s², rad/s²"),
+    "weights": (["arms", 3], "N, N, N·m"),
+    "share": (["arms"], "1"),
+    "inertias": (["arms", 3, 3], "kg, kg·m, kg·m²"),
+    "coriolis": (["arms", 3, 3], "N·s/m, N·s, N·m·s"),
+    "jacobians": (["arms", 3, 3], "rad/m, 1"),
+    "payload_mass": ([], "kg"),
+    "payload_inertia": ([], "kg·m²"),
+    "gravity": ([], "m/s²"),
+    "wanted_force": ([], "N"),
+}
+"""Shape and unit of what a message holds besides `memory`, by the names of `Measurement`."""
+ANSWERS: dict[str, tuple[list[Any], str]] = {"inputs": (["arms", 3], "N, N, N·m"), "torques": (["arms", 3], "N·m")}
+MEMORY = {"memory": ([MOST_KEPT], "1")}
+
+
+class Greeting(msgspec.Struct):
+    """What the program greets with."""
+
+    version: int
+
+
+class Answer(msgspec.Struct):
+    """What the program answers with."""
+
+    inputs: list[list[float]] | None = None
+    torques: list[list[float]] | None = None
+    memory: list[float] | None = None
+    error: str | None = None
+
+
+class Link:
+    """A connection to a program. Raises `TextProblem`, with a sentence, wherever it is not as it should be."""
+
+    def __init__(self, address: str):
+        self._address = address
+        self._socket: socket.socket | None = None
+        self._encode = msgspec.msgpack.Encoder().encode
+        self._greeting, self._answer = (msgspec.msgpack.Decoder(kind) for kind in (Greeting, Answer))
+        self._connect()
+
+    def ask(self, at: Measurement, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The inputs (arms, 3), N, N, N·m, and what the program wants kept, (16,)."""
+        if at.time == 0.0 and self._has_ended():
+            self._connect()  # The program was started anew between two runs.
+        asked = {name: getattr(at, name) for name in ASKS} | {"memory": kept}
+        plain = {name: one.tolist() if isinstance(one, np.ndarray) else one for name, one in asked.items()}
+        answer = self._exchange(plain, self._answer, ANSWER_LIMIT)
+        if answer.error is not None:
+            raise self._problem(visible(answer.error) or "it refused, without a word")
+        wanted = (at.arm_count, 3)
+        if answer.inputs is not None:
+            inputs = self._numbers("inputs", answer.inputs, wanted)
+        elif answer.torques is not None:
+            inputs = at.from_torques(self._numbers("torques", answer.torques, wanted))
+        else:
+            raise self._problem("its answer has neither inputs nor torques")
+        return inputs, kept if answer.memory is None else self._numbers("memory", answer.memory, (MOST_KEPT,))
+
+    def _connect(self) -> None:
+        host, port = host_and_port(self._address)
+        try:
+            self._socket = socket.create_connection((host, port), GREETING_LIMIT)
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        except TimeoutError:
+            raise self._problem(f"nothing answers there within {GREETING_LIMIT:g} s: is the address right?") from None
+        except OSError as error:
+            why = error.strerror or type(error).__name__
+            raise self._problem(f"no program answers there ({why}): start it, then run this again") from None
+        about = {"protocol": PROTOCOL, "version": VERSION, "asks": ASKS | MEMORY, "answers": ANSWERS | MEMORY}
+        version = self._exchange(about, self._greeting, GREETING_LIMIT).version
+        if version != VERSION:
+            raise self._problem(f"it speaks version {version} of the protocol, and this is version {VERSION}")
+
+    def _exchange(self, message: Any, decoder: Any, limit: float) -> Any:
+        """One message each way."""
+        body, link = self._encode(message), self._socket
+        if link is None:
+            raise self._problem("the connection was closed")
+        end = time.monotonic() + limit
+        try:
+            link.settimeout(limit)
+            link.sendall(len(body).to_bytes(HEAD, "big") + body)
+            size = int.from_bytes(self._received(link, HEAD, end), "big")
+            if size > LONGEST:
+                raise self._problem(f"it sent nonsense: a message of {size} bytes, where {LONGEST} are the most")
+            data = self._received(link, size, end)
+        except TimeoutError:
+            what = "answer" if decoder is self._answer else "greet"
+            raise self._problem(f"it did not {what} within {limit:g} s") from None
+        except OSError as error:
+            raise self._problem(f"the connection broke ({error.strerror or type(error).__name__})") from None
+        try:
+            return decoder.decode(data)
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+            raise self._problem(f"it sent nonsense ({visible(str(error))[:200]})") from None
+
+    def _received(self, link: socket.socket, size: int, end: float) -> bytes:
+        data = b""
+        while len(data) < size:
+            link.settimeout(max(end - time.monotonic(), 1e-3))
+            part = link.recv(size - len(data))
+            if not part:
+                raise self._problem("it closed the connection")
+            data += part
+        return data
+
+    def _has_ended(self) -> bool:
+        """Whether the other end is closed, or sent what nobody asked for."""
+        if self._socket is None:
+            return True
+        try:
+            self._socket.settimeout(0)
+            self._socket.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return False
+        except OSError:
+            pass
+        return True
+
+    def _numbers(self, name: str, given: Any, wanted: tuple[int, ...]) -> np.ndarray:
+        shape = f"({', '.join(map(str, wanted))}{',' * (len(wanted) == 1)})"
+        try:
+            numbers = np.array(given, float)
+        except ValueError:
+            raise self._problem(f"its {name} are lists of unequal length, where {shape} numbers are due") from None
+        if numbers.shape != wanted:
+            raise self._problem(f"its {name} have the shape {numbers.shape}, where {shape} is due")
+        if not np.isfinite(numbers).all():
+            raise self._problem(f"its {name} are not finite: {numbers.tolist()}")
+        return numbers
+
+    def _problem(self, text: str) -> TextProblem:
+        """A sentence; the connection is over."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+        return TextProblem(f"{self._address}: {text.rstrip('.')}.")

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,8 @@ FIRST, SECOND, MIDDLE = 30, 40, 35.0
 """N: the two squeezes of the lesson, and what lies between them."""
 APART = 2.0
 """N between two squeezes that a line may go through."""
+SILENT = 1e-9
+"""m: a ring that has become smaller is none. The preset's comes to it 40 s after its start."""
 AGREES = 0.05
 """Share of the buckling load to which the line agrees with it."""
 
@@ -45,42 +48,66 @@ def check_buckling(scenario: Scenario, samples: Samples, events: Sequence[Event]
     payload = scenario.payload
     if payload.axial_load == "none" or len(scenario.arms) < 2:
         return Verdict(False, "Load the preset squeeze-until-it-buckles: its beam feels the force along it.")
-    rings = _rings(samples, events)
-    critical = buckling_load(payload.length, payload.bending_stiffness, payload.boundary)
+    spans = _spans(samples, events)
+    critical, newest = buckling_load(payload.length, payload.bending_stiffness, payload.boundary), spans[-1]
     share = largest(samples.axial_load_share[-1:])
-    if not rings:
-        said = "it has buckled: press R" if share > 1 else "wait for two seconds, or press R to make it ring"
-        return Verdict(False, f"The beam is pressed with {100 * share:.0f} % of P_cr = {critical:.1f} N: {said}.")
-    force, hertz = rings[-1]
+    facts = f"The beam is pressed with {100 * share:.0f} % of P_cr = {critical:.1f} N"
+    if share > 1:
+        return Verdict(False, f"{facts}: it has buckled. Set Wanted internal force F_d to {FIRST}, and press R.")
+    if newest.hertz is None:
+        ready = newest.begin + SETTLED + SHORTEST
+        if newest.end < ready:
+            return Verdict(False, f"{facts}. Let the run go on to t = {ready:.1f} s.")
+        return Verdict(False, f"{facts}, and rings no more. Press R, or tap the beam.")
+    force, hertz = newest.force, newest.hertz
     facts = f"f1 = {hertz:.2f} Hz at P = {force:.1f} N"
-    other = next((ring for ring in reversed(rings) if abs(ring[0] - force) > APART), None)
-    if other is None:
+    other = next((each for each in reversed(spans) if each.hertz and abs(each.force - force) > APART), None)
+    if other is None or other.hertz is None:
         return Verdict(False, f"{facts}. Now set Wanted internal force F_d to {FIRST if force > MIDDLE else SECOND}.")
-    slope = (hertz**2 - other[1] ** 2) / (force - other[0])
+    slope = (hertz**2 - other.hertz**2) / (force - other.force)
     zero = force - hertz**2 / slope
-    line = f"{facts}, and {other[1]:.2f} Hz at {other[0]:.1f} N: f² over P comes to zero at {zero:.1f} N"
+    line = f"{facts}, and {other.hertz:.2f} Hz at {other.force:.1f} N: f² over P comes to zero at {zero:.1f} N"
     if abs(zero - critical) > AGREES * critical:
         return Verdict(False, f"{line}, not yet at P_cr = {critical:.1f} N. Wait for another second.")
     return Verdict(True, f"{line}; π²EI/L² is {critical:.1f} N ✓")
 
 
-def _rings(samples: Samples, events: Sequence[Event]) -> list[tuple[float, float]]:
-    """(P, N, and f1, Hz) of each span without a change in which the beam rang, in order."""
+class Span(NamedTuple):
+    """A part of a run without a change."""
+
+    begin: float
+    """s."""
+    end: float
+    """s."""
+    force: float
+    """P, N."""
+    hertz: float | None
+    """f1, Hz; None where it is too short, or rings no more."""
+
+
+def _spans(samples: Samples, events: Sequence[Event]) -> list[Span]:
+    """All of them, in order."""
     touched = [event.time for event in events if isinstance(event.command, DISTURBANCES)]
     ends = [float(samples.time[0]), *(t for t in touched if t > samples.time[0]), float(samples.time[-1])]
     found = []
     for begin, end in zip(ends[:-1], ends[1:], strict=True):
-        if end - begin < SETTLED + SHORTEST:
-            continue
-        part = between(samples, begin + SETTLED, end)
-        w = part.midspan_deflection - part.midspan_deflection.mean()
-        upwards = np.flatnonzero((w[:-1] < 0) & (w[1:] >= 0))
-        if len(upwards) < 3 or largest(w) < 1e-6:
-            continue
-        step = part.time[1] - part.time[0]
-        times = part.time[upwards] - w[upwards] * step / (w[upwards + 1] - w[upwards])
-        found.append((-float(part.axial_load.mean()), float((len(times) - 1) / (times[-1] - times[0]))))
+        force, hertz = 0.0, None
+        if end - begin >= SETTLED + SHORTEST:
+            part = between(samples, begin + SETTLED, end)
+            force, hertz = -float(part.axial_load.mean()), _ring(part)
+        found.append(Span(begin, end, force, hertz))
     return found
+
+
+def _ring(part: Samples) -> float | None:
+    """Frequency of a free ring, Hz, from where it goes upwards through its mean; None: there is none."""
+    w = part.midspan_deflection - part.midspan_deflection.mean()
+    upwards = np.flatnonzero((w[:-1] < 0) & (w[1:] >= 0))
+    if len(upwards) < 3 or largest(w) < SILENT:
+        return None
+    step = part.time[1] - part.time[0]
+    times = part.time[upwards] - w[upwards] * step / (w[upwards + 1] - w[upwards])
+    return float((len(times) - 1) / (times[-1] - times[0]))
 
 
 def check_spin_up(scenario: Scenario, samples: Samples, events: Sequence[Event]) -> Verdict:

@@ -257,7 +257,7 @@ def test_a_squeeze_until_it_buckles():
     force, preset = "controller.wanted_internal_force", "squeeze-until-it-buckles"
     change = (3.0, force, 40.0)
     assert "squeeze-until-it-buckles" in verdict("buckling", "paper").sentence
-    before = verdict("buckling", preset, change, duration=6.0, until=3.0)
+    before = verdict("buckling", preset, change, duration=6.0, until=2.9)
     assert not before.done
     assert "set Wanted internal force F_d to 40" in before.sentence
     other = verdict("buckling", preset, (0.0, force, 40.0), duration=3.0)
@@ -265,9 +265,21 @@ def test_a_squeeze_until_it_buckles():
     after = verdict("buckling", preset, change, duration=6.0)
     assert after.done, after.sentence
     assert "π²EI/L² is 50.1 N" in after.sentence
+    soon = verdict("buckling", preset, change, duration=6.0, until=4.0)
+    assert "80 % of P_cr = 50.1 N. Let the run go on to t = 5.0 s" in soon.sentence
+    straight = begun("buckling", preset, 3.0, initial__beam_coordinates=(0.0,) * 8)
+    assert "rings no more. Press R, or tap the beam" in straight.sentence
     buckled = verdict("buckling", preset, (0.0, force, 70.0), duration=1.0)
     assert not buckled.done
-    assert "it has buckled" in buckled.sentence
+    assert "it has buckled. Set Wanted internal force F_d to 30, and press R" in buckled.sentence
+
+
+def test_a_squeeze_may_wait_for_half_a_minute():
+    """However long a page takes: what is left of the ring then, 30 nm, has the same frequency."""
+    late = verdict(
+        "buckling", "squeeze-until-it-buckles", (30.0, "controller.wanted_internal_force", 40.0), duration=33.0
+    )
+    assert late.done, late.sentence
 
 
 def test_spin_up():

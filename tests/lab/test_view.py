@@ -102,6 +102,14 @@ def test_slider_scales_go_there_and_back() -> None:
     assert log.place(1e9) == log.high
 
 
+def test_marks_of_a_slider_are_in_order_and_their_labels_apart() -> None:
+    """The page's style knows its ends by their places."""
+    scale = Scale(Scenario().about("controller.wanted_internal_force"))
+    assert scale.marked([]) == scale.marks
+    assert scale.marked([(50.1, "P_cr")]) == ((-100.0, "−100"), (50.1, "P_cr"), (100.0, "100"))
+    assert scale.marked([(95.0, "P_cr")]) == ((-100.0, "−100"), (95.0, "P_cr"), (100.0, ""))
+
+
 def test_text_is_escaped_and_cut() -> None:
     assert escaped("<img src=x onerror=alert(1)>") == "&lt;img src=x onerror=alert(1)&gt;"
     assert len(escaped("a" * 1_000_000)) < 3000

@@ -18,6 +18,8 @@ SETTLE_TIME = 4.0
 READING_TIME = 12.0
 """How long the sentence about a value that was refused stays, wall seconds: it outlives the value itself."""
 SLIDER_STEPS = 200
+CROWDED = 0.12
+"""Share of a slider within which the labels of two marks would overlap."""
 BOX_DIGITS = 9
 """Decimals that a number box takes."""
 
@@ -57,6 +59,17 @@ class Scale:
             return math.nan
         value = 10.0 ** min(place, 300.0) if self._logarithmic else place
         return float(round(value)) if self._whole else float(f"{value:.4g}")
+
+    def marked(self, places: list[tuple[float, str]]) -> tuple[tuple[float, str], ...]:
+        """All marks of the slider, in order: the page's style takes the first and the last one for the ends.
+
+        An end whose label has no room beside that of another mark stays without one.
+        """
+        near = CROWDED * (self.high - self.low)
+        first, last = (
+            (end, "" if any(abs(at - end) < near for at, _ in places) else label) for end, label in self.marks
+        )
+        return (first, *sorted(places), last)
 
     def _place(self, value: float) -> float:
         return math.log10(value) if self._logarithmic else value
@@ -119,11 +132,11 @@ class NumberControl:
             self._slider.value = place
 
     def mark(self, values: tuple[tuple[float, str], ...]) -> None:
-        """Mark values on the slider, beside its ends; those outside it have no place there."""
+        """Mark values on the slider, between its ends; those outside it have no place there."""
         places = [(self._scale.place(value), label) for value, label in values if self._scale.shows(value)]
         if places != self._marked:
             self._marked = places
-            mark_slider(self._slider, (*self._scale.marks, *places))
+            mark_slider(self._slider, self._scale.marked(places))
 
     def remove(self) -> None:
         """Take the control off the screen."""

@@ -123,6 +123,9 @@ html:not(.fl-playing) [data-fl-play], .fl-playing [data-dock-region="left"], .fl
 .mantine-Slider-markWrapper:first-of-type .mantine-Slider-markLabel { transform: translate(-0.2em, 0.03rem) !important; }
 .mantine-Slider-markWrapper:last-of-type .mantine-Slider-markLabel {
   transform: translate(calc(-100% + 0.4em), 0.03rem) !important; }
+/* A value between the ends that means something is seen on the bar, filled or not, in light and dark. */
+.mantine-Slider-markWrapper:not(:first-of-type):not(:last-of-type) .mantine-Slider-mark {
+  background: #e8590c !important; border-color: #e8590c !important; }
 /* Charts stand side by side where there is room for two. */
 div:has(> div > .uplot-container) { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(22rem, 100%), 1fr));
   padding-top: 0.2em !important; }

@@ -15,9 +15,9 @@ from flexlab.analysis import modes as mode_study
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.result_hash import result_hash
 from flexlab.analysis.sweep.axes import parse_axes
-from flexlab.analysis.sweep.execution import cell_progress, chosen_executor, run_sweep
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
-from flexlab.analysis.sweep.result import Sweep, sweep_folder
+from flexlab.analysis.sweep.result import Sweep, run_sweep, sweep_folder
+from flexlab.analysis.workers import chosen_workers, progress_bar
 from flexlab.errors import StudyError
 from flexlab.own.declaration import OwnLaw, OwnPath
 from flexlab.own.files import law_kind, path_kind
@@ -202,8 +202,11 @@ def simulate_many(
     progress: bool = True,
     law: AnyLaw = None,
     path: AnyPath = None,
+    cluster: str | None = None,
 ) -> list[Run]:
-    """Simulate every scenario (see `simulate`), in order, on `workers` threads (None: one per core), with one law or path.
+    """Simulate every scenario (see `simulate`), in order, with one law or path, on all cores.
+
+    `workers`: threads, None: one per core; or `cluster`: the address of a Dask scheduler.
 
     A scenario that is not valid becomes a run without samples whose status is "invalid" and says why; one that cannot go
     on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `PresetError` for a name that is none and
@@ -211,7 +214,9 @@ def simulate_many(
     """
     pairs = [("run", scenario) if isinstance(scenario, Mapping) else named_scenario(scenario) for scenario in scenarios]
     choose = _choice(law, path)
-    runs = batch.simulate_many([scenario for _, scenario in pairs], duration, sample_period, workers, progress, choose)
+    runs = batch.simulate_many(
+        [scenario for _, scenario in pairs], duration, sample_period, workers, progress, choose, cluster
+    )
     return [_run(run, name) for (name, _), run in zip(pairs, runs, strict=True)]
 
 
@@ -247,10 +252,10 @@ def sweep(
     plan = make_plan(valid, parse_axes(_by_kind(vary), valid), duration, sample_period, design, samples, seed, accuracy)
     if plan.cell_count > most_cells:
         raise StudyError(f"The sweep has {plan.cell_count} cells: say most_cells={plan.cell_count} if you mean it.")
-    executor = chosen_executor(workers, cluster)
+    known = chosen_workers(workers, cluster)
     place = sweep_folder(name, plan) if folder is None else Path(folder)
-    with cell_progress(progress) as told:
-        run_sweep(plan, place, executor, told)
+    with progress_bar(progress) as told:
+        run_sweep(plan, place, known, told)
     return Sweep(plan, place)
 
 

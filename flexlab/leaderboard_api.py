@@ -7,7 +7,7 @@ from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_boar
 from flexlab.analysis.leaderboard.case import Case, chosen_cases
 from flexlab.analysis.leaderboard.entrants import AnyLaw, chosen_entrants
 from flexlab.analysis.leaderboard.store import FOLDER, RowStore
-from flexlab.analysis.sweep.execution import cell_progress
+from flexlab.analysis.workers import chosen_workers, progress_bar
 
 
 def leaderboard(
@@ -18,15 +18,18 @@ def leaderboard(
     seed: int = 0,
     folder: str | Path = FOLDER,
     workers: int | None = None,
+    cluster: str | None = None,
     progress: bool = True,
 ) -> Leaderboard:
     """Simulate control laws in the cases of the benchmark, and gather their scores in a table.
 
     `laws`: names, paths of Python files, or classes of `OwnLaw`; None: flexlab's own, and `more_laws` besides. `cases`: names,
     B1 to B7; None: all, B7 only with `long`. `folder` keeps every row under a hash of scenario, law and engine, so that only
-    what changed is computed again. `workers`: threads, None: one per core. A law that fails says why in its row. Raises
+    what changed is computed again. `workers`: threads, None: one per core; or `cluster`: the
+    address of a Dask scheduler. A law that fails says why in its row. Raises
     `StudyError` for unusable arguments and `ScenarioError` for a law's file that cannot be used.
     """
+    known = chosen_workers(workers, cluster)
     tasks = make_tasks(chosen_cases(cases, long), chosen_entrants(laws, more_laws), seed)
-    with cell_progress(progress) as told:
-        return run_board(tasks, RowStore(Path(folder)), workers, told)
+    with progress_bar(progress, "rows") as told:
+        return run_board(tasks, RowStore(Path(folder)), known, told)

@@ -1,21 +1,17 @@
-"""Many runs at once on all cores: the kernels hold no lock, so threads are enough."""
+"""Many runs at once, on all cores or on a cluster."""
 
-import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
-from flexlab.errors import ScenarioError, StudyError
-from flexlab.plain_text import console
+from flexlab.analysis.workers import chosen_workers, progress_bar
+from flexlab.errors import ScenarioError
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.row_layout import empty_samples
 from flexlab.sim.samples import Run, Status
 from flexlab.sim.signals import own_signals
 from flexlab.sim.simulate import sample_count, simulate
-
-MOST_WORKERS = 256
-"""More threads than any machine of today has use for."""
 
 
 def simulate_many(
@@ -25,41 +21,42 @@ def simulate_many(
     workers: int | None = None,
     progress: bool = True,
     choose: Callable[[Scenario], Scenario] = lambda scenario: scenario,
+    cluster: str | None = None,
 ) -> list[Run]:
-    """Simulate every scenario (or plain data of one), in order, on `workers` threads (None: one per core).
+    """Simulate every scenario (or plain data of one), in order, on `workers` threads (None: one per core), or on a `cluster`.
 
     A scenario that is not valid becomes a run without samples whose status is "invalid" and says why; one that cannot go
     on ends early, as in `simulate`. `progress` draws a bar on a terminal. `choose` changes each scenario. Raises `StudyError`
-    for unusable arguments.
+    for unusable arguments, and for a cluster that fails.
     """
     sample_count(duration, sample_period)
-    workers = thread_count(workers)
-
-    def one(scenario: Scenario | Mapping[str, Any]) -> Run:
-        try:
-            valid = scenario if isinstance(scenario, Scenario) else parse_scenario(scenario)
-            return simulate(choose(valid), duration, sample_period)
-        except ScenarioError as error:
-            return _invalid(scenario if isinstance(scenario, Scenario) else Scenario(), str(error))
-
-    with one_blas_thread(), ThreadPoolExecutor(workers, thread_name_prefix="flexlab-batch") as pool:
-        results = pool.map(one, scenarios)
-        return list(_with_bar(results, len(scenarios)) if progress else results)
-
-
-def thread_count(workers: int | None) -> int:
-    """How many threads to use: one per core for None. Raises `StudyError` for what is no usable number."""
-    workers = os.cpu_count() or 1 if workers is None else workers
-    if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
-        raise StudyError(f"workers = {workers!r} is not usable: give a whole number from 1 to {MOST_WORKERS}, or None.")
-    return workers
+    known = chosen_workers(workers, cluster)
+    chosen = [_chosen(scenario, choose) for scenario in scenarios]
+    valid = [number for number, scenario in enumerate(chosen) if isinstance(scenario, Scenario)]
+    found = {number: run for number, run in enumerate(chosen) if isinstance(run, Run)}
+    with progress_bar(progress, "runs") as told, known() as run:
+        for done, (number, one) in enumerate(
+            run(partial(_simulated, duration, sample_period), (chosen[k] for k in valid)), 1
+        ):
+            found[valid[number]] = one
+            told(done, len(valid))
+    return [found[number] for number in range(len(chosen))]
 
 
-def _with_bar(results: Any, total: int) -> Any:
-    from rich.progress import track
+def _chosen(scenario: Scenario | Mapping[str, Any], choose: Callable[[Scenario], Scenario]) -> Scenario | Run:
+    """A scenario, changed; a run that says why it is not valid."""
+    try:
+        return choose(scenario if isinstance(scenario, Scenario) else parse_scenario(scenario))
+    except ScenarioError as error:
+        return _invalid(scenario if isinstance(scenario, Scenario) else Scenario(), str(error))
 
-    notes = console(stderr=True)
-    return track(results, "simulating", total, console=notes, transient=True, disable=not notes.is_terminal)
+
+def _simulated(duration: float, sample_period: float, scenario: Scenario) -> Run:
+    try:
+        with one_blas_thread():
+            return simulate(scenario, duration, sample_period)
+    except ScenarioError as error:
+        return _invalid(scenario, str(error))
 
 
 def _invalid(scenario: Scenario, reason: str) -> Run:

@@ -6,10 +6,9 @@ scenarios.
 """
 
 import math
-import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from flexlab.analysis.metrics import METRICS, RunMetrics
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.figures import SIZE, metric_column, pareto_front
 from flexlab.analysis.sweep.plan import measure
+from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
@@ -158,9 +158,13 @@ def tune(
     duration: float = 3.0,
     candidates: int = 200,
     seed: int = 0,
-    told: Callable[[int, int], None] = lambda done, total: None,
+    told: Told = lambda done, total: None,
+    workers: Workers | None = None,
 ) -> Tuning:
-    """Search the ranges `axes` for the least `cost`, the worst over all combinations of `robust`. Raises `StudyError`."""
+    """Search the ranges `axes` for the least `cost`, the worst over all combinations of `robust`. Raises `StudyError`.
+
+    `workers`: None: a thread per core.
+    """
     sample_count(duration, 0.001)
     for axis in axes:
         if axis.low is None:
@@ -178,30 +182,39 @@ def tune(
         change_settings(scenario, dict(zip((axis.path for axis in robust), values, strict=True)))
         for values in product(*(axis.values for axis in robust))
     ]
-    tried = [_try(variants, {}, cost, duration)]
+    tried = [_try(variants, cost, duration, {})]
     if tried[0].metrics is None and not any(axis.path.startswith("controller") for axis in axes):
         raise StudyError(f"The scenario fails as it is: {tried[0].reason}")
-
-    def one(shares: np.ndarray) -> float:
-        changes = {axis.path: axis.at(min(float(share), BELOW_ONE)) for axis, share in zip(axes, shares, strict=True)}
-        tried.append(_try(variants, changes, cost, duration))
-        told(len(tried), candidates)
-        return tried[-1].cost
 
     size = max(5, min(CANDIDATES_PER_FIELD * len(axes), candidates // 3))
     rounds = max(candidates // size - 1, 1)
     start = np.random.default_rng(seed)
     population = start.random((size, len(axes)))
-    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="flexlab-tune") as pool:
-        ordered: Callable[..., Iterable[float]] = lambda function, values: list(pool.map(function, list(values)))  # noqa: E731
+    with one_blas_thread(), (workers or chosen_workers())() as run:
+
+        def costs(_: object, generation: Iterable[np.ndarray]) -> list[float]:
+            """Of the shares of the ranges that a generation's candidates have."""
+            changes = [
+                {axis.path: axis.at(min(float(share), BELOW_ONE)) for axis, share in zip(axes, shares, strict=True)}
+                for shares in generation
+            ]
+            first = len(tried)
+            found: dict[int, Candidate] = {}
+            for number, candidate in run(partial(_try, variants, cost, duration), changes):
+                found[number] = candidate
+                told(first + len(found), candidates)
+            tried.extend(found[number] for number in range(len(changes)))
+            return [candidate.cost for candidate in tried[first:]]
+
         differential_evolution(
-            one, [(0.0, 1.0)] * len(axes), init=population, maxiter=rounds, rng=start, updating="deferred",
-            workers=ordered, polish=False, tol=1e-6,
+            lambda shares: costs(None, [shares])[0],
+            [(0.0, 1.0)] * len(axes), init=population, maxiter=rounds, rng=start, updating="deferred",
+            workers=costs, polish=False, tol=1e-6,
         )  # fmt: skip
     return Tuning(scenario, cost, (tried[0], *sorted(tried[1:], key=lambda item: (item.cost, str(item.changes)))))
 
 
-def _try(variants: Sequence[Scenario], changes: dict[str, Any], cost: Cost, duration: float) -> Candidate:
+def _try(variants: Sequence[Scenario], cost: Cost, duration: float, changes: dict[str, Any]) -> Candidate:
     worst: Candidate | None = None
     for variant in variants:
         metrics, reason = _run(variant, changes, duration)
@@ -219,7 +232,8 @@ def _run(scenario: Scenario, changes: dict[str, Any], duration: float) -> tuple[
         world = World(change_settings(scenario, changes))
     except FlexlabError as error:
         return None, str(error)
-    metrics = measure(world, sample_count(duration, world.tick_period))
+    with one_blas_thread():
+        metrics = measure(world, sample_count(duration, world.tick_period))
     return (None, world.status.text) if world.status.failed else (metrics.compute(), "")
 
 

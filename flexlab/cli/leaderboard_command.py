@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, note, output
+from flexlab.cli.options import Cluster, Threads
 
 if TYPE_CHECKING:
     from flexlab.analysis.leaderboard.board import Leaderboard
     from flexlab.analysis.leaderboard.row import Row, Task
     from flexlab.analysis.leaderboard.store import RowStore
     from flexlab.analysis.leaderboard.summary import Grid
+    from flexlab.analysis.workers import Workers
 
 LONG_RUNS_ARE_LEFT_OUT = "B7 simulates ten minutes of each law, which takes some minutes: --long adds it."
 
@@ -47,9 +49,8 @@ def command(
         bool,
         tyro.conf.arg(help="Compute the rows that are kept again, and compare every bit.", help_behavior_hint=""),
     ] = False,
-    workers: Annotated[
-        int | None, tyro.conf.arg(metavar="N", help="Threads. (default: one per core)", help_behavior_hint="")
-    ] = None,
+    workers: Threads = None,
+    cluster: Cluster = None,
 ) -> int:
     """Compare control laws in the cases B1 to B7. What was computed before, in the folder leaderboard, is not computed again.
 
@@ -60,21 +61,23 @@ def command(
     from flexlab.analysis.leaderboard.entrants import chosen_entrants
     from flexlab.analysis.leaderboard.report import write_report
     from flexlab.analysis.leaderboard.store import FOLDER, RowStore
-    from flexlab.analysis.sweep.execution import cell_progress
+    from flexlab.analysis.workers import chosen_workers, progress_bar
     from flexlab.cli.warmup import warm_up
     from flexlab.presets import load_preset
 
+    known = chosen_workers(workers, cluster)
     cases = chosen_cases(case or None, long)
     tasks = make_tasks(cases, chosen_entrants(law_name or None, law), seed)
     store = RowStore(FOLDER)
-    warm_up(load_preset("paper"))
+    if cluster is None:
+        warm_up(load_preset("paper"))
     if verify:
         kept = [row for row in store.last() if row.case in {case.name for case in cases}]
         # Without a choice of laws all rows are meant: one whose law is not given cannot be computed, and says so.
         chosen = {task.place for task in tasks}
-        return _verify([row for row in kept if not law_name or row.place in chosen], tasks, store, workers)
-    with cell_progress(True) as told:
-        board = run_board(tasks, store, workers, told)
+        return _verify([row for row in kept if not law_name or row.place in chosen], tasks, store, known)
+    with progress_bar(True, "rows") as told:
+        board = run_board(tasks, store, known, told)
     _print(board)
     if to is not None:
         for path in write_report(board, to):
@@ -85,14 +88,14 @@ def command(
     return 0
 
 
-def _verify(rows: "list[Row]", tasks: "tuple[Task, ...]", store: "RowStore", workers: int | None) -> int:
+def _verify(rows: "list[Row]", tasks: "tuple[Task, ...]", store: "RowStore", workers: "Workers") -> int:
     from flexlab.analysis.leaderboard.board import verify
-    from flexlab.analysis.sweep.execution import cell_progress
+    from flexlab.analysis.workers import progress_bar
     from flexlab.errors import StudyError
 
     if not rows:
         raise StudyError(f"{store.folder} holds no such rows: flexlab leaderboard computes them.")
-    with cell_progress(True) as told:
+    with progress_bar(True, "rows") as told:
         found = list(verify(rows, tasks, workers, told))
     odd = [finding for finding in found if finding.sentence]
     for finding in odd:

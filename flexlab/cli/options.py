@@ -55,6 +55,17 @@ Seed = Annotated[
         metavar="N", help="Choose the sensor noise: --set controller.sensor_noise.seed=N.", help_behavior_hint=""
     ),
 ]
+Threads = Annotated[
+    int | None, tyro.conf.arg(metavar="N", help="Threads. (default: one per core)", help_behavior_hint="")
+]
+Cluster = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="tcp://HOST:PORT",
+        help="Compute on the Dask cluster of this scheduler (needs flexlab[cluster]).",
+        help_behavior_hint="",
+    ),
+]
 Logs = Annotated[Path, tyro.conf.arg(metavar="FOLDER", help="Where recordings go; made if it is not there.")]
 RUN_HELP = "A recording: a file, a run's name in logs or the beginning of one, or newest."
 Runs = tyro.conf.Positional[

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import tyro
 
 from flexlab.cli.console import complain, note, output
-from flexlab.cli.options import Law, Preset, Seed, Settings, chosen_scenarios
+from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Threads, chosen_scenarios
 
 FAILED_SHOWN = 3
 """Of cells that failed, how many are said."""
@@ -50,17 +50,8 @@ def command(
         Path | None,
         tyro.conf.arg(metavar="FOLDER", help="Where it all goes. (default: sweeps/…)", help_behavior_hint=""),
     ] = None,
-    workers: Annotated[
-        int | None, tyro.conf.arg(metavar="N", help="Threads. (default: one per core)", help_behavior_hint="")
-    ] = None,
-    cluster: Annotated[
-        str | None,
-        tyro.conf.arg(
-            metavar="tcp://HOST:PORT",
-            help="Compute on the Dask cluster of this scheduler (needs flexlab[cluster]).",
-            help_behavior_hint="",
-        ),
-    ] = None,
+    workers: Threads = None,
+    cluster: Cluster = None,
     yes: Annotated[bool, tyro.conf.arg(help="Do not ask, however many cells.", help_behavior_hint="")] = False,
 ) -> int:
     """Simulate PRESET with fields varied, gather the metrics of all cells in a table, and draw it.
@@ -70,10 +61,10 @@ def command(
     """
     ((name, scenario),) = chosen_scenarios([preset], set_, law, seed)
     from flexlab.analysis.sweep.axes import parse_axes
-    from flexlab.analysis.sweep.execution import cell_progress, chosen_executor, run_sweep
     from flexlab.analysis.sweep.figures import metric_column, write_figures
     from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, make_plan
-    from flexlab.analysis.sweep.result import Sweep, sweep_folder
+    from flexlab.analysis.sweep.result import Sweep, run_sweep, sweep_folder
+    from flexlab.analysis.workers import chosen_workers, progress_bar
     from flexlab.cli.warmup import warm_up
 
     wanted = DEFAULT_ACCURACY if accuracy is None else accuracy
@@ -85,11 +76,11 @@ def command(
         metric_column(metric)
     _ask(plan.cell_count, yes)
     folder = to or sweep_folder(name, plan)
-    executor = chosen_executor(workers, cluster)
+    known = chosen_workers(workers, cluster)
     if cluster is None:
         warm_up(plan.scenario)
-    with cell_progress(True) as told:
-        run_sweep(plan, folder, executor, told)
+    with progress_bar(True) as told:
+        run_sweep(plan, folder, known, told)
     sweep = Sweep(plan, folder)
     paths = write_figures(sweep, shown, pair)
     for path in (folder / "cells.parquet", *paths):

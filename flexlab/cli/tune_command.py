@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, output
-from flexlab.cli.options import Law, Preset, Seed, Settings, chosen_scenarios
+from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Threads, chosen_scenarios
 
 if TYPE_CHECKING:
     from flexlab.analysis.tuning import Tuning
@@ -40,6 +40,8 @@ def command(
     duration: Annotated[float, tyro.conf.arg(metavar="S", help="Simulated time of a run, s.")] = 3.0,
     candidates: Annotated[int, tyro.conf.arg(metavar="N", help="Parameters to try, about.")] = 200,
     search_seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of the search.")] = 0,
+    workers: Threads = None,
+    cluster: Cluster = None,
     set_: Settings = (),
     law: Law = None,
     seed: Seed = None,
@@ -59,17 +61,18 @@ def command(
     """
     ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
     from flexlab.analysis.sweep.axes import parse_axes
-    from flexlab.analysis.sweep.execution import cell_progress
     from flexlab.analysis.tuning import parse_cost, tune, write_trade_off
+    from flexlab.analysis.workers import chosen_workers, progress_bar
     from flexlab.cli.warmup import warm_up
     from flexlab.presets import save_scenario
 
     axes = parse_axes(change, scenario)
     others = parse_axes(robust, scenario) if robust else ()
     wanted = parse_cost(cost, limit)
+    known = chosen_workers(workers, cluster)
     warm_up(scenario)
-    with cell_progress(True) as told:
-        found = tune(scenario, axes, wanted, others, duration, candidates, search_seed, told)
+    with progress_bar(True, "candidates") as told:
+        found = tune(scenario, axes, wanted, others, duration, candidates, search_seed, told, known)
     _print(found)
     best = found.best
     if save is not None:

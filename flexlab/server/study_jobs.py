@@ -9,10 +9,10 @@ from typing import Any
 
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.sweep.axes import Axis
-from flexlab.analysis.sweep.execution import on_threads, run_sweep
 from flexlab.analysis.sweep.plan import Plan
-from flexlab.analysis.sweep.result import Sweep, read_part
+from flexlab.analysis.sweep.result import Sweep, read_part, run_sweep
 from flexlab.analysis.tuning import Candidate, Cost, numbers_of, tune
+from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario
 from flexlab.scenario.choices import TITLES
@@ -119,7 +119,7 @@ def threads() -> int:
 
 def sweep_study(plan: Plan, folder: Path, report: Report) -> dict[str, Any]:
     """Compute a sweep in `folder`; what the page draws, as plain data."""
-    run_sweep(plan, folder, on_threads(threads()), lambda done, total: report(done / total))
+    run_sweep(plan, folder, chosen_workers(threads()), lambda done, total: report(done / total))
     return page_data(plan, Sweep(plan, folder).columns())
 
 

@@ -1,19 +1,17 @@
 """All laws in all cases: what is not known yet is computed, on all cores, and kept as it is done."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from flexlab.analysis.batch import thread_count
 from flexlab.analysis.leaderboard.case import Case, Variant
 from flexlab.analysis.leaderboard.entrants import Entrant
 from flexlab.analysis.leaderboard.row import Row, Task, compute
 from flexlab.analysis.leaderboard.store import RowStore, engine, machine, row_key
-from flexlab.analysis.sweep.execution import Told
+from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.html_table import html_table
 from flexlab.recording.run_info import package_version
@@ -129,22 +127,23 @@ def _task(case: Case, variant: Variant, plain: Scenario, entrant: Entrant, seed:
     return Task(entrant, case, variant, scenario, problem, note, seed, key)
 
 
-def compute_rows(tasks: Sequence[Task], workers: int | None = None) -> Iterator[Row]:
-    """The rows of some tasks as they are done, on threads (None: one per core). Raises `StudyError`."""
-    about = engine(), package_version(), machine()
-    with ThreadPoolExecutor(thread_count(workers), thread_name_prefix="flexlab-leaderboard") as pool:
-        futures = [pool.submit(compute, task, *about) for task in tasks]
-        try:
-            for future in as_completed(futures):
-                yield future.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+def compute_rows(tasks: Sequence[Task], workers: Workers) -> Iterator[Row]:
+    """The rows of some tasks as they are done. Raises `StudyError`."""
+    with workers() as run:
+        for _, row in run(partial(_compute, engine(), package_version()), tasks):
+            yield row
+
+
+def _compute(engine: str, version: str, task: Task) -> Row:
+    return compute(task, engine, version, machine())
 
 
 def run_board(
-    tasks: Sequence[Task], store: RowStore, workers: int | None = None, told: Told = lambda done, total: None
+    tasks: Sequence[Task], store: RowStore, workers: Workers | None = None, told: Told = lambda done, total: None
 ) -> Leaderboard:
     """The rows of all tasks: those in the store, and the others computed and put there. Raises `StudyError`.
+
+    `workers`: None: a thread per core.
 
     May be interrupted at any time: the same call goes on with the rows that are not done.
     """
@@ -154,7 +153,7 @@ def run_board(
     missing = sorted((task for task in tasks if task.key not in known), key=lambda task: -task.case.duration)
     done = len(tasks) - len(missing)
     told(done, len(tasks))
-    for row in compute_rows(missing, workers) if missing else ():
+    for row in compute_rows(missing, workers or chosen_workers()) if missing else ():
         store.put(row)
         known[row.key] = row
         done += 1
@@ -179,7 +178,7 @@ class Finding:
 def verify(
     rows: Sequence[Row],
     tasks: Sequence[Task],
-    workers: int | None = None,
+    workers: Workers | None = None,
     told: Told = lambda done, total: None,
 ) -> Iterator[Finding]:
     """Compute the tasks of the rows again, whatever is kept of them, and say of each row what differs."""
@@ -189,7 +188,7 @@ def verify(
     for row in rows:
         if row.place not in wanted:
             yield Finding(row, "cannot be computed here: there is no such law or case; give the law's file with --law")
-    for done, found in enumerate(compute_rows(again, workers) if again else (), 1):
+    for done, found in enumerate(compute_rows(again, workers or chosen_workers()) if again else (), 1):
         yield Finding(there[found.place], _difference(there[found.place], found))
         told(done, len(again))
 

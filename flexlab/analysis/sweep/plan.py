@@ -5,9 +5,10 @@ A cell is a scenario, simulated, as a row of numbers.
 
 import hashlib
 import json
+import threading
 import warnings
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -17,7 +18,7 @@ import numpy as np
 
 from flexlab.analysis.metrics import METRICS, MetricCollection
 from flexlab.analysis.sweep.axes import Axis
-from flexlab.compiled import cache_folder
+from flexlab.analysis.workers import engine
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.scenario import Payload, Scenario
 from flexlab.scenario.settings import change_settings
@@ -123,11 +124,6 @@ class Plan:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def engine() -> str:
-    """A name for the numerical sources that compute here."""
-    return cache_folder().name
-
-
 def make_plan(
     scenario: Scenario,
     axes: tuple[Axis, ...],
@@ -180,10 +176,6 @@ class Cell(NamedTuple):
     """As tables show them; None: it failed."""
 
 
-Executor = Callable[[Plan, Sequence[range]], Iterator[list[Cell]]]
-"""Computes parts, and hands each out as it is done."""
-
-
 class KnownBeams:
     """What was derived for the beams that one thread's cells had last: where a beam comes again, it costs nothing anew."""
 
@@ -203,14 +195,18 @@ class KnownBeams:
             self._known.popitem(last=False)
 
 
+_own = threading.local()
+
+
 def run_part(plan: Plan, cells: Sequence[int], beams: KnownBeams | None = None) -> list[Cell]:
     """Compute some cells of a sweep, one after the other. A cell that fails says why and stops nobody.
 
     `beams`: what this thread's cells before had; the numbers are the same without.
     """
-    known = KnownBeams() if beams is None else beams
+    if beams is None:
+        beams = vars(_own).setdefault("beams", KnownBeams())
     with one_blas_thread():
-        return [_run(plan, number, known) for number in cells]
+        return [_run(plan, number, beams) for number in cells]
 
 
 def _run(plan: Plan, number: int, beams: KnownBeams) -> Cell:

@@ -6,7 +6,8 @@ One row per cell, saved part by part under a key of what the table holds, whole 
 import json
 import shutil
 from collections.abc import Iterable, Sequence
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,8 @@ import pyarrow.parquet as parquet
 
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.sweep.axes import Axis
-from flexlab.analysis.sweep.plan import Cell, Plan
+from flexlab.analysis.sweep.plan import Cell, Plan, run_part
+from flexlab.analysis.workers import Told, Workers
 from flexlab.errors import StudyError
 from flexlab.html_table import html_table
 from flexlab.recording.store.notes import replacing
@@ -162,6 +164,27 @@ class SweepFolder:
 
 HTML_ROWS = 10
 """Rows of the table in a notebook."""
+
+
+def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda done, total: None) -> Path:
+    """Compute what is missing of a sweep in its folder; the table's path. Raises `StudyError`.
+
+    May be interrupted or killed at any time: the same call goes on with the parts that are not done, and the table is the
+    same, byte for byte.
+    """
+    kept = SweepFolder(folder, plan)
+    if not kept.is_done:
+        missing = kept.missing()
+        done = plan.cell_count - sum(map(len, missing))
+        told(done, plan.cell_count)
+        with workers() as run:
+            # A copy without what the plan has worked out: drawn samples may be large, and a worker draws the same ones.
+            for _, cells in run(partial(run_part, replace(plan)), missing):
+                kept.save(cells)
+                done += len(cells)
+                told(done, plan.cell_count)
+    kept.finish()
+    return kept.table
 
 
 class Sweep:

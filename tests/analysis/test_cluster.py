@@ -1,4 +1,4 @@
-"""A sweep on a real Dask cluster: a scheduler and two workers, one of which is killed on the way."""
+"""Studies on a real Dask cluster: a worker or the scheduler is killed on the way, and no byte changes."""
 
 import gc
 import os
@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,10 @@ from distributed import Client
 from own_law_text import PD, forget_own_laws
 
 import flexlab
+from flexlab.analysis.leaderboard.case import chosen_cases
+from flexlab.analysis.sweep.axes import parse_axes
+from flexlab.analysis.tuning import parse_cost, tune
+from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import StudyError
 from flexlab.own.files import law_kind
 
@@ -40,13 +45,18 @@ def address_of(scheduler: subprocess.Popen) -> str:
 
 
 @pytest.fixture
-def scheduler(tmp_path: Path) -> Iterator[str]:
+def scheduler_process(tmp_path: Path) -> Iterator[subprocess.Popen]:
     process = start(tmp_path, "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     try:
-        yield address_of(process)
+        yield process
     finally:
         process.kill()
         process.wait()
+
+
+@pytest.fixture
+def scheduler(scheduler_process: subprocess.Popen) -> str:
+    return address_of(scheduler_process)
 
 
 def start_worker(folder: Path, address: str) -> subprocess.Popen:
@@ -83,7 +93,7 @@ def test_a_killed_worker_changes_no_byte(scheduler: str, tmp_path: Path):
             worker.wait()
 
 
-def test_a_law_of_ones_own_travels_with_the_cells(scheduler: str, tmp_path: Path):
+def test_a_law_of_ones_own_travels_with_every_study(scheduler: str, tmp_path: Path):
     (tmp_path / "own_pd.py").write_text(PD, encoding="utf-8")
     (tmp_path / "elsewhere").mkdir()
     worker = start_worker(tmp_path / "elsewhere", scheduler)
@@ -95,10 +105,87 @@ def test_a_law_of_ones_own_travels_with_the_cells(scheduler: str, tmp_path: Path
         assert there.table.column("status").to_pylist() == ["finished"] * 4
         here = flexlab.sweep("paper", vary, 0.05, folder=tmp_path / "here")
         assert here.table.equals(there.table)
+        check_many(scheduler, tmp_path / "own_pd.py")
+        check_leaderboard(scheduler, tmp_path / "own_pd.py", tmp_path)
+        check_tuning(scheduler, tmp_path / "own_pd.py")
     finally:
         worker.kill()
         worker.wait()
         forget_own_laws()
+
+
+def check_many(scheduler: str, law: Path) -> None:
+    scenarios = ["paper", "soft-beam", {"gravity": 99.0}]
+    here, there = (
+        flexlab.simulate_many(scenarios, 0.05, law=law, progress=False, cluster=cluster)
+        for cluster in (None, scheduler)
+    )
+    assert [(str(run.status), run.name) for run in there] == [
+        ("finished", "paper"),
+        ("finished", "soft-beam"),
+        ("invalid", "run"),
+    ]
+    assert [run.result_hash for run in here[:2]] == [run.result_hash for run in there[:2]]
+    assert there[2].status.text == here[2].status.text
+
+
+def check_leaderboard(scheduler: str, law: Path, folder: Path) -> None:
+    cases = [replace(case, duration=0.05, commands=()) for case in chosen_cases(["B1", "B5"], long=False)]
+    here, there = (
+        flexlab.leaderboard(
+            ["pd", law], cases, folder=folder / f"board-{cluster is None}", progress=False, cluster=cluster
+        )
+        for cluster in (None, scheduler)
+    )
+    assert there.computed == len(there.rows) >= 4
+    assert not there.failed
+    assert there.table.equals(here.table)
+
+
+def check_tuning(scheduler: str, law: Path) -> None:
+    scenario = flexlab.load_preset("paper").replace({"controller.kind": law_kind(law)})
+    axes = parse_axes(["payload.bending_stiffness=50:200"], scenario)
+    here, there = (
+        tune(scenario, axes, parse_cost("rms-y"), duration=0.05, candidates=10, workers=chosen_workers(cluster=cluster))
+        for cluster in (None, scheduler)
+    )
+    assert [(one.changes, one.cost) for one in here.candidates] == [(one.changes, one.cost) for one in there.candidates]
+    assert there.best.metrics is not None
+
+
+def test_a_killed_scheduler_is_said_and_what_is_kept_goes_on(scheduler_process: subprocess.Popen, tmp_path: Path):
+    address, told = address_of(scheduler_process), list[str]()
+    worker = start_worker(tmp_path, address)
+
+    def compute() -> None:
+        try:
+            flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "cells", cluster=address)
+        except StudyError as error:
+            told.append(str(error))
+
+    try:
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=60)
+        computed = threading.Thread(target=compute)
+        computed.start()
+        deadline = time.monotonic() + 120
+        while len(list((tmp_path / "cells" / "parts").glob("0*.parquet"))) < 5:
+            assert time.monotonic() < deadline
+            assert computed.is_alive()
+            time.sleep(0.005)
+        scheduler_process.kill()
+        computed.join(120)
+        assert told
+        assert told[0].startswith("The cluster failed (")
+        assert "\n" not in told[0]
+        kept = len(list((tmp_path / "cells" / "parts").glob("0*.parquet")))
+        assert 5 <= kept < 64
+        flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "cells")
+        flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "here")
+        assert (tmp_path / "cells" / "cells.parquet").read_bytes() == (tmp_path / "here" / "cells.parquet").read_bytes()
+    finally:
+        worker.kill()
+        worker.wait()
 
 
 def test_a_cluster_that_cannot_be_used_is_said(scheduler: str, tmp_path: Path):

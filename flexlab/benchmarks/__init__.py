@@ -94,6 +94,7 @@ def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Rep
         part("memory", measure_memory, lambda used: report.memory_table(used) if used else ""),
         part("other engines", lambda: peers.compare_peers(plan.duration), peers.peers_table) if peers else None,
         part("chains of segments", peers.compare_chains, peers.chain_table) if peers else None,
+        part("exact beams", peers.compare_beams, peers.beam_table) if peers else None,
     )
     _part(show, "goals", lambda: found.goals, report.goals_table)
     return found

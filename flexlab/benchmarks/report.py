@@ -69,6 +69,8 @@ class Report:
     """Other engines on the same system (tests/peers); None if not asked for."""
     chain: Any
     """Chains of segments (tests/peers); None if not asked for."""
+    exact_beam: Any
+    """Geometrically exact beams (tests/peers); None if not asked for."""
 
     @property
     def goals(self) -> list[Goal]:

@@ -195,7 +195,7 @@ def test_everything_is_measured_and_printed_as_json(
     report = json.loads(capsys.readouterr().out)
     assert set(report) == {
         "machine", "paper", "precision", "scaling", "changes", "workers", "environment", "round_trip", "start",
-        "memory", "peers", "chain", "goals",
+        "memory", "peers", "chain", "exact_beam", "goals",
     }  # fmt: skip
     assert [mesh["elements"] for mesh in report["scaling"]["meshes"]] == list(MESHES)
     assert report["precision"][0]["goal"] == GOALS[2]

@@ -6,6 +6,7 @@ from contextlib import redirect_stdout
 import numpy as np
 import pytest
 from peers import chain_comparison, peer_comparison
+from peers.beam_comparison import BeamComparison, BeamRow
 from peers.bodies import Motion, joint_torque_law, make_bodies
 from peers.chain_comparison import (
     ChainComparison,
@@ -15,7 +16,7 @@ from peers.chain_comparison import (
     motion_errors,
 )
 from peers.peer_comparison import PeerComparison, PeerRow, Setting, compare_peers, row_of
-from peers.tables import chain_table, peers_table
+from peers.tables import beam_table, chain_table, peers_table
 
 from flexlab.physics.plant import make_workspace
 from flexlab.plain_text import console
@@ -143,6 +144,16 @@ def test_a_chain_of_segments_in_mujoco_moves_the_same(segments: int, steps: int)
     assert deflection / largest == pytest.approx((np.pi / segments) ** 2 / 12, rel=0.15)
 
 
+def test_a_geometrically_exact_beam_is_the_same_to_first_order_in_the_deflection():
+    """The difference is a part of the deflection that falls with it."""
+    pytest.importorskip("exudyn")
+    from peers.beam_comparison import squeezed
+
+    whole, half = squeezed(1, 0.3, 8, 1e-3), squeezed(2, 0.3, 8, 1e-3)
+    assert whole.difference < 0.015
+    assert whole.difference / half.difference == pytest.approx(2, rel=0.1)
+
+
 def test_the_engines_meshes_converge_whether_or_not_there_are_chains(monkeypatch):
     monkeypatch.setattr(chain_comparison, "find_spec", lambda name: None)
     monkeypatch.setattr(chain_comparison, "DURATION", 0.03)
@@ -180,6 +191,9 @@ def test_a_table_says_how_to_install_what_is_missing_and_fits_a_terminal(monkeyp
         show.print(
             peers_table(PeerComparison(PeerRow("flexlab", "", 1e-3, 1e-9, 1e-9, 2.0), [], {"X": "flexlab[peers]"}))
         )
-    assert text.getvalue().count("[peers]") == 2
+        show.print(beam_table(BeamComparison([BeamRow("squeeze-until-it-buckles", 5e-3, 0.0123)], None)))
+        show.print(beam_table(BeamComparison([], "not installed: pip install 'flexlab[peers]'")))
+    assert text.getvalue().count("[peers]") == 3
+    assert "1.23" in text.getvalue()
     assert "…" not in text.getvalue()
     assert "implicitfast" in text.getvalue()

@@ -3,8 +3,9 @@
 They need `pip install --editable ".[peers]"` in a checkout: flexlab itself does not carry them.
 """
 
+from peers.beam_comparison import compare_beams
 from peers.chain_comparison import compare_chains
 from peers.peer_comparison import compare_peers
-from peers.tables import chain_table, peers_table
+from peers.tables import beam_table, chain_table, peers_table
 
-__all__ = ["chain_table", "compare_chains", "compare_peers", "peers_table"]
+__all__ = ["beam_table", "chain_table", "compare_beams", "compare_chains", "compare_peers", "peers_table"]

@@ -3,6 +3,7 @@
 from rich.table import Table
 
 from flexlab.benchmarks.report import WHOLE, error_text, new_table, step_text
+from peers.beam_comparison import BeamComparison
 from peers.chain_comparison import ChainComparison
 from peers.peer_comparison import SAME_POSE, PeerComparison
 
@@ -39,4 +40,16 @@ def chain_table(result: ChainComparison) -> Table:
         errors = error_text(row.pose_error), error_text(row.deflection_error)
         cost = f"{row.ms_per_second:.{1 if row.ms_per_second < WHOLE else 0}f}", f"{row.environment_rate:.0f}"
         table.add_row(row.engine, str(row.parts), row.integrator, step_text(row.step), *errors, *cost, style=style)
+    return table
+
+
+def beam_table(result: BeamComparison) -> Table:
+    """The force along the beam beside a geometrically exact beam."""
+    title = "The beam that feels the force along it, beside a geometrically exact one: same to first order"
+    if result.missing is not None:
+        title += f"; Exudyn is {result.missing}"
+    table = new_table(title, ("preset", "deflection (mm)", "difference (%)", "% per mm"))
+    for row in result.rows:
+        percent, mm = 100 * row.difference, 1e3 * row.deflection
+        table.add_row(row.preset, f"{mm:.2f}", f"{percent:.2f}", f"{percent / mm:.3f}")
     return table

@@ -1,0 +1,99 @@
+"""The beam that feels the force along it, beside a geometrically exact one: the same to first order in the deflection.
+
+Both presets with smaller and smaller deflections: what the theory leaves out is of the second order, so that the difference,
+as a part of the deflection, falls with the deflection itself.
+"""
+
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from importlib.util import find_spec
+from io import StringIO
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from flexlab.physics.beam import free_coordinates
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Run
+from flexlab.sim.simulate import simulate
+
+ELEMENTS = 8
+"""Of the lab's beam."""
+SQUEEZED_FOR, SPUN_FOR, SPIN_UP_ENDS = 1.0, 3.5, 4.0
+"""s: how long a squeezed beam is looked at, the spin-up at the preset's pace, and how much of its path is needed."""
+SMALLER, SLOWER = (1, 2, 4), (1, 1.5, 2)
+"""The squeezed beam's deflection is divided by these; a spin-up takes so many times as long, and its end lags that much less.
+Slower still, a tremor of the arms at twice the spin meets the beam's own ring, and 0.03 mm of that hide the difference."""
+ALIKE = {"payload.element_count": ELEMENTS, "payload.damping": {"kind": "stiffness", "coefficient": 2e-3}}
+"""A mesh that does not show, and damping that both engines have, in proportion to the stiffness."""
+
+
+@dataclass(frozen=True)
+class BeamRow:
+    """One motion of both beams."""
+
+    preset: str
+    deflection: float
+    """Largest one of the lab's beam, m."""
+    difference: float
+    """Largest one between the beams, as a part of that."""
+
+
+@dataclass(frozen=True)
+class BeamComparison:
+    """Both presets, with smaller and smaller deflections."""
+
+    rows: list[BeamRow]
+    missing: str | None
+    """Why there are no rows: Exudyn is not installed, or failed."""
+
+
+def compare_beams() -> BeamComparison:
+    """Both presets, from their own deflection on."""
+    if find_spec("exudyn") is None:
+        return BeamComparison([], "not installed: pip install 'flexlab[peers]'")
+    try:
+        rows = [squeezed(part, SQUEEZED_FOR) for part in SMALLER] + [spun(part) for part in SLOWER]
+    except Exception as error:  # whatever another engine may raise: the rest of the benchmark goes on
+        return BeamComparison([], f"failed: {(str(error).strip() or type(error).__name__).splitlines()[0]}")
+    return BeamComparison(rows, None)
+
+
+def squeezed(part: float, duration: float, elements: int = 16, step: float = 5e-4) -> BeamRow:
+    """The squeeze of 30 N of a beam that is bent by 5 mm / `part` at the start, in a half sine."""
+    preset = load_preset("squeeze-until-it-buckles")
+    beam, bend = preset.payload, 0.005 / part
+    places = np.pi * (np.arange(ELEMENTS + 1) / ELEMENTS - 0.5)
+    whole = np.stack([bend * np.cos(places), -bend * np.pi / beam.length * np.sin(places)], axis=1).ravel()
+    start = {"initial.beam_coordinates": tuple(whole[free_coordinates(ELEMENTS, beam.boundary)].tolist())}
+    run = simulate(preset.replace({**ALIKE, **start}), duration, 0.001)
+    return _row("squeeze-until-it-buckles", run, run.midspan_deflection, elements, step)
+
+
+def spun(part: float, duration: float = SPUN_FOR, elements: int = 8, step: float = 1e-3) -> BeamRow:
+    """The spin-up, to the same spin, `part` times as slowly: the free end lags that much less."""
+    run = simulate(_slower(load_preset("spin-up"), part), duration * part, 0.001)
+    return _row("spin-up", run, run.beam_coordinates[:, -2], elements, step)
+
+
+def _slower(preset: Scenario, part: float) -> Scenario:
+    """The preset with a path that turns `part` times as far in `part` times the time, about the same place."""
+    rows = np.array(preset.trajectory.rows)
+    rows, half = rows[rows[:, 0] <= SPIN_UP_ENDS + 1e-9], preset.payload.length / 2
+    grip = rows[0, 1:3] - [half, 0.0]
+    turn = CubicSpline(rows[:, 0], rows[:, 3])
+    times = np.linspace(0, part * SPIN_UP_ENDS, round(part * (len(rows) - 1)) + 1)
+    angle = part * turn(times / part)
+    path = np.stack([times, grip[0] + half * np.cos(angle), grip[1] + half * np.sin(angle), angle], axis=1)
+    return preset.replace({**ALIKE, "trajectory.rows": tuple(map(tuple, path.tolist()))})
+
+
+def _row(name: str, run: Run, deflection: np.ndarray, elements: int, step: float) -> BeamRow:
+    from peers.exudyn_beam import exact_deflection
+
+    # Exudyn announces itself on standard output, which belongs to the results.
+    with redirect_stdout(StringIO()):
+        exact = exact_deflection(run, elements, step)
+    peak = float(np.abs(deflection).max())
+    return BeamRow(name, peak, float(np.abs(exact - deflection).max()) / peak)

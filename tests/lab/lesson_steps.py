@@ -178,6 +178,12 @@ def _reset(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.run_number > run, "R begins a new run")
 
 
+def _toggle(page: LabPage) -> None:
+    playing = page.snapshot.playing
+    page.key("Space")
+    wait_until(lambda: page.snapshot.playing != playing, "Space holds the run or lets it go on")
+
+
 def _control(page: LabPage, name: str) -> Locator:
     """What a text means by a name: the box, menu or switch whose label begins so."""
     label = re.compile(rf"^{re.escape(name)}( (?!.*slider).*)?$")
@@ -255,6 +261,7 @@ GRAMMAR: tuple[tuple[str, Callable[..., Callable[[LabPage], None]]], ...] = (
     (r"[Ll]oad the preset `([\w-]+)`", _load),
     (r"[Ss]et the speed (?:back )?to ([\d/]+)", _speed),
     (r"[Pp]ress R\b", lambda: _reset),
+    (r"[Pp]ress Space\b", lambda: _toggle),
     (r"(?:[Ll]et it run|[Ww]ait) for (?:about )?(\w+) (?:second|period of the path)s?", _run_for),
     (r"(?:[Ll]et (?:it|the run) (?:go on |run )(?:beyond|to)|after) t = ([\d.]+) s", _run_to),
     (r"[Tt]urn \*\*([^*]+)\*\* on", _switch_on),

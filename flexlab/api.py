@@ -89,13 +89,13 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         return path
 
     def plot(self, *signals: str) -> "Figure":
-        """Curves of signals by name, `run.plot("joint_torque", "vibration")`; the usual ones without a name.
+        """Curves of signals by name, `run.plot("joint_torque", "vibration")`, in SI; without a name those of the lab.
 
         A matplotlib figure, which notebooks show. Raises `StudyError`.
         """
-        from flexlab.analysis.figures import SHOWN, draw_signals
+        from flexlab.analysis.figures import draw_signals
 
-        return draw_signals(self, signals or SHOWN)
+        return draw_signals(self, signals)
 
     def show(self) -> "Page":
         """The run in three dimensions, with plots that follow: a page that a notebook shows, without network.

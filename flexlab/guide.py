@@ -24,6 +24,8 @@ HEAD_LINE, GUESS, DO, OBSERVE = "---", "## Guess", "## Do", "## Observe"
 _OPTION = re.compile(r"^- \[([ x])\] (.+)$", re.MULTILINE)
 
 
+STEPS = ("guess", "do", "observe")
+"""Of a lesson, in their order; step 1 is the first."""
 NEEDED = ("title", "preset", "check")
 FIELDS = (*NEEDED, "exaggeration", "hint")
 """Of a lesson's head; those not needed may be left out."""
@@ -86,6 +88,29 @@ class Lesson(NamedTuple):
         guess = (("Guess", f"{self.guess}\n\n{options}"),) if self.options else ()
         parts = (*guess, ("Do", self.steps), ("Observe", self.observe))
         return "\n\n".join([self.question, *(f"#### {title}\n\n{text}" for title, text in parts)])
+
+
+class LessonProgress(NamedTuple):
+    """How far somebody is in one lesson."""
+
+    lesson: str
+    """As the guide's menu calls it."""
+    step: int
+    """1 to 3."""
+    question: str
+    """What to guess; empty: nothing."""
+    options: tuple[str, ...]
+    answer: str
+    """The option that is right."""
+    guess: str
+    """The option that was guessed; empty: none."""
+    passed: str
+    """What the check said when it held; empty: not yet."""
+
+    @property
+    def told_answer(self) -> str:
+        """The right option, once all steps were seen; else empty."""
+        return self.answer if self.step == len(STEPS) else ""
 
 
 def guide_folder() -> Path:

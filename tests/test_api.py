@@ -77,7 +77,8 @@ def test_a_run_is_a_table_and_a_figure_for_other_tools():
     assert [part.get_ylabel() for part in run.plot("joint_torque", "tracking_error").axes] == [
         "τ_i (N·m)", "e (m)", "e (rad)",
     ]  # fmt: skip
-    assert len(run.plot().axes) == 6
+    assert [part.get_ylabel() for part in run.plot().axes] == ["mm", "mrad", "mm", "N", "N·m"]
+    np.testing.assert_allclose(run.plot().axes[1].lines[0].get_ydata(), 1e3 * run.tracking_error[:, 2])
     with pytest.raises(StudyError, match="'torque' is no signal of this run: choose from time, pose"):
         run.plot("torque")
     with pytest.raises(StudyError, match="nothing to draw"):

@@ -7,18 +7,20 @@ same bytes of SVG, so that a figure can live under version control.
 from collections.abc import Callable, Sequence
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from flexlab.errors import StudyError
 from flexlab.recording.reader import within
 from flexlab.signal import COORDINATE, Signal
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import Run, Samples
 from flexlab.sim.signals import DERIVED, known_signals
+from flexlab.views import View, views
 
 FORMATS = ("png", "svg")
 WIDTH = 6.0
@@ -159,49 +161,85 @@ def thin_out(time: np.ndarray, values: np.ndarray, points: int = POINTS) -> tupl
     return time[rows], values[rows]
 
 
-SHOWN = ("tracking_error", "midspan_deflection", "vibration", "internal_force")
-"""What is drawn unless something else is asked for."""
+MOST_LOOKED_AT = 3
+"""Views that are drawn unless signals are named: the first ones."""
 MOST_CURVES = 12
 """Of one plot with a legend."""
 
 
-def draw_signals(samples: Samples, names: Sequence[str] = SHOWN) -> Figure:
-    """A plot for each named signal over time; a signal whose entries have different units gets one for each unit.
+class Plot(NamedTuple):
+    """Curves over time that share an axis."""
 
-    Raises `StudyError` for a name that is no signal, or no samples.
+    title: str
+    label: str
+    """Of the axis, with its unit."""
+    curves: list[tuple[str, str | None, np.ndarray]]
+    """(name, colour, values (N,)) of each; no colour: matplotlib's next one."""
+
+
+def draw_signals(run: Run, names: Sequence[str] = ()) -> Figure:
+    """A plot for each named signal over time, in SI units; a signal whose entries have different units gets one for each.
+
+    Without names: what is most looked at, in the units and colours of the lab. Raises `StudyError` for a name that is no
+    signal, or no samples.
     """
     known = {**known_signals(), **DERIVED}
     for name in names:
-        if name not in known or (name in samples.absent and name not in DERIVED):
-            there = [name for name in known if name in DERIVED or name in samples.signals()]
+        if name not in known or (name in run.absent and name not in DERIVED):
+            there = [name for name in known if name in DERIVED or name in run.signals()]
             raise StudyError(f"{name!r:.60} is no signal of this run: choose from {', '.join(there)}.")
-    if len(samples) == 0 or not names:
-        raise StudyError("There is nothing to draw: the run has no samples, or no signal was named.")
-    plots = [(known[name], unit) for name in names for unit in dict.fromkeys(known[name].units)]
+    if len(run) == 0:
+        raise StudyError("There is nothing to draw: the run has no samples.")
+    seen = [plot for view in views(run.scenario)[:MOST_LOOKED_AT] for plot in _of_view(run, view)]
+    plots = [plot for name in names for plot in _of_signal(run, known[name])] or seen
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, max(2, len(plots)) * ROW_HEIGHT), layout="constrained")
         parts = figure.subplots(len(plots), 1, sharex=True, squeeze=False)[:, 0]
-        for part, (signal, unit) in zip(parts, plots, strict=True):
-            _draw(part, samples, signal, unit)
+        for part, plot in zip(parts, plots, strict=True):
+            _draw(part, run.time, plot)
         parts[-1].set_xlabel("t (s)")
-        parts[-1].set_xlim(samples.time[0], max(samples.time[-1], samples.time[0] + 1e-9))
+        parts[-1].set_xlim(run.time[0], max(run.time[-1], run.time[0] + 1e-9))
         figure.align_ylabels()
     return figure
 
 
-def _draw(part: Axes, samples: Samples, signal: Signal, unit: str) -> None:
-    values = np.asarray(samples[signal.name])
-    curves = 0
+def _of_view(run: Run, view: View) -> list[Plot]:
+    values, each = view.values(run), list(zip(view.curves, view.units, view.colors, strict=True))
+    return [
+        Plot(
+            view.title,
+            unit,
+            [
+                (name, to_hex(np.divide(color, 255)), values[:, k])
+                for k, (name, of, color) in enumerate(each)
+                if of == unit
+            ],
+        )
+        for unit in dict.fromkeys(view.units)
+    ]
+
+
+def _of_signal(run: Run, signal: Signal) -> list[Plot]:
+    values = np.asarray(run[signal.name])
+    plots = {unit: Plot(signal.name.replace("_", " "), _axis_label(signal, unit), []) for unit in signal.units}
     for index in product(*map(range, values.shape[1:])):
-        if signal.units[(index[-1] if index else 0) % len(signal.units)] != unit:
-            continue
         labels = [
             f"{axis.labels[place % 2]} {place}" if axis == COORDINATE else axis.labels[place]
             for axis, place in zip(signal.axes, index, strict=True)
         ]
-        part.plot(*thin_out(samples.time, values[(slice(None), *index)]), label=" ".join(labels))
-        curves += 1
-    part.set_ylabel(f"{signal.symbol} ({unit})" if unit != "1" else signal.symbol)
-    part.set_title(signal.name.replace("_", " "), fontsize="medium", loc="left")
-    if 1 < curves <= MOST_CURVES:
+        unit = signal.units[(index[-1] if index else 0) % len(signal.units)]
+        plots[unit].curves.append((" ".join(labels), None, values[(slice(None), *index)]))
+    return list(plots.values())
+
+
+def _axis_label(signal: Signal, unit: str) -> str:
+    return f"{signal.symbol} ({unit})" if unit != "1" else signal.symbol
+
+
+def _draw(part: Axes, time: np.ndarray, plot: Plot) -> None:
+    for name, color, values in plot.curves:
+        part.plot(*thin_out(time, values), label=name, color=color)
+    part.set_ylabel(plot.label)
+    part.set_title(plot.title, fontsize="medium", loc="left")
+    if 1 < len(plot.curves) <= MOST_CURVES:
         part.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")

@@ -120,10 +120,12 @@ def _write_whole(path: Path, to: Path) -> None:
         import io
 
         from flexlab import __version__
-        from flexlab.lab.run_page import write_run_page
+        from flexlab.lab.run_page import Noted, write_run_page
         from flexlab.recording.reader import read_recording
+        from flexlab.recording.store.run_index import read_row
 
-        recording = read_recording(path)
+        recording, row = read_recording(path), read_row(path)
+        noted = Noted(row.heading, row.note, row.lessons, row.changes)
         with contextlib.redirect_stdout(io.StringIO()):  # viser says where it serves, which it does for a moment only.
-            write_run_page(recording.run, to, recording.name, __version__)
+            write_run_page(recording.run, to, recording.name, __version__, noted)
     _say(to)

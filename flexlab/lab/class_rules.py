@@ -1,10 +1,9 @@
-"""What a teacher asks of the labs of a class, and what a lab tells of its lessons."""
+"""What a teacher asks of the labs of a class."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
-STEPS = ("guess", "do", "observe")
-"""Of a lesson, in their order; step 1 is the first."""
+from flexlab.guide import STEPS
+
 LOCKED = "The teacher has locked this lab: nothing can be played or changed until they unlock it."
 
 
@@ -37,21 +36,3 @@ class ClassRules:
     def sentences(self) -> tuple[str, ...]:
         """What people in a lab are told as long as these rules hold."""
         return tuple(filter(None, (self.pace, LOCKED if self.locked else "")))
-
-
-class LessonProgress(NamedTuple):
-    """How far one lab is in one lesson."""
-
-    lesson: str
-    """As the guide's menu calls it."""
-    step: int
-    """1 to 3."""
-    question: str
-    """What to guess; empty: nothing."""
-    options: tuple[str, ...]
-    answer: str
-    """The option that is right."""
-    guess: str
-    """The option that was guessed; empty: none."""
-    passed: str
-    """What the check said when it held; empty: not yet."""

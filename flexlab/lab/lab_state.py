@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.errors import FlexlabError, LabError, ScenarioError
+from flexlab.guide import LessonProgress
 from flexlab.lab.changes import Settings, SlowChanges, Undo, changes_towards
-from flexlab.lab.class_rules import LOCKED, ClassRules, LessonProgress
+from flexlab.lab.class_rules import LOCKED, ClassRules
 from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.reference_run import ReferenceRun, differences
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration, fitting_window, tamed_exaggeration

@@ -4,16 +4,19 @@ import contextlib
 import io
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from flexlab.analysis.figures import SHOWN, STYLE, draw_signals
+from flexlab.analysis.explanations import explain_run
+from flexlab.analysis.figures import STYLE, draw_signals
 from flexlab.analysis.metrics import run_metrics
 from flexlab.analysis.result_hash import result_hash
 from flexlab.errors import StudyError
+from flexlab.guide import LessonProgress
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.scene.arms import Arms
 from flexlab.lab.scene.beam_mesh import Beam
@@ -32,6 +35,20 @@ WINDOW = Window(2.0)
 """The picture's shape: twice as wide as high."""
 MOST_FRAMES = 3000
 """Beyond this a file grows too large to send; longer runs get fewer frames a second."""
+
+
+class Noted(NamedTuple):
+    """What people noted of a run."""
+
+    heading: str = ""
+    """When it was, whose it is, its tags."""
+    note: str = ""
+    lessons: tuple[LessonProgress, ...] = ()
+    changes: tuple[str, ...] = ()
+    """What differs from the preset, a line each."""
+
+
+NOTHING = Noted()
 
 
 def frame_times(run: Run, frames_per_second: float = FRAMES_PER_SECOND) -> np.ndarray:
@@ -77,8 +94,11 @@ def animation_html(run: Run, dark: bool = False) -> str:
         server.stop()
 
 
-def run_page(run: Run, name: str, version: str) -> str:
-    """The page. Raises `StudyError` for a run without samples, or without motion."""
+def run_page(run: Run, name: str, version: str, noted: Noted = NOTHING) -> str:
+    """The page; with what is `noted` of the run, a lab sheet.
+
+    Raises `StudyError` for a run without samples, or without motion.
+    """
     if run.status == MEASURED:
         raise StudyError("This run was measured, which tells no motion to show: export it as a table, or compare it.")
     animation = animation_html(run)
@@ -100,13 +120,15 @@ def run_page(run: Run, name: str, version: str) -> str:
         metrics=Markup(run_metrics(run, finished=not run.status.failed)._repr_html_()),
         result=result_hash(run),
         version=version,
+        noted=noted,
+        why=explain_run(run),
         scenario=scenario_text(run.scenario),
     )
 
 
-def write_run_page(run: Run, path: Path, name: str, version: str) -> None:
+def write_run_page(run: Run, path: Path, name: str, version: str, noted: Noted = NOTHING) -> None:
     """Write the page as one file, whole or not at all. Raises `StudyError`."""
-    text = run_page(run, name, version)
+    text = run_page(run, name, version, noted)
     draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
     try:
         draft.write_text(text, encoding="utf-8")
@@ -121,7 +143,7 @@ def write_run_page(run: Run, path: Path, name: str, version: str) -> None:
 def _plots(run: Run) -> tuple[str, float, float]:
     """SVG of the usual signals, and where in its width the time axis begins and ends, per cent."""
     with mpl.rc_context(STYLE):
-        figure = draw_signals(run, SHOWN)
+        figure = draw_signals(run)
         figure.draw_without_rendering()
         place = figure.axes[0].get_position()
         drawn = io.StringIO()

@@ -55,14 +55,14 @@ class Recorder:
         sample_period: float = TICK,
         queue_rows: int = QUEUE_ROWS,
         start_notes: StartNotes | None = None,
-        begin_notes: Callable[[], Mapping[str, Any]] = dict,
+        circumstances: Callable[[], Mapping[str, Any]] = dict,
         refusal: Refusal = allow,
     ):
         """Start the recorder's thread; nothing is written before a run begins.
 
         `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes; `start_notes` as
-        for `RunEncoder`; `begin_notes` gives what stands beside a run's file from its beginning; `refusal` as for
-        `FileSink`.
+        for `RunEncoder`; `circumstances` gives what stands beside a run's file from its beginning, and as it is at
+        its end; `refusal` as for `FileSink`.
         """
         self._logs, self._live_to, self._on_problem = logs, live, on_problem
         self._sample_period, self._queue_rows = sample_period, queue_rows
@@ -78,7 +78,7 @@ class Recorder:
         self._unshown: list[Samples] = []
         self._speeds: list[tuple[float, float]] = []
         self._next_write = self._next_show = 0.0
-        self._start_notes, self._begin_notes, self._refusal = start_notes, begin_notes, refusal
+        self._start_notes, self._circumstances, self._refusal = start_notes, circumstances, refusal
         self._finisher = Finisher(logs)
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
@@ -105,7 +105,7 @@ class Recorder:
     def begin_run(self, run_number: int, name: str, scenario: Scenario, start: WorldState) -> None:
         """A new run starts."""
         self._dropped = 0
-        info = RunInfo(name, scenario, self._sample_period, start, begin_notes=self._begin_notes())
+        info = RunInfo(name, scenario, self._sample_period, start, begin_notes=self._circumstances())
         self._queue.put(lambda: self._begin(info))
 
     def take_samples(self, run_number: int, samples: Samples, actual_speed: float) -> int:
@@ -225,7 +225,7 @@ class Recorder:
             return
         self._write()
         self._run.end(status, dropped)
-        path = self._file.close(self._run.summary(status, dropped))
+        path = self._file.close({**self._circumstances(), **self._run.summary(status, dropped)})
         if self._live is not None:
             self._push_live()
             self._live.abandon()

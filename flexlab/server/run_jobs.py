@@ -7,6 +7,7 @@ are measured at low priority when somebody looks at the library.
 import asyncio
 import contextlib
 import hashlib
+import io
 import os
 import zipfile
 from collections import OrderedDict
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+from flexlab.analysis.capsule import write_capsule
 from flexlab.analysis.comparison import compare
 from flexlab.analysis.metrics import MetricRow
 from flexlab.analysis.metrics.run_metrics import measured
@@ -26,6 +28,7 @@ from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
 from flexlab.recording.reader import read_blocks, read_range, read_recording
+from flexlab.recording.run_info import package_version
 from flexlab.recording.store.notes import is_regular, notes_path, read_notes
 from flexlab.recording.store.run_files import SUFFIX, remove_run
 from flexlab.recording.store.run_index import RunRow
@@ -113,6 +116,22 @@ def export_into(path: Path, kind: str, start: float | None, end: float | None, f
     """Write a run, or a range of its time, into `folder`; returns the file. `kind`: csv, parquet or npz."""
     target = folder / f"{range_name(path, start, end)}.{kind}"
     return export_recording(read_recording(path, with_samples=False), target, start, end, read_blocks(path))
+
+
+def whole_into(row: RunRow, kind: str, folder: Path) -> Path:
+    """Write a whole run into `folder` as one page ("html") or as an archive that others can verify ("zip"); returns it."""
+    check_size(row.path)
+    target = folder / f"{row.path.stem}.{kind}"
+    if kind == "zip":
+        write_capsule(row.path, target)
+        return target
+    from flexlab.lab.run_page import Noted, write_run_page  # Other work need not wait for a library of drawing.
+
+    recording = read_recording(row.path)
+    noted = Noted(row.heading, row.note, row.lessons, row.changes)
+    with contextlib.redirect_stdout(io.StringIO()):  # viser says where it serves, which it does for a moment only.
+        write_run_page(recording.run, target, recording.name, package_version(), noted)
+    return target
 
 
 def archive_into(paths: tuple[Path, ...], kind: str, folder: Path) -> Path:

@@ -244,7 +244,7 @@ def test_a_quota_holds_when_a_lab_is_closed(tmp_path: Path):
     most, owner = 5e6, owner_word("anna")
     told: list[str] = []
     recorder = Recorder(
-        tmp_path, on_problem=told.append, begin_notes=lambda: {"owner": owner}, refusal=Quota(tmp_path, owner, most)
+        tmp_path, on_problem=told.append, circumstances=lambda: {"owner": owner}, refusal=Quota(tmp_path, owner, most)
     )
     run = simulate(load_preset("paper"), duration=30.0, sample_period=0.001)
     for number in range(3):

@@ -15,13 +15,14 @@ from http_client import Answer, ask, looking, wait_until
 from rerun.chunk import RrdReader
 
 from flexlab.analysis.replay import replay
+from flexlab.guide import LessonProgress
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.recording.export import import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.importing import take_measurement
 from flexlab.recording.reader import read_recording
-from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import list_runs
 from flexlab.server import run_jobs
 from flexlab.server.front_server import FrontServer
@@ -75,6 +76,23 @@ def test_two_runs_are_compared_in_tables_and_in_one_overlay(library: FrontServer
     assert {"/runs/A/error", "/runs/B/error"} <= {chunk.entity_path for chunk in RrdReader(file).stream()}
     again = ask(library.url, f"/compare?run={recorded.stem}&run={softer.stem}").text
     assert address in again, "a reload does not compare anew"
+
+
+def test_a_run_is_handed_in_as_one_page_or_archive(library: FrontServer, recorded: Path) -> None:
+    post(library, f"/runs/{recorded.stem}/notes", note="<b>I saw</b> it ring.", tags="homework")
+    path = library.settings.logs / recorded.name
+    met = LessonProgress("Lesson 1: ring", 3, "How often?", ("12 Hz", "45 Hz"), "45 Hz", "12 Hz", "It rings at 45 Hz.")
+    write_notes(path, lessons=[met._asdict(), "no lesson", {"lesson": ["odd"], "step": {}}], visitor="Ada")
+    page = ask(library.url, f"/runs/{recorded.stem}/export?format=html")
+    assert page.status == 200
+    for text in ("Ada", "homework", "&lt;b&gt;I saw&lt;/b&gt; it ring.", "How often?", "12 Hz", "It rings at 45 Hz."):
+        assert text in page.text, text
+    archive = ask(library.url, f"/runs/{recorded.stem}/export?format=zip")
+    with zipfile.ZipFile(io.BytesIO(archive.body)) as whole:
+        assert {"run.rrd", "ro-crate-metadata.json"} <= set(whole.namelist())
+    refused = ask(library.url, f"/runs/{recorded.stem}/export?format=html&start=0.1")
+    assert refused.status == 422
+    assert "hold the whole run: leave both times empty" in refused.text
 
 
 def test_a_measurement_is_no_simulation_on_the_pages(library: FrontServer, recorded: Path) -> None:
@@ -237,7 +255,10 @@ def test_figures_come_in_one_file(library: FrontServer, softer: Path) -> None:
 @pytest.mark.parametrize(
     ("query", "says"),
     [
-        ("format=xlsx", "format = &#x27;xlsx&#x27; is not known: choose one of csv, parquet, npz, png, svg."),
+        (
+            "format=xlsx",
+            "format = &#x27;xlsx&#x27; is not known: choose one of html, zip, csv, parquet, npz, png, svg.",
+        ),
         ("format=csv&start=2", "From 2 to 0.5 s there is no sample: choose times within 0 to 0.5 s"),
         ("format=csv&end=inf", "end = &#x27;inf&#x27; is no time"),
     ],

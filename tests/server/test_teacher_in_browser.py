@@ -8,6 +8,8 @@ from person import TEACHER, TOKEN, Person
 from playwright.sync_api import Browser
 
 from flexlab.presets import load_preset
+from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.run_files import list_runs
 from flexlab.server.front_server import open_front_server
 from flexlab.server.settings import Settings
 
@@ -96,5 +98,10 @@ def test_a_class_is_paced_locked_and_asked(plain_chromium: Browser, tmp_path: Pa
         page.get_by_label("Hide names").check()
         wait_until(lambda: tile.locator("h2").inner_text() == "Student 1", "a number instead of her name")
         assert "Anna" not in page.content()
+        run = next(run for run in list_runs(tmp_path) if read_notes(run).get("visitor") == "Anna")
+        sheet = page.request.get(f"{url}/runs/{run.stem}/export?format=html", timeout=PATIENCE).text()
+        assert "<td>Lesson 1: Why does it ring?</td>" in sheet
+        assert "<td>the motors</td><td>–</td>" in sheet, "what is right is told at the last step"
         student.close()
         window.close()
+    assert [(met["guess"], met["answer"]) for met in read_notes(run)["lessons"]] == [("the motors", "")]

@@ -34,8 +34,18 @@ import viser
 from flexlab.analysis.lesson_checks import CHECKS, SECONDS, Verdict, check_lesson
 from flexlab.analysis.lesson_expressions import Expression, ExpressionError
 from flexlab.errors import FlexlabError, LabError
-from flexlab.guide import Chapter, Lesson, LessonError, chapters, lessons, read_lesson, without_html
-from flexlab.lab.class_rules import STEPS, LessonProgress, step_text
+from flexlab.guide import (
+    STEPS,
+    Chapter,
+    Lesson,
+    LessonError,
+    LessonProgress,
+    chapters,
+    lessons,
+    read_lesson,
+    without_html,
+)
+from flexlab.lab.class_rules import step_text
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped
@@ -237,7 +247,12 @@ class Guide:
 
     def _take_guess(self, option: str) -> None:
         lesson = self._lesson()
-        if lesson is not None and option in lesson.options:
+        if lesson is None or option == self._guesses.get(lesson.id, OPEN):
+            return
+        if lesson.id in self._unfolded:
+            self._guess.value = self._guesses.get(lesson.id, OPEN)
+            raise LabError("The answer is open: what you guessed before stands.")
+        if option in lesson.options:
             self._guesses[lesson.id] = option
             self._fold(lesson)
 

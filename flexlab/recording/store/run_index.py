@@ -13,6 +13,7 @@ from typing import Any
 from urllib.parse import quote
 
 from flexlab.errors import RecordingError
+from flexlab.guide import LessonProgress
 from flexlab.plain_text import visible
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import (
@@ -33,6 +34,7 @@ LONGEST_NAME = 200
 LONGEST_CHANGE, MOST_CHANGES = 500, 1000
 """Characters of one line about a change, and lines."""
 MOST_METRICS = 100
+MOST_LESSONS = 100
 MEASURED_STATUS = "measured"
 """That of `sim.samples.MEASURED`, as a listing reads it: it shall not take the engine to list runs."""
 _NO_ADDRESS = re.compile(r"[\\\t\n]|\A\.*\Z|\.rrd\Z")
@@ -72,6 +74,8 @@ class RunRow:
     """By which the visitor is known who recorded it; empty: nobody in particular."""
     visitor: str = ""
     """What that visitor is called."""
+    lessons: tuple[LessonProgress, ...] = ()
+    """What was guessed and passed in the lab that recorded it."""
     problem: str = ""
     """Why the file is no recording, as a sentence; it can only be deleted."""
 
@@ -84,6 +88,11 @@ class RunRow:
     def is_stopped(self) -> bool:
         """Whether the run stopped before its end; its metrics are then no results."""
         return self.status not in ("", "running", "finished", MEASURED_STATUS)
+
+    @property
+    def heading(self) -> str:
+        """When it began, whose it is, its tags."""
+        return " · ".join(filter(None, (f"{self.started:%Y-%m-%d %H:%M:%S}", self.visitor, ", ".join(self.tags))))
 
     @property
     def address(self) -> str:
@@ -184,6 +193,7 @@ def read_row(path: Path) -> RunRow:
         kept=bool(notes.get("keep", False)),
         owner=visible(notes.get("owner", ""), LONGEST_NAME),
         visitor=visible(notes.get("visitor", ""), LONGEST_NAME),
+        lessons=_lessons(notes.get("lessons")),
         problem=problem,
     )
 
@@ -209,6 +219,19 @@ def _metrics(values: Any) -> dict[str, float | None]:
     if not isinstance(values, dict):
         return {}
     return {visible(name, LONGEST_NAME): _number(value) for name, value in list(values.items())[:MOST_METRICS]}
+
+
+def _lessons(values: Any) -> tuple[LessonProgress, ...]:
+    found: list[LessonProgress] = []
+    for value in values[:MOST_LESSONS] if isinstance(values, list) else ():
+        if isinstance(value, dict):
+            texts = {
+                name: visible(value.get(name, ""), LONGEST_CHANGE)
+                for name in ("lesson", "question", "answer", "guess", "passed")
+            }
+            options = _texts(value.get("options"), LONGEST_CHANGE, MOST_LESSONS)
+            found.append(LessonProgress(step=int(_number(value.get("step")) or 1), options=options, **texts))
+    return tuple(found)
 
 
 def _texts(values: Any, longest: int, most: int) -> tuple[str, ...]:

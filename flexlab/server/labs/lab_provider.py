@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Protocol
 
 from flexlab.errors import LabError
-from flexlab.lab.class_rules import ClassRules, LessonProgress
+from flexlab.guide import LessonProgress
+from flexlab.lab.class_rules import ClassRules
 from flexlab.recording.live import LiveHub
 from flexlab.scenario import Scenario
 from flexlab.sim.world_state import Origin

@@ -5,12 +5,14 @@ import math
 import shutil
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 from flexlab.analysis.run_summary import run_notes
 from flexlab.errors import RecordingError
+from flexlab.guide import LessonProgress
 from flexlab.lab.class_rules import LOCKED, ClassRules
 from flexlab.lab.session import Session
 from flexlab.recording.live import Take
@@ -108,12 +110,13 @@ class RecordedLab:
         """
         self.secret = secret
         self._owner, self.visitor = owner, visitor
+        self._lessons: Callable[[], Iterable[LessonProgress]] = tuple
         self._recorder = recorder = Recorder(
             logs,
             live,
             on_problem=on_problem,
             start_notes=run_notes,
-            begin_notes=self._begin_notes,
+            circumstances=self._circumstances,
             refusal=Quota(logs, owner, quota),
         )
         self._shown: tuple[Scenario | None, str] = (None, "")
@@ -135,6 +138,8 @@ class RecordedLab:
             )
             with _quiet():
                 self._session.start()
+            lab_state = self._session.lab_state
+            self._lessons = lambda: lab_state.lessons.values()  # Its run ends after the session.
         except BaseException:
             recorder.close()
             raise
@@ -163,9 +168,11 @@ class RecordedLab:
             # One that plays already begins by itself, as soon as its page is drawn; this would not wait for it.
             self._session.lab_state.submit(Play())
 
-    def _begin_notes(self) -> dict[str, str]:
-        """What is noted of whose run it is, from its beginning."""
-        return {"owner": self._owner, "visitor": self.visitor} if self._owner else {}
+    def _circumstances(self) -> dict[str, Any]:
+        """What is noted of whose run it is, and of the lessons that were begun in this lab."""
+        lessons = [met._asdict() | {"answer": met.told_answer} for met in self._lessons() if met.guess or met.passed]
+        whose = {"owner": self._owner, "visitor": self.visitor} if self._owner else {}
+        return whose | ({"lessons": lessons} if lessons else {})
 
     def _recorded(self, end: float) -> Samples:
         """The present run up to an instant, s. Raises `RecordingError` if it is not being recorded."""
@@ -219,7 +226,7 @@ class RecordedLab:
             problem=recorder.problem or "",
             error=math.hypot(*snapshot.latest.tracking_error[0, :2]),
             lesson=self._session.lab_state.lesson,
-            lessons=tuple(self._session.lab_state.lessons.values()),
+            lessons=tuple(self._lessons()),
         )
 
     def close(self) -> Path | None:

@@ -7,6 +7,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import AsyncGenerator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from aiohttp import hdrs, web
@@ -26,12 +27,16 @@ from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import button, message, page
-from flexlab.server.run_jobs import archive_into, choice_at, export_into, figures_into
+from flexlab.server.run_jobs import archive_into, choice_at, export_into, figures_into, whole_into
 from flexlab.server.visitors import asker_of, run_for
 
 TABLES = {"csv": "CSV: a table as text", "parquet": "Parquet: a packed table", "npz": "NPZ: NumPy arrays"}
 FIGURES = {"png": "Figures 2–5 as PNG", "svg": "Figures 2–5 as SVG"}
-EXPORTS = TABLES | FIGURES
+WHOLE = {
+    "html": "Lab sheet: one page that moves, with guesses, metrics, notes",
+    "zip": "Archive that others can verify",
+}
+EXPORTS = WHOLE | TABLES | FIGURES
 """What a run can be had as → in words."""
 PIECE = 1024 * 1024
 """Bytes sent at once."""
@@ -40,7 +45,7 @@ KEPT_FREE = 200_000_000
 READING_TIME, DOWNLOAD_TIME = 30.0, 3600.0
 """s that the other side may take for one piece and for all, the largest archive over a line of 10 Mbit/s: the file takes room
 on this disk until then."""
-LARGEST_SHARE = {"csv": 4.0, "parquet": 1.5, "npz": 1.5}
+LARGEST_SHARE = {"csv": 4.0, "parquet": 1.5, "npz": 1.5, "zip": 3.0}
 """Bytes of a table for each byte of its recording, at most."""
 BACK = Markup('<a class="button" href="/runs/{}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>')
 
@@ -114,13 +119,28 @@ async def export(request: web.Request) -> web.StreamResponse:
         if kind not in EXPORTS:
             raise RecordingError(f"format = {shown(kind)} is not known: choose one of {', '.join(EXPORTS)}.")
         start, end = (read_time(name, request.query.get(name)) for name in ("start", "end"))
-        work = figures_into if kind in FIGURES else export_into
+        if kind in WHOLE and (start, end) != (None, None):
+            raise RecordingError("A lab sheet and an archive hold the whole run: leave both times empty.")
         async with file_on_its_way(request) as folder:
             await claim_room(request, folder, table_size(row, kind))
-            file = await context.tasks.run(asker_of(request), work, row.path, kind, start, end, folder)
+            if kind in WHOLE:
+                file = await context.tasks.run(asker_of(request), whole_into, _as_it_stands(request, row), kind, folder)
+            else:
+                work = figures_into if kind in FIGURES else export_into
+                file = await context.tasks.run(asker_of(request), work, row.path, kind, start, end, folder)
             return await send_download(request, file)
     except FlexlabError as error:
         return _problem("Nothing was exported", row, error)
+
+
+def _as_it_stands(request: web.Request, row: RunRow) -> RunRow:
+    """The run with the lessons of the lab that is recording it now, if one is."""
+    recorded = (lab.status() for lab in context_of(request).places.running())
+    lessons = next((lab.lessons for lab in recorded if lab.recording == row.path), None)
+    if lessons is None:
+        return row
+    met = (one._replace(answer=one.told_answer) for one in lessons if one.guess or one.passed)
+    return replace(row, lessons=tuple(met))
 
 
 @contextlib.asynccontextmanager

@@ -8,7 +8,8 @@ from urllib.parse import urlencode
 from aiohttp import hdrs, web
 
 from flexlab.errors import LabError
-from flexlab.lab.class_rules import STEPS, ClassRules, step_text
+from flexlab.guide import STEPS
+from flexlab.lab.class_rules import ClassRules, step_text
 from flexlab.lab.panel.guide_panel import lesson_menu, own_lessons
 from flexlab.presets import load_preset, preset_names
 from flexlab.server.auth import COOKIE_AGE, ask_for_token

@@ -161,9 +161,10 @@ def simulate(
 
     `scenario`: a `Scenario`, the name of a preset, the path of a scenario file, or plain data. `commands`: (time in s,
     command) pairs, as a person in the live lab would give them; each takes effect on the first sample instant that is not
-    before its time. `law`: another control law, by its name, the path of a Python file that holds one, or a class of
-    `OwnLaw`; `path`: another path, by its name, a CSV file, a Python file, or a class of `OwnPath`. A run that cannot
-    start or go on ends early: `run.status` says why, and the good samples are kept.
+    before its time. `law`: another control law, by its name, the path of a Python file or unit (.fmu) that holds one, the
+    address of a program (tcp://HOST:PORT), or a class of `OwnLaw`; `path`: another path, by its name, a CSV file, a Python
+    file, or a class of `OwnPath`. A run that cannot start or go on ends early: `run.status` says why, and the good samples
+    are kept.
     Raises `PresetError` or `ScenarioError` for a scenario or command that is not valid and `StudyError` for a duration or
     period that is not, a command that changes the beam's mesh or starts the run anew, and, with `check`, for a run that
     did not finish.

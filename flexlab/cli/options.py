@@ -36,8 +36,8 @@ Settings = Annotated[
 Law = Annotated[
     str | None,
     tyro.conf.arg(
-        metavar="KIND|FILE.py|tcp://HOST:PORT",
-        help="Another control law, by its name, the Python file that holds it, or the address of a program.",
+        metavar="KIND|FILE.py|FILE.fmu|tcp://HOST:PORT",
+        help="Another control law: its name, the Python file or unit (.fmu) that holds it, or the address of a program.",
         help_behavior_hint="",
     ),
 ]

@@ -66,10 +66,18 @@ def _allow(kind: str, source: str, allowed: bool) -> None:
     """Let a recording's own law run if the person agrees. Raises `StudyError` if not."""
     from flexlab.own import hosts
     from flexlab.own.elsewhere import address_in
+    from flexlab.own.files import LAW_FILES
+    from flexlab.own.unit import unit_in
 
     if hosts.is_allowed(source):
         return
     address, lines = address_in(source), len(source.splitlines())
+    unit, unit_file = unit_in(source, (Path(), LAW_FILES.own))
+    if unit and not unit_file:
+        raise StudyError(
+            f"The run was controlled by the unit {unit}, machine code that recordings do not hold: put that very file here "
+            f"or into {LAW_FILES.own}, then replay again."
+        )
     if not allowed:
         question = (
             f"This run was controlled by {kind}, Python code of {lines} lines that stands above. Let it run here?"
@@ -79,11 +87,15 @@ def _allow(kind: str, source: str, allowed: bool) -> None:
                 f"This run was controlled by the program at {address}, which a replay needs: it has to run there now. "
                 "Connect to it?"
             )
+        elif unit:
+            question = (
+                f"This run was controlled by the unit {unit_file}, machine code that a replay needs. Let it run here?"
+            )
         else:
             note(visible(source))
         if not agreed(question, "give --run-own-law to let it run"):
             raise StudyError(f"The run was not replayed: its control law {kind} was not allowed to run.")
-    hosts.allow(source, address or f"{kind.replace('-', '_')}.py")
+    hosts.allow(source, address or unit_file or f"{kind.replace('-', '_')}.py")
 
 
 def _counted(blocks: "Iterable[Samples]", end: float) -> "Iterator[Samples]":

@@ -82,6 +82,18 @@ def torques(scenario: Scenario, start: np.ndarray, place: int, causality: str) -
     ]  # fmt: skip
 
 
+def inputs(scenario: Scenario, place: int) -> list[Variable]:
+    """What a law answers, (arms, 3), which stands at `place`: u, before limits of the torques and delay."""
+    return [
+        Variable(
+            f"input_{side}_{axis}", "N" if axis != "theta" else "N·m", f"u, {axis}: what the {side} arm is to do at its grip",
+            "output", place + 8 * (3 * arm + number),
+        )
+        for arm, side in enumerate(("left", "right")[: len(scenario.arms)])
+        for number, axis in enumerate(AXIS.labels)
+    ]  # fmt: skip
+
+
 def sensors(scenario: Scenario, start: np.ndarray, place: int, causality: str) -> list[Variable]:
     """What a law measures, at `place`: the beam's moments' rates and the gauges' strains; as inputs of a law also the pose."""
     about = [(f"pose_{axis}", "m" if axis != "theta" else "rad", f"measured pose, {axis}") for axis in AXIS.labels]

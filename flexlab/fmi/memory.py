@@ -150,7 +150,7 @@ def lay_out(
     own, shared = Block(HEAD), Block()
     own.add(list(state.values()))
     state_size = -(-own.size // ALIGNMENT) * ALIGNMENT
-    own.add(list(scratch.values()))
+    own.add([array for array in scratch.values() if own.place(array) is None])
     shared.add([array for array in (*arrays, *further) if own.place(array) is None])
 
     def word(value: Any) -> tuple[int, int]:

@@ -16,7 +16,7 @@ from flexlab.control.controller import Controller
 from flexlab.control.law import law_of, laws, nothing_derived
 from flexlab.control.path import paths
 from flexlab.errors import StudyError
-from flexlab.fmi.description import Variable, law_signals, parameters, sample_variables, sensors, torques
+from flexlab.fmi.description import Variable, inputs, law_signals, parameters, sample_variables, sensors, torques
 from flexlab.fmi.machine_code import result_at
 from flexlab.fmi.memory import CLOCK, Memory, arrays_of, lay_out, schemes_of
 from flexlab.physics.plant import ETA
@@ -165,11 +165,13 @@ def _law(motion: Motion) -> Part:
     start_memory(scenario, system, outlook_of(motion, True), y)
     values = (system, sampling, 0, 0.0, felt, y, motion.workspace)
     arguments = dict(zip(inspect.signature(answer_sensors.py_func).parameters, values, strict=True))  # type: ignore[attr-defined]
-    state = {"sensors": felt, "gravity": np.array([scenario.gravity]), **_of_control(motion)}
+    now = motion.workspace.measured
+    state = {"sensors": felt, "gravity": np.array([scenario.gravity]), "measured": now, **_of_control(motion)}
     memory = lay_out(arguments, state, arrays_of(motion.workspace))
     period = scenario.controller.control_period
     variables = [Variable("time", "s", "t: instant of the unit", "independent", CLOCK)]
     variables += torques(scenario, system.held_torque, memory.places["torques"], "output")
+    variables += inputs(scenario, memory.places["measured"] + (now.dtype.fields or {})["u"][1])
     variables += law_signals(scenario, memory.places["y"] + 8 * memory_end)
     variables += sensors(scenario, felt, memory.places["sensors"], "input")
     if _follows_gains(scenario):

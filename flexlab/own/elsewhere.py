@@ -66,4 +66,9 @@ def address_in(source: str) -> str:
 
 def is_foreign(file: str) -> bool:
     """Whether what stands in a law's `file` was not written as Python: lines of its text mean nothing to anybody."""
-    return is_address(file)
+    return is_address(file) or is_unit(file)
+
+
+def is_unit(file: str) -> bool:
+    """Whether a file is a functional mock-up unit, by its name."""
+    return file.lower().endswith(".fmu")

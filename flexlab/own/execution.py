@@ -118,7 +118,7 @@ class RunningText:
 
     def at_line(self, line: int | None) -> str:
         """File and line as sentences begin with them; of a text that nobody wrote, the file alone."""
-        return self._file if is_foreign(self._file) else f"{Path(self._file).name}, line {line}"
+        return Path(self._file).name if is_foreign(self._file) else f"{Path(self._file).name}, line {line}"
 
     def first_line(self, method: str) -> str:
         """File and line where a method begins."""
@@ -127,7 +127,7 @@ class RunningText:
     def at_return(self, method: str, again: Callable[[], Any]) -> str:
         """File and line of the return that gave a wrong answer: the call is made once more, watched."""
         if is_foreign(self._file):
-            return self._file
+            return self.at_line(None)
         code = getattr(type(self.made), method).__code__
         last = [code.co_firstlineno]
 

@@ -15,10 +15,11 @@ from flexlab.errors import ScenarioError
 from flexlab.own import hosts
 from flexlab.own.class_text import class_text
 from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration, read_path_declaration
-from flexlab.own.elsewhere import address_in, is_address, text_of_program
+from flexlab.own.elsewhere import address_in, is_address, is_unit, text_of_program
 from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
 from flexlab.own.path import OWN_PATHS
+from flexlab.own.unit import text_of_unit
 
 K = TypeVar("K", bound=Law | DesiredPath)
 
@@ -57,7 +58,7 @@ class OwnFolder(Generic[K]):
         """All files, a person's own first; an example of flexlab gives way to an own file of its name."""
         found: dict[str, Path] = {}
         for folder in (self.own, presets_folder() / self.folder):
-            for path in sorted(folder.glob("*.py")):
+            for path in sorted([*folder.glob("*.py"), *folder.glob("*.fmu")]):
                 if path.is_file():
                     found.setdefault(path.name, path)
         return list(found.values())
@@ -67,8 +68,8 @@ class OwnFolder(Generic[K]):
         if str(Path(file).resolve()) in self._added:
             return True
         try:
-            return declares(Path(file).read_text(encoding="utf-8"), self.base.__name__)
-        except (OSError, UnicodeDecodeError):
+            return declares(self._text(Path(file)), self.base.__name__)
+        except ScenarioError:
             return False
 
     def add(self, file: str | Path) -> K:
@@ -97,7 +98,7 @@ class OwnFolder(Generic[K]):
         if is_address(given) and base is OwnLaw:
             text = text_of_program(given)
             return self.kinds.add(text, address_in(text)).kind
-        if isinstance(given, Path) or (isinstance(given, str) and given.endswith(".py")):
+        if isinstance(given, Path) or (isinstance(given, str) and given.endswith((".py", ".fmu"))):
             kernel = self._kernel(Path(given))
             if not kernel and not self.holds(given):
                 needed = f"it needs a class Name({base.__name__}), or {self._constant} = {word.capitalize()}(...)"
@@ -122,7 +123,9 @@ class OwnFolder(Generic[K]):
         return ScenarioError([(f"{self.kinds.field}.{name}", text)])
 
     def _text(self, file: Path) -> str:
-        """Raises `ScenarioError`."""
+        """Of a unit, what it is as a law in Python. Raises `ScenarioError`."""
+        if is_unit(file.name):
+            return text_of_unit(file)
         try:
             return file.read_text(encoding="utf-8")
         except FileNotFoundError:

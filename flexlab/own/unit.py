@@ -1,0 +1,231 @@
+"""A functional mock-up unit (FMI 2.0 or 3.0, co-simulation) as a control law: what it declares becomes the text of one.
+
+So it is declared, allowed, recorded and run as those are. The text names the file and its SHA-256; the file itself, machine code
+that nobody can read before it runs, stays where it is.
+"""
+
+import hashlib
+import keyword
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from flexlab.errors import ScenarioError
+from flexlab.own.declaration import DEFAULT_PERIOD, LONGEST_PERIOD, MOST_SETTINGS, MOST_SIGNALS, SHORTEST_PERIOD
+from flexlab.own.elsewhere import is_unit
+from flexlab.own.unit_units import problem_with_unit
+from flexlab.plain_text import visible
+
+SIDES, AXES, JOINTS = ("left", "right"), ("x", "y", "theta"), ("1", "2", "3")
+MOST_STRAINS = 8
+_TURNED = {"m": "rad", "m/s": "rad/s", "m/s²": "rad/s²", "N": "N·m"}
+
+
+def _of_axes(name: str, unit: str) -> dict[str, str]:
+    return {f"{name}_{axis}": _TURNED[unit] if axis == "theta" else unit for axis in AXES}
+
+
+INPUTS: dict[str, str] = {
+    **_of_axes("pose", "m"),
+    **_of_axes("pose_rate", "m/s"),
+    "beam_moment_rate_h": "kg·m/s",
+    "beam_moment_rate_g": "kg·m²/s",
+    **{f"strain_{j}": "1" for j in range(MOST_STRAINS)},
+    **_of_axes("desired_pose", "m"),
+    **_of_axes("desired_rate", "m/s"),
+    **_of_axes("desired_acceleration", "m/s²"),
+    **{f"joint_angle_{side}_{joint}": "rad" for side in SIDES for joint in JOINTS},
+    **{f"joint_rate_{side}_{joint}": "rad/s" for side in SIDES for joint in JOINTS},
+    **{name: unit for side in SIDES for name, unit in _of_axes(f"weight_{side}", "N").items()},
+}
+"""What a unit may have as inputs, and in which unit of measure: `Measurement`, number by number."""
+GRIPS: dict[str, str] = {name: unit for side in SIDES for name, unit in _of_axes(f"input_{side}", "N").items()}
+MOTORS: dict[str, str] = {f"motor_torque_{side}_{joint}": "N·m" for side in SIDES for joint in JOINTS}
+"""What it has as outputs: inputs of the arms at the grips, before limits and delay, or torques of their motors."""
+
+_TEXT = '''"""A control law that a functional mock-up unit computes; the file itself is not part of this text."""
+
+from flexlab import OwnLaw, gain, memory, readout
+from flexlab.own.unit_at_work import Unit
+
+
+class {name}(OwnLaw):
+    {meaning}
+
+    period = {period!r}
+    answered = memory(1)
+{declared}
+    def __init__(self):
+        self.unit = Unit("{file}", "{sha256}", __file__, {gains!r}, {signals!r})
+
+    def act(self, at):
+        return self.unit.act(self, at)
+'''
+
+
+def text_of_unit(file: Path) -> str:
+    """The text of the law that a unit computes. Raises `ScenarioError` for one that cannot drive the arms."""
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        why = "there is no such file" if isinstance(error, FileNotFoundError) else error.strerror
+        raise _problem(file, f"cannot be read: {why}") from None
+    about = _description(file)
+    inputs = [each for each in about.modelVariables if each.causality == "input"]
+    outputs = {each.name: each for each in about.modelVariables if each.causality == "output"}
+    for each in inputs:
+        _check(
+            file,
+            about,
+            each,
+            INPUTS,
+            "input",
+            "that flexlab does not have: it gives pose_x, pose_rate_x, desired_pose_x",
+        )
+    answers = GRIPS if next(iter(GRIPS)) in outputs else MOTORS
+    of_one_arm = list(answers)[: len(answers) // len(SIDES)]
+    missing = [name for name in of_one_arm if name not in outputs]
+    if missing:
+        needed = "motor_torque_left_1 to 3 and motor_torque_right_1 to 3 in N·m, or input_left_x, _y, _theta and so on"
+        raise _problem(file, f"has no output {missing[0]}: a law needs {needed}")
+    for name in answers:
+        if name in outputs:
+            _check(file, about, outputs[name], answers, "output", "")
+    others = [each for name, each in outputs.items() if name not in GRIPS | MOTORS and _is_number(each)]
+    tuned = [each for each in about.modelVariables if each.causality == "parameter" and _is_number(each)]
+    gains = _named((each.name for each in tuned if each.start is not None), MOST_SETTINGS)
+    signals = _named((each.name for each in others), MOST_SIGNALS, gains)
+    known = {each.name: each for each in about.modelVariables}
+    declared = [f"    {name} = {_gain(known[its])}\n" for name, its in gains.items()]
+    declared += [
+        f"    {name} = readout({_unit(known[its])!r}, {_title(known[its])!r})\n" for name, its in signals.items()
+    ]
+    meaning = visible(" ".join((about.description or about.modelName).split()))[:200]
+    return _TEXT.format(
+        name=re.sub(r"\W", "_", f"Fmu_{file.stem}", flags=re.ASCII),
+        meaning=repr(f"{meaning.rstrip('.')}: computed by the unit {_file_name(file)}, FMI {about.fmiVersion}."),
+        period=_period(about),
+        declared="".join(declared),
+        file=_file_name(file),
+        sha256=hashlib.sha256(data).hexdigest(),
+        gains=gains,
+        signals=signals,
+    )
+
+
+def unit_in(source: str, folders: Iterable[Path]) -> tuple[str, str]:
+    """(name, path) of the unit that a text runs; the path is empty where none of `folders` has it, the name where it has none."""
+    found = re.search(r'Unit\("([^"\\/]{1,200}\.fmu)", "([0-9a-f]{64})", __file__,', source)
+    if found is None:
+        return "", ""
+    for folder in folders:
+        file = folder / found[1]
+        try:
+            if file.is_file() and text_of_unit(file) == source:
+                return found[1], str(file.resolve())
+        except ScenarioError:
+            continue
+    return found[1], ""
+
+
+def _file_name(file: Path) -> str:
+    if not is_unit(file.name) or re.search(r'["\\\n]', file.name):
+        raise _problem(file, "has a name that cannot be used: give it one of letters and digits that ends in .fmu")
+    return file.name
+
+
+def _description(file: Path) -> Any:
+    try:
+        import fmpy
+    except ImportError:
+        raise _problem(file, 'needs FMPy, which is not installed: pip install "flexlab[fmu]"') from None
+    try:
+        about = fmpy.read_model_description(str(file), validate=False)
+        platforms = fmpy.supported_platforms(str(file))
+    except Exception as error:
+        why = visible(" ".join(str(error).split()))[:200] or type(error).__name__
+        raise _problem(file, f"is no unit that can be read ({why})") from None
+    if about.fmiVersion not in ("2.0", "3.0"):
+        raise _problem(file, f"is made for FMI {about.fmiVersion}: export it for 2.0 or 3.0")
+    if about.coSimulation is None:
+        raise _problem(file, "is not made for co-simulation: export it so")
+    if fmpy.platform not in platforms:
+        there = ", ".join(platforms) or "none"
+        raise _problem(file, f"has no machine code for {fmpy.platform}, only for {there}: export it for this machine")
+    return about
+
+
+def _is_number(variable: Any) -> bool:
+    return variable.type in ("Real", "Float64") and not variable.dimensions
+
+
+def _check(file: Path, about: Any, variable: Any, wanted: dict[str, str], what: str, otherwise: str) -> None:
+    """Raises `ScenarioError` for a variable of another name, type or unit of measure."""
+    if variable.name not in wanted:
+        raise _problem(file, f"has an {what} {variable.name} {otherwise} and so on (see README)")
+    if not _is_number(variable):
+        raise _problem(file, f"has an {what} {variable.name} that is not a single number of double precision")
+    other = problem_with_unit(variable, about.unitDefinitions, wanted[variable.name])
+    if other:
+        raise _problem(file, f"has an {what} {variable.name} in {other}: it has to be in {wanted[variable.name]}")
+
+
+def _named(names: Iterable[str], most: int, taken: Iterable[str] = ()) -> dict[str, str]:
+    """Attributes of a class for variables of a unit, by attribute; those beyond the most are left as they are."""
+    found: dict[str, str] = {}
+    for its in names:
+        name = re.sub(r"\W", "_", its, flags=re.ASCII).strip("_") or "number"
+        if keyword.iskeyword(name) or not name[0].isalpha() or name in _RESERVED or name in found or name in taken:
+            name = f"unit_{name}"
+        if len(found) < most and name not in found and name not in taken:
+            found[name] = its
+    return found
+
+
+_RESERVED = {"period", "answered", "unit", "act", "on_save", "kind", "source", "model", "control_period", "input_delay"}
+_RESERVED |= {"torque_limit", "load_share", "wanted_internal_force", "sensor_noise", "memory", "gain", "readout"}
+WIDE = 1e9
+"""Of what has no range of its own."""
+
+
+def _gain(variable: Any) -> str:
+    start = float(str(variable.start).split()[0])
+    low, high = (_bound(bound, other) for bound, other in ((variable.min, -WIDE), (variable.max, WIDE)))
+    low, high = min(low, start), max(high, start)
+    slider = "" if variable.min is not None and variable.max is not None else f", slider={_slider(start)}"
+    return f"gain({start!r}, {_unit(variable)!r}, low={low!r}, high={high!r}, title={_title(variable)!r}{slider})"
+
+
+def _slider(start: float) -> tuple[float, float]:
+    return (min(0.0, 3 * start), max(0.0, 3 * start)) if start else (-1.0, 1.0)
+
+
+def _bound(given: Any, otherwise: float) -> float:
+    number = otherwise if given is None else float(given)
+    return number if math.isfinite(number) else otherwise
+
+
+def _unit(variable: Any) -> str:
+    return visible(variable.unit or (variable.declaredType.unit if variable.declaredType else None) or "1")[:40]
+
+
+def _title(variable: Any) -> str:
+    return visible(" ".join((variable.description or variable.name).split()))[:80]
+
+
+def _period(about: Any) -> float:
+    """s between two control instants: the step that the unit says it is made for."""
+    told = [
+        getattr(about.defaultExperiment, "stepSize", None),
+        getattr(about.coSimulation, "fixedInternalStepSize", None),
+    ]
+    for each in told:
+        if each is not None and SHORTEST_PERIOD <= float(each) <= LONGEST_PERIOD:
+            return float(each)
+    return DEFAULT_PERIOD
+
+
+def _problem(file: Path, text: str) -> ScenarioError:
+    return ScenarioError([("controller.source", f"{file.name} {text}.")])

@@ -1,0 +1,222 @@
+"""A functional mock-up unit at work as a control law, by FMPy, in the process of that law.
+
+At each control instant it is given what is measured there, is moved on from the instant before, and its outputs are what the
+arms get. A law may be asked again, and from an earlier instant: then the unit goes back to the state that it had. Which state
+that is, a number in the law's memory says: a digest of all that the unit has been given since it began.
+"""
+
+import contextlib
+import hashlib
+import os
+import shutil
+import tempfile
+from collections import OrderedDict
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlab.compiled import cache_folder
+from flexlab.own.elsewhere import is_unit
+from flexlab.own.execution import TextProblem
+from flexlab.own.measurement import Measurement
+from flexlab.own.unit import AXES, GRIPS, JOINTS, MOTORS, SIDES
+from flexlab.plain_text import visible
+
+STATES_KEPT = 4096
+"""Instants to which the unit may go back."""
+MARK_BYTES = 6
+"""Of a digest."""
+MARKS = 2.0 ** (8 * MARK_BYTES + 1)
+"""More than any: what the memory holds is less than 1, and exact."""
+WORST = 3
+"""fmi2Error, fmi3Error: messages from here on say what went wrong."""
+
+
+class Kept(NamedTuple):
+    """What is known of the unit after an instant."""
+
+    before: int
+    """Mark of the instant before; 0: none."""
+    state: Any
+    """None where it cannot tell its state."""
+    time: float
+    parameters: list[float]
+    answer: list[float]
+
+
+class Unit:
+    """A unit, loaded. Raises `TextProblem` if it cannot be."""
+
+    def __init__(self, name: str, sha256: str, place: str, gains: dict[str, str], signals: dict[str, str]):
+        """`place`: the file, if it is known; `gains`, `signals`: the law's attributes → the unit's variables."""
+        self._name, self._gains, self._signals = name, list(gains), list(signals)
+        file = Path(place if is_unit(place) else name)
+        try:
+            data = file.read_bytes()
+        except OSError:
+            data = b""
+        if hashlib.sha256(data).hexdigest() != sha256:
+            where = "is not there" if not data else "is another file than this law was made of"
+            raise self._problem(f"it {where} (SHA-256 {sha256[:12]}…): give that file with --law")
+        import fmpy
+        from fmpy.simulation import instantiate_fmu
+
+        self._said = ""
+        about = fmpy.read_model_description(str(file), validate=False)
+        self._third = about.fmiVersion == "3.0"
+        try:
+            self._unit = instantiate_fmu(
+                str(_extracted(file, sha256)),
+                about,
+                "CoSimulation",
+                logger=self._note_third if self._third else self._note,
+            )
+        except Exception as error:
+            raise self._problem(self._said or f"it cannot be loaded ({_words(error)})") from None
+        numbers = {each.name: each.valueReference for each in about.modelVariables}
+        self._inputs = [each.name for each in about.modelVariables if each.causality == "input"]
+        self._asked = [numbers[each] for each in self._inputs]
+        self._tuned = [numbers[each] for each in gains.values()]
+        answers = GRIPS if next(iter(GRIPS)) in numbers else MOTORS
+        self._has_grips = answers is GRIPS
+        self._answers = [each for each in answers if each in numbers]
+        self._given = [numbers[each] for each in (*self._answers, *signals.values())]
+        self._goes_back = bool(getattr(about.coSimulation, "canGetAndSetFMUstate", False))
+        self._known: OrderedDict[int, Kept] = OrderedDict()
+        self._next: dict[int, int] = {}
+        """Of each instant's mark, that of the one after it which came first."""
+        self._now = 0
+        self._is_new = True
+
+    def act(self, law: Any, at: Measurement) -> Any:
+        """One call of the law's `act`."""
+        before, parameters = int(MARKS * law.answered[0]), [float(getattr(law, name)) for name in self._gains]
+        given = self._measured(at)
+        told = np.array([before, at.time, at.period, *given, *parameters])
+        mark = 1 + int.from_bytes(hashlib.sha256(told.tobytes()).digest()[:MARK_BYTES], "big")
+        if not self._goes_back and before != self._now and before in self._next:
+            mark = self._next[before]  # It cannot be asked again: what it said first holds.
+        elif mark not in self._known or mark != self._now:
+            try:
+                self._move(before, mark, at, given, parameters)
+            except TextProblem:
+                raise
+            except Exception as error:
+                raise self._problem(self._said or f"it failed ({_words(error)})") from None
+        law.answered = np.array([mark / MARKS])
+        answer = self._known[mark].answer
+        for name, value in zip(self._signals, answer[len(self._answers) :], strict=True):
+            setattr(law, name, value)
+        wanted = 3 * at.arm_count
+        if len(self._answers) < wanted:
+            raise self._problem(f"it drives {len(self._answers) // 3} arm, and the scenario has {at.arm_count}")
+        found = np.array(answer[:wanted]).reshape(at.arm_count, 3)
+        return found if self._has_grips else at.from_torques(found)
+
+    def _move(self, before: int, mark: int, at: Measurement, given: list[float], parameters: list[float]) -> None:
+        """From where it stood after the instant `before` (0: not begun) to this one."""
+        self._said = ""
+        if before == 0:
+            self._begin(at.time, given, parameters)
+        else:
+            self._go_back(before)
+            kept = self._known[before]
+            if parameters != kept.parameters:
+                self._set(self._tuned, parameters)
+            self._set(self._asked, given)
+            self._unit.doStep(kept.time, at.time - kept.time)
+        answer = self._get(self._given)
+        state = self._unit.getFMUState() if self._goes_back else None
+        self._forget(mark)
+        self._next.setdefault(before, mark)
+        self._known[mark] = Kept(before, state, at.time, parameters, answer)
+        self._now = mark
+        if len(self._known) > STATES_KEPT:
+            self._forget(next(iter(self._known)))
+
+    def _begin(self, time: float, given: list[float], parameters: list[float]) -> None:
+        self._next.clear()
+        if not self._is_new:
+            self._unit.reset()
+        self._is_new = False
+        if not self._third:
+            self._unit.setupExperiment(startTime=time)
+        self._set(self._tuned, parameters)
+        self._unit.enterInitializationMode(**({"startTime": time} if self._third else {}))
+        self._set(self._asked, given)
+        self._unit.exitInitializationMode()
+
+    def _go_back(self, mark: int) -> None:
+        if mark == self._now:
+            return
+        kept = self._known.get(mark)
+        if kept is None:
+            raise self._problem("what it had computed up to here is not known any more: begin the run anew")
+        if kept.state is None:
+            raise self._problem(
+                "it cannot tell its state (canGetAndSetFMUState), so that it cannot go back: reset the run"
+            )
+        self._unit.setFMUState(kept.state)
+
+    def _forget(self, mark: int) -> None:
+        kept = self._known.pop(mark, None)
+        if kept is not None:
+            self._next.pop(kept.before, None)
+        if kept is not None and kept.state is not None:
+            self._unit.freeFMUState(kept.state)
+
+    def _measured(self, at: Measurement) -> list[float]:
+        numbers: dict[str, float] = {}
+        for name, values in (
+            ("pose", at.pose), ("pose_rate", at.pose_rate), ("desired_pose", at.desired_pose),
+            ("desired_rate", at.desired_rate), ("desired_acceleration", at.desired_acceleration),
+        ):  # fmt: skip
+            numbers.update({f"{name}_{axis}": value for axis, value in zip(AXES, values.tolist(), strict=True)})
+        numbers["beam_moment_rate_h"], numbers["beam_moment_rate_g"] = at.beam_rate.tolist()
+        numbers.update({f"strain_{j}": value for j, value in enumerate(at.strains.tolist())})
+        for name, rows, ends in (
+            ("joint_angle", at.joint_angles, JOINTS), ("joint_rate", at.joint_rates, JOINTS), ("weight", at.weights, AXES)
+        ):  # fmt: skip
+            for side, row in zip(SIDES, rows.tolist(), strict=False):
+                numbers.update({f"{name}_{side}_{end}": value for end, value in zip(ends, row, strict=True)})
+        missing = [name for name in self._inputs if name not in numbers]
+        if missing:
+            raise self._problem(f"its input {missing[0]} is nothing that this scenario has")
+        return [numbers[name] for name in self._inputs]
+
+    def _set(self, references: list[int], values: list[float]) -> None:
+        if references:
+            (self._unit.setFloat64 if self._third else self._unit.setReal)(references, values)
+
+    def _get(self, references: list[int]) -> list[float]:
+        return list((self._unit.getFloat64 if self._third else self._unit.getReal)(references))
+
+    def _note(self, _: Any, name: bytes, status: int, category: bytes, message: bytes, *more: Any) -> None:
+        if status >= WORST or not self._said:
+            self._said = visible(message.decode(errors="replace"))[:300]
+
+    def _note_third(self, _: Any, status: int, category: bytes, message: bytes) -> None:
+        self._note(_, b"", status, category, message)
+
+    def _problem(self, text: str) -> TextProblem:
+        return TextProblem(f"{self._name}: {text.rstrip('.')}.")
+
+
+def _words(error: Exception) -> str:
+    return visible(" ".join(str(error).split()))[:200] or type(error).__name__
+
+
+def _extracted(file: Path, sha256: str) -> Path:
+    """The folder with what is in a unit: kept, as machine code of kernels is."""
+    import fmpy
+
+    folder = cache_folder().parent / f"unit-{sha256[:32]}"
+    if not folder.is_dir():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        draft = tempfile.mkdtemp(dir=folder.parent, prefix="unit-draft-")
+        fmpy.extract(str(file), draft)
+        with contextlib.suppress(OSError):  # Another process was first.
+            os.rename(draft, folder)
+        shutil.rmtree(draft, ignore_errors=True)
+    return folder

@@ -25,7 +25,7 @@ from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status, join_blocks
-from flexlab.sim.simulate import finished
+from flexlab.sim.simulate import end_status
 from flexlab.sim.world import World
 
 if TYPE_CHECKING:
@@ -199,7 +199,7 @@ def run_and_record(
             metrics.update(samples)
             recording.write(samples)
             kept.append(samples)
-        status = world.status if world.status.failed else finished(world)
+        status = end_status(world)
         recording.end(status)
     took = time.perf_counter() - began
     ended = EndedRun(
@@ -212,10 +212,10 @@ def run_and_record(
                 output().print(line)
     if world.accuracy_warning:
         complain(world.accuracy_warning)
-    if world.axial_warning.text:
-        complain(world.axial_warning.text)
     if status.failed:
         complain(status.text)
+    elif world.axial_warning.text:
+        complain(world.axial_warning.text)
     return ended
 
 

@@ -11,6 +11,7 @@ from flexlab.sim.consumer import Consumer
 from flexlab.sim.history import History
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
+from flexlab.sim.simulate import failure
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world import World
 
@@ -67,7 +68,7 @@ class LiveRun:
         """The status that the run has if it ends now."""
         world = self.world
         if world.status.failed:
-            return world.status
+            return failure(world)
         return Status("finished", f"Ended at t = {world.time:.3f} s. {world.warnings}".rstrip(), world.time)
 
     def take_rows(self, rows: np.ndarray, speed: float) -> None:

@@ -51,16 +51,22 @@ def simulate(
             parts.append(part)
             rows, begun = world.new_rows(count + 1 - done), done
     done += world.fill(rows[done - begun :])
-    status = world.status
-    if not status.failed:
-        status = finished(world)
+    status = end_status(world)
     samples = world.to_samples(rows[: done - begun])
     return Run(**(join_blocks([*parts, samples]) if parts else samples).signals(), scenario=scenario, status=status)
 
 
-def finished(world: World) -> Status:
-    """The status of a run that ended as it should; its sentence says how far results are not to be believed."""
+def end_status(world: World) -> Status:
+    """The status of a run that has ended; its sentence says how far results are not to be believed."""
+    if world.status.failed:
+        return failure(world)
     return Status("finished", f"Finished at t = {world.time:g} s. {world.warnings}".rstrip(), world.time)
+
+
+def failure(world: World) -> Status:
+    """Why a run stopped, and what the force along the beam, or its spin, had done before."""
+    text = f"{world.status.text} {world.axial_warning.text}".rstrip()
+    return Status(str(world.status), text, world.status.time)
 
 
 def _check_commands(commands: Sequence[tuple[float, WorldCommand]]) -> None:

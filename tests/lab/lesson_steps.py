@@ -117,11 +117,13 @@ def do_lesson(page: LabPage, number: int, lesson: Lesson, say: Callable[[str], N
 BEGUN = 1.2
 """Simulated s that a person looks at a new run for, at least."""
 UPDATES = 25
-"""Of the readouts: guide and explanations look at every tenth, and an explanation comes when it was found twice."""
+"""Of the readouts: guide and explanations look at every tenth, and an explanation comes when it was found twice. Those of a run
+that has come to rest show nothing new: after 20 s the page has caught up with it."""
 FOLLOW = """async (count) => {
   const read = () => document.querySelector(".fl-grid")?.textContent;
   const stopped = () => [...document.querySelectorAll(".fl-title")].some((title) => title.textContent === "Stopped");
-  for (let last = read(); count > 0 && !stopped(); await new Promise((done) => setTimeout(done, 40))) {
+  const late = Date.now() + 20000;
+  for (let last = read(); count > 0 && Date.now() < late && !stopped(); await new Promise((done) => setTimeout(done, 40))) {
     if (read() !== last) count -= 1;
     last = read(); } }"""
 WAITS = ("let ", "wait", "Wait", "Let", "after", "beyond")

@@ -140,7 +140,8 @@ class Link:
             data = self._received(link, size, end)
         except TimeoutError:
             what = "answer" if decoder is self._answer else "greet"
-            raise self._problem(f"it did not {what} within {limit:g} s") from None
+            hint = "" if decoder is self._answer else ": does it serve another run?"
+            raise self._problem(f"it did not {what} within {limit:g} s{hint}") from None
         except OSError as error:
             raise self._problem(f"the connection broke ({error.strerror or type(error).__name__})") from None
         try:
@@ -188,4 +189,4 @@ class Link:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
-        return TextProblem(f"{self._address}: {text.rstrip('.')}.")
+        return TextProblem(f"{self._address}: {text.rstrip('.')}{'' if text.endswith('?') else '.'}")

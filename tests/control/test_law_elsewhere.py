@@ -19,6 +19,8 @@ from own_law_text import forget_own_laws
 
 import flexlab
 from flexlab import gain
+from flexlab.analysis.leaderboard import store
+from flexlab.analysis.leaderboard.store import law_source
 from flexlab.errors import ScenarioError
 from flexlab.own import hosts, link
 from flexlab.own.believed import BELIEVED_SIZE, Believed
@@ -148,7 +150,7 @@ def test_what_is_no_greeting_is_a_sentence(program: Callable[..., Program], gree
 def test_who_is_silent_or_slow_is_given_up(program: Callable[..., Program], monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(link, "GREETING_LIMIT", 0.05)
     monkeypatch.setattr(link, "ANSWER_LIMIT", 0.05)
-    assert problem_of(program(greeting=b"")).endswith(": it did not greet within 0.05 s.")
+    assert problem_of(program(greeting=b"")).endswith(": it did not greet within 0.05 s: does it serve another run?")
     assert problem_of(program(lambda _: b"\0\0")).endswith(": it did not answer within 0.05 s.")
 
 
@@ -269,6 +271,15 @@ def test_neither_scenario_nor_recording_connects_by_itself(
     assert one.asked == []
     assert "bit for bit" in flexlab_command("replay", "--run-own-law").stdout
     assert one.asked
+
+
+def test_a_leaderboard_measures_a_program_anew(monkeypatch: pytest.MonkeyPatch):
+    address = "tcp://localhost:9000"
+    scenarios = [load_preset("paper").replace({"controller.kind": law_kind(law)}) for law in ("pd", address)]
+    before = [law_source(one) for one in scenarios]
+    monkeypatch.setattr(store, "_THIS_PROCESS", "another")
+    after = [law_source(one) for one in scenarios]
+    assert (before[0] == after[0], before[1] == after[1]) == (True, False)
 
 
 def test_a_text_that_does_more_is_not_taken_for_an_address():

@@ -7,6 +7,7 @@ import ast
 import hashlib
 import json
 import platform
+import secrets
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -24,6 +25,7 @@ from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
 from flexlab.analysis.leaderboard.row import Row
 from flexlab.control.law import laws
 from flexlab.errors import StudyError
+from flexlab.own.elsewhere import address_in
 from flexlab.own.law import PythonLaw
 from flexlab.plain_text import syntax_tree
 from flexlab.recording.run_info import package_version
@@ -33,6 +35,7 @@ from flexlab.scenario import Scenario
 DIGITS = 16
 """Of a key, hexadecimal."""
 LAWS, CASES = "flexlab.control.laws.", "flexlab.analysis.leaderboard.cases."
+_THIS_PROCESS = secrets.token_hex()
 _PACKAGE = Path(__file__).resolve().parents[2]
 _ROOMS = ("physics", "control", "sim", "scenario", "own", "analysis/metrics")
 _FILES = ("compiled.py", "numba_internals.py", "signal.py", "quantities.py", "boundaries.py")
@@ -67,13 +70,15 @@ def machine() -> str:
 def law_source(scenario: Scenario) -> str:
     """A digest of the files in which a scenario's law is written: its own, and those of laws that it uses.
 
-    A law in Python stands in the scenario itself.
+    A law in Python stands in the scenario itself; what a program elsewhere computes is known to this process alone, as the
+    next one may find another program there.
     """
     controller: Any = scenario.controller
     slow = getattr(controller, "slow", None)
     kinds = [controller.kind] + ([slow.kind] if slow is not None else [])
     known = [laws()[kind] for kind in kinds]
-    return _digest_of(tuple(law.model.__module__ for law in known if not isinstance(law, PythonLaw)))
+    found = _digest_of(tuple(law.model.__module__ for law in known if not isinstance(law, PythonLaw)))
+    return digest([found, _THIS_PROCESS]) if address_in(getattr(controller, "source", "")) else found
 
 
 @cache

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlab.errors import StudyError
+from flexlab.own.elsewhere import address_in
 from flexlab.own.law import OwnController
 from flexlab.own.path import OwnTrajectory
+from flexlab.own.unit import unit_in
 from flexlab.recording.reader import Recording
 from flexlab.recording.run_info import these_versions
 from flexlab.recording.store.formats import ARITHMETIC, FORMAT
@@ -113,7 +115,10 @@ def replay(recording: Recording, blocks: Iterable[Samples] | None = None) -> Rep
 
 def _why_rounded_otherwise(recording: Recording) -> str:
     """Why bits may differ although nothing is wrong, as a clause; empty: they may not."""
-    if own_law_texts(recording):
+    texts = [source for _, source in own_law_texts(recording)]
+    if any(address_in(source) or unit_in(source, ())[0] for source in texts):
+        return "its control law is computed outside of flexlab, by a program or unit that may answer otherwise now"
+    if texts:
         return "its control law is Python code, which computes with what the machine has"
     if recording.properties.get("arithmetic") != ARITHMETIC:
         return "it was recorded before results were the same on every machine"

@@ -21,7 +21,7 @@ from flexlab.analysis.workers import chosen_workers, progress_bar
 from flexlab.errors import StudyError
 from flexlab.own.declaration import OwnLaw, OwnPath
 from flexlab.own.files import law_kind, path_kind
-from flexlab.presets import find_scenario
+from flexlab.presets import find_scenario, telling_name
 from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.scenario.path_file import with_path
@@ -81,12 +81,10 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
         `flexlab review`, the lab's library and `flexlab.read` open it again.
         """
-        from flexlab.analysis.run_summary import note_metrics
+        from flexlab.analysis.run_summary import run_notes
         from flexlab.recording.headless import write_run
 
-        path = write_run(self, Path(folder), self.name)
-        note_metrics(path)
-        return path
+        return write_run(self, Path(folder), self.name, start_notes=run_notes)
 
     def plot(self, *signals: str) -> "Figure":
         """Curves of signals by name, `run.plot("joint_torque", "vibration")`, in SI; without a name those of the lab.
@@ -323,11 +321,12 @@ def _by_kind(vary: Any) -> Any:
 
 def _named(scenario: AnyScenario) -> tuple[str, Scenario]:
     if isinstance(scenario, Scenario):
-        return "run", scenario
+        return telling_name(scenario), scenario
     if isinstance(scenario, (str, Path)):
         return find_scenario(str(scenario))
     if isinstance(scenario, Mapping):
-        return "run", parse_scenario(scenario)
+        valid = parse_scenario(scenario)
+        return telling_name(valid), valid
     raise StudyError(
         f'{type(scenario).__name__} is no scenario: give a Scenario, the name of a preset such as "paper", '
         "the path of a scenario file, or a dictionary of its fields."

@@ -9,14 +9,17 @@ import difflib
 import json
 import math
 import re
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from flexlab.assets import presets_folder
-from flexlab.errors import PresetError, ScenarioError
+from flexlab.errors import FlexlabError, PresetError, ScenarioError
 from flexlab.plain_text import visible
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.scenario.differences import differences
+from flexlab.scenario.field_text import told, value_text
 from flexlab.scenario.json_schema import REFERENCE
 from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD, MENU_FIELD, SCHEMA_FIELD
 
@@ -70,6 +73,37 @@ def find_scenario(name_or_path: str, own: Path = OWN_FOLDER) -> tuple[str, Scena
     if name_or_path.endswith(".json") or "/" in name_or_path or "\\" in name_or_path:
         return Path(name_or_path).stem, load_scenario_file(name_or_path)
     raise PresetError(_unknown(name_or_path, preset_names(own)))
+
+
+MOST_TOLD, LONGEST_TOLD = 3, 80
+"""Changes that a run's name tells, and characters of it."""
+
+
+def telling_name(scenario: Scenario, base: str = "") -> str:
+    """A word for a run of a scenario that may have been changed: the preset it came from, and what differs, as "paper-kind-pd".
+
+    `base`: that preset; else it is known by its title, and the name is "run" if no preset has that.
+    """
+    files = preset_files()
+    known = tuple((name, path.stat().st_mtime_ns) for name, path in files.items() if path.exists())
+    base = base or _titles(known).get(scenario.title, "")
+    if base not in files:
+        return base or "run"
+    news = told(differences(load_preset(base), scenario))
+    changes = [f"{path.rpartition('.')[2]}-{value_text(value)}" for path, _, value in news]
+    if len(changes) > MOST_TOLD:
+        changes = [*changes[:MOST_TOLD], f"{len(changes) - MOST_TOLD}-more"]
+    return re.sub(r"[^\w.+-]+", "_", "-".join([base, *changes]))[:LONGEST_TOLD]
+
+
+@lru_cache(maxsize=4)
+def _titles(known: tuple[tuple[str, int], ...]) -> dict[str, str]:
+    """Title → preset; of presets and the dates of their files."""
+    found: dict[str, str] = {}
+    for name, _ in known:
+        with suppress(FlexlabError):
+            found.setdefault(load_preset(name).title, name)
+    return found
 
 
 def save_scenario(scenario: Scenario, path: str | Path) -> None:

@@ -20,14 +20,14 @@ def test_a_scenario_is_a_name_a_file_a_value_or_plain_data(tmp_path: Path):
     file = tmp_path / "mine.json"
     file.write_text(scenario_text(paper), encoding="utf-8")
     runs = [flexlab.simulate(given, 0.05) for given in ("paper", file, str(file), paper, json.loads(file.read_text()))]
-    assert [run.name for run in runs] == ["paper", "mine", "mine", "run", "run"]
+    assert [run.name for run in runs] == ["paper", "mine", "mine", "paper", "paper"]
     for run in runs:
         assert run.scenario == paper
         np.testing.assert_array_equal(run.pose, runs[0].pose)
     many = flexlab.simulate_many(["paper", paper, {"gravity": 99.0}], 0.05, progress=False)
     assert [(run.name, str(run.status), len(run)) for run in many] == [
         ("paper", "finished", 51),
-        ("run", "finished", 51),
+        ("paper", "finished", 51),
         ("run", "invalid", 0),
     ]
 

@@ -39,6 +39,7 @@ LAYERS = {
     "api": 8,
     "leaderboard_api": 8,
     "linear_api": 8,
+    "study_api": 8,
     "notebook": 8,
     "fmi": 8,
     "multibody": 8,

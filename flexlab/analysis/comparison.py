@@ -2,16 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf, isnan
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
 
 from flexlab.analysis.metrics import MetricCollection, MetricRow, RunMetrics
+from flexlab.analysis.metrics.names import named, numbers
+from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.run_summary import scenario_differences
 from flexlab.number_text import difference_text as number_difference
 from flexlab.recording.overlay import run_label, write_comparison
 from flexlab.recording.reader import Recording, read_blocks, read_recording
 from flexlab.scenario.field_text import value_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Table = list[list[str]]
 """A line of headings, then rows."""
@@ -23,7 +31,7 @@ SAME = "All runs started from the same scenario."
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Result):
     """Of the runs A, B, C… in the order they were given."""
 
     recordings: tuple[Recording, ...]
@@ -36,6 +44,34 @@ class Comparison:
     """One tuple per metric, one row per run."""
     settings: tuple[tuple[str, tuple[str, ...]], ...]
     """(dotted path, value of each run) of every scenario field in which any run differs from A."""
+
+    @cached_property
+    def table(self) -> Any:
+        """A row per run: its label, name, duration, status, every metric by name, SI, each setting that differs, its scenario."""
+        by_run = zip(*self.metrics, strict=True)
+        rows = []
+        for label, recording, duration, found in zip(self.labels, self.recordings, self.duration, by_run, strict=True):
+            about = {"label": label, "run": recording.path.stem, "duration": duration, "status": str(recording.status)}
+            values = {
+                number.name: None if isnan(row.value) else row.value / row.column.scale
+                for number, row in zip(numbers(), found, strict=True)
+            }
+            settings = {path: texts[self.labels.index(label)] for path, texts in self.settings}
+            rows.append(about | values | settings | provenance(recording.scenario))
+        return pa.Table.from_pylist(rows)
+
+    def plot(self, *metrics: str) -> "Figure":
+        """Metrics of all runs beside each other, by name; those that lists show without one. Raises `StudyError`."""
+        from flexlab.analysis.figures import draw_bars
+
+        names = metrics or tuple(number.name for number in numbers() if number.column.listed)
+        shown = {named(name).title: self.table.column(named(name).number.name).to_pylist() for name in names}
+        scales = [named(name).scale for name in names]
+        scaled = {
+            title: [None if value is None else scale * value for value in values]
+            for scale, (title, values) in zip(scales, shown.items(), strict=True)
+        }
+        return draw_bars(self.labels, scaled)
 
     @property
     def labels(self) -> list[str]:

@@ -4,7 +4,7 @@ Figure 2: trajectory of the payload. 3: vibration. 4: error of the trajectory. 5
 same bytes of SVG, so that a figure can live under version control.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -243,3 +243,29 @@ def _draw(part: Axes, time: np.ndarray, plot: Plot) -> None:
     part.set_title(plot.title, fontsize="medium", loc="left")
     if 1 < len(plot.curves) <= MOST_CURVES:
         part.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
+
+
+def draw_bars(labels: Sequence[str], shown: Mapping[str, Sequence[float | None]]) -> Figure:
+    """A number of several runs each, title → values by run; None: a run has none."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, ROW_HEIGHT * -(-len(shown) // 2)), layout="constrained")
+        places = figure.subplots(-(-len(shown) // 2), min(len(shown), 2), squeeze=False).ravel()
+        for axes in places[len(shown) :]:
+            axes.set_axis_off()
+        for axes, (title, values) in zip(places, shown.items(), strict=False):
+            axes.bar(labels, [0.0 if value is None else value for value in values], color=BLUE)
+            axes.set_title(title, fontsize="small")
+    return figure
+
+
+def draw_fit(time: np.ndarray, signal: np.ndarray, background: np.ndarray, unit: str) -> Figure:
+    """A measured signal (N,) at `time` (N,), s, and what it rings about."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, 2 * ROW_HEIGHT), layout="constrained")
+        axes = figure.add_subplot()
+        axes.plot(time, signal, color=BLUE, label="samples")
+        axes.plot(time, background, color=GRAY, label="rings about")
+        axes.set_xlabel("t (s)")
+        axes.set_ylabel(f"signal ({unit})" if unit else "signal")
+        axes.legend(frameon=False)
+    return figure

@@ -1,6 +1,7 @@
 """Checks of own lessons: expressions over the metrics and signals of the present run, and over the scenario's fields.
 
-`settling_time < 0.2`, `largest(tracking_error[0:2]) < 1e-3 and t > 2`, `scenario.payload.bending_stiffness <= 10`. All SI.
+`settling_time < 0.2`, `rms_error.y < 1e-4`, `largest(tracking_error[0:2]) < 1e-3 and t > 2`,
+`scenario.payload.bending_stiffness <= 10`. All SI.
 They are read by Python's own parser and worked out here: nothing but the names below can be reached.
 """
 
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from flexlab.analysis.metrics import METRICS, run_metrics
+from flexlab.analysis.metrics.names import number_names
 from flexlab.errors import LabError
 from flexlab.plain_text import syntax_tree
 from flexlab.scenario import Scenario
@@ -83,6 +85,8 @@ class _Run:
             return float(self.samples.time[-1])
         if self._metrics is None:
             self._metrics = run_metrics(self.samples)
+        if "." in name:
+            return float(self._metrics[name])
         value = getattr(self._metrics, name)
         return float(np.max(value)) if isinstance(value, tuple) else float(value)
 
@@ -114,7 +118,7 @@ def _check(node: ast.AST) -> None:
             raise ExpressionError(f"{node.id} is no metric{hint}. There are t, {', '.join(METRICS)}.")
     elif isinstance(node, ast.Attribute):
         parts = []
-        if not _path(node):
+        if not _path(node) and ast.unparse(node) not in number_names():
             raise ExpressionError(f"{ast.unparse(node)[:60]} is no field: write scenario.payload.length, for example.")
     elif isinstance(node, ast.Constant) and (
         isinstance(node.value, str) or (isinstance(node.value, (int, float)) and not isinstance(node.value, bool))
@@ -185,6 +189,8 @@ def _value(node: ast.AST, run: _Run) -> Any:
     if isinstance(node, ast.Name):
         return run.number(node.id)
     if isinstance(node, ast.Attribute):
+        if not _path(node):
+            return run.number(ast.unparse(node))
         value = run.scenario.get(_path(node))
         return value[0] if isinstance(value, tuple) and len(set(value)) == 1 else value
     if isinstance(node, ast.BoolOp):

@@ -7,10 +7,13 @@ that was made by another rule of arithmetic, or under a control law in Python, w
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
+from flexlab.analysis.result import Result, provenance
 from flexlab.errors import StudyError
 from flexlab.own.elsewhere import address_in
 from flexlab.own.law import OwnController
@@ -52,7 +55,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Replay:
+class Replay(Result):
     """What came of a replay."""
 
     compared: int
@@ -63,6 +66,16 @@ class Replay:
     """The finding in a sentence or two."""
     deviation: float | None = None
     """Largest difference over the signal's largest value, 1, where bits differ by rounding; None: they do not."""
+
+    scenario: Scenario | None = None
+    """That the run started from."""
+
+    @property
+    def table(self) -> Any:
+        """One row: whether the run came out again, samples compared, deviation, the finding, scenario and version."""
+        row = {"agrees": self.agrees, "identical": self.identical, "compared": self.compared}
+        about = {} if self.scenario is None else provenance(self.scenario)
+        return pa.Table.from_pylist([row | {"deviation": self.deviation, "text": self.text} | about])
 
     @property
     def agrees(self) -> bool:
@@ -83,6 +96,10 @@ def replay(recording: Recording, blocks: Iterable[Samples] | None = None) -> Rep
     `blocks`: the recorded samples in the order of time, where `recording` was read without them. Raises `StudyError` if the
     recording's commands cannot be carried out again.
     """
+    return replace(_replayed(recording, blocks), scenario=recording.scenario)
+
+
+def _replayed(recording: Recording, blocks: Iterable[Samples] | None) -> Replay:
     repetition, done, why = Repetition(recording), 0, _why_rounded_otherwise(recording)
     rounding = _Rounding(recording.compared) if why else None
     absent: frozenset[str] = frozenset()

@@ -7,7 +7,7 @@ from typing import Any
 from flexlab.analysis.metrics import MetricCollection
 from flexlab.analysis.metrics.run_metrics import measured
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.presets import load_preset
+from flexlab.presets import load_preset, preset_names
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
@@ -28,7 +28,7 @@ class MetricNotes:
 
     def __init__(self, name: str, scenario: Scenario):
         """`name`: the preset or file that `scenario`, the run's first, came from."""
-        self._metrics = MetricCollection()
+        self._metrics = MetricCollection(own=False)
         self._changes = preset_changes(name, scenario)
         self._events = 0
         self._begins = inf
@@ -105,8 +105,10 @@ def note_missing_metrics(logs: Path) -> int:
 
 def preset_changes(name: str, scenario: Scenario) -> list[str]:
     """One line per field that differs from the preset `name`; none if there is no such preset."""
+    # A run of a changed preset may be called after what was changed, too.
+    known = [preset for preset in preset_names() if name == preset or name.startswith(f"{preset}-")]
     try:
-        preset = load_preset(name)
+        preset = load_preset(max(known, key=len, default=name))
     except FlexlabError:
         return []
     return [f"{path}: {old} → {new}" for path, old, new in scenario_differences(preset, scenario)]

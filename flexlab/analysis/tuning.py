@@ -8,20 +8,23 @@ scenarios.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pyarrow as pa
 from matplotlib.figure import Figure
 from scipy.optimize import differential_evolution
 
 from flexlab.analysis.figures import BLUE, GRAY, RESOLUTION, STYLE, VERMILION
-from flexlab.analysis.metrics import METRICS, RunMetrics
+from flexlab.analysis.metrics import RunMetrics
+from flexlab.analysis.metrics.names import named, number_names, numbers
+from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.sweep.axes import Axis
-from flexlab.analysis.sweep.figures import SIZE, metric_column, pareto_front
+from flexlab.analysis.sweep.figures import SIZE, pareto_front
 from flexlab.analysis.sweep.plan import measure
 from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.errors import FlexlabError, StudyError
@@ -41,7 +44,7 @@ NOT_SETTLED = 10.0
 
 @dataclass(frozen=True)
 class Cost:
-    """Weights and limits by the metrics' short names, as in "rms-y", in the units of tables."""
+    """Weights and limits by the metrics' names, as in "rms_error.y", SI; earlier ones, as "rms-y", are in the units of tables."""
 
     weights: Mapping[str, float]
     limits: Mapping[str, float]
@@ -67,16 +70,19 @@ class Cost:
 
 
 def numbers_of(metrics: RunMetrics) -> dict[str, float]:
-    """Short name → number as tables show it; a settling time that there is not counts as ten times the run's length."""
-    numbers = {row.column.field: row.value for row in metrics.rows}
-    return {name: NOT_SETTLED * metrics.duration if math.isnan(value) else value for name, value in numbers.items()}
+    """Number by each of its names; a settling time that there is not counts as ten times the run's length."""
+    found = {number.name: metrics[number.name] for number in numbers()}
+    found |= {row.column.field: row.value for row in metrics.rows}
+    return {name: NOT_SETTLED * metrics.duration if math.isnan(value) else value for name, value in found.items()}
 
 
 def parse_cost(weights: Sequence[str] | Mapping[str, float], limits: Sequence[str] | Mapping[str, float] = ()) -> Cost:
-    """A cost of texts `rms-y=1` or of mappings; a weight may be left out, it is then 1. Raises `StudyError`."""
+    """A cost of texts `rms_error.y=1` or of mappings; a weight may be left out, it is then 1. Raises `StudyError`."""
     cost = Cost(_numbers("cost", weights, default=1.0), _numbers("limit", limits, default=None))
     if not cost.weights:
-        raise StudyError("The cost names no metric: say what is to be small, as in rms-y=1,force=0.01.")
+        raise StudyError(
+            "The cost names no metric: say what is to be small, as in rms_error.y=1,rms_internal_force=0.01."
+        )
     return cost
 
 
@@ -86,11 +92,12 @@ def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: flo
     else:
         texts = [word.strip() for text in ([given] if isinstance(given, str) else given) for word in text.split(",")]
         pairs = [tuple(part.strip() for part in text.partition("=")[::2]) for text in texts if text]
-    known = [column.field for metric in METRICS.values() for column in metric.columns]
     found: dict[str, float] = {}
     for name, value in pairs:
-        if name not in known:
-            raise StudyError(f"{what}: {name!r:.60} is no metric: choose from {', '.join(known)}.")
+        try:
+            named(name)
+        except StudyError as error:
+            raise StudyError(f"{what}: {error}") from None
         try:
             number = default if value == "" else float(value)
         except (TypeError, ValueError):
@@ -123,7 +130,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Tuning:
+class Tuning(Result):
     """What a search tried; the first candidate is the scenario as it was."""
 
     scenario: Scenario
@@ -145,9 +152,34 @@ class Tuning:
         """The scenario with the best parameters."""
         return change_settings(self.scenario, self.best.changes)
 
+    @cached_property
+    def table(self) -> Any:
+        """A row per candidate, the scenario as it was first, then the cheapest: what was changed, cost, metrics by name, SI."""
+        paths = dict.fromkeys(path for candidate in self.candidates for path in candidate.changes)
+        rows = []
+        for candidate in self.candidates:
+            scenario = change_settings(self.scenario, candidate.changes)
+            known = {} if candidate.metrics is None else {n: _or_none(candidate.metrics[n]) for n in number_names()}
+            rows.append(
+                {path: scenario.get(path) if scenario.has(path) else None for path in paths}
+                | {"cost": candidate.cost, "sentence": candidate.reason}
+                | {name: known.get(name) for name in number_names()}
+                | provenance(scenario)
+            )
+        return pa.Table.from_pylist(rows)
+
+    def plot(self, first: str = "", second: str = "") -> Figure:
+        """What less of one metric costs in another, of all that was tried; by default the first two that count."""
+        names = [*filter(None, (first, second)), *self.cost.names, "rms_error.y", "rms_internal_force"]
+        return draw_trade_off(self, *list(dict.fromkeys(names))[:2])
+
     def __repr__(self) -> str:
         found = ", ".join(f"{path} = {value:.5g}" for path, value in self.best.changes.items()) or "nothing better"
         return f"<Tuning of {len(self.candidates)} candidates: cost {self.before.cost:.4g} → {self.best.cost:.4g}, {found}>"
+
+
+def _or_none(value: float) -> float | None:
+    return None if math.isnan(value) else value
 
 
 def tune(
@@ -232,18 +264,19 @@ def _run(scenario: Scenario, changes: dict[str, Any], duration: float) -> tuple[
         world = World(change_settings(scenario, changes))
     except FlexlabError as error:
         return None, str(error)
-    with one_blas_thread():
-        metrics = measure(world, sample_count(duration, world.tick_period))
-    return (None, world.status.text) if world.status.failed else (metrics.compute(), "")
+    try:
+        with one_blas_thread():
+            metrics = measure(world, sample_count(duration, world.tick_period))
+        return (None, world.status.text) if world.status.failed else (metrics.compute(), "")
+    except StudyError as error:  # of a metric of one's own
+        return None, str(error)
 
 
 def draw_trade_off(tuning: Tuning, first: str, second: str) -> Figure:
     """Two metrics of every candidate: what less of one costs in the other, where the scenario stood, what was chosen."""
-    one, other = metric_column(first), metric_column(second)
     ran = [candidate for candidate in tuning.candidates if candidate.metrics is not None]
-    numbers = [numbers_of(candidate.metrics) for candidate in ran if candidate.metrics is not None]
-    x = np.array([values[one.field] for values in numbers])
-    y = np.array([values[other.field] for values in numbers])
+    found = [numbers_of(candidate.metrics) for candidate in ran if candidate.metrics is not None]
+    x, y = (np.array([values[name] for values in found]) for name in (first, second))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout="constrained")
         axes = figure.add_subplot()
@@ -253,24 +286,24 @@ def draw_trade_off(tuning: Tuning, first: str, second: str) -> Figure:
         for candidate, color, words in ((tuning.before, VERMILION, "before"), (tuning.best, BLUE, "chosen")):
             if candidate.metrics is not None:
                 values = numbers_of(candidate.metrics)
-                axes.plot(values[one.field], values[other.field], "o", color=color, markersize=8, label=words)
-        axes.set_xlabel(f"{one.title} ({one.unit})")
-        axes.set_ylabel(f"{other.title} ({other.unit})")
-        for name, draw in ((one.field, axes.axvline), (other.field, axes.axhline)):
+                axes.plot(values[first], values[second], "o", color=color, markersize=8, label=words)
+        axes.set_xlabel(named(first).title)
+        axes.set_ylabel(named(second).title)
+        for name, draw in ((first, axes.axvline), (second, axes.axhline)):
             if name in tuning.cost.limits:
                 draw(tuning.cost.limits[name], color=VERMILION, linestyle=":", linewidth=1)
         axes.legend(frameon=False)
     return figure
 
 
-def write_trade_off(tuning: Tuning, path: Path, first: str, second: str) -> None:
-    """Write the figure (.svg or .png). Raises `StudyError`."""
+def write_trade_off(tuning: Tuning, path: Path) -> None:
+    """Write `Tuning.plot` (.svg or .png). Raises `StudyError`."""
     kind = path.suffix.lstrip(".").lower()
     if kind not in ("svg", "png"):
         raise StudyError(f"{path} is no name for a figure: let it end in .svg or .png.")
     try:
         with replacing(path) as draft, mpl.rc_context(STYLE):
             metadata = {"Date": None} if kind == "svg" else None
-            draw_trade_off(tuning, first, second).savefig(draft, dpi=RESOLUTION, format=kind, metadata=metadata)
+            tuning.plot().savefig(draft, dpi=RESOLUTION, format=kind, metadata=metadata)
     except OSError as error:
         raise StudyError(f"{path} cannot be written ({error.strerror}): choose another file.") from None

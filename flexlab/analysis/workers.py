@@ -13,6 +13,7 @@ from functools import partial
 from itertools import islice
 from typing import Any
 
+from flexlab.analysis.metrics.own import OwnMetric, know_own_metrics, own_metrics
 from flexlab.compiled import cache_folder
 from flexlab.errors import StudyError
 from flexlab.own.files import know_own_texts, own_texts
@@ -88,7 +89,7 @@ def _on_cluster(distributed: Any, address: str) -> Iterator[Run]:
 
             def hand_out(count: int) -> None:
                 for number, item in islice(left, count):
-                    future = client.submit(compute_there, own_texts(), work, item, pure=False)
+                    future = client.submit(compute_there, own_texts(), own_metrics(), work, item, pure=False)
                     numbers[future] = number
                     ready.add(future)
 
@@ -100,9 +101,10 @@ def _on_cluster(distributed: Any, address: str) -> Iterator[Run]:
         yield run
 
 
-def compute_there(texts: list[tuple[str, str]], work: Work, item: Any) -> tuple[str, Any]:
+def compute_there(texts: list[tuple[str, str]], metrics: list[OwnMetric], work: Work, item: Any) -> tuple[str, Any]:
     """On a worker: its engine, and the result; `texts`: laws and paths in Python, which run in processes of their own."""
     know_own_texts(texts)
+    know_own_metrics(metrics)
     return engine(), work(item)
 
 

@@ -40,7 +40,8 @@ def command(
     """Compare two to six RUNs: what was set differently, what came of it, and all curves in one view.
 
     Time is counted from each run's first sample. The first RUN is A, to which the others are compared. With --set, --law or
-    --seed the first RUN's scenario is simulated again with these changes, recorded, and compared, too.
+    --seed the first RUN's scenario is simulated again with these changes, recorded under a name that tells them, and compared,
+    too; "newest" then is the newest run that was not made so, and what was made before is not made again.
     """
     from flexlab.scenario.settings import settings_from
 
@@ -50,9 +51,9 @@ def command(
     if save is not None and save.suffix != ".rrd":
         raise StudyError(f"--save {save} is no name for a recording: let it end in .rrd.")
     from flexlab.analysis.comparison import compare_into
-    from flexlab.recording.store.run_files import find_run
+    from flexlab.recording.store.run_files import NEWEST, find_run, newest_run
 
-    paths = [find_run(run, logs) for run in runs]
+    paths = [find_run(run, logs) if run != NEWEST else newest_run(logs, made=not changes) for run in runs]
     if changes:
         paths.append(_changed_run(paths[0], changes, logs))
     if as_json:
@@ -71,12 +72,16 @@ def command(
 
 
 def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
-    """A recorded run's scenario, simulated again for as long with some changes, as a recording."""
+    """A recorded run's scenario, simulated again for as long with some changes, as a recording; only once."""
     from flexlab.cli.headless_run import run_and_record
     from flexlab.cli.warmup import warm_up
     from flexlab.recording.reader import read_blocks, read_recording
 
     recording = read_recording(path, with_samples=False)
+    from flexlab.analysis.result import scenario_hash
+    from flexlab.presets import telling_name
+    from flexlab.recording.store.notes import read_notes, write_notes
+    from flexlab.recording.store.run_files import VARIANT, list_runs
     from flexlab.scenario.settings import change_settings
 
     scenario = change_settings(recording.scenario, changes)
@@ -84,8 +89,15 @@ def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
     duration = spans[-1][1] - spans[0][0] if spans else 0.0
     if duration <= 0:
         raise StudyError(f"{path.stem} has no samples: there is nothing to compare with.")
+    key = f"{path.stem} {scenario_hash(scenario)} {duration!r}"
+    for run in list_runs(logs):
+        if read_notes(run).get(VARIANT) == key:
+            return run
     warm_up(scenario)
-    return run_and_record(recording.name, scenario, duration, recording.sample_period, logs, quiet=True).path
+    name = telling_name(scenario, recording.name)
+    made = run_and_record(name, scenario, duration, recording.sample_period, logs, quiet=True).path
+    write_notes(made, **{VARIANT: key})
+    return made
 
 
 def _print(comparison: "Comparison") -> None:

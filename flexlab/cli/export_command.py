@@ -62,34 +62,26 @@ def command(
         if run == "newest" or (figures, start, end) != (None, None, None):
             raise StudyError(f"{to} is made of a scenario alone: flexlab export PRESET --to {to}.")
         if kind == UNIT:
-            _write_unit(run, to, part or "plant", fmi or 3)
+            from flexlab.study_api import export
+
+            _say(export(run, to, part=part or "plant", version=fmi or 3))
             return
     if (part, fmi) != (None, None):
         raise StudyError("--part and --fmi are for units: write --to FILE.fmu.")
-    if to is not None and kind in BODIES:
-        from flexlab.multibody.export import write_bodies
-        from flexlab.presets import find_scenario
+    if to is not None and kind in WHOLE_RUN and (start, end) != (None, None):
+        raise StudyError(f"--start and --end are for tables: {to} holds the whole run.")
+    if to is not None:
+        from flexlab.study_api import export
 
-        name, scenario = find_scenario(run)
-        _say(write_bodies(scenario, to, name))
+        _say(export(run, to, start, end, logs))
+    if kind in BODIES:
         return
-    from flexlab.recording.store.run_files import find_run
-
-    path = find_run(run, logs)
-    if to is not None and kind in WHOLE_RUN:
-        if start is not None or end is not None:
-            raise StudyError(f"--start and --end are for tables: {to} holds the whole run.")
-        _write_whole(path, to)
-    elif to is not None:
-        from flexlab.recording.export import export_recording
-        from flexlab.recording.reader import read_blocks, read_recording
-
-        export_recording(read_recording(path, with_samples=False), to, start, end, read_blocks(path))
-        _say(to)
     if figures is not None:
         from flexlab.analysis.figures import paper_figures
         from flexlab.recording.reader import read_range
+        from flexlab.recording.store.run_files import find_run
 
+        path = find_run(run, logs)
         folder = Path() if to is None else to.parent
         samples = read_range(path, start, end)
         for figure in paper_figures(samples, folder, [figures.lower()], name=path.stem):
@@ -100,32 +92,3 @@ def _say(file: Path) -> None:
     from flexlab.recording.store.run_index import size_text
 
     output().print(f"{file}  {size_text(file.stat().st_size)}", soft_wrap=True)
-
-
-def _write_unit(scenario: str, to: Path, part: str, version: int) -> None:
-    """A preset or scenario file as a functional mock-up unit."""
-    from flexlab.api import export_fmu
-
-    _say(export_fmu(scenario, to, part, version))
-
-
-def _write_whole(path: Path, to: Path) -> None:
-    """The run as one page or one archive."""
-    if to.suffix.lower() == ".zip":
-        from flexlab.analysis.capsule import write_capsule
-
-        write_capsule(path, to)
-    else:
-        import contextlib
-        import io
-
-        from flexlab import __version__
-        from flexlab.lab.run_page import Noted, write_run_page
-        from flexlab.recording.reader import read_recording
-        from flexlab.recording.store.run_index import read_row
-
-        recording, row = read_recording(path), read_row(path)
-        noted = Noted(row.heading, row.note, row.lessons, row.changes)
-        with contextlib.redirect_stdout(io.StringIO()):  # viser says where it serves, which it does for a moment only.
-            write_run_page(recording.run, to, recording.name, __version__, noted)
-    _say(to)

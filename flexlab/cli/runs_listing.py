@@ -2,11 +2,12 @@
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics import Column as MetricColumn
+from flexlab.analysis.metrics.names import named, numbers
 from flexlab.analysis.metrics.run_metrics import UNKNOWN, measured, noted_text, noted_texts, results
 from flexlab.cli.console import note, output
 from flexlab.errors import StudyError
@@ -21,7 +22,7 @@ class Column(NamedTuple):
     text: Callable[[RunRow], str]
 
 
-COLUMNS = {column.field: column for metric in METRICS.values() for column in metric.columns}
+COLUMNS = {number.name: number.column for number in numbers()}
 """Field → how a metric is shown."""
 
 FIELDS = ("started", "preset", "duration", "size", "state", *COLUMNS)
@@ -35,6 +36,8 @@ GAP = "  "
 
 def sorted_rows(rows: Sequence[RunRow], field: str, reverse: bool = False, search: str = "") -> list[RunRow]:
     """The rows that have all words of `search`, by `field`: the newest first, or the smallest. Raises `StudyError`."""
+    with suppress(StudyError):
+        field = field if field in FIELDS else named(field).number.name
     if field not in FIELDS:
         raise StudyError(f"--sort {field} is not a field: choose one of {', '.join(FIELDS)}.")
     words = search.lower().split()

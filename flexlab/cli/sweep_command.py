@@ -41,10 +41,13 @@ def command(
         tyro.conf.arg(metavar="M", help="Pose accuracy of the runs, m. (default: 1e-7)", help_behavior_hint=""),
     ] = None,
     show: Annotated[
-        str, tyro.conf.arg(metavar="METRIC,…", help="Metrics to draw, as in rms-y,force.", help_behavior_hint="")
+        str,
+        tyro.conf.arg(
+            metavar="METRIC,…", help="Metrics to draw, as in rms_error.y,rms_internal_force.", help_behavior_hint=""
+        ),
     ] = "",
     pareto: Annotated[str, tyro.conf.arg(metavar="METRIC,METRIC", help="Two metrics to draw over each other.")] = (
-        "rms-y,force"
+        "rms_error.y,rms_internal_force"
     ),
     to: Annotated[
         Path | None,
@@ -98,7 +101,9 @@ def _pair(text: str) -> tuple[str, ...]:
 
     names = _names(text)
     if len(names) != 2:
-        raise StudyError(f"--pareto {shlex.quote(text)} names no two metrics: write two, as in rms-y,force.")
+        raise StudyError(
+            f"--pareto {shlex.quote(text)} names no two metrics: write two, as in rms_error.y,rms_internal_force."
+        )
     return names
 
 

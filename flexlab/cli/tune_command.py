@@ -24,8 +24,8 @@ def command(
         ),
     ] = (),
     cost: Annotated[
-        str, tyro.conf.arg(metavar="METRIC=WEIGHT,…", help="What is to be small, in the units of tables.")
-    ] = "rms-x,rms-y",
+        str, tyro.conf.arg(metavar="METRIC=WEIGHT,…", help="What is to be small, in SI units.")
+    ] = "rms_error.x,rms_error.y",
     limit: Annotated[
         str, tyro.conf.arg(metavar="METRIC=VALUE,…", help="What must not be exceeded.", help_behavior_hint="")
     ] = "",
@@ -56,8 +56,8 @@ def command(
 ) -> int:
     """Search the ranges for the parameters that cost least, and say what they gain.
 
-    Metrics have the short names of flexlab logs --sort, as in rms-y, force, settled, torque. Exits with 1 if nothing keeps
-    within the limits.
+    Metrics are named as in rms_error.y, rms_internal_force, settling_time, peak_torque; the names of earlier versions, as in
+    rms-y, are in the units of tables. Exits with 1 if nothing keeps within the limits.
     """
     ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
     from flexlab.analysis.sweep.axes import parse_axes
@@ -79,9 +79,7 @@ def command(
         save_scenario(found.tuned, save)
         output().print(str(save), soft_wrap=True)
     if figure is not None:
-        names = (*wanted.names, "rms-y", "force")
-        first, second, *_ = dict.fromkeys(names)
-        write_trade_off(found, figure, first, second)
+        write_trade_off(found, figure)
         output().print(str(figure), soft_wrap=True)
     if best.metrics is None or not wanted.holds(best.metrics):
         complain("Nothing that was tried keeps within the limits: widen the bounds or the limits.")

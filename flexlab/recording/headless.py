@@ -16,8 +16,11 @@ from flexlab.recording.store.run_files import claim_run_file, remove_run
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 
-BLOCK_ROWS = 1000
-"""Samples per block: large ones make small files, and nobody waits for the next one."""
+BLOCK_ROWS = 10_000
+"""Samples per block of a run that is there already: large ones are written sooner, and make small files."""
+
+LARGE_ROWS = 2000
+"""Samples of a block that need not be joined with others, which takes the whole recording into memory."""
 
 
 class HeadlessRecording:
@@ -31,6 +34,7 @@ class HeadlessRecording:
         self._file = claim_run_file(logs, info.name, info.started)
         self._status: Status | None = None
         self._safe: float | None = None
+        self._blocks = 0
         self._stream: RunStream | None = None
         try:
             self._stream = open_file_stream(self._file, info)
@@ -54,6 +58,7 @@ class HeadlessRecording:
                 self._let_go()
                 raise RecordingError(f"{self.path} was changed or taken away while it was being written.")
             self._run.write_samples(samples)
+            self._blocks += 1
             self._stream.push()
             self._safe = self._run.last_time
 
@@ -91,7 +96,7 @@ class HeadlessRecording:
         finally:
             self._file.release()
         with contextlib.suppress(RecordingError):  # What is left to do needs room; all of the run is there.
-            finish(self.path)
+            finish(self.path, join=self._run.rows < LARGE_ROWS * self._blocks)
 
     def _drop(self) -> None:
         """Remove what a full disk left of the file, unless it is somebody else's by now: nothing of a run is in it."""
@@ -124,13 +129,18 @@ class HeadlessRecording:
         )
 
 
-def write_run(run: Run, logs: Path, name: str, started: datetime | None = None) -> Path:
-    """Record a finished `Run` as `logs/<time>-<name>.rrd` and return that path. Raises `RecordingError`."""
+def write_run(
+    run: Run, logs: Path, name: str, started: datetime | None = None, start_notes: StartNotes | None = None
+) -> Path:
+    """Record a finished `Run` as `logs/<time>-<name>.rrd` and return that path; `start_notes` as for `RunEncoder`.
+
+    Raises `RecordingError`.
+    """
     period = float(run.time[1] - run.time[0]) if len(run) > 1 else TICK
     info = RunInfo(name, run.scenario, period)
     if started is not None:
         info = RunInfo(name, run.scenario, period, started=started)
-    with HeadlessRecording(logs, info) as recording:
+    with HeadlessRecording(logs, info, start_notes) as recording:
         for first in range(0, len(run), BLOCK_ROWS):
             recording.write(run.slice(first, min(first + BLOCK_ROWS, len(run))))
         recording.end(run.status)

@@ -23,8 +23,8 @@ GROWTH = 1.3
 """Room that the finished file may take, in sizes of the unfinished one."""
 
 
-def finish(path: Path, mending: Mending | None = None) -> None:
-    """Give a recording its footer and index, in its place. Its date stays.
+def finish(path: Path, mending: Mending | None = None, join: bool = True) -> None:
+    """Give a recording its footer and index, in its place; `join`: and make large pieces of small ones. Its date stays.
 
     Does nothing if it has one, or if somebody is writing it. Raises `RecordingError` if it cannot be read at all.
     """
@@ -40,12 +40,12 @@ def finish(path: Path, mending: Mending | None = None) -> None:
     except OSError as error:
         raise RecordingError(f"{path} cannot be read ({error.strerror}): check the name and its rights.") from None
     try:
-        _finish_claimed(path, mending)
+        _finish_claimed(path, mending, join)
     finally:
         own.release()
 
 
-def _finish_claimed(path: Path, mending: Mending) -> None:
+def _finish_claimed(path: Path, mending: Mending, join: bool) -> None:
     before = path.stat()
     if shutil.disk_usage(path.parent).free < GROWTH * before.st_size:
         # A lab that is recording there must not be driven into a full disk.
@@ -53,7 +53,7 @@ def _finish_claimed(path: Path, mending: Mending) -> None:
     ended = read_notes(path).get("ended", False)
     try:
         with replacing(path) as draft:
-            if not mending.rewrite(path, draft) or not has_recording(draft):
+            if not mending.rewrite(path, draft, join) or not has_recording(draft):
                 raise RecordingError(f"{path.name} is damaged beyond repair: nothing of its run can be read.")
             os.utime(draft, ns=(before.st_atime_ns, before.st_mtime_ns))
         if not ended:

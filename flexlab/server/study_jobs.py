@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flexlab.analysis.metrics import METRICS
+from flexlab.analysis.metrics.names import numbers
+from flexlab.analysis.metrics.run_metrics import DURATION
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.analysis.sweep.result import Sweep, read_part, run_sweep
@@ -25,7 +26,6 @@ def page_data(plan: Plan, table: Columns) -> dict[str, Any]:
 
     `table`: columns by name, of some cells or all. Of a cell that is not there the status is None.
     """
-    columns = [column for metric in METRICS.values() for column in metric.columns if column.field != "window"]
     cells, count = table.get("cell", ()), plan.cell_count
 
     def by_cell(name: str) -> list[Any]:
@@ -38,13 +38,14 @@ def page_data(plan: Plan, table: Columns) -> dict[str, Any]:
         "axes": [_axis_data(plan.scenario, axis) for axis in plan.axes],
         "metrics": [
             {
-                "field": column.field,
-                "title": column.title,
-                "unit": column.unit,
-                "missing": column.missing,
-                "values": by_cell(column.key),
+                "field": number.column.field,
+                "title": number.column.title,
+                "unit": number.column.unit,
+                "missing": number.column.missing,
+                "values": [None if value is None else number.column.scale * value for value in by_cell(number.name)],
             }
-            for column in columns
+            for number in numbers()
+            if number.metric != DURATION
         ],
         "status": by_cell("status"),
         "sentence": by_cell("sentence"),

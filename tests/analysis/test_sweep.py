@@ -203,5 +203,5 @@ def test_figures_say_units_and_mark_what_failed(tmp_path: Path):
         "paper", [f"{EI}=1:10", f"{K}=1:10"], 0.1, design="sobol", samples=4, folder=tmp_path / "sobol"
     )
     assert len(drawn_cells.plot("force").axes) == 2
-    with pytest.raises(StudyError, match="'forc' is no metric: choose one of window, rms-x"):
+    with pytest.raises(StudyError, match=r"'forc' is no metric: choose one of duration, rms_error\.x"):
         sweep.plot("forc")

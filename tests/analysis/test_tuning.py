@@ -54,7 +54,7 @@ def test_a_run_that_fails_costs_most_and_says_why():
     [
         ((), "Nothing is varied"),
         (("--change", "gravty=0:1"), "did you mean gravity?"),
-        (("--change", "gravity=0:1", "--cost", "rms"), "cost: 'rms' is no metric: choose from window, rms-x"),
+        (("--change", "gravity=0:1", "--cost", "rms"), "cost: 'rms' is no metric: choose one of duration, rms_error.x"),
         (("--change", "gravity=0:1", "--cost", "rms-x=-1"), "give a number above 0"),
         (("--change", "gravity=0:1", "--cost", "rms-x,rms-x"), "is named twice"),
         (("--change", "gravity=0:1", "--cost", ""), "names no metric"),

@@ -1,28 +1,35 @@
 """A fit from its samples to a scenario: of a CSV file, a recorded run or a run in memory."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
 
 from flexlab.analysis.identification.beam_parameters import BeamParameters, beam_parameters, read_measured
 from flexlab.analysis.identification.evidence import ring_begins
 from flexlab.analysis.identification.ring import Estimate, RingFit, fit_ring, ring_of_run
+from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import load_preset
 from flexlab.recording.importing import take_measurement
 from flexlab.recording.reader import read_recording
+from flexlab.recording.run_info import package_version
 from flexlab.recording.store.run_files import find_run
 from flexlab.scenario import Scenario
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 UNTOLD = "paper"
 """The preset whose beam a measurement is held against that names none."""
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Result):
     """How samples ring, and the beam that rings so."""
 
     name: str
@@ -60,6 +67,19 @@ class Fit:
     def scenario(self) -> Scenario | None:
         """What was given, with the beam that rings so as far as it could be identified."""
         return None if self.beam is None else self.beam.scenario
+
+    @cached_property
+    def table(self) -> Any:
+        """A row per estimate: name, value, low, high, unit, why it is not identifiable, and the scenario that was found."""
+        about = {"scenario": None, "version": package_version()} if self.scenario is None else provenance(self.scenario)
+        rows = [{"name": name, **vars(value), **about} for name, value in self.estimates.items()]
+        return pa.Table.from_pylist(rows)
+
+    def plot(self) -> "Figure":
+        """The samples, and what they ring about."""
+        from flexlab.analysis.figures import draw_fit
+
+        return draw_fit(self.time, self.signal, self.ring.background, self.unit)
 
     def as_data(self) -> dict[str, Any]:
         """Plain data with all digits."""

@@ -257,11 +257,11 @@ def _mode(
         why = f"it lies beyond half the sample rate, {rate / 2:.4g} Hz"
     elif not why and half_f > 0.5 * f:
         why = "the noise hides it"
+    elif not why and zeta > LARGEST_RATIO:
+        why = "it is hardly an oscillation"
     why_not = why
     if not why and zeta - half_z <= 0:
         why_not = f"it is below {max(zeta + half_z, 0):.2g}, but the noise hides by how much"
-    elif not why and zeta > LARGEST_RATIO:
-        why_not = "it is hardly an oscillation"
     return RingMode(
         Estimate(f, f - half_f, f + half_f, "Hz", why),
         Estimate(zeta, zeta - half_z, zeta + half_z, "", why_not),

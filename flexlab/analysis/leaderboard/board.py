@@ -11,6 +11,7 @@ from flexlab.analysis.leaderboard.case import Case, Variant
 from flexlab.analysis.leaderboard.entrants import Entrant
 from flexlab.analysis.leaderboard.row import Row, Task, compute
 from flexlab.analysis.leaderboard.store import RowStore, engine, machine, row_key
+from flexlab.analysis.result import Result
 from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.html_table import html_table
@@ -18,11 +19,11 @@ from flexlab.recording.run_info import package_version
 from flexlab.scenario import Scenario
 
 if TYPE_CHECKING:
-    import pandas
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
-class Leaderboard:
+class Leaderboard(Result):
     """Rows of laws in cases; `cases` say what the scores are."""
 
     cases: tuple[Case, ...]
@@ -62,6 +63,7 @@ class Leaderboard:
                 yield {
                     **about,
                     "score": score.name,
+                    "metric": score.metric_name,
                     "title": score.column.title,
                     "value": value,
                     "shown": None if value is None else score.column.scale * value,
@@ -69,12 +71,16 @@ class Leaderboard:
                     "formula": score.formula,
                 }
 
-    def to_pandas(self) -> "pandas.DataFrame":
-        """The table as a data frame. Raises `StudyError` where pandas is not installed."""
-        try:
-            return self.table.to_pandas()
-        except ImportError:
-            raise StudyError("pandas is not installed: pip install pandas brings it, or use .table.") from None
+    def plot(self, case: str = "") -> "Figure":
+        """The main score of every law in a case, by its name; the first case without one. Raises `StudyError`."""
+        from flexlab.analysis.leaderboard.report import draw_case
+
+        found = [each for each in self.cases if each.name == (case or self.cases[0].name)]
+        if not found:
+            raise StudyError(
+                f"{case!r:.40} is no case here: choose one of {', '.join(each.name for each in self.cases)}."
+            )
+        return draw_case(self, found[0])
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
@@ -95,7 +101,7 @@ class Leaderboard:
         return row.status if row.failed else f"{case.main.text(row.scores[case.main.name])} {case.main.column.unit}"
 
 
-_WORDS = ("law", "case", "variant", "score", "title")
+_WORDS = ("law", "case", "variant", "score", "metric", "title")
 _ABOUT = ("status", "sentence", "note", "formula", "result_hash", "key", "engine", "version", "machine")
 SCHEMA = pa.schema(
     [(name, pa.string()) for name in _WORDS]

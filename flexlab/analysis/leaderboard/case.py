@@ -50,6 +50,13 @@ class Score:
         """In tables for programs."""
         return self.column.field
 
+    @property
+    def metric_name(self) -> str:
+        """Of the number that is looked at, as in "residual_vibration.later"; within the window, SI."""
+        metric = self.metric if isinstance(self.metric, type) else type(self.metric())
+        part = metric.columns[self.number].part
+        return f"{metric.name}.{part}" if part else metric.name
+
     def text(self, value: float | None) -> str:
         """A value (SI, None: there is none) with four digits in its unit, or the word that stands for a missing one."""
         return value_text(self.column, nan if value is None else self.column.scale * value)

@@ -40,9 +40,9 @@ class RmsError(RootMeanSquare):
 
     name, place = "rms_error", 10
     columns = (
-        Column("rms-x", "RMS error x", "RMS x", "mm", 1e3, listed=True),
-        Column("rms-y", "RMS error y", "RMS y", "mm", 1e3, listed=True),
-        Column("rms-theta", "RMS error θ", "RMS θ", "mrad", 1e3),
+        Column("rms-x", "RMS error x", "RMS x", "mm", 1e3, listed=True, part="x"),
+        Column("rms-y", "RMS error y", "RMS y", "mm", 1e3, listed=True, part="y"),
+        Column("rms-theta", "RMS error θ", "RMS θ", "mrad", 1e3, part="theta"),
     )
 
     def signal(self, samples: "Samples") -> np.ndarray:

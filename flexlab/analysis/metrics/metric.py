@@ -20,7 +20,7 @@ class Column:
     """How one number of a metric is shown."""
 
     field: str
-    """Name on the command line, as in `--sort torque`."""
+    """Short name of earlier versions, as in `--sort torque`; `names.py` has the one that is written."""
     title: str
     heading: str
     """The title where there is little room."""
@@ -32,11 +32,22 @@ class Column:
     """Whether lists of runs have a column for it."""
     missing: str = "–"
     """What stands where the number is NaN."""
+    part: str = ""
+    """Which of a metric's numbers it is, as in rms_error.y; empty where it is the only one."""
 
     @property
     def key(self) -> str:
         """Title and unit, as notes and tables name it."""
         return f"{self.title} [{self.unit}]"
+
+    @property
+    def si_unit(self) -> str:
+        """Of the number as Python and tables for programs have it."""
+        return self.unit if self.scale == 1.0 else _SI[self.unit]
+
+
+_SI = {"mm": "m", "µm": "m", "mrad": "rad", "%": "1"}
+"""Unit of tables → SI."""
 
 
 class Metric(ABC):
@@ -48,6 +59,8 @@ class Metric(ABC):
     """In tables: smaller ones first."""
     columns: ClassVar[tuple[Column, ...]]
     """One per number of `compute`."""
+    own: ClassVar[bool] = False
+    """Whether somebody declared it for their own studies; recordings do not note it."""
 
     @abstractmethod
     def update(self, samples: "Samples") -> None:
@@ -84,6 +97,11 @@ def register(metric: MetricClass) -> MetricClass:
     METRICS.clear()
     METRICS.update(ordered)
     return metric
+
+
+def forget(name: str) -> None:
+    """Take a metric away again, if it is there."""
+    METRICS.pop(name, None)
 
 
 class RootMeanSquare(Metric):

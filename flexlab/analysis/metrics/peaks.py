@@ -16,9 +16,9 @@ class PeakError(Peak):
 
     name, place = "peak_error", 20
     columns = (
-        Column("peak-x", "Peak error x", "peak x", "mm", 1e3),
-        Column("peak-y", "Peak error y", "peak y", "mm", 1e3),
-        Column("peak-theta", "Peak error θ", "peak θ", "mrad", 1e3),
+        Column("peak-x", "Peak error x", "peak x", "mm", 1e3, part="x"),
+        Column("peak-y", "Peak error y", "peak y", "mm", 1e3, part="y"),
+        Column("peak-theta", "Peak error θ", "peak θ", "mrad", 1e3, part="theta"),
     )
 
     def signal(self, samples: "Samples") -> np.ndarray:

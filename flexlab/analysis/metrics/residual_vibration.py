@@ -24,8 +24,15 @@ class ResidualVibration(Metric):
 
     name, place = "residual_vibration", 35
     columns = (
-        Column("residual", "Residual vibration after the stop", "residual", "mm", 1e3),
-        Column("residual-later", f"Residual vibration {LATER:g} s after the stop", f"residual {LATER:g} s", "mm", 1e3),
+        Column("residual", "Residual vibration after the stop", "residual", "mm", 1e3, part="stop"),
+        Column(
+            "residual-later",
+            f"Residual vibration {LATER:g} s after the stop",
+            f"residual {LATER:g} s",
+            "mm",
+            1e3,
+            part="later",
+        ),
     )
 
     # Samples that a louder one follows can never be the loudest after the stop, whenever that was: few have to be kept.

@@ -3,12 +3,15 @@
 Notes on a recording hold metrics as numbers by title and unit, None for what had no value.
 """
 
+from collections import namedtuple
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from math import inf, isnan, nan
 from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric
+from flexlab.analysis.metrics.names import named
 from flexlab.html_table import html_table
 from flexlab.number_text import number_text
 
@@ -92,7 +95,12 @@ class RunMetrics:
         values = self.__dict__.get("_values", {}).get(name)
         if values is None:
             raise AttributeError(f"there is no metric {name!r}: choose one of {', '.join(METRICS)}")
-        return values[0] if len(values) == 1 else values
+        return values[0] if len(values) == 1 else _parts(name)(*values)
+
+    def __getitem__(self, name: str) -> float:
+        """A number by its name, as in "rms_error.y", SI. Raises `StudyError`."""
+        found = named(name)
+        return found.scale * self._values[found.number.metric][found.number.index]
 
     def __dir__(self) -> Iterable[str]:
         return [*super().__dir__(), *self._values]
@@ -108,6 +116,11 @@ class RunMetrics:
             for name, values in self._values.items()
             for column, value in zip(METRICS[name].columns, values, strict=True)
         )
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """All numbers, SI, in the order of `metrics.names.numbers`."""
+        return tuple(value for values in self._values.values() for value in values)
 
     def as_data(self) -> dict[str, Any]:
         """Plain data with all digits, SI: a number per metric, or a list of several; None for NaN, which JSON has not."""
@@ -133,14 +146,20 @@ class RunMetrics:
         return html_table(((row.key, row.text) for row in self.rows), caption=f"Over {self.window_text}")
 
 
+@cache
+def _parts(name: str) -> Any:
+    """Makes a tuple of a metric's numbers, whose parts have names: `rms_error.y`."""
+    return namedtuple(name, [column.part for column in METRICS[name].columns])  # type: ignore[misc]
+
+
 class MetricCollection:
     """All metrics at once, gathered in pieces of any order, so that hours of a run need no more memory than seconds."""
 
-    def __init__(self, window: Window = (-inf, inf)):
-        """`window`: which samples count, s."""
+    def __init__(self, window: Window = (-inf, inf), own: bool = True):
+        """`window`: which samples count, s; `own`: whether those do, too, that somebody declared."""
         self._window = window
         self._span: Window | None = None
-        self._metrics: dict[str, Metric] = {name: metric() for name, metric in METRICS.items()}
+        self._metrics: dict[str, Metric] = {name: metric() for name, metric in METRICS.items() if own or not metric.own}
 
     def update(self, samples: "Samples") -> None:
         """Take in a piece of the run; what of it lies outside the window does not count."""
@@ -191,7 +210,7 @@ UNKNOWN = "–"
 def measured(noted: Any) -> bool:
     """Whether the notes have all metrics of today: one that came later, or means something else now, is missing."""
     return isinstance(noted, Mapping) and all(
-        column.key in noted for metric in METRICS.values() for column in metric.columns
+        column.key in noted for metric in METRICS.values() if not metric.own for column in metric.columns
     )
 
 

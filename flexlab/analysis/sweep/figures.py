@@ -11,7 +11,8 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from flexlab.analysis.figures import BLUE, FORMATS, GRAY, RESOLUTION, STYLE, VERMILION
-from flexlab.analysis.metrics import METRICS, Column
+from flexlab.analysis.metrics import Column
+from flexlab.analysis.metrics.names import named, numbers
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.result import Sweep
 from flexlab.errors import StudyError
@@ -23,18 +24,14 @@ WIDE_SPREAD = 100.0
 """Largest over least value from which a colour scale is logarithmic."""
 PANELS = 6
 """Most panels of one figure: one for each value of a field that is no number."""
-DEFAULT_PARETO = ("rms-y", "force")
+DEFAULT_PARETO = ("rms_error.y", "rms_internal_force")
 NOT_SETTLED = "#d0d0d0"
 """Of cells that ran but have no number."""
 
 
 def metric_column(name: str) -> Column:
-    """A metric's column by its short name, as in "rms-x", or its title and unit. Raises `StudyError`."""
-    columns = [column for metric in METRICS.values() for column in metric.columns]
-    for column in columns:
-        if name in (column.field, column.key):
-            return column
-    raise StudyError(f"{name!r:.60} is no metric: choose one of {', '.join(column.field for column in columns)}.")
+    """How a metric is shown that is named as in "rms_error.x", or by an earlier name. Raises `StudyError`."""
+    return named(name).number.column
 
 
 def write_figures(
@@ -43,7 +40,7 @@ def write_figures(
     """Draw each metric of `shown` (none named: those that lists show) and the two of `pareto` into the sweep's folder."""
     if kind not in FORMATS:
         raise StudyError(f"figures are written as {' or '.join(FORMATS)}, not as {kind!r:.60}.")
-    listed = [column.field for metric in METRICS.values() for column in metric.columns if column.listed]
+    listed = [number.name for number in numbers() if number.column.listed]
     figures = {name: draw_metric(sweep, name) for name in shown or listed}
     figures["pareto"] = draw_pareto(sweep, *pareto)
     paths = []

@@ -17,6 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlab.analysis.metrics import METRICS, MetricCollection
+from flexlab.analysis.metrics.own import own_metrics
+from flexlab.analysis.result import scenario_hash
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.workers import engine
 from flexlab.errors import FlexlabError, StudyError
@@ -28,6 +30,8 @@ from flexlab.sim.simulate import sample_count
 from flexlab.sim.world import World
 
 DESIGNS = ("grid", "latin-hypercube", "sobol")
+TABLE_FORMAT = 2
+"""Of a sweep's table: 2 has metrics by name, in SI units, and says what computed it."""
 MOST_CELLS = 100_000_000
 """Beyond this nobody waits for the end."""
 MANY_CELLS = 100_000
@@ -113,7 +117,8 @@ class Plan:
             "design": self.design,
             "samples": self.samples,
             "seed": self.seed,
-            "metrics": list(METRICS),
+            "metrics": [*METRICS, *(own.digest for own in own_metrics())],
+            "table": TABLE_FORMAT,
             "engine": engine(),
         }
 
@@ -173,7 +178,9 @@ class Cell(NamedTuple):
     sentence: str
     """Why it failed, or since when its results are no longer accurate; empty: all is well."""
     metrics: tuple[float | None, ...] | None
-    """As tables show them; None: it failed."""
+    """SI; None: it failed."""
+    scenario: str = ""
+    """Hash of its scenario; empty: it has none that is valid."""
 
 
 class KnownBeams:
@@ -216,12 +223,17 @@ def _run(plan: Plan, number: int, beams: KnownBeams) -> Cell:
         world = World(scenario, plan.sample_period, beams.of(scenario.payload))
     except FlexlabError as error:
         return Cell(number, values, "invalid", str(error).replace("\n", " "), None)
-    metrics = measure(world, sample_count(plan.duration, plan.sample_period))
-    if world.status.failed:
-        return Cell(number, values, str(world.status), world.status.text, None)
+    known = scenario_hash(scenario)
+    try:
+        metrics = measure(world, sample_count(plan.duration, plan.sample_period))
+        if world.status.failed:
+            return Cell(number, values, str(world.status), world.status.text, None, known)
+        found = metrics.compute().numbers
+    except StudyError as error:  # of a metric of one's own
+        return Cell(number, values, "no metric", str(error), None, known)
     beams.note(world.assembly)
-    shown = tuple(None if row.value != row.value else row.value for row in metrics.compute().rows)
-    return Cell(number, values, "finished", world.warnings, shown)
+    plain = tuple(None if value != value else value for value in found)
+    return Cell(number, values, "finished", world.warnings, plain, known)
 
 
 def measure(world: World, ticks: int) -> MetricCollection:

@@ -6,6 +6,7 @@ One row per cell, saved part by part under a key of what the table holds, whole 
 import json
 import shutil
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, partial
 from html import escape
@@ -16,17 +17,18 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
-from flexlab.analysis.metrics import METRICS
+from flexlab.analysis.metrics.names import named, numbers
+from flexlab.analysis.result import Result, about_number
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Cell, Plan, run_part
 from flexlab.analysis.workers import Told, Workers
 from flexlab.errors import StudyError
 from flexlab.html_table import html_table
+from flexlab.recording.run_info import package_version
 from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.figure import Figure
 
 TABLE, PARTS, PLAN = "cells.parquet", "parts", "sweep.json"
@@ -41,25 +43,34 @@ def sweep_folder(name: str, plan: Plan) -> Path:
     return SWEEPS / f"{name}-{plan.key}"
 
 
-def metric_names() -> list[str]:
-    """The columns of metrics: title and unit."""
-    return [column.key for metric in METRICS.values() for column in metric.columns]
-
-
 def schema(plan: Plan) -> pa.Schema:
-    """Columns: the cell's number, each axis by its path, status, sentence, each metric by title and unit."""
+    """Columns: the cell's number, each axis by its path, status, sentence, each metric by its name, and where it all comes from.
+
+    Metrics are in SI units; the columns' metadata have titles and units. "scenario" is the cell's own, as a hash.
+    """
     axes = [(axis.path, pa.float64() if axis.numeric else pa.string()) for axis in plan.axes]
-    metrics = [(name, pa.float64()) for name in metric_names()]
+    metrics = [pa.field(each.name, pa.float64(), metadata=about_number(each)) for each in numbers()]
     about = json.dumps({"sweep": plan.as_data(), "key": plan.key}, ensure_ascii=False, sort_keys=True)
     columns = [("cell", pa.int64()), *axes, ("status", pa.string()), ("sentence", pa.string()), *metrics]
-    return pa.schema(columns).with_metadata({METADATA: about.encode()})
+    provenance = [(name, pa.string()) for name in ("scenario", "key", "version")]
+    return pa.schema([*columns, *provenance]).with_metadata({METADATA: about.encode()})
 
 
 def to_table(plan: Plan, cells: Sequence[Cell]) -> pa.Table:
     """Rows of some cells, in their order."""
-    nothing = (None,) * len(metric_names())
+    nothing = (None,) * len(numbers())
+    version = package_version()
     rows = [
-        (cell.number, *map(_plain, cell.values), cell.status, cell.sentence, *(cell.metrics or nothing))
+        (
+            cell.number,
+            *map(_plain, cell.values),
+            cell.status,
+            cell.sentence,
+            *(cell.metrics or nothing),
+            cell.scenario,
+            plan.key,
+            version,
+        )
         for cell in cells
     ]
     layout = schema(plan)
@@ -187,7 +198,7 @@ def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda do
     return kept.table
 
 
-class Sweep:
+class Sweep(Result):
     """A scenario with some fields varied: `table` has a row per cell, with its values, its status and its metrics."""
 
     def __init__(self, plan: Plan, folder: Path):
@@ -196,7 +207,7 @@ class Sweep:
 
     @cached_property
     def table(self) -> pa.Table:
-        """All cells: number, varied fields by path, status, sentence, metrics by title and unit."""
+        """All cells: number, varied fields by path, status, sentence, metrics by name, SI; scenario (hash), key and version."""
         return parquet.read_table(self.folder / TABLE)
 
     @property
@@ -213,10 +224,18 @@ class Sweep:
         return self.plan.cell_count
 
     def column(self, name: str) -> np.ndarray:
-        """A column of numbers, (cells,); NaN where a cell has none. Raises `StudyError`."""
+        """A column of numbers, (cells,), SI; NaN where a cell has none. Raises `StudyError`.
+
+        Metrics are named as in "rms_error.y"; by their short names of earlier versions they come in the units of tables.
+        """
+        scale = 1.0
+        if name not in self.table.column_names:
+            with suppress(StudyError):
+                found = named(name)
+                name, scale = found.number.name, found.scale
         if name not in self.table.column_names:
             raise StudyError(f"{name!r:.60} is no column: there are {', '.join(self.table.column_names)}.")
-        return self.table.column(name).to_numpy(zero_copy_only=False).astype(float)
+        return scale * self.table.column(name).to_numpy(zero_copy_only=False).astype(float)
 
     def columns(self) -> dict[str, list[Any]]:
         """All of the table as plain lists; None where a cell has nothing."""
@@ -238,20 +257,13 @@ class Sweep:
             raise StudyError(f"cell = {cell!r:.60} is none: give a whole number from 0 to {len(self) - 1}.")
         return self.plan.cell_scenario(int(cell))
 
-    def to_pandas(self) -> "pandas.DataFrame":
-        """The table as a data frame. Raises `StudyError` where pandas is not installed."""
-        try:
-            return self.table.to_pandas()
-        except ImportError:
-            raise StudyError("pandas is not installed: pip install pandas brings it, or use .table.") from None
-
-    def plot(self, metric: str = "rms-y") -> "Figure":
+    def plot(self, metric: str = "rms_error.y") -> "Figure":
         """A metric over what was varied: see `analysis.sweep.figures.draw_metric`."""
         from flexlab.analysis.sweep.figures import draw_metric
 
         return draw_metric(self, metric)
 
-    def plot_pareto(self, first: str = "rms-y", second: str = "force") -> "Figure":
+    def plot_pareto(self, first: str = "rms_error.y", second: str = "rms_internal_force") -> "Figure":
         """What less of one metric costs in another: see `analysis.sweep.figures.draw_pareto`."""
         from flexlab.analysis.sweep.figures import draw_pareto
 

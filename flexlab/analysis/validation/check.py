@@ -4,13 +4,20 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import pyarrow as pa
+
+from flexlab.analysis.result import Result
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.presets import load_preset
+from flexlab.recording.run_info import package_version
 from flexlab.registry import modules_in
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PERIOD = 0.001
 """s between samples of the paper's run."""
@@ -99,11 +106,28 @@ Group = Callable[[Runs], Iterator[Check]]
 
 
 @dataclass(frozen=True)
-class Validation:
+class Validation(Result):
     """All checks by subject, and the runs on which they were made."""
 
     groups: dict[str, tuple[Check, ...]]
     runs: Runs
+
+    @property
+    def table(self) -> Any:
+        """A row per statement: subject, statement, expected, found, whether it holds, and the version that was asked."""
+        version = package_version()
+        rows = [
+            {"subject": subject, **vars(check), "version": version}
+            for subject, checks in self.groups.items()
+            for check in checks
+        ]
+        return pa.Table.from_pylist(rows)
+
+    def plot(self, number: int = 3) -> "Figure":
+        """The paper's Figure 2, 3, 4 or 5 of the run that was looked at."""
+        from flexlab.analysis.figures import draw_figure
+
+        return draw_figure(number, self.runs.paper)
 
     @property
     def checks(self) -> tuple[Check, ...]:

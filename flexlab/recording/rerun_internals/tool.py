@@ -65,12 +65,12 @@ class Mending:
             with contextlib.suppress(OSError):
                 process.terminate()
 
-    def rewrite(self, source: Path, target: Path) -> bool:
-        """Write what can be read of `source` to `target`, with a footer; whether anything could be.
+    def rewrite(self, source: Path, target: Path, join: bool = True) -> bool:
+        """Write what can be read of `source` to `target`, with a footer; whether anything could be. `join`: small pieces.
 
         Raises OSError if the disk refuses; `target` is then worth nothing, even if it can be read.
         """
-        ways = ("filter",) if source.stat().st_size > LARGE_FILE else ("optimize", "filter")
+        ways = ("optimize", "filter") if join and source.stat().st_size <= LARGE_FILE else ("filter",)
         return any(not self._stopped.is_set() and self._run(way, source, target) for way in ways)
 
     def _run(self, way: str, source: Path, target: Path) -> bool:

@@ -214,9 +214,13 @@ def list_files(logs: Path) -> list[Path]:
     return [logs / name for _, name in sorted(found, reverse=True)]
 
 
-def newest_run(logs: Path) -> Path:
-    """The recording written last. Raises `RecordingError` if there is none."""
-    runs = list_runs(logs)
+VARIANT = "variant"
+"""In the notes of a run that was made to be compared with another one: of which, and what it is."""
+
+
+def newest_run(logs: Path, made: bool = True) -> Path:
+    """The recording written last; `made`: one that was made for a comparison, too. Raises `RecordingError` if there is none."""
+    runs = [run for run in list_runs(logs) if made or VARIANT not in read_notes(run)]
     if not runs:
         raise RecordingError(f"There is no recording in {logs}: start flexlab, or say where with --logs.")
     return runs[0]

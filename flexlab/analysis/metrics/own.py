@@ -1,0 +1,151 @@
+"""Metrics of one's own, from a decorated function: `run.metrics`, sweeps and tuning have them as they have all others.
+
+@flexlab.metric("J", "Work of the motors")
+def work(samples: flexlab.Samples) -> float:
+    return float(samples.input_work[-1] - samples.input_work[0])
+
+They count while the Python process lives that declared them, and travel with the cells of a sweep; recordings do not note them.
+"""
+
+import hashlib
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Self, TypeVar
+
+import numpy as np
+
+from flexlab.analysis.metrics.metric import METRICS, Column, Metric, Peak, RootMeanSquare, forget, register
+from flexlab.errors import StudyError
+from flexlab.sim.samples import Samples, join_blocks
+
+Kind = Literal["run", "peak", "rms"]
+"""What the function gives: the run's number; or a signal, of which the largest magnitude or the root mean square counts."""
+Function = TypeVar("Function", bound=Callable[[Samples], Any])
+PLACE = 100
+"""After all others."""
+
+
+@dataclass(frozen=True)
+class OwnMetric:
+    """What a decorator said."""
+
+    function: Callable[[Samples], Any]
+    unit: str
+    title: str
+    of: Kind
+
+    @property
+    def name(self) -> str:
+        """Of the function."""
+        return self.function.__name__
+
+    @property
+    def digest(self) -> str:
+        """Of its text: a sweep with another one is another sweep."""
+        try:
+            text = inspect.getsource(self.function)
+        except (OSError, TypeError):
+            text = repr(self.function.__code__.co_code) + repr(self.function.__code__.co_consts)
+        return hashlib.sha256(f"{self.name} {self.unit} {self.of} {text}".encode()).hexdigest()[:16]
+
+
+DECLARED: dict[str, OwnMetric] = {}
+"""All of them, by name."""
+
+
+def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function], Function]:
+    """Decorator: makes a metric, called as the function is, of a function of `flexlab.Samples`.
+
+    `unit`: SI; "1" for none. `title`: as tables show it. `of`: "run", the function gives the number of a whole run, which stays
+    in memory for it; "peak" or "rms": it gives a signal (N,), of any piece of a run, whose largest magnitude or root mean
+    square is the number. A function that fails makes a cell of a sweep fail, with its reason. Declared again, it is replaced.
+    Raises `StudyError` for a name that is taken.
+    """
+    if of not in ("run", "peak", "rms"):
+        raise StudyError(f'of = {of!r:.40} is not usable: give "run", "peak" or "rms".')
+
+    def declare(function: Function) -> Function:
+        know_own_metrics([OwnMetric(function, unit, title or function.__name__.replace("_", " ").capitalize(), of)])
+        return function
+
+    return declare
+
+
+def know_own_metrics(declared: Sequence[OwnMetric]) -> None:
+    """Add metrics to those there are, as on a worker that computes cells. Raises `StudyError`."""
+    for own in declared:
+        if own.name in DECLARED:
+            forget(own.name)
+        try:
+            register(_made(own))
+        except ValueError as error:
+            raise StudyError(f"{error}: give the function or its title another name.") from None
+        DECLARED[own.name] = own
+
+
+def own_metrics() -> list[OwnMetric]:
+    """Those that were declared and are there."""
+    return [own for name, own in DECLARED.items() if name in METRICS]
+
+
+def _made(declared: OwnMetric) -> type[Metric]:
+    about = {
+        "__doc__": declared.function.__doc__ or declared.title,
+        "name": declared.name,
+        "place": PLACE,
+        "columns": (Column(declared.name, declared.title, declared.title, declared.unit),),
+        "own": True,
+        "declared": declared,
+    }
+    base = {"run": _OfRun, "peak": _PeakOf, "rms": _RmsOf}[declared.of]
+    return type(f"Own_{declared.name}", (base,), about)
+
+
+def _called(declared: OwnMetric, samples: Samples) -> np.ndarray:
+    try:
+        return np.asarray(declared.function(samples), float)
+    except Exception as error:
+        reason = " ".join(str(error).split()) or "no reason given"
+        raise StudyError(f"The metric {declared.name} failed: {type(error).__name__}: {reason:.300}") from error
+
+
+class _OfRun(Metric):
+    declared: ClassVar[OwnMetric]
+
+    def __init__(self) -> None:
+        self._pieces: list[Samples] = []
+
+    def update(self, samples: Samples) -> None:
+        self._pieces.append(samples)
+
+    def merge(self, other: Self) -> None:
+        self._pieces += other._pieces
+
+    def compute(self) -> tuple[float, ...]:
+        if not self._pieces:
+            return (np.nan,)
+        pieces = sorted(self._pieces, key=lambda piece: piece.time[0])
+        found = _called(self.declared, join_blocks(pieces))
+        if found.size != 1:
+            raise StudyError(f"The metric {self.declared.name} gives {found.size} numbers: one is needed of a run.")
+        return (float(found.reshape(())),)
+
+
+class _SignalOf:
+    declared: ClassVar[OwnMetric]
+
+    def signal(self, samples: Samples) -> np.ndarray:
+        found = _called(self.declared, samples)
+        if found.shape != (len(samples),):
+            wanted = f"a signal of these samples has ({len(samples)},)"
+            raise StudyError(f"The metric {self.declared.name} gives an array {found.shape}: {wanted}.")
+        return found[:, None]
+
+
+class _PeakOf(_SignalOf, Peak):
+    pass
+
+
+class _RmsOf(_SignalOf, RootMeanSquare):
+    pass

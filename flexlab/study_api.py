@@ -1,0 +1,185 @@
+"""Studies for Python users: tuning, fits, comparisons, replays, exports, validation, as the commands of the same names make them.
+
+Everything here stands as `flexlab.<name>`; each call is what its command does between reading words and printing tables.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from flexlab.analysis import comparison, tuning, validation
+from flexlab.analysis import replay as replaying
+from flexlab.analysis.capsule import unpack_capsule, write_capsule
+from flexlab.analysis.comparison import Comparison
+from flexlab.analysis.identification.fitting import Fit, fit_file, fit_run
+from flexlab.analysis.replay import Replay
+from flexlab.analysis.sweep.axes import parse_axes
+from flexlab.analysis.tuning import Tuning, parse_cost
+from flexlab.analysis.validation import Validation
+from flexlab.analysis.workers import chosen_workers, progress_bar
+from flexlab.api import LOGS, AnyLaw, AnyPath, AnyScenario, Run, export_fmu, named_scenario
+from flexlab.errors import StudyError
+from flexlab.own import hosts
+from flexlab.recording.export import export_recording
+from flexlab.recording.reader import read_blocks, read_recording
+from flexlab.recording.store.run_files import find_run
+
+AnyRun = Run | str | Path
+"""A run; a recording's file or name in the folder of logs, or the beginning of one; or "newest"."""
+UNIT, BODIES, PAGE, ARCHIVE = ".fmu", (".urdf", ".xml", ".mjcf"), ".html", ".zip"
+"""Endings of files that are no tables."""
+
+
+def tune(
+    scenario: AnyScenario,
+    change: Mapping[str, str] | Sequence[str],
+    cost: Sequence[str] | Mapping[str, float] = ("rms_error.x", "rms_error.y"),
+    limit: Sequence[str] | Mapping[str, float] = (),
+    robust: Mapping[str, Any] | Sequence[str] = (),
+    duration: float = 3.0,
+    candidates: int = 200,
+    seed: int = 0,
+    law: AnyLaw = None,
+    path: AnyPath = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+    progress: bool = True,
+) -> Tuning:
+    """Search ranges for the parameters that cost least: `.tuned` is the scenario with them, `.table` has all that was tried.
+
+    `change`: {"controller.feedback_gain": "50:500:log"}. `cost`: metrics times weights, {"rms_error.y": 1.0}; `limit`: what must
+    not be exceeded, {"peak_torque": 600.0}; both in SI units. `robust`: the worst of these scenarios counts,
+    {"payload.bending_stiffness": [50, 200]}. `law`, `path`: as in `simulate`; `workers`, `cluster`: as in `sweep`.
+    Raises `ScenarioError`, `StudyError`…
+    """
+    _, valid = named_scenario(scenario, law, path)
+    axes, others = parse_axes(change, valid), parse_axes(robust, valid) if robust else ()
+    known = chosen_workers(workers, cluster)
+    with progress_bar(progress, "candidates") as told:
+        return tuning.tune(valid, axes, parse_cost(cost, limit), others, duration, candidates, seed, told, known)
+
+
+def fit(
+    source: AnyRun,
+    signal: str | None = None,
+    time: str | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    scenario: AnyScenario | None = None,
+    logs: str | Path = LOGS,
+) -> Fit:
+    """Fit a free vibration: `.ring.modes` with 95 % intervals, `.beam` that rings so; `.is_ring` says whether there is one.
+
+    `source`: a run, or a CSV file, whose columns `time` and `signal` name, with a unit as in "laser [mm]". `start`, `end`: s;
+    None: where the ring begins. `scenario`: what is known of the beam; None: a run's own. Raises `StudyError`, `RecordingError`.
+    """
+    known = None if scenario is None else named_scenario(scenario)[1]
+    if not isinstance(source, Run) and str(source).lower().endswith(".csv"):
+        return fit_file(Path(source), time, signal, start, end, known)
+    with ExitStack() as stack:
+        (path,) = _paths([source], logs, stack)
+        return fit_run(str(path), Path(logs), signal, start, end, known)
+
+
+def compare(*runs: AnyRun, logs: str | Path = LOGS) -> Comparison:
+    """Two or more runs side by side, over the time that the shortest lasts: what was set differently, and what came of it.
+
+    Raises `RecordingError` and `StudyError`.
+    """
+    if len(runs) < 2:
+        raise StudyError("A comparison needs two runs at least.")
+    with ExitStack() as stack:
+        return comparison.compare(_paths(runs, logs, stack))
+
+
+def replay(run: str | Path, logs: str | Path = LOGS, run_own_law: bool = False) -> Replay:
+    """Simulate a recording, or an archive of one (.zip), again from its start and its commands, and compare every bit.
+
+    `run_own_law`: let Python code run that came with the recording. Raises `RecordingError` and `StudyError`.
+    """
+    with ExitStack() as stack:
+        if str(run).lower().endswith(ARCHIVE):
+            path = unpack_capsule(Path(run), Path(stack.enter_context(TemporaryDirectory(prefix="flexlab-"))))
+        else:
+            path = find_run(str(run), Path(logs))
+        recording = read_recording(path, with_samples=False)
+        for kind, source in replaying.own_law_texts(recording):
+            if not hosts.is_allowed(source):
+                if not run_own_law:
+                    raise StudyError(
+                        f"The run came with the control law {kind}, Python code: let it run by run_own_law=True."
+                    )
+                hosts.allow(source, f"{kind.replace('-', '_')}.py")
+        return replaying.replay(recording, read_blocks(path))
+
+
+def export(
+    what: AnyRun | AnyScenario,
+    to: str | Path,
+    start: float | None = None,
+    end: float | None = None,
+    logs: str | Path = LOGS,
+    **options: Any,
+) -> Path:
+    """Write a run as a table (.csv, .parquet, .npz), a page (.html) or an archive (.zip); returns the file.
+
+    Or a scenario for other simulators: .fmu (`options` as for `export_fmu`), .urdf, .xml or .mjcf. `start`, `end`: of a table, s.
+    Raises `RecordingError`, `StudyError` and, of a scenario, `PresetError` or `ScenarioError`.
+    """
+    target = Path(to)
+    kind = target.suffix.lower()
+    if kind == UNIT or kind in BODIES:
+        if isinstance(what, Run):
+            what = what.scenario
+        if kind == UNIT:
+            return export_fmu(what, target, **options)
+        from flexlab.multibody.export import write_bodies
+
+        name, scenario = named_scenario(what)
+        return write_bodies(scenario, target, name)
+    if options:
+        raise StudyError(f"{', '.join(options)}: an option of units is of no use here: let {target} end in .fmu.")
+    if not isinstance(what, (Run, str, Path)):
+        raise StudyError(f"{target} is made of a run: give one, or simulate the scenario first.")
+    if kind in (PAGE, ARCHIVE) and (start, end) != (None, None):
+        raise StudyError(f"start and end are for tables: {target} holds the whole run.")
+    with ExitStack() as stack:
+        (path,) = _paths([what], logs, stack)
+        if kind == ARCHIVE:
+            write_capsule(path, target)
+        elif kind == PAGE:
+            _write_page(path, target)
+        else:
+            export_recording(read_recording(path, with_samples=False), target, start, end, read_blocks(path))
+    return target
+
+
+def _write_page(path: Path, target: Path) -> None:
+    from contextlib import redirect_stdout
+    from io import StringIO
+
+    from flexlab.lab.run_page import Noted, write_run_page
+    from flexlab.recording.run_info import package_version
+    from flexlab.recording.store.run_index import read_row
+
+    recording, row = read_recording(path), read_row(path)
+    noted = Noted(row.heading, row.note, row.lessons, row.changes)
+    with redirect_stdout(StringIO()):  # viser says where it serves, which it does for a moment only.
+        write_run_page(recording.run, target, recording.name, package_version(), noted)
+
+
+def validate() -> Validation:
+    """Whether what this installation computes is what the paper and mechanics say: `.holds`, and a row per statement."""
+    return validation.validate()
+
+
+def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:
+    """The recordings of runs; one in memory is recorded where it goes with the stack. Raises `RecordingError`."""
+    return [
+        run.save(stack.enter_context(TemporaryDirectory(prefix="flexlab-")))
+        if isinstance(run, Run)
+        else find_run(str(run), Path(logs))
+        for run in runs
+    ]

@@ -1,0 +1,139 @@
+"""Studies for Python users: one way of naming a metric, tables that say where they come from, and metrics of one's own."""
+
+import os
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import users_study
+
+import flexlab
+from flexlab.analysis.metrics.metric import forget
+from flexlab.analysis.metrics.names import named, number_names
+from flexlab.analysis.metrics.own import DECLARED
+from flexlab.analysis.sweep.plan import make_plan
+from flexlab.analysis.sweep.result import run_sweep
+from flexlab.analysis.tuning import numbers_of, parse_cost
+from flexlab.analysis.workers import chosen_workers
+from flexlab.errors import StudyError
+from flexlab.recording.headless import write_run
+from flexlab.recording.store.notes import read_notes
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+EI = "payload.bending_stiffness"
+
+
+@pytest.fixture(autouse=True)
+def as_declared() -> Iterator[None]:
+    """Metrics of one's own are there for the whole process."""
+    yield
+    for name in list(DECLARED):
+        forget(name)
+
+
+def test_a_users_study_runs_as_it_is_written(tmp_path: Path):
+    for own in (users_study.motor_work, users_study.rms_torque):
+        flexlab.metric(
+            "J" if own is users_study.motor_work else "N·m", of="run" if own.__name__ == "motor_work" else "rms"
+        )(own)
+    found = users_study.study(tmp_path)
+    assert found["error"] == found["same"] > 0
+    assert found["largest work"] > found["work"] > 0
+    assert 50 <= found["gain"] <= 500
+    assert (found["runs"], found["replayed"]) == (2, 1)
+    assert 20 < found["frequency"] < 80
+    assert all(value == 1 for name, value in found.items() if name.startswith("says where"))
+    assert found["figures"] == 4
+    assert (tmp_path / "run.csv").stat().st_size > 1000
+
+
+def test_a_number_has_one_name_in_si_and_older_names_still_read(tmp_path: Path):
+    run = flexlab.simulate("paper", 0.05)
+    assert number_names()[1:4] == ["rms_error.x", "rms_error.y", "rms_error.theta"]
+    assert run.metrics["rms_error.y"] == run.metrics.rms_error.y == run.metrics.rms_error[1]
+    for old in ("rms-y", "RMS error y [mm]"):
+        assert run.metrics[old] == pytest.approx(1e3 * run.metrics.rms_error.y, rel=1e-15)
+    cells = flexlab.sweep("paper", {EI: [100.0, 200.0]}, 0.05, folder=tmp_path, progress=False)
+    np.testing.assert_array_equal(cells.column("rms-y"), 1e3 * cells.column("rms_error.y"))
+    assert cells.table.schema.field("rms_error.y").metadata == {b"title": b"RMS error y", b"unit": b"m"}
+    si, shown = parse_cost({"rms_error.y": 1e3}), parse_cost(["rms-y"])
+    assert si.of(run.metrics) == pytest.approx(shown.of(run.metrics), rel=1e-12)
+    assert numbers_of(run.metrics)["peak_torque"] == run.metrics.peak_torque
+    with pytest.raises(StudyError, match=r"rms_error has several numbers: choose one of rms_error\.x, rms_error\.y"):
+        named("rms_error")
+    with pytest.raises(StudyError, match="'energy' is no metric: choose one of duration"):
+        run.metrics["energy"]
+
+
+def test_a_metric_of_ones_own_is_in_runs_and_sweeps_and_not_in_recordings(tmp_path: Path):
+    @flexlab.metric("m", of="peak")
+    def farthest(samples: flexlab.Samples) -> np.ndarray:
+        return samples.pose[:, 1]
+
+    @flexlab.metric("1")
+    def broken(samples: flexlab.Samples) -> float:
+        raise ValueError("no such thing")
+
+    run = flexlab.simulate("paper", 0.05)
+    with pytest.raises(StudyError, match="The metric broken failed: ValueError: no such thing"):
+        _ = run.metrics
+    plan = make_plan(flexlab.load_preset("paper"), flexlab.api.parse_axes({EI: [100.0]}, run.scenario), 0.05, 0.001)
+    run_sweep(plan, tmp_path / "sweep", chosen_workers(1))
+    assert flexlab.Sweep(plan, tmp_path / "sweep").failed == {0: "The metric broken failed: ValueError: no such thing"}
+    noted = read_notes(run.save(tmp_path))["metrics"]
+    assert not {"Farthest [m]", "Broken [1]"} & set(noted)
+    forget("broken")
+    assert flexlab.simulate("paper", 0.05).metrics.farthest == run.pose[:, 1].max()
+    before = plan.key
+    flexlab.metric("m", of="rms")(farthest)
+    assert make_plan(plan.scenario, plan.axes, 0.05, 0.001).key != before, "another metric is another sweep"
+    with pytest.raises(StudyError, match="give the function or its title another name"):
+        flexlab.metric("N")(_named("peak_torque"))
+    flexlab.metric("m", of="peak")(_named("two"))
+    with pytest.raises(StudyError, match=r"gives an array \(2,\): a signal of these samples has \(51,\)"):
+        _ = flexlab.simulate("paper", 0.05).metrics
+
+
+def _named(name: str) -> Callable[[flexlab.Samples], np.ndarray]:
+    def function(samples: flexlab.Samples) -> np.ndarray:
+        return np.zeros(2)
+
+    function.__name__ = name
+    return function
+
+
+def test_runs_of_changed_scenarios_are_called_after_what_was_changed(tmp_path: Path):
+    paper = flexlab.load_preset("paper")
+    run = flexlab.simulate(paper.replace({EI: 50.0}), 0.02)
+    assert run.name == "paper-bending_stiffness-50"
+    path = run.save(tmp_path)
+    assert path.stem.endswith("-paper-bending_stiffness-50")
+    assert read_notes(path)["changes"] == [f"{EI}: 100 → 50"]
+    assert flexlab.simulate(paper.replace({"title": "Mine"}), 0.02).name == "run"
+
+
+def test_newest_is_not_compared_with_what_was_made_of_it(flexlab_command: Command, tmp_path: Path):
+    logs = tmp_path / "logs"
+    first = write_run(flexlab.simulate("paper", 0.1), logs, "paper")
+    os.utime(first, (0, 0))
+    for _ in range(2):
+        done = flexlab_command("compare", "newest", "--set", f"{EI}=50", "--json")
+        assert done.returncode == 0, done.stderr
+        assert f'"run": "{first.stem}"' in done.stdout
+        assert f'"{EI}"' in done.stdout
+        assert len(list(logs.glob("*.rrd"))) == 2
+    assert list(logs.glob("*-paper-bending_stiffness-50.rrd"))
+
+
+def test_bad_arguments_are_one_sentence(tmp_path: Path):
+    run = flexlab.simulate("paper", 0.02)
+    with pytest.raises(StudyError, match="A comparison needs two runs at least"):
+        flexlab.compare(run)
+    with pytest.raises(StudyError, match="start and end are for tables"):
+        flexlab.export(run, tmp_path / "a.html", start=0.01)
+    with pytest.raises(StudyError, match="is made of a run"):
+        flexlab.export(run.scenario, tmp_path / "a.csv")
+    with pytest.raises(StudyError, match='of = \'mean\' is not usable: give "run", "peak" or "rms"'):
+        flexlab.metric("m", of="mean")  # type: ignore[arg-type]

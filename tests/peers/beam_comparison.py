@@ -24,7 +24,7 @@ SQUEEZED_FOR, SPUN_FOR, SPIN_UP_ENDS = 1.0, 3.5, 4.0
 """s: how long a squeezed beam is looked at, the spin-up at the preset's pace, and how much of its path is needed."""
 SMALLER, SLOWER = (1, 2, 4), (1, 1.5, 2)
 """The squeezed beam's deflection is divided by these; a spin-up takes so many times as long, and its end lags that much less.
-Slower still, a tremor of the arms at twice the spin meets the beam's own ring, and 0.03 mm of that hide the difference."""
+Slower still, a ring of 0.03 mm, not explained yet, hides the difference."""
 ALIKE = {"payload.element_count": ELEMENTS, "payload.damping": {"kind": "stiffness", "coefficient": 2e-3}}
 """A mesh that does not show, and damping that both engines have, in proportion to the stiffness."""
 

@@ -1,8 +1,10 @@
 """Listening on exactly the address that was asked for, or saying in one sentence why not."""
 
 import errno
+import os
 import socket
 import sys
+from pathlib import Path
 
 from flexlab.errors import LabError
 
@@ -10,6 +12,10 @@ BACKLOG = 128
 """Connections that may wait to be answered: a class that opens the page at once."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """Addresses that only this machine can reach."""
+
+
+UNIX = "unix:"
+"""What a host begins with that is the path of a Unix socket."""
 
 
 class PortInUse(LabError):
@@ -30,6 +36,8 @@ def listen(host: str, port: int) -> socket.socket:
     """A listening socket on exactly this host and port (0: any free one). Raises `LabError` with the reason if it cannot."""
     if not 0 <= port <= 65535:
         raise LabError(f"port = {port} is not a port number: choose 0 (any free one) to 65535.")
+    if host.startswith(UNIX):
+        return _listen_on_file(host.removeprefix(UNIX))
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -58,4 +66,36 @@ def listen(host: str, port: int) -> socket.socket:
         if error.errno == errno.EADDRNOTAVAIL:
             raise LabError(f"host = {host} is not an address of this machine: use 127.0.0.1 or 0.0.0.0.") from None
         raise LabError(f"{host}:{port} cannot be opened ({error.strerror}): choose another host or port.") from None
+    return plug
+
+
+def _listen_on_file(path: str) -> socket.socket:
+    """A listening Unix socket that only its owner may open; one that nobody answers any more makes room."""
+    if not hasattr(socket, "AF_UNIX"):
+        raise LabError("This system has no Unix sockets: give a host and a port.")
+    plug = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+            try:
+                probe.connect(path)
+            except ConnectionRefusedError:
+                Path(path).unlink()
+            except FileNotFoundError:
+                pass
+            else:
+                raise PortInUse(f"{path} is in use by another program: choose another one or stop that program.")
+        before = os.umask(0o177)
+        try:
+            plug.bind(path)
+        finally:
+            os.umask(before)
+        plug.listen(BACKLOG)
+        plug.setblocking(False)
+    except LabError:
+        plug.close()
+        raise
+    except OSError as error:
+        plug.close()
+        why = error.strerror or error  # "AF_UNIX path too long" has no number.
+        raise LabError(f"The socket {path} cannot be made ({why}): choose a short path in a folder of yours.") from None
     return plug

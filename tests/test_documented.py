@@ -44,6 +44,8 @@ ELSEWHERE = {
     'pip install "flexlab[mpc]"': "tests/test_dependencies.py",
     'pip install "flexlab[cluster]"': "tests/test_dependencies.py",
     'pip install "flexlab[gym]"': "tests/test_dependencies.py",
+    'pip install "flexlab[xarray]"': "tests/test_dependencies.py",
+    'pip install "flexlab[jupyter]"': "tests/server/test_base_url.py",
     "flexlab run": "the name of a command that wants more words",
     "dask scheduler": "tests/analysis/test_cluster.py",
     "dask worker tcp://HOST:8786": "tests/analysis/test_cluster.py",

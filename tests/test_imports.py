@@ -41,6 +41,7 @@ LAYERS = {
     "linear_api": 8,
     "study_api": 8,
     "notebook": 8,
+    "jupyter": 8,
     "fmi": 8,
     "multibody": 8,
     "gym_environment": 9,

@@ -25,10 +25,17 @@ def command(
     host: Annotated[
         str,
         tyro.conf.arg(
-            metavar="ADDRESS", help="Who may look: this machine only, or 0.0.0.0 for all who have the token."
+            metavar="ADDRESS",
+            help="Who may look: this machine only, 0.0.0.0 for all who have the token, or a proxy (unix:FILE).",
         ),
     ] = "127.0.0.1",
     port: Annotated[int, tyro.conf.arg(metavar="PORT", help="The page's port; 0 takes any free one.")] = 8080,
+    base_url: Annotated[
+        str,
+        tyro.conf.arg(
+            metavar="/PATH", help="What a proxy has before every address, as a JupyterHub does.", help_behavior_hint=""
+        ),
+    ] = "",
     no_browser: Annotated[
         bool, tyro.conf.arg(help="Only serve the page; do not open a browser.", help_behavior_hint="")
     ] = False,
@@ -143,20 +150,24 @@ def command(
         teacher_token=teacher_token,
         most_bytes_per_visitor=None if quota is None else quota * MEGABYTE,
         live=rerun,
+        base_url=base_url,
     )
     if not settings.is_local and token is None:
         # Made up here, so that a page opened while compiling can turn into the lab.
         settings = replace(settings, token=secrets.token_urlsafe(SECRET_BYTES))
     # Before compiling, which takes long.
     check_folder(logs)
-    listen(host, port).close()
+    if not settings.is_socket:
+        listen(host, port).close()
     shown: list[str] = []
-    warm_up(scenario, meanwhile=_waiting_page(settings, not no_browser, shown) if port else None)
+    warm_up(
+        scenario, meanwhile=_waiting_page(settings, not no_browser, shown) if port and not settings.is_socket else None
+    )
     with ending() as ended, ExitStack() as closing:
         front_server = closing.enter_context(open_front_server(settings, scenario, name, on_problem=complain))
         _welcome(front_server)
         closing.enter_context(compiling_the_rest())
-        if not no_browser and not shown:
+        if not (no_browser or shown or settings.is_socket):
             open_browser(front_server.lab_url)
         wait_for(ended)
     last = front_server.close()

@@ -190,7 +190,7 @@ def _is_utf8(charset: str | None) -> bool:
 
 def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
     """Another site's page must not drive the lab through a visitor's browser."""
-    if context.token is None and context.settings.is_local:
+    if context.token is None and context.settings.is_local and not context.settings.is_socket:
         # A foreign name that points to 127.0.0.1 would make a foreign page look like one of ours.
         name = urlsplit(f"//{request.host}").hostname
         if name not in LOOPBACK:

@@ -187,9 +187,10 @@ class Connections:
                 continue
             plug.setblocking(False)
             with contextlib.suppress(OSError):
-                plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                if hasattr(socket, "TCP_USER_TIMEOUT"):
-                    plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(1e3 * STALLED_TIME))
+                if plug.family in (socket.AF_INET, socket.AF_INET6):  # Not on a Unix socket.
+                    plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                    if hasattr(socket, "TCP_USER_TIMEOUT"):
+                        plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(1e3 * STALLED_TIME))
                 await loop.connect_accepted_socket(lambda: Visit(self, self._manager, loop), plug)
 
     async def _look(self) -> None:

@@ -20,6 +20,7 @@ from flexlab.recording.live import LiveHub
 from flexlab.recording.store.run_files import check_folder, removable_runs, remove_run
 from flexlab.scenario import Scenario
 from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sentences, check, recording_path
+from flexlab.server.base_url import put_before, take_off
 from flexlab.server.connections import Connections, watch_patience
 from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
@@ -52,7 +53,11 @@ STATIC_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 
 
 def build_app(context: Context) -> web.Application:
     """The web application of one server."""
-    app = web.Application(middlewares=[watch_patience, answer_in_sentences, check, greet], client_max_size=LARGEST_BODY)
+    base = context.settings.base_url
+    outermost = [put_before(base)] if base else []
+    app = web.Application(
+        middlewares=[*outermost, watch_patience, answer_in_sentences, check, greet], client_max_size=LARGEST_BODY
+    )
     app[CONTEXT] = context
     app.on_response_prepare.append(add_headers)
     app.router.add_get("/", start_page)
@@ -166,7 +171,7 @@ class FrontServer:
     def live_source(self) -> str:
         """Where a rerun viewer on this machine finds the shared lab's live data."""
         host = "127.0.0.1" if self.settings.host in WILDCARDS else self.settings.host
-        return base_address(host, self.port) + recording_path(self._pass_key, f"{LIVE}lab")
+        return base_address(host, self.port) + self.settings.base_url + recording_path(self._pass_key, f"{LIVE}lab")
 
     @property
     def teacher_url(self) -> str:
@@ -176,6 +181,9 @@ class FrontServer:
     def address(self, path: str = "/", host: str | None = None, token: str | None = None) -> str:
         """The address of a page, with the token if there is one. `host`: as others know this machine."""
         token = token or self.token
+        path = self.settings.base_url + path
+        if self.settings.is_socket:
+            return f"{path} of whoever passes it on from {self.settings.host}"
         host = host or ("127.0.0.1" if self.settings.host in WILDCARDS else self.settings.host)
         return f"{base_address(host, self.port)}{path}" + (f"?token={token}" if token else "")
 
@@ -240,6 +248,8 @@ class FrontServer:
             try:
                 await runner.setup()
                 assert runner.server is not None
+                if self.settings.base_url:
+                    runner.server.request_factory = take_off(self.settings.base_url, runner.server.request_factory)
                 connections = Connections(self._plug, runner.server)
                 self._opened.set()
                 await self._closing.wait()
@@ -274,9 +284,11 @@ def open_front_server(
         token = settings.token or (None if settings.is_local else secrets.token_urlsafe(SECRET_BYTES))
         teacher_token = settings.teacher_token or (None if token is None else secrets.token_urlsafe(SECRET_BYTES))
         choice = Choice(scenario, name)
-        port = plug.getsockname()[1]
+        port = 0 if settings.is_socket else plug.getsockname()[1]
         # Without the token, which is for its owner to hand out: whoever follows the link is asked for it.
-        address = base_address(settings.public_host(), port)
+        address = (
+            settings.base_url if settings.is_socket else base_address(settings.public_host(), port) + settings.base_url
+        )
         if settings.private:
             return FrontServer(settings, port, token, teacher_token, PrivateLabs(settings, choice, address), plug)
         live = LiveHub() if settings.live else None

@@ -4,6 +4,7 @@ import contextlib
 import ipaddress
 import math
 import os
+import re
 import socket
 import string
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from pathlib import Path
 import segno
 
 from flexlab.errors import LabError
-from flexlab.sockets import LOOPBACK
+from flexlab.sockets import LOOPBACK, UNIX
 
 WILDCARDS = ("0.0.0.0", "::", "")
 """Hosts that stand for all addresses of this machine."""
@@ -29,6 +30,10 @@ MOST_SESSIONS = 1000
 """Private labs that may be asked for at once: far more than any machine can run."""
 SHORTEST_IDLE, LONGEST_IDLE = 1.0, 604_800.0
 """s: from what lets a page be reloaded to a week."""
+
+
+BASE_URL = re.compile(r"(/(?!\.{1,2}(/|$))[A-Za-z0-9._~%@+-]+)*", re.ASCII)
+"""Segments that need no quoting in pages, headers and cookies."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +66,17 @@ class Settings:
     """Which the runs of one visitor with a private lab may take; None: any number."""
     max_per_address: int | None = None
     """Private labs of one address at once; None: one less than in all."""
+    base_url: str = ""
+    """What a proxy has before every address of the server, as in "/user/ann/flexlab"; a slash at its end is dropped."""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "base_url", self.base_url.rstrip("/"))
+        if not BASE_URL.fullmatch(self.base_url):
+            raise LabError(
+                f"base-url = {self.base_url!r:.80} is no beginning of an address: write one like /user/ann/flexlab."
+            )
+        if self.host.startswith(UNIX) and self.private:
+            raise LabError("A Unix socket is for one person behind a proxy that knows them: leave out --private.")
         if not 0 <= self.port <= 65535:
             raise LabError(f"port = {self.port} is not a port number: choose 0 (any free one) to 65535.")
         if not 1 <= self.max_sessions <= MOST_SESSIONS:
@@ -103,7 +117,12 @@ class Settings:
     @property
     def is_local(self) -> bool:
         """Whether only this machine can reach the server."""
-        return self.host in LOOPBACK
+        return self.host in LOOPBACK or self.is_socket
+
+    @property
+    def is_socket(self) -> bool:
+        """Whether it listens on a Unix socket, behind a proxy that lets in whom it knows."""
+        return self.host.startswith(UNIX)
 
 
 def _check_token(token: str, name: str) -> None:
@@ -159,7 +178,9 @@ def outside_addresses(settings: Settings, port: int, token: str | None, path: st
     if settings.is_local:
         return []
     hosts = network_addresses() if settings.host in WILDCARDS else [settings.host]
-    return [base_address(host, port) + path + (f"?token={token}" if token else "") for host in hosts]
+    return [
+        base_address(host, port) + settings.base_url + path + (f"?token={token}" if token else "") for host in hosts
+    ]
 
 
 def terminal_code(address: str) -> str:

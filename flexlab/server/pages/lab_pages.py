@@ -261,7 +261,9 @@ async def show(request: web.Request) -> web.Response:
     lab = context.places.of_visitor(visitor_of(request).id)
     if lab is None or lab.live is None:
         return message("No live data", NOT_SERVED, 404, button("/", "Start page"))
-    source = f"{request.scheme}://{request.host}{recording_address(context, LIVE + live_name(lab))}"
+    scheme = request.headers.get("X-Forwarded-Proto", request.scheme).partition(",")[0].strip()
+    place = context.settings.base_url + recording_address(context, LIVE + live_name(lab))
+    source = f"{scheme}://{request.host}{place}"
     viewer = urlencode({"url": source, "renderer": "webgl"}) + "&hide_welcome_screen"
     raise web.HTTPSeeOther(f"/viewer/?{viewer}")
 

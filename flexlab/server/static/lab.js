@@ -2,6 +2,7 @@
 (() => {
   const LOOK = 3000; // ms between two looks at whether the lab is still there
   const stateAddress = document.currentScript.dataset.state;
+  const base = document.currentScript.src.replace(/\/static\/[^/]*$/, ""); // A proxy may have a path before ours.
 
   function element(tag, properties = {}, ...children) {
     const made = Object.assign(document.createElement(tag), properties);
@@ -21,7 +22,7 @@
     word.hidden = false;
   }
 
-  const link = (href, text) => element("a", { href, textContent: text });
+  const link = (path, text) => element("a", { href: base + path, textContent: text });
   const button = (text, onclick) => element("button", { textContent: text, onclick });
   const live = Object.assign(link("", "Live data"), { hidden: true, target: "_blank", rel: "noopener" });
   const GONE = "Runs are kept. This page goes on by itself when the lab is back.";
@@ -49,11 +50,11 @@
       opened = true;
       if (!sharing) word.hidden = true;
       live.hidden = !state.live;
-      if (state.live) live.href = state.live;
+      if (state.live) live.href = base + state.live;
       return;
     }
     // A server that was started again knows nothing of the labs before.
-    if (opened && state.unknown) location.replace("/lab/");
+    if (opened && state.unknown) location.replace(`${base}/lab/`);
     say(state.sentence, link("/lab/", "Open a new lab"), link("/runs", "Runs"), link("/", "Start page"));
   }
 
@@ -61,7 +62,7 @@
     const answer = await fetch(stateAddress, { cache: "no-store" });
     const state = await answer.json();
     if (!state.open) return look();
-    const address = new URL(state.link, location.href).href;
+    const address = base + state.link;
     const shown = element("input", { value: address, readOnly: true, ariaLabel: "Link to this lab" });
     const done = () => { sharing = false; word.hidden = true; };
     const copy = async () => {

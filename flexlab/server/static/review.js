@@ -1,7 +1,8 @@
 // The viewer wants the recording's full address, which only the browser knows for sure.
+const base = document.currentScript.src.replace(/\/static\/[^/]*$/, "");
 const viewer = document.getElementById("viewer");
 const recording = new URL(viewer.dataset.recording, location.href).href;
-viewer.src = `/viewer/?url=${encodeURIComponent(recording)}&hide_welcome_screen&renderer=webgl`;
+viewer.src = `${base}/viewer/?url=${encodeURIComponent(recording)}&hide_welcome_screen&renderer=webgl`;
 
 // While the run is being replayed, tell how it goes.
 const replay = document.getElementById("replay");

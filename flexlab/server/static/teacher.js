@@ -1,5 +1,6 @@
 // The teacher's page: one tile per lab, brought up to date every 0.4 s while somebody looks at the page.
 const LOOK = 400; // ms
+const base = document.currentScript.src.replace(/\/static\/[^/]*$/, ""); // A proxy may have a path before ours.
 const list = document.getElementById("labs");
 const template = document.getElementById("tile");
 const form = document.getElementById("class");
@@ -75,7 +76,7 @@ function show(labs) {
     tile.classList.toggle("unseen-lab", !lab.watching);
     const paused = lab.state === "paused";
     write(hold, paused ? "Resume" : "Pause");
-    hold.setAttribute("formaction", paused ? "/teacher/resume" : "/teacher/pause");
+    hold.setAttribute("formaction", `${base}/teacher/${paused ? "resume" : "pause"}`);
   }
   write(document.getElementById("count"), labs.length ? `${labs.length} ${labs.length === 1 ? "lab" : "labs"}` : "");
   document.getElementById("nobody").hidden = labs.length > 0;
@@ -84,7 +85,7 @@ function show(labs) {
 async function look() {
   if (document.hidden) return;
   try {
-    const answer = await fetch("/teacher/labs", { cache: "no-store" });
+    const answer = await fetch(`${base}/teacher/labs`, { cache: "no-store" });
     if (!answer.ok) throw new Error(answer.statusText);
     const told = await answer.json();
     show(told.labs);

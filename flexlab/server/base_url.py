@@ -1,0 +1,65 @@
+"""A server below a base URL, as a hub or a reverse proxy gives it: "/user/ann/flexlab" before every address.
+
+Nothing else knows of it. Requests lose the prefix before they are routed, if the proxy has not taken it off already; what goes
+out gets it: links in pages, redirects, cookies. Scripts find it in their own address; the lab's page has relative ones only.
+"""
+
+import re
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from aiohttp import hdrs, web
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+_ADDRESS = re.compile(rb'((?:href|src|action|formaction|data-address|data-recording|data-state)=")/(?!/)')
+"""The beginning of an address of this server in an attribute of a page."""
+
+
+def take_off(base: str, make_request: Callable[..., Any]) -> Callable[..., Any]:
+    """How a web server makes its requests, without the prefix `base`."""
+
+    def made(message: Any, *words: Any) -> Any:
+        if message.path == base or message.path.startswith((f"{base}/", f"{base}?")):
+            url = message.url
+            path = url.raw_path[len(base) :] or "/"
+            inner = url.build(path=path, query_string=url.raw_query_string, encoded=True)
+            message = message._replace(path=message.path[len(base) :] or "/", url=inner)
+        return make_request(message, *words)
+
+    return made
+
+
+def put_before(base: str) -> Any:
+    """The outermost middleware: it puts the prefix `base` before every address that goes out."""
+
+    @web.middleware
+    async def with_base(request: web.Request, handler: Handler) -> web.StreamResponse:
+        try:
+            answer = await handler(request)
+        except web.HTTPException as error:
+            _complete(base, error)
+            raise
+        if not answer.prepared:
+            _complete(base, answer)
+            if (
+                isinstance(answer, web.Response)
+                and answer.content_type == "text/html"
+                and isinstance(answer.body, bytes)
+            ):
+                answer.body = _ADDRESS.sub(rb"\1" + base.encode() + b"/", answer.body)
+        return answer
+
+    return with_base
+
+
+def _complete(base: str, answer: web.StreamResponse) -> None:
+    """Redirects and cookies."""
+    to = answer.headers.get(hdrs.LOCATION, "")
+    if to.startswith("/"):
+        answer.headers[hdrs.LOCATION] = base + to
+    before, url, to = answer.headers.get("Refresh", "").partition("url=/")
+    if url:
+        answer.headers["Refresh"] = f"{before}url={base}/{to}"
+    for cookie in answer.cookies.values():
+        cookie["path"] = base + cookie["path"]

@@ -109,10 +109,11 @@ def gain(
     slider: tuple[float, float] | None = None,
     logarithmic: bool = False,
 ) -> Any:
-    """Declare a gain: its default, unit and allowed range. Three numbers as default: one each for x, y and θ.
+    """Declare a gain of a law, or an option of a path: its default, unit and allowed range.
 
-    `title`: its name on the screen (otherwise made of the attribute's). `slider`: the part of the range that the slider
-    covers (otherwise all of it); `logarithmic`: whether equal ratios are equally far apart on it.
+    Three numbers as default: one each for x, y and θ. `title`: its name on the screen (otherwise made of the attribute's).
+    `slider`: the part of the range that the slider covers (otherwise all of it); `logarithmic`: whether equal ratios are
+    equally far apart on it.
     """
     return Setting(default, unit, low, high, title, symbol, slider, logarithmic)
 
@@ -127,23 +128,8 @@ def readout(unit: str, title: str = "", symbol: str = "") -> Any:
     return OwnSignal(unit, title, symbol)
 
 
-def option(
-    default: float | tuple[float, float, float],
-    unit: str,
-    *,
-    low: float,
-    high: float,
-    title: str = "",
-    symbol: str = "",
-    slider: tuple[float, float] | None = None,
-    logarithmic: bool = False,
-) -> Any:
-    """Declare an option: its default, unit and allowed range. Three numbers as default: one each for x, y and θ.
-
-    `title`: its name on the screen (otherwise made of the attribute's). `slider`: the part of the range that the slider
-    covers (otherwise all of it); `logarithmic`: whether equal ratios are equally far apart on it.
-    """
-    return gain(default, unit, low=low, high=high, title=title, symbol=symbol, slider=slider, logarithmic=logarithmic)
+option = gain
+"""A path's options are declared as a law's gains are."""
 
 
 @dataclass(frozen=True)

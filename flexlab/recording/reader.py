@@ -31,6 +31,9 @@ PROPERTIES = "/__properties/"
 COMPARISON = "comparison"
 """The property by which a file of several runs is known."""
 
+MOST_ROWS = 1000
+"""Samples of a block that is read: who works through them tells after each how far it is."""
+
 NamedScenario = tuple[str, Scenario]
 Rows = dict[str, list[Row]]
 """Entity → its rows in the order of times."""
@@ -95,7 +98,9 @@ def read_blocks(path: Path | str) -> Iterator[Samples]:
     path = Path(path)
     history = cache(lambda: _changes(read_recording(path, with_samples=False)))
     for _, values in rows_in_order(path, "/exact/samples"):
-        yield _block(path, values, history)
+        block = _block(path, values, history)
+        for first in range(0, max(len(block), 1), MOST_ROWS):
+            yield block.slice(first, first + MOST_ROWS)
 
 
 def read_range(path: Path | str, start: float | None = None, end: float | None = None) -> Samples:

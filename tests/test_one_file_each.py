@@ -87,7 +87,7 @@ print(json.dumps([run.metrics.peak_speed, [row.key for row in run.metrics.rows],
     assert found[0] > 0.1
     assert "Peak speed [m/s]" in found[1]
     assert "Peak speed [m/s]" in found[2]
-    assert "speed" in found[3]
+    assert "peak_speed" in found[3]
 
 
 DAMPING = '''

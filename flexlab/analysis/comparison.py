@@ -101,7 +101,7 @@ class Comparison(Result):
         """Each metric of each run, and how far it is from A's."""
         labels = self.labels
         rows = [
-            [rows[0].key, *(row.text for row in rows), *(difference_text(rows[0], row) for row in rows[1:])]
+            [rows[0].key, *(row.short for row in rows), *(difference_text(rows[0], row) for row in rows[1:])]
             for rows in self.metrics
         ]
         return [["metric", *labels, *(f"{label} - A" for label in labels[1:])], *rows]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from flexlab.analysis.metrics import Column as MetricColumn
 from flexlab.analysis.metrics.names import named, numbers
-from flexlab.analysis.metrics.run_metrics import UNKNOWN, measured, noted_text, noted_texts, results
+from flexlab.analysis.metrics.run_metrics import DURATION, UNKNOWN, measured, noted_text, noted_texts, results
 from flexlab.cli.console import note, output
 from flexlab.errors import StudyError
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
@@ -25,7 +25,7 @@ class Column(NamedTuple):
 COLUMNS = {number.name: number.column for number in numbers()}
 """Field → how a metric is shown."""
 
-FIELDS = ("started", "preset", "duration", "size", "state", *COLUMNS)
+FIELDS = tuple(dict.fromkeys(("started", "preset", "duration", "size", "state", *COLUMNS)))
 """What the table can be sorted by."""
 
 CHANGES_SHOWN = 3
@@ -49,7 +49,7 @@ def sorted_rows(rows: Sequence[RunRow], field: str, reverse: bool = False, searc
 
 
 def _value(row: RunRow, field: str) -> Any:
-    if field in COLUMNS:
+    if field in COLUMNS and field != DURATION:
         value = results(row.metrics, row.is_stopped).get(COLUMNS[field].key)
         return value if isinstance(value, (int, float)) else None
     return getattr(row, field)

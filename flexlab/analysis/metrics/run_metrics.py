@@ -57,9 +57,12 @@ class MetricRow:
     @property
     def text(self) -> str:
         """The value with four digits, or what stands for a missing one."""
-        if self.value == self.value:
-            return value_text(self.column, self.value)
-        return (self.reason or self.column.missing) if self.finished else NOT_FINISHED
+        return self.reason if self.reason and self.finished and isnan(self.value) else self.short
+
+    @property
+    def short(self) -> str:
+        """The same in a word or two, for tables of several runs."""
+        return value_text(self.column, self.value) if self.finished or self.value == self.value else NOT_FINISHED
 
 
 def value_text(column: Column, value: Any) -> str:

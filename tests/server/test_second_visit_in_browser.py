@@ -91,12 +91,8 @@ def test_not_modified_leaves_the_headers_of_what_is_kept_alone(server: FrontServ
             assert changed == {}, address
     assert kept == asked_again
     visited = [urlsplit(address).path for address in asked_again + others]
-    routes = [
-        route.resource
     app = build_app(cast(Any, SimpleNamespace(settings=server.settings)))
     routes = [route.resource for route in app.router.routes() if route.method == "GET"]
-        if route.method == "GET"
-    ]
     infos = [resource.get_info() for resource in routes if resource is not None]
     patterns = [re.escape(info["path"]) if "path" in info else info.get("pattern") for info in infos]
     unvisited = [p for p in patterns if p is not None and not any(re.fullmatch(p, path) for path in visited)]

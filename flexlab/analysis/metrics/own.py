@@ -11,17 +11,19 @@ import hashlib
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric, Peak, RootMeanSquare, forget, register
 from flexlab.errors import StudyError
-from flexlab.sim.samples import Samples, join_blocks
+
+if TYPE_CHECKING:
+    from flexlab.sim.samples import Samples
 
 Kind = Literal["run", "peak", "rms"]
 """What the function gives: the run's number; or a signal, of which the largest magnitude or the root mean square counts."""
-Function = TypeVar("Function", bound=Callable[[Samples], Any])
+Function = TypeVar("Function", bound=Callable[["Samples"], Any])
 PLACE = 100
 """After all others."""
 
@@ -30,7 +32,7 @@ PLACE = 100
 class OwnMetric:
     """What a decorator said."""
 
-    function: Callable[[Samples], Any]
+    function: Callable[["Samples"], Any]
     unit: str
     title: str
     of: Kind
@@ -102,7 +104,7 @@ def _made(declared: OwnMetric) -> type[Metric]:
     return type(f"Own_{declared.name}", (base,), about)
 
 
-def _called(declared: OwnMetric, samples: Samples) -> np.ndarray:
+def _called(declared: OwnMetric, samples: "Samples") -> np.ndarray:
     try:
         return np.asarray(declared.function(samples), float)
     except Exception as error:
@@ -116,7 +118,7 @@ class _OfRun(Metric):
     def __init__(self) -> None:
         self._pieces: list[Samples] = []
 
-    def update(self, samples: Samples) -> None:
+    def update(self, samples: "Samples") -> None:
         self._pieces.append(samples)
 
     def merge(self, other: Self) -> None:
@@ -125,6 +127,8 @@ class _OfRun(Metric):
     def compute(self) -> tuple[float, ...]:
         if not self._pieces:
             return (np.nan,)
+        from flexlab.sim.samples import join_blocks  # Help of commands that name metrics shall not wait for the engine.
+
         pieces = sorted(self._pieces, key=lambda piece: piece.time[0])
         found = _called(self.declared, join_blocks(pieces))
         if found.size != 1:
@@ -135,7 +139,7 @@ class _OfRun(Metric):
 class _SignalOf:
     declared: ClassVar[OwnMetric]
 
-    def signal(self, samples: Samples) -> np.ndarray:
+    def signal(self, samples: "Samples") -> np.ndarray:
         found = _called(self.declared, samples)
         if found.shape != (len(samples),):
             wanted = f"a signal of these samples has ({len(samples)},)"

@@ -116,7 +116,7 @@ def test_a_kept_run_is_found_by_its_time_and_compared_where_both_runs_are(paper:
     rows, (first, last) = common_metrics(kept, paper.slice(0, 301))
     assert (first, last) == pytest.approx((0.1, 0.3))
     np.testing.assert_array_equal(*zip(*((old.value, new.value) for old, new in rows), strict=True))
-    assert {old.column.field: old.text for old, _ in rows}["settled"] == "not settled"
+    assert {old.column.field: old.short for old, _ in rows}["settled"] == "not settled"
     assert common_metrics(kept, paper.slice(0, 50))[0] == []
     assert common_metrics(kept, paper.slice(0, 0))[0] == []
 

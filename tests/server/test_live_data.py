@@ -38,7 +38,11 @@ def watch(source: str, path: Path) -> None:
         wait_until(lambda: path.exists() and path.stat().st_size > 300_000, "rerun has received something")
     finally:
         process.send_signal(signal.SIGINT)
-        process.wait(30)
+        try:
+            process.wait(30)
+        except subprocess.TimeoutExpired:  # Now and then rerun waits for the end of the run, which does not come.
+            process.kill()
+            process.wait()
 
 
 def entities(path: Path) -> set[str]:

@@ -1,15 +1,21 @@
-"""Goes on from an instant of a recorded run, in a lab: with its exact state, and with its time."""
+"""Simulates a recorded run once more: to go on from an instant of it in a lab, with its exact state, and to compare."""
 
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import replace
 
-from flexlab.analysis.replay import recording_span, state_at
 from flexlab.errors import StudyError
 from flexlab.recording.reader import Recording
 from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
+from flexlab.sim.samples import MEASURED, Samples
 from flexlab.sim.snapshot import TICK
-from flexlab.sim.world_state import Origin
+from flexlab.sim.world import World
+from flexlab.sim.world_state import Origin, WorldState
 
 MILLI = 1e3
+BLOCK_TICKS = 1000
+"""Ticks simulated in one go: hours need no more memory than seconds, and a difference at their start is told at once."""
 
 
 def resume(
@@ -29,3 +35,87 @@ def resume(
             f"t = {exact:.10g} s is no instant of a lab, which takes a sample every {MILLI * TICK:g} ms: choose a multiple."
         )
     return scenario, Origin(recording.path.stem, tick * TICK, replace(state, tick=tick))
+
+
+def recording_span(recording: Recording) -> tuple[float, float]:
+    """First and last instant of a recording, s. Raises `StudyError` if it has no samples."""
+    if len(recording.samples) == 0:
+        raise StudyError(f"{recording.path.name} has no samples: there is nothing to go on from.")
+    return float(recording.samples.time[0]), float(recording.samples.time[-1])
+
+
+def state_at(recording: Recording, time: float, span: tuple[float, float] | None = None) -> tuple[Scenario, WorldState]:
+    """Scenario and state of the run at simulation time `time` s (to the nearest sample), to go on from there.
+
+    Commands given at that very instant have taken effect. `span`: first and last recorded instant, s, for a recording that
+    was read without its samples. Raises `StudyError` for a time that was not recorded.
+    """
+    first, last = span or recording_span(recording)
+    # Half a sample's grace: a time that was typed is not the last bit of a time that was computed.
+    if not first - recording.sample_period / 2 <= time <= last + recording.sample_period / 2:
+        raise StudyError(f"t = {time:g} s was not recorded: choose {first:.10g} to {last:.10g} s.")
+    world = start_world(recording)
+    goal = round(time / recording.sample_period)
+    for tick, command in world_commands(recording):
+        if tick > goal:
+            break
+        _advance_to(world, tick)
+        carry_out(world, command)
+    _advance_to(world, goal)
+    if world.status.failed:
+        raise StudyError(f"The run cannot go on from t = {time:g} s: {world.status.text}")
+    return world.scenario, world.state()
+
+
+def _advance_to(world: World, tick: int) -> None:
+    while world.tick < tick and not world.status.failed:
+        world.advance(min(tick - world.tick, BLOCK_TICKS))
+
+
+def start_world(recording: Recording) -> World:
+    """The world as it stood at the recording's first sample of part 1. Raises `StudyError` for what was not simulated."""
+    if recording.status == MEASURED:
+        raise StudyError(f"{recording.path.stem} was measured, not simulated: it can be looked at and compared.")
+    world = World(recording.scenario, recording.sample_period)
+    if recording.start is not None:
+        world.restore(recording.start)
+    return world
+
+
+def world_commands(recording: Recording) -> tuple[tuple[int, WorldCommand], ...]:
+    """(tick, command) of every command that changed the simulation, in order."""
+    return tuple(
+        (round(event.time / recording.sample_period), event.command)
+        for event in recording.events
+        if isinstance(event.command, (ChangeScenario, Pull, Tap)) and event.level != "error"
+    )
+
+
+def carry_out(world: World, command: WorldCommand) -> None:
+    """Apply a recorded command. Raises `StudyError` if the world does not take it as the recorded one did."""
+    width = world.row_length
+    if world.apply(command) or world.row_length != width:
+        raise StudyError("The recording goes on after a change of structure, which begins a new run: it is not whole.")
+
+
+class Repetition:
+    """A recorded run on its way through a second simulation."""
+
+    def __init__(self, recording: Recording):
+        """At the recording's start; nothing is simulated yet."""
+        self._world = start_world(recording)
+        self._period = recording.sample_period
+        self._commands = deque(world_commands(recording))
+        self._begun = False
+
+    def samples_until(self, time: float) -> Iterator[Samples]:
+        """The samples from where it stands up to `time` s, in blocks; fewer if the run fails. Raises `StudyError`."""
+        goal, world = round(time / self._period), self._world
+        if not self._begun:
+            self._begun = True
+            yield world.observe()
+        while world.tick < goal and not world.status.failed:
+            while self._commands and self._commands[0][0] <= world.tick:
+                carry_out(world, self._commands.popleft()[1])
+            stop = min(goal, self._commands[0][0] if self._commands else goal)
+            yield world.advance(min(stop - world.tick, BLOCK_TICKS))

@@ -112,7 +112,7 @@ def _world(motion: Motion, about: str, called: list[Called]) -> Part:
         system, sampling, *assembly.levels.scheme(0), assembly.watch, 0, limit, 0.0, 0, motion.tick_period,
         assembly.step_count, motion.y, good, motion.workspace, rows, False,
     )  # fmt: skip
-    arguments = dict(zip(inspect.signature(advance.py_func).parameters, values, strict=True))  # type: ignore[attr-defined]
+    arguments = _named(advance, values)
     felt = _sensors(motion)[6:]
     state = {"row": row, "sensors": felt, "gravity": np.array([scenario.gravity]), **_of_control(motion)}
     scratch = {"good": good, "rows": rows, **arrays_of(motion.workspace)}
@@ -152,6 +152,11 @@ def _world(motion: Motion, about: str, called: list[Called]) -> Part:
     return Part(scenario, motion.tick_period, about, "world.c", kernel, called, memory, variables, numbers)
 
 
+def _named(kernel: Any, values: tuple[Any, ...]) -> dict[str, Any]:
+    """A kernel's arguments by their names."""
+    return dict(zip(inspect.signature(kernel.py_func).parameters, values, strict=True))
+
+
 def _law(motion: Motion) -> Part:
     """Law and path: it acts once as it begins, and at each of its instants."""
     called, felt = _law_and_path(motion, with_rate=False), _sensors(motion)
@@ -164,7 +169,7 @@ def _law(motion: Motion) -> Part:
     y[memory_slice(system).start :] = 0.0
     start_memory(scenario, system, outlook_of(motion, True), y)
     values = (system, sampling, 0, 0.0, felt, y, motion.workspace)
-    arguments = dict(zip(inspect.signature(answer_sensors.py_func).parameters, values, strict=True))  # type: ignore[attr-defined]
+    arguments = _named(answer_sensors, values)
     now = motion.workspace.measured
     state = {"sensors": felt, "gravity": np.array([scenario.gravity]), "measured": now, **_of_control(motion)}
     memory = lay_out(arguments, state, arrays_of(motion.workspace))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flexlab.analysis.comparison import compare_into
-from flexlab.analysis.replay import TOLERANCE, Repetition, replay
-from flexlab.analysis.resume import resume
+from flexlab.analysis.replay import TOLERANCE, replay
+from flexlab.analysis.resume import Repetition, resume
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.recording.export import export_recording, import_run
 from flexlab.recording.importing import import_into

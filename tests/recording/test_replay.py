@@ -8,8 +8,8 @@ import pytest
 from recording_helpers import assert_same_bits
 from rerun.chunk import RrdReader
 
-from flexlab.analysis.replay import TOLERANCE, replay, state_at
-from flexlab.analysis.resume import resume
+from flexlab.analysis.replay import TOLERANCE, replay
+from flexlab.analysis.resume import resume, state_at
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset, preset_names

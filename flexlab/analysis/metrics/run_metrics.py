@@ -152,7 +152,7 @@ class RunMetrics:
 @cache
 def _parts(name: str) -> Any:
     """Makes a tuple of a metric's numbers, whose parts have names: `rms_error.y`."""
-    return namedtuple(name, [column.part for column in METRICS[name].columns])  # type: ignore[misc]
+    return namedtuple(name, [column.part for column in METRICS[name].columns])  # type: ignore[misc]  # Named while it runs.
 
 
 class MetricCollection:

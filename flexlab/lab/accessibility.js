@@ -37,7 +37,10 @@
       const whole = parts(labelled(box)).text;
       if (whole.startsWith(said.name)) said = { ...said, unit: whole.slice(said.name.length).replace(/^ \((.*)\)$/, "$1") };
     }
-    mark(thumb, { "aria-label": said.name, "aria-valuetext": `${box?.value ?? ""} ${said.unit}`.trim() });
+    const ago = -Number(thumb.getAttribute("aria-valuenow"));
+    const value = said.name !== "Look back" ? `${box?.value ?? ""} ${said.unit}`.trim()
+      : ago > 0 ? `${Number(ago.toFixed(3))} s ago` : "now";
+    mark(thumb, { "aria-label": said.name, "aria-valuetext": value });
   }
 
   // Several numbers of one field have one label, which belongs to the first of them.

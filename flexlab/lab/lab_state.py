@@ -172,6 +172,13 @@ class LabState:
             self._undo.note(self._settings)
             self._start(_settings(scenario, name, origin))
 
+    def go_on(self, scenario: Scenario, origin: Origin) -> None:
+        """Ask for a run that goes on from an instant of the present one; it came from the same preset or file."""
+        self._check_lock()
+        with self._lock:
+            self._undo.note(self._settings)
+            self._start(Settings(scenario, self.name, self.baseline, origin))
+
     def saved(self, scenario: Scenario, name: str) -> None:
         """`scenario`, the present one but for its title, now has a file of its own: changes count from there."""
         with self._lock:
@@ -189,8 +196,8 @@ class LabState:
         """Take all changes against the preset or file back, and start a new run of it."""
         self.load(self.baseline, self.name)
 
-    def submit(self, command: Command) -> None:
-        """Pass on any other command."""
+    def submit(self, command: Command) -> int:
+        """Pass on any other command; returns its number, as `Snapshot.answered` counts."""
         self._check_lock()
         with self._lock:
             if isinstance(command, Reset):
@@ -202,6 +209,7 @@ class LabState:
                 self._asked_play = (self._asked, isinstance(command, Play))
             elif isinstance(command, SetSpeed):
                 self._asked_speed = (self._asked, command.speed)
+            return self._asked
 
     def pull(self, pull: Pull | None) -> None:
         """Pull beam or link, or let go (None)."""

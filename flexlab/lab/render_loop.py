@@ -8,6 +8,7 @@ from typing import Protocol
 import viser
 
 from flexlab.lab.lab_state import LabState
+from flexlab.lab.look_back import LookBack
 from flexlab.lab.page_reports import PageReports
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.panel.text import number
@@ -90,6 +91,7 @@ class RenderLoop:
         server: GuardedServer,
         runner: Runner,
         lab_state: LabState,
+        look_back: LookBack,
         scene: Scene,
         cameras: ClientCameras,
         panel: Panel,
@@ -99,7 +101,7 @@ class RenderLoop:
         attendance: Attendance | None,
     ):
         """`readouts`: what else follows the run. `attendance`: who releases and holds runs; None: nobody has to look."""
-        self._server, self._runner, self._lab_state = server, runner, lab_state
+        self._server, self._runner, self._lab_state, self._look_back = server, runner, lab_state, look_back
         self._scene, self._cameras, self._panel, self._plots, self._readouts = scene, cameras, panel, plots, readouts
         self._reports, self._attendance = reports, attendance
         self._stop, self._come = threading.Event(), threading.Event()
@@ -144,12 +146,14 @@ class RenderLoop:
 
     def _draw(self, readouts: bool) -> None:
         snapshot, view = self._runner.snapshot, self._lab_state.view
-        self._scene.update(snapshot, view, self._lab_state.pulled, self._lab_state.kept)
+        seen = self._look_back.seen(snapshot)
+        self._scene.update(seen, view, self._lab_state.pulled, self._lab_state.kept)
         self._reports.show_run(snapshot.run_number, snapshot.name)
-        self._cameras.follow(snapshot)
+        self._cameras.follow(seen)
         if readouts:
             with self._server.inputs:
-                self._panel.update(snapshot, self._scene.legend(view))
+                self._panel.update(snapshot, seen, self._scene.legend(view))
                 for readout in self._readouts:
                     readout.update(snapshot)
-            self._plots.update(self._runner, snapshot, view, self._lab_state.kept, self._reports.open_charts())
+            opened = self._reports.open_charts()
+            self._plots.update(self._look_back.recent, seen, view, self._lab_state.kept, opened)

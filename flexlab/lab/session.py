@@ -8,6 +8,7 @@ import viser
 from flexlab.errors import LabError
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.lab_state import LabState
+from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.own_file_watch import OwnFileWatch
 from flexlab.lab.page_reports import PAGE_SCRIPT, PageReports, Report
@@ -96,7 +97,8 @@ class Session:
     costs a slow graphics card most of its time. With an `origin` the first run goes on from there.
     With a `secret` the page answers only a server in front of it that sends it along. `attended`: runs begin when a browser
     has drawn them, and hold while nobody looks; else they run whoever looks.
-    `recorded` gives back what the engine remembers no longer of the present run.
+    `recorded` gives back what the engine remembers no longer of the present run; `recorded_as` is the name of its recording,
+    empty without one.
     """
 
     def __init__(
@@ -115,11 +117,13 @@ class Session:
         secret: str = "",
         attended: bool = False,
         recorded: Recorded | None = None,
+        recorded_as: Callable[[], str] = lambda: "",
     ):
         hosts.run_apart()
         self._scenario, self._host, self._port = scenario, host, port
         self._shadows, self._recording, self._link = shadows, recording, link
-        self._origin, self._secret, self._attended, self._recorded = origin, secret, attended, recorded
+        self._origin, self._secret, self._attended = origin, secret, attended
+        self._recorded, self._recorded_as = recorded, recorded_as
         self.guard = InputGuard()
         """Looks at every message of a browser; counts those that it refuses."""
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin, hold_starts=attended)
@@ -190,6 +194,7 @@ class Session:
     def _furnish(self, server: GuardedServer) -> RenderLoop:
         """Fill the server's page."""
         lab_state = self._lab_state = LabState(self.runner, self._origin)
+        look_back = LookBack(lab_state, self.runner, self._recorded_as)
         touch = Picking(lab_state)
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)
         cameras = ClientCameras(server, self.runner)
@@ -198,6 +203,7 @@ class Session:
         panel = Panel(
             server.gui,
             lab_state,
+            look_back,
             self.runner,
             self._study,
             touch,
@@ -210,7 +216,7 @@ class Session:
         )
         plots = Plots(server.gui, board, self._scenario, lab_state.view.plot_window)
         explanations = ExplanationList(server.gui, self.runner, self._study, plots.homes)
-        summary = SpokenSummary(server.gui, self.runner, lambda: explanations.sentences)
+        summary = SpokenSummary(server.gui, self.runner, look_back, lambda: explanations.sentences)
         with reading.add_tab("Guide"):
             guide = Guide(server.gui, lab_state, self.runner)
 
@@ -238,4 +244,6 @@ class Session:
         server.initial_camera.position = shot.position
         self.guard.watch(server, lab_state)
         readouts = (guide, explanations, summary)
-        return RenderLoop(server, self.runner, lab_state, scene, cameras, panel, plots, readouts, reports, attendance)
+        return RenderLoop(
+            server, self.runner, lab_state, look_back, scene, cameras, panel, plots, readouts, reports, attendance
+        )

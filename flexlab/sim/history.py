@@ -1,4 +1,4 @@
-"""The last half minute of the current run at full rate, for plots."""
+"""The last minute of the current run at full rate, for plots and to look back at."""
 
 import threading
 from collections.abc import Sequence
@@ -10,8 +10,8 @@ from flexlab.sim import row_layout
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK
 
-HISTORY_SECONDS = 30.0
-"""Longest window that plots offer, s."""
+HISTORY_SECONDS = 60.0
+"""How far a person can look back, s; longer than any window that plots offer."""
 
 
 class History:
@@ -44,12 +44,14 @@ class History:
         rows[:, :shared] = self._rows[:, :shared]
         self._rows, self._own = rows, own
 
-    def recent(self, seconds: float) -> Samples:
-        """A copy of the last `seconds`, oldest first."""
+    def recent(self, seconds: float, ago: int = 0) -> Samples:
+        """A copy of the last `seconds`, oldest first, as they were `ago` samples earlier (as far as the ring goes back)."""
         size = len(self._rows)
         with self._lock:
-            count = min(max(round(seconds / TICK), 0) + 1, size, self._written)
-            start = (self._written - count) % size
+            kept = min(size, self._written)
+            ago = min(ago, max(kept - 1, 0))
+            count = min(max(round(seconds / TICK), 0) + 1, kept - ago)
+            start = (self._written - ago - count) % size
             first = min(count, size - start)
             own = self._own
             rows = np.concatenate([self._rows[start : start + first], self._rows[: count - first]])

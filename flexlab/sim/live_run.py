@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexlab.sim.checkpoints import Checkpoints
 from flexlab.sim.command_text import command_text
 from flexlab.sim.commands import Command
 from flexlab.sim.consumer import Consumer
@@ -22,12 +23,13 @@ EVENTS_KEPT = 200
 class LiveRun:
     """One run after another, each from `begin` to `end`.
 
-    Not thread-safe: belongs to the simulation thread; `history` may be read.
+    Not thread-safe: belongs to the simulation thread; `history` and `checkpoints` may be read.
     """
 
     world: World
     name: str
     history: History
+    checkpoints: Checkpoints
     latest: Samples
     """The newest sample (N = 1)."""
     previous: Samples
@@ -52,6 +54,7 @@ class LiveRun:
         self._axial_level = world.axial_warning.level
         self.events.clear()
         self.history = History(world.row_length, len(world.scenario.arms), own_signals(world.scenario))
+        self.checkpoints = Checkpoints(world)
         self.latest = self.previous = world.observe()
         for consumer in self._consumers:
             consumer.begin_run(self.number, name, world.scenario, world.state())
@@ -86,6 +89,7 @@ class LiveRun:
     def take_on_change(self) -> None:
         """The world has changed at this instant: what is drawn changes, no sample is added."""
         self.latest = self.world.observe()
+        self.checkpoints.note(self.world)
         self._announce_pace()
 
     def report(self, event: Event) -> None:
@@ -113,6 +117,7 @@ class LiveRun:
         if len(rows) == 0:
             return
         self.history.append(rows, own_signals(self.world.scenario))
+        self.checkpoints.follow(self.world)
         samples = self.world.to_samples(rows)
         self.previous = samples.slice(len(rows) - 2, len(rows) - 1) if len(rows) > 1 else self.latest
         self.latest = samples.slice(len(rows) - 1, len(rows))

@@ -12,6 +12,7 @@ from flexlab.own.path import with_table
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, Unprepared
 from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.checkpoints import Checkpoint
 from flexlab.sim.command_queue import MOST_WAITING, CommandQueue, merged_changes
 from flexlab.sim.command_text import command_text
 from flexlab.sim.commands import (
@@ -126,9 +127,16 @@ class Runner:
         """The newest published snapshot."""
         return self._snapshot
 
-    def recent(self, seconds: float) -> Samples:
-        """The last `seconds` of the current run at full rate (at most 30 s), for plots. A copy, any thread."""
-        return self._run.history.recent(seconds)
+    def recent(self, seconds: float, ago: float = 0.0) -> Samples:
+        """The last `seconds` of the current run at full rate, as they were `ago` s earlier. A copy, any thread.
+
+        At most `HISTORY_SECONDS` in all; where these do not go back so far, what there is.
+        """
+        return self._run.history.recent(seconds, round(ago / TICK))
+
+    def checkpoint(self, time: float) -> Checkpoint:
+        """Where the current run last stood before simulation time `time`, s, that it remembers. Any thread."""
+        return self._run.checkpoints.before(round(time / TICK))
 
     def frame(self) -> None:
         """One round: commands, then the ticks that are due, then a snapshot. The thread's body; tests call it alone."""

@@ -27,7 +27,7 @@ def filled(total: int, block: int = 777) -> History:
 
 
 @pytest.mark.parametrize("total", [1, 500, SIZE - 1, SIZE, SIZE + 1, 2 * SIZE + 123])
-@pytest.mark.parametrize("seconds", [0.001, 0.3, 0.7, 10.0, 29.9, 30.0])
+@pytest.mark.parametrize("seconds", [0.001, 0.3, 0.7, 10.0, 29.9, 60.0])
 def test_the_last_seconds_come_oldest_first_across_the_wrap(total: int, seconds: float):
     """Both ends of the window included, as far as there are samples."""
     found = np.rint(filled(total).recent(seconds).kinetic_energy).astype(int)
@@ -47,7 +47,7 @@ def test_a_block_longer_than_the_ring_leaves_its_end():
     """100 s of single stepping at once."""
     history = filled(100)
     history.append(rows(100, 3 * SIZE))
-    found = np.rint(history.recent(30.0).kinetic_energy).astype(int)
+    found = np.rint(history.recent(HISTORY_SECONDS).kinetic_energy).astype(int)
     assert np.array_equal(found, np.arange(100 + 2 * SIZE, 100 + 3 * SIZE))
 
 
@@ -85,3 +85,13 @@ def test_readers_see_whole_blocks_while_the_runner_writes():
     finally:
         stop.set()
         writer.join()
+
+
+@pytest.mark.parametrize("total", [1, 500, SIZE, 2 * SIZE + 123])
+@pytest.mark.parametrize("ago", [0, 1, 400, 30_000, 10 * SIZE])
+def test_the_past_comes_as_it_was_then(total: int, ago: int):
+    """As far as it is remembered: the oldest sample stands for all before."""
+    found = np.rint(filled(total).recent(0.3, ago).kinetic_energy).astype(int)
+    kept = min(total, SIZE)
+    end = total - min(ago, kept - 1)
+    assert np.array_equal(found, np.arange(max(end - 301, total - kept), end))

@@ -6,12 +6,13 @@ from collections.abc import Callable
 import viser
 
 from flexlab.lab.lab_state import LabState
+from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.panel.keys import Key, add_keys
 from flexlab.lab.panel.mode_table import ModePanel
 from flexlab.lab.panel.number_control import READING_TIME, SETTLE_TIME, put
 from flexlab.lab.panel.play_screen import PlayScreen
-from flexlab.lab.panel.playback import Events, Playback
+from flexlab.lab.panel.playback import Events, Playback, Scrub
 from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html, number_html, status_html
 from flexlab.lab.panel.ring_panel import RingPanel
 from flexlab.lab.panel.run_comparison import Comparing
@@ -35,6 +36,7 @@ class Panel:
         self,
         gui: viser.GuiApi,
         lab_state: LabState,
+        look_back: LookBack,
         runner: Runner,
         study: ModeStudy,
         touch: Picking,
@@ -49,7 +51,7 @@ class Panel:
 
         `recorded` as for `Comparing`.
         """
-        self._lab_state, self._runner, self._recording = lab_state, runner, recording
+        self._lab_state, self._look_back, self._recording = lab_state, look_back, recording
         self._run_number = lab_state.snapshot.run_number
         self._last_event: Event | None = None
         self._told: Scenario | None = None
@@ -59,6 +61,7 @@ class Panel:
         self._caption, self._number = gui.add_html(""), gui.add_html("")
         self._status = gui.add_html("")
         self._drive = Playback(gui, lab_state)
+        self._scrub = Scrub(gui, lab_state, look_back)
         self._presets = Presets(gui, lab_state)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Parameters"):
@@ -84,19 +87,23 @@ class Panel:
         self._play = PlayScreen(gui, lab_state, touch)
         add_keys(gui, lab_state, self._keys(present, say))
 
-    def update(self, snapshot: Snapshot, legend: Legend) -> None:
-        """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them."""
+    def update(self, snapshot: Snapshot, seen: Snapshot, legend: Legend) -> None:
+        """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them.
+
+        `seen`: what the screen shows, the present or an instant before it.
+        """
         lab_state = self._lab_state
         lab_state.settle(snapshot)
         lab_state.fit_view(snapshot)
         self._announce(snapshot)
-        self._status.content = status_html(snapshot, lab_state.view, legend, self._recording())
+        self._status.content = status_html(seen, lab_state.view, legend, self._recording())
         put(self._caption, content=f'<div class="fl fl-caption">{escaped(legend.caption)}</div>')
-        put(self._number, content=number_html(self._runner.recent(SEEN_TOGETHER), snapshot))
-        self._notices.content = notices_html(snapshot, lab_state.notice, lab_state.rules.sentences)
+        put(self._number, content=number_html(self._look_back.recent(SEEN_TOGETHER), seen))
+        self._notices.content = notices_html(seen, lab_state.notice, lab_state.rules.sentences)
         self._events.update(snapshot)
         self._presets.update()
         self._drive.update(snapshot)
+        self._scrub.update()
         self._play.update(lab_state.intended)
         self._modes.update(snapshot)
         self._ring.update()

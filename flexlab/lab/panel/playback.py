@@ -7,6 +7,7 @@ import viser
 
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.look_back import LookBack
 from flexlab.lab.panel.number_control import BOX_DIGITS, put
 from flexlab.lab.panel.readouts import events_html
 from flexlab.lab.panel.text import factor, number
@@ -109,6 +110,48 @@ class Playback:
         if choice not in self._speeds:
             raise LabError(f"{choice[:40]!r} is not a speed of the menu: choose one from 1/256 × to 4 ×.")
         self._lab_state.submit(SetSpeed(self._speeds[choice]))
+
+
+SHORTEST_PAST = 0.02
+"""s that there are to look back at before the bar is shown."""
+FINE_REACH, FINE, COARSE = 5.0, 0.001, 0.01
+"""s: up to this reach the bar's steps are the run's samples, beyond it they are coarser."""
+
+
+class Scrub:
+    """The bar along the lower edge of the picture that goes back in time, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, look_back: LookBack):
+        self._look_back = look_back
+        # The style sheet puts what follows this mark below the picture; `accessibility.js` says its value as "3.2 s ago".
+        self._words = gui.add_html("")
+        self._bar = gui.add_slider(
+            "Look back", -1.0, 0.0, FINE, 0.0, visible=False, hint="Drag it to the left: the last minute of the run"
+        )
+        self._back = gui.add_button("Back to now", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", visible=False)
+        self._go_on = gui.add_button(
+            "Continue from here",
+            icon=viser.Icon.PLAYER_PLAY,
+            visible=False,
+            hint="A new run that begins with this state",
+        )
+        self._bar.on_update(handler(lab_state, lambda _: look_back.look(-float(self._bar.value))))
+        self._back.on_click(handler(lab_state, lambda _: look_back.back_to_now()))
+        self._go_on.on_click(handler(lab_state, lambda _: look_back.go_on()))
+        self._ago = 0.0
+
+    def update(self) -> None:
+        """Follow the run: the bar goes back as far as one can look, in steps while that grows."""
+        ago, reach = self._look_back.ago, self._look_back.reach
+        low = max(reach if ago else float(f"{reach:.2g}"), SHORTEST_PAST)
+        put(self._bar, min=-low, step=FINE if low <= FINE_REACH else COARSE, visible=reach >= SHORTEST_PAST)
+        if self._ago and not ago:
+            self._bar.value = 0.0
+        self._ago = ago
+        for button in (self._back, self._go_on):
+            put(button, visible=ago > 0)
+        told = f'<span class="fl-box">Paused: {number(ago)} s ago</span>' if ago else ""
+        put(self._words, content=f'<div class="fl fl-scrub">{told}</div>')
 
 
 class Events:

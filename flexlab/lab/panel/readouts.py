@@ -8,6 +8,7 @@ import viser
 from flexlab.analysis.explanations import Explained
 from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
+from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped, factor, number
@@ -174,16 +175,19 @@ EVERY = 10
 class SpokenSummary:
     """The text of the picture, in the GUI container that is open while it is made; `accessibility.js` gives it to the picture."""
 
-    def __init__(self, gui: viser.GuiApi, runner: Runner, sentences: Callable[[], Sequence[Explained]]):
+    def __init__(
+        self, gui: viser.GuiApi, runner: Runner, look_back: LookBack, sentences: Callable[[], Sequence[Explained]]
+    ):
         """`sentences`: what the plots show."""
-        self._runner, self._sentences = runner, sentences
+        self._runner, self._look_back, self._sentences = runner, look_back, sentences
         self._count = 0
         self._mark = gui.add_html("")
 
     @property
     def text(self) -> str:
         """The sentences as they are now."""
-        return summary_text(self._runner.snapshot, self._runner.recent(SEEN_TOGETHER), self._sentences())
+        seen = self._look_back.seen(self._runner.snapshot)
+        return summary_text(seen, self._look_back.recent(SEEN_TOGETHER), self._sentences())
 
     def update(self, _: Snapshot) -> None:
         """Bring the picture's text up to date, once a second."""

@@ -58,6 +58,23 @@ div:has(> .fl-begin) + div:has(> button) { position: fixed; z-index: 250; left: 
   transform: translateX(-50%); margin: 0; padding: 0; }
 div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 1.4em !important; font-size: 1.25em;
   border-radius: 2em; box-shadow: 0 0.3em 1.2em rgba(0, 0, 0, 0.35); }
+/* The bar that looks back runs along the lower edge of the picture, its words and its two buttons above it. */
+.fl-scrub, div:has(> .fl-scrub) + div:has(.mantine-Slider-root), div:has(> .fl-scrub) + div + div:has(> button[data-block]),
+div:has(> .fl-scrub) + div + div + div:has(> button[data-block]) { --fl-edge: calc(var(--fl-picture-below, 0px) + 2.3rem);
+  position: fixed; z-index: 250; left: var(--fl-picture-middle, 50%); transform: translateX(-50%); bottom: var(--fl-edge);
+  margin: 0 !important; padding: 0 !important; }
+div:has(> .fl-scrub) + div:has(.mantine-Slider-root) { width: min(26rem, calc(var(--fl-picture-width, 28rem) - 2rem)); }
+div:has(> .fl-scrub) + div .mantine-Slider-root { margin: 0; --track-bg: rgb(134 142 150 / 0.55); }
+div:has(> .fl-scrub) + div .mantine-Slider-track::before { background-color: var(--track-bg); }
+div:has(> .fl-scrub) + div div:has(> p > label) { display: block; width: auto !important; }
+div:has(> .fl-scrub) + div p { text-shadow: 0 0 0.4em var(--mantine-color-body), 0 0 0.2em var(--mantine-color-body); }
+div:has(> .fl-scrub) + div .mantine-Slider-markWrapper { display: none; }
+.fl-scrub { bottom: calc(var(--fl-edge) + 1.3rem); }
+.fl-scrub .fl-box { background: var(--mantine-color-body); margin: 0; padding: 0.1em 0.6em; font-variant-numeric: tabular-nums; }
+div:has(> .fl-scrub) + div + div:has(> button[data-block]) { bottom: calc(var(--fl-edge) + 3rem);
+  transform: translateX(calc(-100% - 0.2rem)); }
+div:has(> .fl-scrub) + div + div + div:has(> button[data-block]) { bottom: calc(var(--fl-edge) + 3rem);
+  transform: translateX(0.2rem); }
 /* All tabs stand on one line, the open one as wide as it was closed. */
 [role="tab"], [role="tab"] * { font-weight: 500 !important; letter-spacing: -0.2px; }
 [role="tablist"] { flex-wrap: nowrap !important; }
@@ -92,8 +109,9 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
   max-height: 6em; overflow-y: auto; padding: 0.3em 0.5em; border: 1px solid var(--mantine-color-default-border); }
 .fl-line { overflow-wrap: anywhere; }
 .fl-bad { color: var(--fl-bad); }
-.fl-float { position: fixed; bottom: 52px; left: var(--fl-picture-middle, 50%); transform: translateX(-50%); z-index: 300;
+.fl-float { position: fixed; bottom: 4.2rem; left: var(--fl-picture-middle, 50%); transform: translateX(-50%); z-index: 300;
   pointer-events: none; width: clamp(14em, calc(var(--fl-picture-width, 40em) - 2em), 36em); padding: 0; }
+:root:has(.fl-scrub > .fl-box) .fl-float { bottom: 7.8rem; }
 .fl-float .fl-box { background: var(--mantine-color-body); box-shadow: 0 2px 12px rgba(0, 0, 0, 0.35); }
 /* The factor of the drawn deflection is always to be seen, in the lower corner of the picture. */
 .fl-caption { position: fixed; z-index: 4; left: calc(var(--fl-picture-left, 0px) + 0.6em);

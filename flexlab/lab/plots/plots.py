@@ -1,7 +1,7 @@
 """Plots while the simulation runs, on tabs: signals over time, and the spectrum with the beam's own frequencies marked."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import viser
@@ -17,7 +17,6 @@ from flexlab.lab.viser_internals import send_plot_data, widget_uuid
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
-from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Snapshot
 
@@ -132,6 +131,8 @@ class Spectrum:
         return compact(frequency, lines, self._highest / POINTS)
 
 
+Recent = Callable[[float], Samples]
+"""The last so many s of the run, at full rate."""
 OVERLAP = 0.05
 """Extra samples asked for at each update, s: covers what usually arrives between the snapshot and the request."""
 SPECTRUM_EVERY = 5
@@ -158,7 +159,7 @@ class Plots:
 
     def update(
         self,
-        runner: Runner,
+        recent: Recent,
         snapshot: Snapshot,
         view: ViewSettings,
         kept: ReferenceRun | None,
@@ -166,6 +167,7 @@ class Plots:
     ) -> None:
         """Take in what the runner computed since the last update and redraw, `kept` behind the present run.
 
+        `snapshot`: what the screen shows, the present or an instant before it, and `recent` gives the s up to that.
         `opened`: the charts that somebody has on the screen, and the part of the window that is seen; None: perhaps all.
         """
         if view.hold_plots:
@@ -182,7 +184,7 @@ class Plots:
             self._run_number, self._window, newest = snapshot.run_number, window, -1
         missing = (now - newest) * TICK if newest >= 0 else window
         if missing > 0:
-            samples = unbroken(runner, newest, missing, window)
+            samples = unbroken(recent, newest, missing, window)
             if samples.joint_torque.shape[1] != len(scenario.arms):
                 return  # A run with other arms has begun since the snapshot: the next picture shows it.
             for chart in self._every():
@@ -190,12 +192,12 @@ class Plots:
         if missing > 0 or opened != self._opened:
             just_opened = self._spectrum_is_open(opened) and not self._spectrum_is_open(self._opened)
             self._opened = opened
-            self._show(runner, scenario, window, just_opened)
+            self._show(recent, scenario, window, just_opened)
 
     def _spectrum_is_open(self, opened: Mapping[str, tuple[float, float]] | None) -> bool:
         return opened is None or self._spectrum.uuid in opened
 
-    def _show(self, runner: Runner, scenario: Scenario, window: float, spectrum: bool) -> None:
+    def _show(self, recent: Recent, scenario: Scenario, window: float, spectrum: bool) -> None:
         """Send what somebody sees: most of the page's traffic would else be charts that nobody looks at."""
         self._count += 1
         for chart in self._every():
@@ -204,7 +206,7 @@ class Plots:
             elif chart.uuid in self._opened:
                 chart.show(self._opened[chart.uuid])
         if spectrum or (self._count % SPECTRUM_EVERY == 0 and self._spectrum_is_open(self._opened)):
-            self._spectrum.update(scenario, runner.recent(window))
+            self._spectrum.update(scenario, recent(window))
 
     def _every(self) -> list[Chart]:
         return [chart for charts in self._charts for chart in charts]
@@ -219,11 +221,11 @@ class Plots:
         self._plotted = _plotted(scenario, kept)
 
 
-def unbroken(runner: Runner, newest: int, missing: float, window: float) -> Samples:
+def unbroken(recent: Recent, newest: int, missing: float, window: float) -> Samples:
     """What the engine computed after tick `newest`, about `missing` s of it, but no more than `window` s."""
     asked = missing + OVERLAP
     while True:
-        samples = runner.recent(min(asked, window))
+        samples = recent(min(asked, window))
         first = round(float(samples.time[0]) / TICK) if len(samples) else newest
         if newest < 0 or first <= newest + 1 or asked >= window:
             return samples

@@ -135,6 +135,7 @@ class RecordedLab:
                 # Live data may be watched where no page of the lab is open.
                 attended=live is None,
                 recorded=self._recorded,
+                recorded_as=lambda: recorder.path.stem if recorder.path is not None else "",
             )
             with _quiet():
                 self._session.start()

@@ -1,0 +1,106 @@
+"""Looking back at the last minute of the run: what the screen shows of it, and going on from there."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from flexlab.errors import LabError
+from flexlab.lab.lab_state import LabState
+from flexlab.sim.checkpoints import state_from
+from flexlab.sim.commands import Pause, Play
+from flexlab.sim.history import HISTORY_SECONDS
+from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Samples
+from flexlab.sim.snapshot import TICK, Snapshot
+from flexlab.sim.world_state import Origin
+
+
+@dataclass(frozen=True)
+class _Past:
+    """What is looked at. It ends when anything else happens to the run."""
+
+    ago: float
+    """s before the instant at which the run stands."""
+    run_number: int
+    asked: int
+    """The command that had the run hold, as `Snapshot.answered` counts them."""
+    went: bool
+    """Whether the run went on before."""
+
+
+class LookBack:
+    """The run holds while somebody looks back. Any thread."""
+
+    def __init__(self, lab_state: LabState, runner: Runner, recorded_as: Callable[[], str]):
+        """`recorded_as`: the name of the present run's recording; empty: there is none."""
+        self._lab_state, self._runner, self._recorded_as = lab_state, runner, recorded_as
+        self._past: _Past | None = None
+
+    @property
+    def ago(self) -> float:
+        """How far the screen looks back, s; 0: it shows the present."""
+        past, now = self._past, self._runner.snapshot
+        if past is None:
+            return 0.0
+        if now.run_number != past.run_number or now.answered > past.asked:
+            self._past = None
+            return 0.0
+        return min(past.ago, self.reach)
+
+    @property
+    def reach(self) -> float:
+        """How far one can look back, s."""
+        now = self._runner.snapshot
+        oldest = self._runner.checkpoint(0.0).state.tick * TICK
+        return min(max(float(now.latest.time[0]) - max(oldest, now.start_time), 0.0), HISTORY_SECONDS)
+
+    def look(self, ago: float) -> None:
+        """Show the run as it was `ago` s ago, and let it hold; 0 or less: the present. Raises `LabError` if it is locked."""
+        if ago <= 0:
+            self.back_to_now()
+        elif self.ago > 0 and self._past is not None:
+            self._past = replace(self._past, ago=ago)
+        else:
+            now, went = self._runner.snapshot, self._lab_state.playing
+            asked = self._lab_state.submit(Pause()) if went else now.answered
+            self._past = _Past(ago, now.run_number, asked, went)
+
+    def back_to_now(self) -> None:
+        """Show the present; a run that went on before goes on again."""
+        went = self._past is not None and self.ago > 0 and self._past.went
+        self._past = None
+        if went and not self._runner.snapshot.status.failed:
+            self._lab_state.submit(Play())
+
+    def go_on(self) -> None:
+        """Begin a run that goes on from the instant that is shown, with its exact state. Raises `FlexlabError`."""
+        ago = self.ago
+        if not ago:
+            raise LabError("There is nothing to continue from: look back first.")
+        now = self._runner.snapshot
+        tick = round((float(now.latest.time[0]) - ago) / TICK)
+        checkpoint = self._runner.checkpoint(tick * TICK)
+        origin = Origin(self._recorded_as() or now.name, tick * TICK, state_from(checkpoint, tick))
+        self._lab_state.go_on(checkpoint.scenario, origin)
+        self._lab_state.submit(Play())
+        self._past = None
+
+    def seen(self, now: Snapshot) -> Snapshot:
+        """What the screen shows where `now` is the present."""
+        ago = self.ago
+        if not ago:
+            return now
+        sample = self.recent(0.0)
+        if not len(sample):
+            return now
+        checkpoint = self._runner.checkpoint(float(sample.time[0]))
+        return replace(
+            now,
+            scenario=checkpoint.scenario,
+            first_frequency=checkpoint.first_frequency,
+            latest=sample,
+            display=sample,
+        )
+
+    def recent(self, seconds: float) -> Samples:
+        """The `seconds` up to what is shown, at full rate."""
+        return self._runner.recent(seconds, self.ago)

@@ -121,3 +121,9 @@ def test_the_viewer_is_three_files():
         assert (folder / name).stat().st_size > 0, f"rerun's program does not serve {name} of its viewer"
     page = (folder / "index.html").read_bytes()
     assert b"re_viewer" in page, "the viewer's page loads another script"
+
+
+def test_the_viewers_page_takes_the_option_that_tells_of_its_cursor() -> None:
+    page = (tool.viewer_folder() / "index.html").read_bytes()
+    assert tool.TELLING in page
+    assert b"on_viewer_event" in (tool.viewer_folder() / "re_viewer_bg.wasm").read_bytes()

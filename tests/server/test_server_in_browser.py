@@ -198,3 +198,7 @@ def test_a_run_opens_in_the_viewer_without_a_call_to_anybody_else(
     shutil.copy(recorded, front_server.settings.logs / recorded.name)
     with window(chromium, front_server.address(f"/runs/{recorded.stem}")) as page:
         wait_for_plots(page, "server-review")
+        time = page.locator('form[action$="/continue"] [name="time"]')
+        wait_until(
+            lambda: time.input_value() == "0.500", "Continue goes on from the viewer's cursor, which plays to the end"
+        )

@@ -114,12 +114,18 @@ VIEWER_FILES = {
 
 _FOREIGN_LINK = re.compile(rb"<link\b[^>]*\bhref=\"(?:https?:|favicon|apple)[^>]*>")
 """Fonts from outside, which the policy would refuse, and icons that are not there."""
+OPTIONS = b"const options = {"
+TELLING = b"""const options = {
+          on_viewer_event: (event) => { if (window.parent !== window) window.parent.postMessage(event, location.origin); },"""
+"""With this option the viewer tells the page that it is in where its time cursor goes."""
+CHANGED = 1
+"""Number of what is changed in rerun's page: another one is unpacked into another folder."""
 
 
 def viewer_folder() -> Path:
     """A folder with the files of `VIEWER_FILES`, unpacked on first use. Raises `RecordingError` if that fails."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = base / "flexlab" / f"rerun-{rr.__version__}"
+    folder = base / "flexlab" / f"rerun-{rr.__version__}-{CHANGED}"
     if not all((folder / name).is_file() for name in VIEWER_FILES):
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -137,7 +143,8 @@ def _unpack(folder: Path) -> None:
     try:
         for name in VIEWER_FILES:
             data = _fetch(f"http://{LOOPBACK}:{web}/{name}", process)
-            data = _FOREIGN_LINK.sub(b"", data) if name == "index.html" else data
+            if name == "index.html":
+                data = _FOREIGN_LINK.sub(b"", data).replace(OPTIONS, TELLING, 1)
             with replacing(folder / name) as draft:
                 draft.write_bytes(data)
     finally:

@@ -4,6 +4,20 @@ const viewer = document.getElementById("viewer");
 const recording = new URL(viewer.dataset.recording, location.href).href;
 viewer.src = `${base}/viewer/?url=${encodeURIComponent(recording)}&hide_welcome_screen&renderer=webgl`;
 
+// Continue goes on from the viewer's cursor, unless somebody has typed another time.
+const time = document.querySelector('form[action$="/continue"] [name="time"]');
+let timeline = ""; // that the viewer shows
+let typed = false;
+time?.addEventListener("input", () => { typed = time.value !== ""; });
+addEventListener("message", (message) => {
+  if (message.source !== viewer.contentWindow || message.origin !== location.origin || !time || typed) return;
+  let event;
+  try { event = JSON.parse(message.data); } catch { return; } // "READY", which the viewer says first
+  if (event?.type === "timeline_change") timeline = event.timeline;
+  else if (event?.type !== "time_update") return;
+  if (timeline === viewer.dataset.timeline) time.value = (Math.round(event.time / 1e6) / 1e3).toFixed(3);
+});
+
 // While the run is being replayed, tell how it goes.
 const replay = document.getElementById("replay");
 const LOOK = 400; // ms between two looks

@@ -19,16 +19,16 @@ from flexlab.errors import FlexlabError
 _PICTURE = re.compile(r"^!\[([^\]]*)\]\(([\w./-]+\.svg)\)$", re.MULTILINE)
 _SYMBOLS = re.compile(r"^\[symbols: ([^\]]+)\]$", re.MULTILINE)
 _INDEXED = re.compile(r"^\| ([^|_`\s]+)_(\w+) \|", re.MULTILINE)
-HEAD_LINE, GUESS, DO, OBSERVE = "---", "## Guess", "## Do", "## Observe"
+HEAD_LINE, GUESS, DO, OBSERVE, CHECK = "---", "## Guess", "## Do", "## Observe", "## Check"
 """Lines between the parts of a lesson."""
 _OPTION = re.compile(r"^- \[([ x])\] (.+)$", re.MULTILINE)
 
 
 STEPS = ("guess", "do", "observe")
 """Of a lesson, in their order; step 1 is the first."""
-NEEDED = ("title", "preset", "check")
-FIELDS = (*NEEDED, "exaggeration", "hint")
-"""Of a lesson's head; those not needed may be left out."""
+NEEDED = ("title", "preset")
+FIELDS = (*NEEDED, "check", "exaggeration", "hint")
+"""Of a lesson's head; those not needed may be left out: a check may also be rules after a line ## Check."""
 
 
 HIGHEST_EXAGGERATION = 1000.0
@@ -57,7 +57,7 @@ class Lesson(NamedTuple):
     preset: str
     """The preset to start from."""
     check: str
-    """Key of `flexlab.analysis.lesson_checks.CHECKS`."""
+    """A comparison, or rules (`flexlab.analysis.lesson_checks`)."""
     question: str
     """Markdown: what the lesson is about."""
     guess: str
@@ -71,15 +71,11 @@ class Lesson(NamedTuple):
     observe: str
     """Markdown: what to see, and why."""
     hint: str = ""
-    """What to say while the check does not hold; the checks of flexlab's own lessons say more."""
+    """What to say while the check does not hold; rules say more."""
     exaggeration: float | None = None
     """By which all its runs are drawn; None: what suits its preset."""
-    head: tuple[str, ...] = ()
-    """Names of the fields of the head, in the order of their lines."""
-
-    def line_of(self, field: str) -> int:
-        """In the file, of a field of the head."""
-        return 2 + self.head.index(field)
+    lines: tuple[tuple[str, int], ...] = ()
+    """Where the fields of the head, and the check, stand in the file."""
 
     @property
     def text(self) -> str:
@@ -153,6 +149,11 @@ def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
     text = file.read_text(encoding="utf-8").replace("\r\n", "\n")
     parts = _parts(file, text)
     head = _head(file, parts["head"])
+    if "check" not in head and not parts["check"]:
+        raise LessonError(f"{file.name} is not a lesson: line {2 + len(head)}: the head has no check.")
+    lines = {name: line for line, name in enumerate(head, 2)}
+    if "check" not in head:
+        lines["check"] = text.split("\n").index(CHECK) + 1
     fields = [parts[name].strip() for name in ("question", "steps", "observe")]
     show = without_html if pictures is None else lambda field: _complete(field, pictures)
     question, steps, observe = map(show, fields)
@@ -167,7 +168,7 @@ def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
         id=file.stem,
         title=head["title"],
         preset=head["preset"],
-        check=head["check"],
+        check=head.get("check") or parts["check"],
         question=question,
         guess=" ".join(_OPTION.sub("", guess).split()),
         options=tuple(option for _, option in options),
@@ -176,7 +177,7 @@ def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
         observe=observe,
         hint=head.get("hint", ""),
         exaggeration=_exaggeration(file, head),
-        head=tuple(head),
+        lines=tuple(lines.items()),
     )
 
 
@@ -215,7 +216,7 @@ def _exaggeration(file: Path, head: dict[str, str]) -> float | None:
 
 
 def _parts(file: Path, text: str) -> dict[str, str]:
-    """Head, question, guess (may be empty), steps and observe. Raises `LessonError` with line and reason."""
+    """Head, question, steps, observe, guess and check (may be empty). Raises `LessonError` with line and reason."""
     lines = text.split("\n")
 
     def place(line: str, start: int, end: int | None = None) -> int:
@@ -238,7 +239,9 @@ def _parts(file: Path, text: str) -> dict[str, str]:
     guess = place(GUESS, second, do)
     ends = {"head": (1, second), "question": (second + 1, do if guess < 0 else guess)}
     ends |= {"guess": (do, do) if guess < 0 else (guess + 1, do)}
-    ends |= {"steps": (do + 1, observe), "observe": (observe + 1, len(lines))}
+    check = place(CHECK, observe)
+    last = len(lines) if check < 0 else check
+    ends |= {"steps": (do + 1, observe), "observe": (observe + 1, last), "check": (last + 1, len(lines))}
     return {name: "\n".join(lines[start:end]) for name, (start, end) in ends.items()}
 
 

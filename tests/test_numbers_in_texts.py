@@ -445,7 +445,8 @@ WITH_UNIT = re.compile(rf"(?<![\w.])\d+(?:\.\d+)?\s(?:{UNITS})(?![\w·/])")
 
 def texts() -> dict[str, str]:
     """Every text that states numbers, line breaks as spaces, without code."""
-    found = {path.stem: path.read_text(encoding="utf-8") for path in web_assets_folder().glob("guide/**/*.md")}
+    guide = {path.stem: path.read_text(encoding="utf-8") for path in web_assets_folder().glob("guide/**/*.md")}
+    found = {name: text.partition("\n## Check\n")[0] for name, text in guide.items()}
     found |= {name: f"{load_preset(name).title}. {load_preset(name).watch}" for name in preset_names(Path("/none"))}
     readme = presets_folder().parent / "README.md"
     found["README"] = readme.read_text(encoding="utf-8")

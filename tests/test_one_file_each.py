@@ -247,7 +247,6 @@ print(json.dumps([board.rows[0].scores["peak"], "B8: Upright" in report_text(boa
 LESSON = """---
 title: How soon is it quiet?
 preset: paper
-check: ring
 ---
 Beams ring. How long?
 
@@ -256,6 +255,12 @@ Beams ring. How long?
 
 ## Observe
 It rings for half a second.
+
+## Check
+seconds = settled(0, 1)
+if t < 1: Let the run go on to t = 1 s.
+done if seconds < 0.5: It is quiet after {seconds:.2f} s ✓
+else: It still rings.
 """
 
 
@@ -265,12 +270,15 @@ def test_a_lesson_is_one_file(copy: Path):
         copy,
         """
 import json
-from flexlab.analysis.lesson_checks import CHECKS
+from flexlab.analysis.lesson_checks import check_lesson
 from flexlab.guide import lessons
+from flexlab.presets import load_preset
+from flexlab.sim.simulate import simulate
 newest = lessons()[-1]
-print(json.dumps([newest.id, newest.title, newest.text, newest.check in CHECKS]))
+run = simulate(load_preset("paper"), 1.0)
+print(json.dumps([newest.id, newest.title, newest.text, check_lesson(newest.id, run.scenario, run)]))
 """,
     )
     assert found[:2] == ["quiet", "How soon is it quiet?"]
     assert "half a second" in found[2]
-    assert found[3]
+    assert found[3] == [True, "It is quiet after 0.44 s ✓"]

@@ -1,27 +1,30 @@
-"""Checks of own lessons: expressions over the metrics and signals of the present run, and over the scenario's fields.
+"""Expressions of lessons over metrics, signals and measures of the present run, and over the scenario's fields.
 
-`settling_time < 0.2`, `rms_error.y < 1e-4`, `largest(tracking_error[0:2]) < 1e-3 and t > 2`,
-`scenario.payload.bending_stiffness <= 10`. All SI.
+`settling_time < 0.2`, `rms_error.y < 1e-4`, `largest(tracking_error[0:2]) < 1e-3 and t > 2`, `largest(vibration, t - 1, t)`,
+`scenario.payload.bending_stiffness <= 10`, `scenario.payload == usual.payload`, `ring_frequency(0, 0.6)`. All SI.
 They are read by Python's own parser and worked out here: nothing but the names below can be reached.
 """
 
 import ast
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from flexlab.analysis.metrics import METRICS, run_metrics
+from flexlab.analysis.lesson_measures import OF_A_PART, VALUES, Look
+from flexlab.analysis.metrics import METRICS, RunMetrics, run_metrics
 from flexlab.analysis.metrics.names import number_names
 from flexlab.errors import LabError
 from flexlab.plain_text import syntax_tree
-from flexlab.scenario import Scenario
-from flexlab.sim.samples import Samples
+from flexlab.scenario import parse_scenario
 from flexlab.sim.signals import DERIVED, TABLE
 
 LONGEST = 400
 """Characters of an expression."""
+ROOTS = ("scenario", "usual")
+"""What a field is of: the run's scenario, or the one whose fields all have their defaults, that of the preset paper."""
 
 FUNCTIONS: dict[str, Callable[[np.ndarray], float]] = {
     "largest": lambda values: float(np.nanmax(np.abs(values))),
@@ -29,8 +32,19 @@ FUNCTIONS: dict[str, Callable[[np.ndarray], float]] = {
     "mean": lambda values: float(np.nanmean(values)),
     "first": lambda values: float(np.ravel(values[0])[0]),
     "last": lambda values: float(np.ravel(values[-1])[0]),
+    "largest_norm": lambda values: float(np.nanmax(_norms(values))),
+    "rms_norm": lambda values: float(np.sqrt(np.nanmean(np.square(_norms(values))))),
 }
-"""What makes one number of a signal."""
+"""What makes one number of a signal, of all samples or of those between two instants. Norms are those of each sample."""
+TRUTHS = ("starts", "changed", "touched")
+"""Measures that are true or false."""
+EXTREMES: dict[str, Callable[[Any], float]] = {"least": min, "greatest": max}
+"""What makes one number of a field that may have one or three."""
+
+
+def _norms(values: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(values.reshape(len(values), -1), axis=1)
+
 
 _ARITHMETIC: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -53,52 +67,69 @@ class ExpressionError(LabError):
 
 
 class Expression:
-    """A check: `holds` for a run or not."""
+    """An expression that has a value in every run."""
 
-    def __init__(self, text: str):
-        """Raises `ExpressionError` for what is no check, whatever the run."""
-        self.text = text
+    def __init__(self, text: str, known: Collection[str] = ()):
+        """`known`: names that a lesson gives to values. Raises `ExpressionError` for what has no value, whatever the run."""
         if len(text) > LONGEST:
             raise ExpressionError(f"the check has {len(text)} characters, over {LONGEST}: shorten it.")
         try:
             self._tree = syntax_tree(text.strip(), "eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             raise ExpressionError(f"the check {text[:60]!r} cannot be read ({error}).") from None
-        _check(self._tree)
-        if not isinstance(self._tree, (ast.Compare, ast.BoolOp)) and not _is_not(self._tree):
+        _check(self._tree, known)
+
+    def value(self, run: "LookedAt") -> Any:
+        """In a run as it is now."""
+        return _value(self._tree, run)
+
+
+class Comparison(Expression):
+    """An expression that is true or false."""
+
+    def __init__(self, text: str, known: Collection[str] = ()):
+        super().__init__(text, known)
+        is_truth = isinstance(self._tree, ast.Name) and self._tree.id in (*known, *TRUTHS)
+        if not isinstance(self._tree, (ast.Compare, ast.BoolOp)) and not _is_not(self._tree) and not is_truth:
             raise ExpressionError(f"the check {text[:60]!r} is no comparison: write for example settling_time < 0.2.")
 
-    def holds(self, scenario: Scenario, samples: Samples) -> bool:
+    def holds(self, run: "LookedAt") -> bool:
         """Whether it is true of a run now; what has no value yet (NaN) compares false."""
-        return bool(_value(self._tree, _Run(scenario, samples)))
+        return bool(self.value(run))
 
 
-class _Run:
-    """What names stand for; metrics are worked out once."""
+class LookedAt:
+    """A run as a lesson looks at it: what names stand for. Metrics, and values that a lesson names, are worked out once."""
 
-    def __init__(self, scenario: Scenario, samples: Samples):
-        self.scenario, self.samples = scenario, samples
-        self._metrics: Any = None
+    def __init__(self, look: Look, named: Mapping[str, Callable[["LookedAt"], Any]] | None = None):
+        """`named`: what works out each value that the lesson names."""
+        self.look, self._named = look, named or {}
+        self._values: dict[str, Any] = {}
 
-    def number(self, name: str) -> float:
-        if name == "t":
-            return float(self.samples.time[-1])
-        if self._metrics is None:
-            self._metrics = run_metrics(self.samples)
-        if "." in name:
-            return float(self._metrics[name])
-        value = getattr(self._metrics, name)
-        return float(np.max(value)) if isinstance(value, tuple) else float(value)
+    @cached_property
+    def _metrics(self) -> RunMetrics:
+        return run_metrics(self.look.samples)
+
+    def value(self, name: str) -> Any:
+        """Of a name that stands alone."""
+        if name in self._named:
+            if name not in self._values:
+                self._values[name] = self._named[name](self)
+            return self._values[name]
+        if name in VALUES:
+            return VALUES[name](self.look)
+        value = self._metrics[name] if "." in name else getattr(self._metrics, name)
+        return float(np.max(value))
 
 
 def _is_not(node: ast.AST) -> bool:
     return isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
 
 
-def _check(node: ast.AST) -> None:
+def _check(node: ast.AST, known: Collection[str]) -> None:
     """Raise for a part that no run could give a value."""
     if isinstance(node, ast.BoolOp):
-        parts: list[ast.AST] = list(node.values)
+        parts: Sequence[ast.AST] = node.values
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.Not, ast.USub)):
         parts = [node.operand]
     elif isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
@@ -109,13 +140,12 @@ def _check(node: ast.AST) -> None:
     elif isinstance(node, ast.Compare) and all(type(op) in _COMPARISONS for op in node.ops):
         parts = [node.left, *node.comparators]
     elif isinstance(node, ast.Call):
-        parts = []
-        _check_call(node)
+        parts = _numbers_of_call(node)
     elif isinstance(node, ast.Name):
         parts = []
-        if node.id != "t" and node.id not in METRICS:
+        if node.id not in (*known, *VALUES, *METRICS):
             hint = f": use {', '.join(FUNCTIONS)} of it" if node.id in TABLE or node.id in DERIVED else ""
-            raise ExpressionError(f"{node.id} is no metric{hint}. There are t, {', '.join(METRICS)}.")
+            raise ExpressionError(f"{node.id} is no metric{hint}. There are {', '.join((*METRICS, *VALUES))}.")
     elif isinstance(node, ast.Attribute):
         parts = []
         if not _path(node) and ast.unparse(node) not in number_names():
@@ -127,16 +157,24 @@ def _check(node: ast.AST) -> None:
     else:
         raise ExpressionError(f"{ast.unparse(node)[:60]} cannot stand in a check.")
     for part in parts:
-        _check(part)
+        _check(part, known)
 
 
-def _check_call(node: ast.Call) -> None:
-    name = node.func.id if isinstance(node.func, ast.Name) else ""
-    if name not in FUNCTIONS or len(node.args) != 1 or node.keywords:
-        raise ExpressionError(f"{ast.unparse(node)[:60]}: functions are {', '.join(FUNCTIONS)}, each of one signal.")
-    signal, _ = _signal(node.args[0])
-    if signal not in TABLE and signal not in DERIVED:
-        raise ExpressionError(f"{signal[:40]} is no signal: there are {', '.join((*TABLE, *DERIVED))}.")
+def _numbers_of_call(node: ast.Call) -> list[ast.expr]:
+    """The numbers that a function is given; raises for what is none, or has others."""
+    name, numbers = node.func.id if isinstance(node.func, ast.Name) else "", list(node.args)
+    if name in EXTREMES and len(numbers) == 1 and _path(numbers[0]) and not node.keywords:
+        return []
+    if name in FUNCTIONS and len(numbers) in (1, 3) and not node.keywords:
+        signal, _ = _signal(numbers.pop(0))
+        if signal not in TABLE and signal not in DERIVED:
+            raise ExpressionError(f"{signal[:40]} is no signal: there are {', '.join((*TABLE, *DERIVED))}.")
+    elif name not in OF_A_PART or len(numbers) != 2 or node.keywords:
+        raise ExpressionError(
+            f"{ast.unparse(node)[:60]}: functions are {', '.join(FUNCTIONS)}, each of one signal (and two instants), "
+            f"{', '.join(EXTREMES)}, of a field, and {', '.join(OF_A_PART)}, of two instants."
+        )
+    return numbers
 
 
 def _signal(node: ast.AST) -> tuple[str, Any]:
@@ -167,15 +205,15 @@ def eval_index(node: ast.AST) -> Any:
 
 
 def _path(node: ast.AST) -> str:
-    """The dotted path of a field of the scenario; empty for anything else."""
+    """The dotted path of a field of the scenario, or of the usual one, with that word first; empty for anything else."""
     names: list[str] = []
     while isinstance(node, ast.Attribute):
         names.insert(0, node.attr)
         node = node.value
-    return ".".join(names) if isinstance(node, ast.Name) and node.id == "scenario" and names else ""
+    return ".".join([node.id, *names]) if isinstance(node, ast.Name) and node.id in ROOTS and names else ""
 
 
-def _number(node: ast.AST, run: _Run) -> float:
+def _number(node: ast.AST, run: LookedAt) -> float:
     """What is computed with: one number, as a text or a list times a number could be of any length."""
     value = _value(node, run)
     if not isinstance(value, (int, float)):
@@ -183,15 +221,22 @@ def _number(node: ast.AST, run: _Run) -> float:
     return float(value)
 
 
-def _value(node: ast.AST, run: _Run) -> Any:
+def _field(path: str, run: LookedAt) -> Any:
+    """A field's value; NaN of one that is not set, which compares false."""
+    root, _, name = path.partition(".")
+    value = (run.look.scenario if root == "scenario" else parse_scenario({})).get(name)
+    return np.nan if value is None else value
+
+
+def _value(node: ast.AST, run: LookedAt) -> Any:
     if isinstance(node, ast.Constant):
         return node.value
     if isinstance(node, ast.Name):
-        return run.number(node.id)
+        return run.value(node.id)
     if isinstance(node, ast.Attribute):
         if not _path(node):
-            return run.number(ast.unparse(node))
-        value = run.scenario.get(_path(node))
+            return run.value(ast.unparse(node))
+        value = _field(_path(node), run)
         return value[0] if isinstance(value, tuple) and len(set(value)) == 1 else value
     if isinstance(node, ast.BoolOp):
         combine = all if isinstance(node.op, ast.And) else any
@@ -206,8 +251,16 @@ def _value(node: ast.AST, run: _Run) -> Any:
         return all(_COMPARISONS[type(op)](one, other) for op, one, other in pairs)
     assert isinstance(node, ast.Call)
     assert isinstance(node.func, ast.Name)
-    signal, index = _signal(node.args[0])
-    values = np.asarray(run.samples[signal])
+    name, numbers = node.func.id, node.args
+    if name in EXTREMES:
+        value = _field(_path(numbers[0]), run)
+        return float(EXTREMES[name](value if isinstance(value, tuple) else (value,)))
+    signal, index = ("", ...) if name in OF_A_PART else _signal(numbers[0])
+    window = [_number(part, run) for part in numbers[-2:]] if len(numbers) > 1 else []
+    samples = run.look.part(*window) if window else run.look.samples
+    if name in OF_A_PART:
+        return OF_A_PART[name](run.look, samples)
+    values = np.asarray(samples[signal])
     if index is not ...:
         values = values[(slice(None), *(index if isinstance(index, tuple) else (index,)))]
-    return FUNCTIONS[node.func.id](values)
+    return FUNCTIONS[name](values)

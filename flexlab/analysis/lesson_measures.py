@@ -1,49 +1,36 @@
-"""What lessons measure in a run: frequencies, peaks, jumps, how they read in a sentence, and what a check answers."""
+"""What lessons and explanations measure in a run: frequencies, peaks, jumps, and how lengths read in a sentence."""
 
-from collections.abc import Sequence
-from functools import lru_cache
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexlab.analysis.metrics.run_metrics import between
-from flexlab.scenario import Payload
+from flexlab.analysis.metrics.settling_time import settling_time
+from flexlab.analysis.modes import modes, rings_of
+from flexlab.physics.axial_load import buckling_load
+from flexlab.scenario import Payload, Scenario
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
+from flexlab.sim.first_mode import first_mode
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
+from flexlab.sim.target import shaper_impulses
 
-UNDAMPED_TIME = 0.44
-"""Settling time of the preset paper, s (a test measures it)."""
-DISTURBANCES = (ChangeScenario, Pull, Tap)
-"""Commands after which a run is not steady for a while."""
-
-
-class Verdict(NamedTuple):
-    """What a check found: whether the lesson is done, and a sentence with the numbers or the next step."""
-
-    done: bool
-    sentence: str
-
-
-def has_start(samples: Samples) -> bool:
-    """Whether the run's first instant is among them."""
-    return bool(samples.time[0] < 0.5 * tick(samples))
-
-
-def wait_for_start(samples: Samples, until: float) -> Verdict | None:
-    """What to do while a check that looks at a run's start cannot be made; None when it can."""
-    if not has_start(samples):
-        return Verdict(False, "Press R: this check looks at the start of a run.")
-    if samples.time[-1] < until:
-        return Verdict(False, f"Let the run go on to t = {until:g} s.")
-    return None
-
-
-def changed(events: Sequence[Event]) -> bool:
-    """Whether a run's scenario was changed on its way."""
-    return any(isinstance(event.command, ChangeScenario) for event in events)
+SECONDS = 30.0
+"""How much of a run a check sees, s: what the engine keeps."""
+SETTLED, SHORTEST = 0.5, 1.5
+"""s after a change before its ring is looked at, and how long it is looked at, at least."""
+USUAL_STIFFNESS = {"bending_stiffness": 100.0}
+"""EI of the paper, N·m²."""
+APART = 2.0
+"""N between two squeezes that a line may go through."""
+SILENT = 1e-9
+"""m: a ring that has become smaller is none. That of squeeze-until-it-buckles comes to it 40 s after its start."""
 
 
 def first_frequency(payload: Payload) -> float:
@@ -92,3 +79,138 @@ def largest(signal: np.ndarray) -> float:
 def length(metres: float) -> str:
     """A length as it reads best: mm, or µm under 10 µm."""
     return f"{1e3 * metres:.2f} mm" if metres >= 1e-5 else f"{1e6 * metres:.1f} µm"
+
+
+class Span(NamedTuple):
+    """A part of a run without a change or touch; NaN where it is too short, or rings no more."""
+
+    begin: float
+    """s."""
+    force: float = np.nan
+    """Mean compression P, N."""
+    frequency: float = np.nan
+    """Hz."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a lesson's check looks at: a scenario, the newest samples of a run (two or more), and all its events."""
+
+    scenario: Scenario
+    samples: Samples
+    events: Sequence[Event]
+
+    @property
+    def now(self) -> float:
+        """The newest instant, s."""
+        return float(self.samples.time[-1])
+
+    def part(self, begin: float, end: float) -> Samples:
+        """What lies between two instants, s."""
+        return between(self.samples, begin, end)
+
+    @property
+    def touches(self) -> list[float]:
+        """When something was changed, pulled or tapped, s: the run is not steady for a while."""
+        return [event.time for event in self.events if isinstance(event.command, (ChangeScenario, Pull, Tap))]
+
+    @property
+    def path_rate(self) -> np.ndarray:
+        """Of the target at the first of the samples, m/s, m/s, rad/s, (3,)."""
+        return (self.samples.desired_pose[1] - self.samples.desired_pose[0]) / tick(self.samples)
+
+    @cached_property
+    def shaper_delay(self) -> float:
+        """By how much the input shaper ends the motion later, s. Raises `FlexlabError` where the closed loop has no mode."""
+        return float(max(shaper_impulses(self.scenario)[:, 1], default=0.0))
+
+    @cached_property
+    def loop_frequency(self) -> float:
+        """Of the closed loop's first mode, damped, Hz. Raises `FlexlabError` where there is none."""
+        mode = first_mode(self.scenario)
+        return float(mode.omega * np.sqrt(1 - mode.zeta**2) / (2 * np.pi))
+
+    @cached_property
+    def spans(self) -> list[Span]:
+        """All spans without a change or touch, in order."""
+        time = self.samples.time
+        ends = [float(time[0]), *(t for t in self.touches if t > time[0]), float(time[-1])]
+        return [self._span(begin, end) for begin, end in pairwise(ends)]
+
+    def _span(self, begin: float, end: float) -> Span:
+        part = self.part(begin + SETTLED, end)
+        frequency = _upward_frequency(part) if end - begin >= SETTLED + SHORTEST else np.nan
+        return Span(begin) if np.isnan(frequency) else Span(begin, -float(part.axial_load.mean()), frequency)
+
+    @property
+    def other_span(self) -> Span:
+        """The newest one with another compression than the present one."""
+        others = (each for each in reversed(self.spans) if abs(each.force - self.spans[-1].force) > APART)
+        return next(others, Span(np.nan))
+
+
+VALUES: dict[str, Callable[[Look], Any]] = {
+    "t": lambda look: look.now,
+    "starts": lambda look: bool(
+        look.samples.time[0] < 0.5 * tick(look.samples)
+    ),  # whether the run's first instant is seen
+    "changed": lambda look: any(isinstance(event.command, ChangeScenario) for event in look.events),
+    "touched": lambda look: bool(look.touches),  # changed, pulled or tapped
+    "undisturbed": lambda look: look.now - max([float(look.samples.time[0]), *look.touches]),  # for so many s
+    "arms": lambda look: len(look.scenario.arms),
+    "mode_count": lambda look: look.scenario.payload.coordinate_count,
+    "period": lambda look: min(
+        look.scenario.trajectory.slowest_period, SECONDS / 2
+    ),  # of the path, as far as it is seen
+    "path_end": lambda look: np.nan if look.scenario.trajectory.end is None else look.scenario.trajectory.end,
+    "path_speed": lambda look: float(np.linalg.norm(look.path_rate[:2])),  # at the first of the samples
+    "start_jump": lambda look: float(np.linalg.norm((look.samples.pose_rate[0] - look.path_rate)[:2])),  # off it there
+    "first_frequency": lambda look: first_frequency(look.scenario.payload),  # with its grips held
+    "usual_frequency": lambda look: first_frequency(look.scenario.payload.model_copy(update=USUAL_STIFFNESS)),
+    "shaper_delay": lambda look: look.shaper_delay,
+    "loop_frequency": lambda look: look.loop_frequency,
+    "growth": lambda look: _growth(look.scenario.anew())[0],  # of the closed loop's fastest growing pole
+    "growing_pole": lambda look: _growth(look.scenario.anew())[1],  # what it is of, as in "beam mode 3"
+    "growing_frequency": lambda look: _growth(look.scenario.anew())[2],  # true where a clock folds it
+    "buckling_load": lambda look: buckling_load(
+        look.scenario.payload.length, look.scenario.payload.bending_stiffness, look.scenario.payload.boundary
+    ),
+    "span_start": lambda look: look.spans[-1].begin,
+    "squeeze": lambda look: look.spans[-1].force,
+    "squeezed_frequency": lambda look: look.spans[-1].frequency,
+    "other_squeeze": lambda look: look.other_span.force,
+    "other_frequency": lambda look: look.other_span.frequency,
+}
+"""What a check may ask for by name, SI; a span is a part of the run in which nothing was changed or touched."""
+
+OF_A_PART: dict[str, Callable[[Look, Samples], float]] = {
+    "ring_frequency": lambda _, part: ring_frequency(part),
+    "settled": lambda _, part: settling_time(part.time, part.vibration),  # at one per cent of its peak; NaN: not yet
+    "torque_jump": lambda look, part: torque_jump(part, look.scenario.controller.control_period),
+    "imbalance": lambda _, part: max(
+        largest(part.internal_force.sum(axis=1)), 1e-15
+    ),  # sum of the arms' internal forces
+}
+"""What a check may ask of the samples between two instants, as in `settled(0, 1)`."""
+
+
+def _upward_frequency(part: Samples) -> float:
+    """Frequency of a free ring, Hz, from where it goes upwards through its mean; NaN: there is none."""
+    w = part.midspan_deflection - part.midspan_deflection.mean()
+    upwards = np.flatnonzero((w[:-1] < 0) & (w[1:] >= 0))
+    if len(upwards) < 3 or largest(w) < SILENT:
+        return np.nan
+    step = part.time[1] - part.time[0]
+    times = part.time[upwards] - w[upwards] * step / (w[upwards + 1] - w[upwards])
+    return float((len(times) - 1) / (times[-1] - times[0]))
+
+
+@lru_cache(maxsize=8)
+def _growth(scenario: Scenario) -> tuple[float, str, float]:
+    """Growth, 1/s, of the fastest pole, whose it is, and the true frequency of that mode, Hz; the lab asks every second."""
+    found = modes(scenario)
+    worst = int(np.argmax(found.poles.real)) if len(found.poles) else 0
+    origin = found.pole_origin[worst] if len(found.poles) else ""
+    number = int(origin.removeprefix("beam mode ")) if origin.startswith("beam mode") else 0
+    rings = rings_of(found)
+    return found.growth, origin, rings[number].frequency if number in rings else 0.0

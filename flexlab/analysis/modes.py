@@ -251,6 +251,35 @@ def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes
     return result
 
 
+class Ring(NamedTuple):
+    """An oscillation of the closed loop that is a mode's of the beam."""
+
+    frequency: float
+    """Hz, true where a clock or samples fold it."""
+    rate: float
+    """1/s: negative decays."""
+
+
+def rings_of(found: Modes) -> dict[int, Ring]:
+    """Of each mode that oscillates.
+
+    A clock shows frequencies folded: of those that fold alike, the one nearest to the mode's own is it.
+    """
+    rings: dict[int, Ring] = {}
+    for pole, name in zip(found.poles, found.pole_origin, strict=True):
+        if pole.imag <= 0 or not name.startswith("beam mode "):
+            continue
+        number, seen = int(name.removeprefix("beam mode ")), float(pole.imag) / (2 * np.pi)
+        own = float(found.frequency[number - 1])
+        if found.control_period is not None:
+            rate = 1 / found.control_period
+            folds = [turns * rate + side * seen for turns in range(int(own / rate) + 2) for side in (-1, 1)]
+            seen = min((f for f in folds if f > 0), key=lambda f: abs(f - own))
+        if number not in rings or pole.real > rings[number].rate:
+            rings[number] = Ring(seen, float(pole.real))
+    return rings
+
+
 def check_pose(scenario: Scenario, pose: tuple[float, float, float] | None) -> np.ndarray:
     """The pose to hold, (3,); raises `StudyError` for one that is no pose or that an arm cannot take."""
     try:

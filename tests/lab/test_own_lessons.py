@@ -5,12 +5,16 @@ from pathlib import Path
 import pytest
 from lab_page import wait_until
 
-from flexlab.analysis.lesson_expressions import Expression, ExpressionError
+from flexlab.analysis.lesson_checks import Verdict, read_check
+from flexlab.analysis.lesson_expressions import Comparison, ExpressionError, LookedAt
+from flexlab.analysis.lesson_measures import Look
 from flexlab.lab.panel import guide_panel
 from flexlab.lab.panel.guide_panel import EVERY, Guide, own_lessons
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
 from flexlab.sim.commands import Play, SetSpeed
+from flexlab.sim.samples import Samples
 from flexlab.sim.simulate import simulate
 
 EXAMPLE = (guide_panel.__doc__ or "").partition(":\n\n")[2].replace("\n    ", "\n").strip() + "\n"
@@ -24,15 +28,20 @@ def write(folder: Path, text: str) -> guide_panel.OwnLesson:
     return lesson
 
 
+def verdict(own: guide_panel.OwnLesson, scenario: Scenario, samples: Samples) -> Verdict:
+    assert own.lesson is not None
+    return read_check(own.lesson).verdict(scenario, samples)
+
+
 def test_the_documented_example_is_a_lesson(tmp_path: Path) -> None:
     own = write(tmp_path, EXAMPLE)
     assert own.problem == ""
     assert own.lesson is not None
     assert (own.lesson.title, own.lesson.answer) == ("Stiffer", "it gets faster and smaller")
-    verdict = own.verdict(load_preset("paper"), SAMPLES)
-    assert (verdict.done, verdict.sentence) == (False, "Move the slider of EI to the right.")
+    found = verdict(own, load_preset("paper"), SAMPLES)
+    assert (found.done, found.sentence) == (False, "Move the slider of EI to the right.")
     stiff = simulate(load_preset("paper").replace({"payload.bending_stiffness": 600.0}), 1.2, 0.001)
-    assert own.verdict(stiff.scenario, stiff.slice(0, len(stiff))).done
+    assert verdict(own, stiff.scenario, stiff.slice(0, len(stiff))).done
 
 
 def test_html_in_a_lesson_is_text(tmp_path: Path) -> None:
@@ -52,7 +61,7 @@ def test_html_in_a_lesson_is_text(tmp_path: Path) -> None:
         ("- [x]", "- [ ]", "one line - [x] with what is right"),
         ("bending_stiffness > 500 and t > 1", "bending_stiffness > 500 and zeit > 1", "line 4: zeit is no metric"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "t +", "line 4: the check 't +' cannot be read"),
-        ("scenario.payload.bending_stiffness > 500 and t > 1", "ring", "line 4: give an expression"),
+        ("scenario.payload.bending_stiffness > 500 and t > 1", "ring", "line 4: ring is no metric"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(vibration)", "is no comparison"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "vibration < 1", "use largest, rms"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(sound) < 1", "sound is no signal"),
@@ -81,7 +90,7 @@ def test_a_bad_lesson_says_line_and_reason(tmp_path: Path, old: str, new: str, s
     ],
 )
 def test_expressions_over_metrics_signals_and_fields(text: str, holds: bool) -> None:
-    assert Expression(text).holds(load_preset("paper"), SAMPLES) is holds
+    assert Comparison(text).holds(LookedAt(Look(load_preset("paper"), SAMPLES, ()))) is holds
 
 
 @pytest.mark.parametrize(
@@ -100,7 +109,7 @@ def test_expressions_over_metrics_signals_and_fields(text: str, holds: bool) -> 
 )
 def test_nothing_else_can_be_reached(text: str) -> None:
     with pytest.raises(ExpressionError):
-        Expression(text)
+        Comparison(text)
 
 
 def test_a_lesson_of_one_s_own_is_checked_in_the_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,7 +159,7 @@ def test_a_check_computes_with_numbers_alone(tmp_path: Path, text: str) -> None:
     if own.problem:
         assert "a text can only be compared" in own.problem
     else:
-        assert "is not a number here" in own.verdict(load_preset("paper"), SAMPLES).sentence
+        assert "is not a number here" in verdict(own, load_preset("paper"), SAMPLES).sentence
 
 
 def test_lessons_that_are_new_or_saved_anew_are_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

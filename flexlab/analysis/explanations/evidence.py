@@ -9,7 +9,7 @@ import numpy as np
 from flexlab.analysis.law_conditions import circumstances, conditions_in
 from flexlab.analysis.lesson_measures import largest, newest, tick
 from flexlab.analysis.metrics.run_metrics import between
-from flexlab.analysis.modes import Modes, modes
+from flexlab.analysis.modes import Modes, Ring, modes, rings_of
 from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.law import law_of
 from flexlab.errors import FlexlabError
@@ -29,15 +29,6 @@ STEADY = 1.0
 """Steady motion that is looked at, s."""
 FEWEST = 64
 """Samples below which a spectrum says nothing."""
-
-
-class Ring(NamedTuple):
-    """An oscillation of the closed loop that is a mode's of the beam."""
-
-    frequency: float
-    """Hz, true where a clock or samples fold it."""
-    rate: float
-    """1/s: negative decays."""
 
 
 class Background(NamedTuple):
@@ -72,26 +63,6 @@ class Background(NamedTuple):
                 shaper = np.zeros((0, 2))
         conditions = () if around is None else conditions_in(around)
         return cls(scenario, found, conditions, around, informed, shaper, rings_of(found))
-
-
-def rings_of(found: Modes) -> dict[int, Ring]:
-    """Of each mode that oscillates.
-
-    A clock shows frequencies folded: of those that fold alike, the one nearest to the mode's own is it.
-    """
-    rings: dict[int, Ring] = {}
-    for pole, name in zip(found.poles, found.pole_origin, strict=True):
-        if pole.imag <= 0 or not name.startswith("beam mode "):
-            continue
-        number, seen = int(name.removeprefix("beam mode ")), float(pole.imag) / (2 * np.pi)
-        own = float(found.frequency[number - 1])
-        if found.control_period is not None:
-            rate = 1 / found.control_period
-            folds = [turns * rate + side * seen for turns in range(int(own / rate) + 2) for side in (-1, 1)]
-            seen = min((f for f in folds if f > 0), key=lambda f: abs(f - own))
-        if number not in rings or pole.real > rings[number].rate:
-            rings[number] = Ring(seen, float(pole.real))
-    return rings
 
 
 @dataclass(frozen=True)

@@ -31,9 +31,10 @@ from typing import NamedTuple
 
 import viser
 
-from flexlab.analysis.lesson_checks import CHECKS, SECONDS, Verdict, check_lesson
-from flexlab.analysis.lesson_expressions import Expression, ExpressionError
-from flexlab.errors import FlexlabError, LabError
+from flexlab.analysis.lesson_checks import read_check
+from flexlab.analysis.lesson_expressions import ExpressionError
+from flexlab.analysis.lesson_measures import SECONDS
+from flexlab.errors import LabError
 from flexlab.guide import (
     STEPS,
     Chapter,
@@ -52,9 +53,7 @@ from flexlab.lab.panel.text import escaped
 from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.plain_text import with_units
 from flexlab.presets import load_preset, preset_names
-from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
-from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Snapshot
 
 OWN_LESSONS = Path("lessons")
@@ -66,24 +65,13 @@ MOST = 50
 
 
 class OwnLesson(NamedTuple):
-    """A lesson with the check that its file gives, or what is wrong with the file."""
+    """A lesson, or what is wrong with its file."""
 
     name: str
     """Of the file, without ending."""
     lesson: Lesson | None
-    expression: Expression | None
     problem: str
     """A sentence with line and reason; empty if all is well."""
-
-    def verdict(self, scenario: Scenario, samples: Samples) -> Verdict:
-        """Whether the check holds in a run."""
-        assert self.expression is not None
-        assert self.lesson is not None
-        try:
-            done = len(samples) > 1 and self.expression.holds(scenario, samples)
-        except (FlexlabError, ArithmeticError, IndexError, TypeError, ValueError) as error:
-            return Verdict(False, f"The check cannot be worked out in this run ({error}). {self.lesson.hint}".strip())
-        return Verdict(done, "The check holds ✓" if done else self.lesson.hint or "Not yet.")
 
 
 def own_lessons(folder: Path = OWN_LESSONS) -> list[OwnLesson]:
@@ -113,19 +101,16 @@ def _read(file: Path) -> OwnLesson:
         lesson = read_lesson(file)
         if lesson.preset not in preset_names():
             raise LessonError(
-                f"{file.name} is not a lesson: line {lesson.line_of('preset')}: there is no preset {lesson.preset[:40]!r}."
-            )
-        if lesson.check in CHECKS:
-            raise LessonError(
-                f"{file.name} is not a lesson: line {lesson.line_of('check')}: give an expression, such as t > 1."
+                f"{file.name} is not a lesson: line {dict(lesson.lines)['preset']}: there is no preset {lesson.preset[:40]!r}."
             )
         try:
-            return OwnLesson(file.stem, lesson, Expression(lesson.check), "")
+            read_check(lesson)
         except ExpressionError as error:
-            raise LessonError(f"{file.name} is not a lesson: line {lesson.line_of('check')}: {error}") from None
+            raise LessonError(f"{file.name} is not a lesson: line {dict(lesson.lines)['check']}: {error}") from None
+        return OwnLesson(file.stem, lesson, "")
     except (LessonError, OSError, UnicodeDecodeError) as error:
         reason = str(error) if isinstance(error, LessonError) else f"{file.name}: it cannot be read ({error})."
-        return OwnLesson(file.stem, None, None, reason)
+        return OwnLesson(file.stem, None, reason)
 
 
 EVERY = 10
@@ -167,7 +152,6 @@ class Guide:
         self._pages: dict[str, Chapter | Lesson] = {chapter.title: chapter for chapter in chapters()}
         mine = own_lessons()
         self._pages |= lesson_menu(mine)
-        self._own = {own.lesson.id: own for own in mine if own.lesson is not None}
         for own in mine:
             if own.lesson is None:
                 title = f"{own.name} (cannot be read)"
@@ -276,12 +260,7 @@ class Guide:
             self._lab_state.load(load_preset(lesson.preset), lesson.preset)
 
     def _check(self, lesson: Lesson, snapshot: Snapshot) -> None:
-        samples = self._runner.recent(SECONDS)
-        own = self._own.get(lesson.id)
-        if own is not None and own.lesson is lesson:
-            verdict = own.verdict(snapshot.scenario, samples)
-        else:
-            verdict = check_lesson(lesson.check, snapshot.scenario, samples, snapshot.events)
+        verdict = read_check(lesson).verdict(snapshot.scenario, self._runner.recent(SECONDS), snapshot.events)
         if verdict.done:
             self._unfolded.add(lesson.id)
             self._done[lesson.id] = verdict.sentence

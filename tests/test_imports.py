@@ -90,7 +90,7 @@ def imports(file: Path, package: Path) -> Iterator[tuple[str, int]]:
 def room_of_file(file: Path, package: Path) -> str:
     """The first part of a file's module name below flexlab; "" for flexlab/__init__.py."""
     first = file.relative_to(package).parts[0]
-    return "" if first == "__init__.py" else first.removesuffix(".py")
+    return "" if first.startswith("__init__.py") else first.removesuffix(".py")
 
 
 def room_of_module(module: str) -> str | None:
@@ -104,7 +104,7 @@ def room_of_module(module: str) -> str | None:
 def problems(package: Path) -> list[str]:
     """One sentence per import that points the wrong way."""
     found = []
-    for file in sorted(package.rglob("*.py")):
+    for file in sorted([*package.rglob("*.py"), *package.rglob("*.pyi")]):
         room = room_of_file(file, package)
         if room not in LAYERS:
             found.append(f"{file}: the room {room} has no layer: give it one in LAYERS")

@@ -97,7 +97,7 @@ def fastest_rate_at(plant, control, desired, memory, ws):
             rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
             for a in range(3):
                 now.x[a] = now.desired[0, a] = desired[k, a]
-                now.v[a] = 0.0
+                now.v[a] = now.desired[1, a] = 0.0
             fastest = max(fastest, fastest_control_rate(control, now, memory, ws.S, plant.kappa))
     return fastest
 

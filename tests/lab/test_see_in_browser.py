@@ -111,6 +111,17 @@ def test_camera_views_belong_to_one_browser(page: LabPage) -> None:
     wait_until(lambda: math.dist(seen["Overview"], page.camera()) < SAME_PLACE, "the camera is where it was")
 
 
+def test_the_camera_shows_where_a_new_runs_path_goes(page: LabPage) -> None:
+    first = page.camera()
+    page.choose("Preset", "spin-up")
+    wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the camera shows the circle of the spin")
+    page.catch_up()
+    there = page.camera()
+    page.key("r")
+    page.catch_up()
+    assert math.dist(there, page.camera()) < SAME_PLACE, "a reset leaves the path where it was"
+
+
 def test_modes_are_told_and_shown(page: LabPage) -> None:
     page.open_tab("Modes")
     page.wait_for_text("44.60")

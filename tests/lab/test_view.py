@@ -5,6 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from flexlab.control.motion import poses
+from flexlab.control.path import build_motion
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.run_comparison import change_text
@@ -72,21 +74,40 @@ def test_the_payload_stands_in_the_free_part_of_the_picture(covered: tuple[float
     assert height == pytest.approx((below + 1 - above) / 2, abs=0.04)
 
 
+def in_picture(position: np.ndarray, look_at: np.ndarray, x: float, y: float) -> tuple[float, float]:
+    """Where a point of the floor is, to the right and upwards: -1 to 1 from edge to edge of a square picture."""
+    forward = (look_at - position) / np.linalg.norm(look_at - position)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    away = np.array([x, y, 0.0]) - position
+    sideways, upwards = away @ right, away @ np.cross(right, forward)
+    return tuple(np.array([sideways, upwards]) / (away @ forward) / np.tan(FIELD_OF_VIEW / 2))
+
+
+@pytest.mark.parametrize("name", preset_names())
+@pytest.mark.parametrize("aspect", [0.46, 1.0, 2.2])
+def test_both_ends_of_the_payload_stay_in_the_picture(name: str, aspect: float) -> None:
+    """Of a beam that turns all the way round, too."""
+    scenario = load_preset(name)
+    path, length = scenario.trajectory, scenario.payload.length
+    position, look_at = payload_view(scenario, Window(aspect))
+    for x, y, theta in poses(build_motion(path), np.linspace(*path.window, 300))[:, 0]:
+        for s in (-length / 2, length / 2):
+            sideways, upwards = in_picture(position, look_at, x + s * np.cos(theta), y + s * np.sin(theta))
+            assert abs(sideways) < aspect
+            assert abs(upwards) < 1
+
+
 @pytest.mark.parametrize("name", preset_names())
 @pytest.mark.parametrize("aspect", [0.46, 1.0, 2.2])
 def test_the_whole_floor_is_in_the_picture(name: str, aspect: float) -> None:
     scenario = load_preset(name)
     position, look_at = overview(scenario, Window(aspect))
-    forward = (look_at - position) / np.linalg.norm(look_at - position)
-    right = np.cross(forward, [0, 0, 1])
-    right /= np.linalg.norm(right)
-    up = np.cross(right, forward)
     x_min, x_max, y_min, y_max = floor_extent(scenario)
-    for corner in ((x, y, 0.0) for x in (x_min, x_max) for y in (y_min, y_max)):
-        away = np.array(corner) - position
-        depth = away @ forward
-        assert abs(away @ up) / depth < np.tan(FIELD_OF_VIEW / 2)
-        assert abs(away @ right) / depth < aspect * np.tan(FIELD_OF_VIEW / 2)
+    for x, y in ((x, y) for x in (x_min, x_max) for y in (y_min, y_max)):
+        sideways, upwards = in_picture(position, look_at, x, y)
+        assert abs(sideways) < aspect
+        assert abs(upwards) < 1
 
 
 def test_slider_scales_go_there_and_back() -> None:

@@ -19,3 +19,9 @@ def test_a_random_scenario_is_right_or_called_inaccurate(seed: int):
 def test_so_is_one_with_another_path_limits_or_integrator(seed: int):
     judged = judge(seed, LONGEST_REFERENCE, wide=True)
     assert not judged.complaints, judged.text
+
+
+def test_a_law_whose_slope_jumps_at_its_layer_is_followed_across_it():
+    """Super-twisting leads errors beyond its boundary layer back slowly: the pose was off by 3e-8 m, without a word."""
+    judged = judge(30, axial=True)
+    assert not judged.complaints, judged.text

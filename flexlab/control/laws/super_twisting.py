@@ -22,7 +22,7 @@ from flexlab.control.controller import Controller
 from flexlab.control.law import Law, Memory
 from flexlab.control.load_sharing import drive_arms
 from flexlab.control.rates import largest_ratio
-from flexlab.control.sliding_surface import aim_at_surface, layer_of, slope_of
+from flexlab.control.sliding_surface import aim_at_surface, layer_of, sliding_variable, slope_of
 from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.signal import AXIS, Signal
 
@@ -59,16 +59,24 @@ def super_twisting(gains, now, w, w_rate, signals):
     drive_arms(now, r_dot, r, feedback, A)
 
 
+NEAR_EDGE, EDGE_RATE, FASTEST_EDGE = 2.0, 8.0, 1e4
+"""Up to the first factor from the edge of the boundary layer the law counts as so many times as fast, but not as faster than the
+third number, 1/s: a step across the edge, where the slope of k1 s/√‖s‖ jumps, is of second order, and w keeps the error."""
+
+
 @pluggable
 def fastest_rate(gains, now, w, S, kappa):
-    """1/s, within the boundary layer: S⁻¹k1/√ε, √(S⁻¹k2/ε), and Λ after it."""
+    """1/s, within the boundary layer: S⁻¹k1/√ε, √(S⁻¹k2/ε), and Λ after it; several times that at its edge."""
     epsilon, gain, scratch = gains.boundary_layer, now.scratch[0], now.scratch[3:6]
+    away = sliding_variable(gains.sliding_slope, now.x, now.v, now.desired, gain) / epsilon
     for a in range(3):
         gain[a] = gains.proportional_gain[a] / np.sqrt(epsilon)
     damping = largest_ratio(S, gain, scratch)
     for a in range(3):
         gain[a] = gains.integral_gain[a] / epsilon
-    return damping + np.sqrt(largest_ratio(S, gain, scratch)) + max(gains.sliding_slope)
+    rate = damping + np.sqrt(largest_ratio(S, gain, scratch)) + max(gains.sliding_slope)
+    at_edge = away < NEAR_EDGE and away * NEAR_EDGE > 1
+    return max(rate, min(EDGE_RATE * rate, FASTEST_EDGE)) if at_edge else rate
 
 
 def conditions(around: Circumstances) -> tuple[Condition, ...]:

@@ -28,7 +28,8 @@ CAPTION = 0.2
 FILLED = 0.97
 """Share of the window that the floor takes up, in the direction in which it fits just so."""
 AROUND = 0.35
-"""Room around the payload wherever its path takes it, in its lengths: for what bends, and the arms that hold it."""
+"""Room around the payload wherever its path takes it, in its lengths: for what bends, and the arms that hold it; across it,
+together with what a turned link needs, as the root of both squares."""
 LEAST_FREE = 0.2
 """Share of the picture's height that counts as free whatever covers it."""
 CLOSE_UP = 2.6
@@ -74,7 +75,8 @@ def overview(scenario: Scenario, window: Window, tilt: float = TILT) -> Shot:
 def payload_view(scenario: Scenario, window: Window) -> Shot:
     """The payload fills the free part of the picture, wherever its path takes it."""
     length, path = scenario.payload.length, scenario.trajectory
-    half = np.array(path.reach[:2]) + [(0.5 + AROUND) * length, AROUND * length]
+    tilted = 0.5 * np.sin(min(abs(path.middle[2]) + path.reach[2], np.pi / 2))
+    half = np.array(path.reach[:2]) + [(0.5 + AROUND) * length, np.hypot(AROUND, tilted) * length]
     low, high = np.array(path.middle[:2]) - half, np.array(path.middle[:2]) + half
     return _fitted((low[0], high[0], low[1], high[1]), window, TILT)
 
@@ -132,6 +134,8 @@ class _Watch:
     """Shares of the picture's height that something lies over, from above and from below."""
     put_for: tuple[float, float] = (0.0, 0.0)
     """Of them those that the camera was put for."""
+    run: int = 0
+    """Number of the run that it was put for."""
 
 
 class ClientCameras:
@@ -162,12 +166,15 @@ class ClientCameras:
         self._reshape(watch)
 
     def follow(self, snapshot: Snapshot) -> None:
-        """Move the cameras that follow the payload; called for every picture."""
+        """Move the cameras that follow the payload, and with a new run those that stand; called for every picture."""
         with self._lock:
-            watches = [watch for watch in self._watches.values() if watch.view in MOVING]
+            watches = list(self._watches.values())
         for watch in watches:
             try:
-                self._aim(watch, snapshot)
+                if watch.view in MOVING:
+                    self._aim(watch, snapshot)
+                elif watch.run != snapshot.run_number:
+                    self._fit_run(watch, snapshot)
             except Exception:
                 # One browser's camera is that browser's affair: everybody else's picture goes on.
                 log.exception("the camera of browser %s cannot follow: it stays where it is", watch.client.client_id)
@@ -194,6 +201,12 @@ class ClientCameras:
         reshaped = abs(camera.aspect - watch.aspect) > SAME_ASPECT or watch.covered != watch.put_for
         if watch.view not in (*MOVING, STANDING) and (put_back or (stands and reshaped)):
             self._aim(watch, self._runner.snapshot)
+
+    def _fit_run(self, watch: _Watch, snapshot: Snapshot) -> None:
+        """Show where a new run's path goes, unless the person has moved the camera."""
+        watch.run = snapshot.run_number
+        if watch.view != STANDING and watch.put_at is not None and _at_rest(watch.client.camera.position, watch.put_at):
+            self._aim(watch, snapshot)
 
     async def _forget(self, client: viser.ClientHandle) -> None:
         with self._lock:

@@ -113,9 +113,9 @@ def _motions(runs: Runs) -> Iterator[Check]:
     felt, paper = simulate(spin, SPUN_FOR, 0.01), simulate(spin.replace(PLAIN), SPUN_FOR, 0.01)
     lag = np.abs(tip(felt))
     rising, steady = felt.time < SPIN_UP, (felt.time > SPIN_UP + 1) & (felt.time < SPUN_FOR)
-    yield above("Kane's spin-up: the free end lags by up to, m", 0.005, float(lag[rising].max()))
+    yield above("Kane's spin-up: the free end lags by up to, m", 0.005, lag[rising].max())
     yield below(
-        "and returns to the line: while it spins, as a part of that", 0.1, float(lag[steady].max() / lag[rising].max())
+        "and returns to the line: while it spins, as a part of that", 0.1, lag[steady].max() / lag[rising].max()
     )
     yield Check("without the force along it, the same spin", "diverges", str(paper.status), paper.status == "diverged")
     yield from _squeezed_slowly()
@@ -144,7 +144,7 @@ def _squeezed_slowly() -> Iterator[Check]:
     critical = buckling_load(0.5, 1.27, "pinned-pinned")
     yield close(
         "the soft beam, F_d raised from 0 to 60 N in 10 s: its ring at 30 to 42 N over that at 0 to 12 N",
-        float(np.sqrt((1 - 36 / critical) / (1 - 6 / critical))),
+        np.sqrt((1 - 36 / critical) / (1 - 6 / critical)),
         late / early,
         relative=0.03,
     )

@@ -47,11 +47,9 @@ def checks(_: Runs) -> Iterator[Check]:
     exact = EI / RHO * (np.pi / LENGTH) ** 4
     errors = np.array([_frequencies(n)[0] ** 2 - exact for n in (2, 4, 8, 16)])
     slopes = np.log2(errors[:-1] / errors[1:])
-    yield close("the error of ω1² falls with the element length to the power", 4.0, float(slopes.mean()), absolute=0.1)
+    yield close("the error of ω1² falls with the element length to the power", 4.0, slopes.mean(), absolute=0.1)
     yield below(
-        "Rayleigh and Ritz: ω1² comes from above (least error, as 1 - error/exact)",
-        1.0,
-        float(1 - errors.min() / exact),
+        "Rayleigh and Ritz: ω1² comes from above (least error, as 1 - error/exact)", 1.0, 1 - errors.min() / exact
     )
 
 

@@ -6,7 +6,9 @@ from functools import cached_property
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
+from numpy.typing import ArrayLike
 
 from flexlab.analysis.result import Result
 from flexlab.errors import FlexlabError, StudyError
@@ -170,13 +172,13 @@ def close(
     return Check(statement, f"{expected:.5g}{within if tolerance else ''}{end}", f"{found:.5g}{end}", holds)
 
 
-def below(statement: str, limit: float, found: float, unit: str = "") -> Check:
-    """A number that must be less than a limit."""
+def below(statement: str, limit: float, found: ArrayLike, unit: str = "") -> Check:
+    """A number that must be less than a limit; of an array, its largest magnitude."""
+    value = float(np.max(np.abs(found)) if np.ndim(found) else found)
     end = f" {unit}" if unit else ""
-    return Check(statement, f"< {limit:.3g}{end}", f"{found:.3g}{end}", bool(isfinite(found) and found < limit))
+    return Check(statement, f"< {limit:.3g}{end}", f"{value:.3g}{end}", bool(isfinite(value) and value < limit))
 
 
-def above(statement: str, limit: float, found: float, unit: str = "") -> Check:
+def above(statement: str, limit: float, found: float) -> Check:
     """A number that must be more than a limit."""
-    end = f" {unit}" if unit else ""
-    return Check(statement, f"> {limit:.3g}{end}", f"{found:.3g}{end}", bool(isfinite(found) and found > limit))
+    return Check(statement, f"> {limit:.3g}", f"{found:.3g}", bool(isfinite(found) and found > limit))

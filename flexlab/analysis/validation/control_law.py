@@ -37,13 +37,8 @@ def _of(run: Run) -> Iterator[Check]:
     goal, goal_rate, goal_acceleration = desired(run.time)
     e, e_dot = run.pose - goal, run.pose_rate - goal_rate
     s = e_dot + SLOPE * e
-    yield below(
-        "e = x - x_d with the path of Section IV: largest error",
-        1e-12,
-        float(np.abs(run.tracking_error - e).max()),
-        "m",
-    )
-    yield below("s = ẋ - r, r = ẋ_d - Λe: largest error", 1e-10, float(np.abs(run.sliding_variable - s).max()), "m/s")
+    yield below("e = x - x_d with the path of Section IV: largest error", 1e-12, run.tracking_error - e, "m")
+    yield below("s = ẋ - r, r = ẋ_d - Λe: largest error", 1e-10, run.sliding_variable - s, "m/s")
     r, r_dot = goal_rate - SLOPE * e, goal_acceleration - SLOPE * e_dot
     size = np.linalg.norm(s, axis=1)
     b = run.bound_estimates
@@ -51,9 +46,7 @@ def _of(run: Run) -> Iterator[Check]:
     x_size, v_size = np.linalg.norm(run.pose, axis=1), np.linalg.norm(run.pose_rate, axis=1)
     wanted = (size[:, None] * np.stack([np.ones(len(run)), x_size, v_size**2], axis=1) / ADAPTATION)[2:-2]
     yield below(
-        "b̂ adapts by ‖s‖/k0, ‖s‖‖x‖/k1, ‖s‖‖ẋ‖²/k2: relative error",
-        1e-6,
-        float(np.abs(rates - wanted).max() / wanted.max()),
+        "b̂ adapts by ‖s‖/k0, ‖s‖‖x‖/k1, ‖s‖‖ẋ‖²/k2: relative error", 1e-6, np.abs(rates - wanted).max() / wanted.max()
     )
 
     inputs, forces = [], []
@@ -71,11 +64,11 @@ def _of(run: Run) -> Iterator[Check]:
         ]
         forces.append([push - sum(pushes) / 2 for push in pushes])
     error = np.abs(np.array(inputs) - run.arm_input[rows]).max() / np.abs(run.arm_input).max()
-    yield below("u_i of Eqs. (23), (25), arm by arm: relative error", 1e-7, float(error))
+    yield below("u_i of Eqs. (23), (25), arm by arm: relative error", 1e-7, error)
     found = run.internal_force[rows]
     error = np.abs(np.array(forces) - found).max() / np.abs(run.arm_input).max()
-    yield below("internal force of Eqs. (13)-(15): error as a part of u", 1e-7, float(error))
+    yield below("internal force of Eqs. (13)-(15): error as a part of u", 1e-7, error)
     both = np.abs(internal_force_eq_26(run, EVERY) - found).max() / np.abs(run.arm_input).max()
-    yield below("internal force by Eq. (26), without ẍ: difference as a part of u", 1e-9, float(both))
+    yield below("internal force by Eq. (26), without ẍ: difference as a part of u", 1e-9, both)
     cancel = np.abs(run.internal_force.sum(axis=1)).max() / np.abs(run.arm_input).max()
-    yield below("F_1 + F_2 = 0: sum as a part of u", 1e-12, float(cancel))
+    yield below("F_1 + F_2 = 0: sum as a part of u", 1e-12, cancel)

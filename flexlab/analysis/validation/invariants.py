@@ -31,16 +31,16 @@ def checks(runs: Runs) -> Iterator[Check]:
         1e-6,
         imbalance(run) / moved,
     )
-    yield above("damping takes energy out, J", 0.0, float(run.dissipated_energy[-1]))
+    yield above("damping takes energy out, J", 0.0, run.dissipated_energy[-1])
     yield below(
         "and never gives any back: least change, as a part",
         1e-12,
-        float(-np.diff(run.dissipated_energy).min() / run.dissipated_energy[-1]),
+        -np.diff(run.dissipated_energy).min() / run.dissipated_energy[-1],
     )
     free = runs.free
     drift = float(np.abs(free.total_energy / free.total_energy[0] - 1).max())
     yield below("no motors, no damping: relative drift of the energy in 2 s", 1e-6, drift)
-    yield above("while the beam holds of it up to", 0.3, float(free.elastic_energy.max() / free.total_energy[0]))
+    yield above("while the beam holds of it up to", 0.3, free.elastic_energy.max() / free.total_energy[0])
     exact = _end("etdrk4", TICK / 256)
     for integrator, (order, steps) in STEPS.items():
         errors = [np.abs(_end(integrator, step) - exact).max() for step in steps]

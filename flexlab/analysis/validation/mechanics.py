@@ -42,12 +42,10 @@ def _of(run: Run) -> Iterator[Check]:
     yield below("bending and weight store what mass points do: relative error", 1e-10, _relative(potential, stored))
 
     error = lagrange_residual(run, points, DAMPING * np.eye(p.shape[1] - 3))
-    yield below("Lagrange's equations (16) hold for x0, y0, θ: relative residual", 1e-6, float(error[:3].max()))
-    yield below("and for the beam's q: relative residual", 1e-6, float(error[3:].max()))
+    yield below("Lagrange's equations (16) hold for x0, y0, θ: relative residual", 1e-6, error[:3].max())
+    yield below("and for the beam's q: relative residual", 1e-6, error[3:].max())
     motion = np.abs(time_derivative(run.pose_rate, FINE) - run.pose_acceleration[2:-2]).max()
-    yield below(
-        "the sampled ẍ is the change of ẋ: relative error", 1e-6, float(motion / np.abs(run.pose_acceleration).max())
-    )
+    yield below("the sampled ẍ is the change of ẋ: relative error", 1e-6, motion / np.abs(run.pose_acceleration).max())
     turning = time_derivative(run.joint_angle, FINE)
     joints = np.einsum("nij,nij->n", run.joint_torque[2:-2], turning)
     inputs = np.einsum("nij,nj->n", run.arm_input[2:-2], run.pose_rate[2:-2])
@@ -79,7 +77,7 @@ def _dampings() -> Iterator[Check]:
         square, V = eigh(K, M)
         D = number * K if words == "stiffness" else M @ V * (2 * number * np.sqrt(square)) @ V.T @ M
         error = lagrange_residual(run, points, D)
-        yield below(f"{words} damping acts on the beam as it should: relative residual", 1e-6, float(error.max()))
+        yield below(f"{words} damping acts on the beam as it should: relative residual", 1e-6, error.max())
 
 
 def _inertia(run: Run, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> Iterator[Check]:
@@ -87,11 +85,9 @@ def _inertia(run: Run, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> I
     A, B, _ = payload_matrices(beam, state[:3], v[:3], state[3:], v[3:])
     exact = points.payload_inertia(state)
     yield below(
-        "A(p) of Eq. (8) is that of mass points: relative error",
-        1e-10,
-        float(np.abs(A - exact).max() / np.abs(exact).max()),
+        "A(p) of Eq. (8) is that of mass points: relative error", 1e-10, np.abs(A - exact).max() / np.abs(exact).max()
     )
-    yield above("A(p) is positive definite: least eigenvalue", 0.0, float(np.linalg.eigvalsh(A).min()))
+    yield above("A(p) is positive definite: least eigenvalue", 0.0, np.linalg.eigvalsh(A).min())
 
     def inertia(t: float) -> np.ndarray:
         moved = state + t * v
@@ -100,9 +96,9 @@ def _inertia(run: Run, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> I
     h = 1e-3
     A_dot = (8 * (inertia(h) - inertia(-h)) - (inertia(2 * h) - inertia(-2 * h))) / (12 * h)
     skew = A_dot - 2 * B
-    yield below("Ȧ - 2B is skew: largest entry of its symmetric part", 1e-9, float(np.abs(skew + skew.T).max()))
+    yield below("Ȧ - 2B is skew: largest entry of its symmetric part", 1e-9, skew + skew.T)
     christoffel_error = np.abs(B - christoffel(points.payload_inertia, state, v)).max() / np.abs(B).max()
-    yield below("B is the Christoffel matrix of A: relative error", 1e-7, float(christoffel_error))
+    yield below("B is the Christoffel matrix of A: relative error", 1e-7, christoffel_error)
 
 
 def _relative(found: np.ndarray | list[float], exact: np.ndarray) -> float:

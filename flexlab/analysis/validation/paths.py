@@ -112,7 +112,7 @@ def _rates(words: str, times: np.ndarray, kind: str, **changes: Any) -> Iterator
         a, b, c, d = np.moveaxis(before.reshape(len(times), 4, 3), 1, 0)
         slope = (8 * (c - b) - (d - a)) / (12 * STEP)
         error = np.abs(found[:, order] - slope)[clear].max() / max(float(np.abs(slope[clear]).max()), 1.0)
-        yield below(f"{words}: {name} is its rate of change: relative error", 1e-7, float(error))
+        yield below(f"{words}: {name} is its rate of change: relative error", 1e-7, error)
 
 
 def _waypoints() -> Iterator[Check]:
@@ -120,13 +120,13 @@ def _waypoints() -> Iterator[Check]:
     t = np.arange(0.0, float(path.end), 1e-3)
     found = poses(motion, t)
     passed = max(np.linalg.norm(found[:, 0] - np.array(point), axis=1).min() for point in path.points)
-    yield below("waypoints: passes every pose: farthest away, m, rad", 1e-9, float(passed))
+    yield below("waypoints: passes every pose: farthest away, m, rad", 1e-9, passed)
     for words, values, limit, unit in (
         ("velocity", found[:, 1], 0.4, "m/s, rad/s"),
         ("acceleration", found[:, 2], 3.0, "m/s², rad/s²"),
         ("jerk", np.diff(found[:, 2], axis=0) / 1e-3, 40.0, "m/s³, rad/s³"),
     ):
-        yield close(f"waypoints: largest {words} is its limit", limit, float(np.abs(values).max()), unit, relative=1e-6)
+        yield close(f"waypoints: largest {words} is its limit", limit, np.abs(values).max(), unit, relative=1e-6)
 
 
 def _table() -> Iterator[Check]:
@@ -138,10 +138,10 @@ def _table() -> Iterator[Check]:
     yield below(
         "table: the spline goes through its rows: largest error, m, rad",
         1e-12,
-        float(np.abs(poses(motion, given[:, 0])[:, 0] - given[:, 1:]).max()),
+        poses(motion, given[:, 0])[:, 0] - given[:, 1:],
     )
     ends = poses(motion, [0.0, 1.5])[:, 1:]
-    yield below("table: is at rest at both ends: largest rate and acceleration", 1e-9, float(np.abs(ends).max()))
+    yield below("table: is at rest at both ends: largest rate and acceleration", 1e-9, ends)
 
 
 def _smooth_start(times: np.ndarray) -> Iterator[Check]:

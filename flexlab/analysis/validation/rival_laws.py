@@ -193,12 +193,12 @@ def checks(_: Runs) -> Iterator[Check]:
         seen = [instant(run, k) for k in rows]
         wanted = [LAWS[kind](at, memory[k]) + at.squeeze for k, at in zip(rows, seen, strict=True)]
         error = np.abs(np.array(wanted) - run.arm_input[rows]).max() / np.abs(run.arm_input).max()
-        yield below(f"{kind}: u_i, arm by arm: relative error", 1e-7, float(error))
+        yield below(f"{kind}: u_i, arm by arm: relative error", 1e-7, error)
         if kind in MEMORY:
             rates = time_derivative(memory, FINE)[::EVERY][: len(seen)]
             wanted = np.array([_memory_rate(kind, at, run, k) for k, at in zip(rows, seen, strict=True)])
             error = np.abs(rates - wanted).max(axis=0) / np.maximum(np.abs(wanted).max(axis=0), 1e-9)
-            yield below(f"{kind}: how its memory moves: relative error", 1e-5, float(error.max()))
+            yield below(f"{kind}: how its memory moves: relative error", 1e-5, error.max())
     yield below("regressor-adaptive starts with the given part of the truth: largest error, kg, kg·m²", 1e-12, _start())
 
 

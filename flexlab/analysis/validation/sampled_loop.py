@@ -52,9 +52,7 @@ def checks(runs: Runs) -> Iterator[Check]:
     }
     poles = modes(load_preset("paper").replace(changes)).poles
     near = poles[np.abs(np.abs(poles.imag) / (2 * np.pi) - 400) < 5]
-    yield close(
-        "rate feedback one sample late feeds the 400 Hz mode: rate", GROWTH, float(near.real.max()), "1/s", 0.005
-    )
+    yield close("rate feedback one sample late feeds the 400 Hz mode: rate", GROWTH, near.real.max(), "1/s", 0.005)
 
 
 def _torques(points: MassPoints, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -82,13 +80,9 @@ def _clock() -> Iterator[Check]:
     held = run.joint_torque[: instants * FINER].reshape(instants, FINER, 2, 3)
     scale = float(np.abs(held).max())
     yield below(
-        "torques are held for a control period: largest change, as a part",
-        1e-9,
-        float(np.ptp(held, axis=1).max() / scale),
+        "torques are held for a control period: largest change, as a part", 1e-9, np.ptp(held, axis=1).max() / scale
     )
-    yield below(
-        f"until the first arrive, {DELAY} periods, motors are off, N·m", 1e-12, float(np.abs(held[:DELAY]).max())
-    )
+    yield below(f"until the first arrive, {DELAY} periods, motors are off, N·m", 1e-12, held[:DELAY])
     errors, steps, b_hat = [], [], np.zeros(3)
     for instant in range(instants - DELAY - 1):
         k = instant * FINER
@@ -124,28 +118,19 @@ def _noise() -> Iterator[Check]:
         noise = readings[1]
         for name, sigma, found in zip("xyθ", SIGMA, noise.std(axis=0), strict=True):
             yield close(
-                f"noise of {words}, {name}: deviation as a part of what is asked for",
-                1.0,
-                float(found / sigma),
-                absolute=0.06,
+                f"noise of {words}, {name}: deviation as a part of what is asked for", 1.0, found / sigma, absolute=0.06
             )
         mean = np.abs(noise.mean(axis=0)) / SIGMA * np.sqrt(len(noise))
-        yield below(f"noise of {words}: mean, in its own standard errors", 4.5, float(mean.max()))
+        yield below(f"noise of {words}: mean, in its own standard errors", 4.5, mean.max())
         unit = noise / noise.std(axis=0)
-        yield below(
-            f"noise of {words}: correlation from instant to instant",
-            0.1,
-            float(np.abs((unit[1:] * unit[:-1]).mean(axis=0)).max()),
-        )
+        yield below(f"noise of {words}: correlation from instant to instant", 0.1, (unit[1:] * unit[:-1]).mean(axis=0))
         other = np.concatenate(
             [
                 (unit * np.roll(unit, 1, axis=1)).mean(axis=0),
                 (unit * readings[2] / readings[2].std(axis=0)).mean(axis=0),
             ]
         )
-        yield below(
-            f"noise of {words}: correlation between coordinates and between seeds", 0.1, float(np.abs(other).max())
-        )
+        yield below(f"noise of {words}: correlation between coordinates and between seeds", 0.1, other)
 
 
 def _strain_noise() -> Iterator[Check]:
@@ -165,12 +150,12 @@ def _strain_noise() -> Iterator[Check]:
     moment = payload.linear_density / 2 * (payload.length**2 / 4 - places**2)
     weights = 2 / payload.thickness * moment * quarter
     wanted = np.sqrt(2) * STRAIN * np.linalg.norm(weights) / PERIOD
-    yield close("noise of hᵀq̇ from gauges: deviation", wanted, float(rates.std()), "kg·m/s", relative=0.06)
+    yield close("noise of hᵀq̇ from gauges: deviation", wanted, rates.std(), "kg·m/s", relative=0.06)
     unit = rates / rates.std()
     yield close(
         "and each reading enters twice, with both signs: correlation",
         -0.5,
-        float((unit[1:] * unit[:-1]).mean()),
+        (unit[1:] * unit[:-1]).mean(),
         absolute=0.06,
     )
 
@@ -184,9 +169,7 @@ def _gauges() -> Iterator[Check]:
     q = np.delete(np.stack([sine, slope], axis=1).ravel(), [0, 2 * n])
     found = strain_rows(places, length, thickness, n, "pinned-pinned") @ q
     wanted = thickness / 2 * wave**2 * np.cos(wave * places)
-    yield below(
-        "a gauge reads -½ t w''(s): relative error on half a sine", 2e-3, float(np.abs(found / wanted - 1).max())
-    )
+    yield below("a gauge reads -½ t w''(s): relative error on half a sine", 2e-3, found / wanted - 1)
 
 
 def _held(name: str, law: dict[str, Any], **changes: Any) -> Run:

@@ -83,7 +83,7 @@ def _numbers(runs: Runs) -> Iterator[Check]:
     for words, (rows, values) in wanted.items():
         found = np.abs(run.tracking_error[rows]).max(axis=0)
         for name, unit, value, here in zip("xyθ", ("m", "m", "rad"), values, found, strict=True):
-            yield close(f"{words}, {name}", value, float(here), unit, relative=REFERENCE_TOLERANCE)
+            yield close(f"{words}, {name}", value, here, unit, relative=REFERENCE_TOLERANCE)
     for words, rows, value in (("0 to 0.1 s", _rows(0, 0.1), 1.770e-3), ("1 to 2 s", _rows(1, 2), 1.519e-4)):
         found = float(np.abs(run.midspan_deflection[rows]).max())
         yield close(f"largest deflection at mid-span over {words}", value, found, "m", relative=REFERENCE_TOLERANCE)
@@ -98,7 +98,7 @@ def _numbers(runs: Runs) -> Iterator[Check]:
     )
     for words, found, values, units in at_start:
         for part, unit, value, here in zip("123", units, values, found, strict=True):
-            yield close(f"{words}, part {part}", value, float(here), unit, absolute=5e-4)
+            yield close(f"{words}, part {part}", value, here, unit, absolute=5e-4)
     learnt = run.bound_estimates[round(3 / PERIOD)]
     for j, value in enumerate((0.02539, 0.02095, 0.06735)):
-        yield close(f"bound estimate b̂{j} at t = 3 s", value, float(learnt[j]), absolute=5e-6)
+        yield close(f"bound estimate b̂{j} at t = 3 s", value, learnt[j], absolute=5e-6)

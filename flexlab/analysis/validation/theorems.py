@@ -26,7 +26,7 @@ def checks(runs: Runs) -> Iterator[Check]:
         part = float((np.abs(signal[second]).max(axis=0) / np.abs(signal).max(axis=0)).max())
         yield below(f"Theorem 1: {words} stays bounded: largest after 1 s, as a part of all", 0.5, part)
         again = np.abs(signal[3000:5000] - signal[4000:6000]).max(axis=0) / np.abs(signal).max(axis=0)
-        yield below(f"and {words} repeats itself every second from 3 s on: relative change", 1e-5, float(again.max()))
+        yield below(f"and {words} repeats itself every second from 3 s on: relative change", 1e-5, again.max())
     yield from _theorem_2(runs)
 
 
@@ -44,14 +44,14 @@ def _theorem_2(runs: Runs) -> Iterator[Check]:
         disturbance = M @ a + C @ v - run.arm_input[k].sum(axis=0)
         bound.append(np.linalg.norm(disturbance) / (1 + np.linalg.norm(x) + np.linalg.norm(v) ** 2))
         stored.append(0.5 * s @ M @ s)
-    yield below("Theorem 2 assumes ‖Ψ‖ ≤ b0 + b1‖x‖ + b2‖ẋ‖²: holds with equal b of", 1e3, float(max(bound)), "N")
+    yield below("Theorem 2 assumes ‖Ψ‖ ≤ b0 + b1‖x‖ + b2‖ẋ‖²: holds with equal b of", 1e3, max(bound), "N")
     learnt = np.diff(run.bound_estimates, axis=0)
-    yield above("b̂ never falls: least change", -1e-15, float(learnt.min()))
+    yield above("b̂ never falls: least change", -1e-15, learnt.min())
     size = np.linalg.norm(run.sliding_variable, axis=1)
     spent = float(GAIN * np.sum(size[: round(1 / PERIOD)] ** 2) * PERIOD)
-    yield below("Theorem 2: ½ sᵀM̄s at 1 s, as a part of its start", 1e-3, float(stored[-1] / stored[0]))
+    yield below("Theorem 2: ½ sᵀM̄s at 1 s, as a part of its start", 1e-3, stored[-1] / stored[0])
     rises = np.diff(stored)
-    yield below("it falls all the way: largest rise, as a part of its start", 0.02, float(rises.max() / stored[0]))
+    yield below("it falls all the way: largest rise, as a part of its start", 0.02, rises.max() / stored[0])
     yield below(
         "∫ sᵀKs over the first second stays finite: as a part of the energy at the start",
         10.0,

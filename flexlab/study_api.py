@@ -135,7 +135,7 @@ def export(
             what = what.scenario
         if kind == UNIT:
             return export_fmu(what, target, **options)
-        from flexlab.multibody.export import write_bodies
+        from flexlab.multibody import write_bodies
 
         name, scenario = named_scenario(what)
         return write_bodies(scenario, target, name)

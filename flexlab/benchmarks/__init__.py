@@ -8,15 +8,12 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from flexlab.benchmarks import report
-from flexlab.benchmarks.changes import change_costs
-from flexlab.benchmarks.environment_rate import measure_environment
+from flexlab.benchmarks.fresh_process import measure_memory, start_times
+from flexlab.benchmarks.live_costs import change_costs, measure_round_trip
+from flexlab.benchmarks.many_worlds import measure_environment, worker_scaling
 from flexlab.benchmarks.measure import this_machine
-from flexlab.benchmarks.memory import measure_memory
 from flexlab.benchmarks.precision import mesh_precision, mesh_scaling, paper_costs
 from flexlab.benchmarks.report import Report, plain
-from flexlab.benchmarks.round_trip import measure_round_trip
-from flexlab.benchmarks.startup import start_times
-from flexlab.benchmarks.workers import worker_scaling
 from flexlab.plain_text import console
 from flexlab.presets import load_preset
 from flexlab.sim.world import World

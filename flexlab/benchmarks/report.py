@@ -3,10 +3,10 @@
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
-from flexlab.benchmarks.changes import BEAM_GOAL, FRAME_GOAL, LIGHT_GOAL, MESHES, ChangeCost
-from flexlab.benchmarks.environment_rate import RATE_GOAL, EnvironmentRate
+from flexlab.benchmarks.fresh_process import DURATION, LIVE_END, LIVE_START, Memory, Start, StartTimes
+from flexlab.benchmarks.live_costs import BEAM_GOAL, FRAME_GOAL, LIGHT_GOAL, MESHES, ChangeCost, RoundTrip
+from flexlab.benchmarks.many_worlds import RATE_GOAL, SPEED_UP_GOAL, EnvironmentRate, WorkerScaling
 from flexlab.benchmarks.measure import Machine
-from flexlab.benchmarks.memory import DURATION, LIVE_END, LIVE_START, Memory
 from flexlab.benchmarks.precision import (
     ASKED_ERROR,
     EXPONENT_GOAL,
@@ -18,9 +18,6 @@ from flexlab.benchmarks.precision import (
     Scaling,
     WorkPoint,
 )
-from flexlab.benchmarks.round_trip import RoundTrip
-from flexlab.benchmarks.startup import Start, StartTimes
-from flexlab.benchmarks.workers import SPEED_UP_GOAL, WorkerScaling
 from flexlab.scenario.scenario import SMALLEST_STEP
 
 if TYPE_CHECKING:

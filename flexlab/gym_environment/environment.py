@@ -19,8 +19,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from flexlab.gym_environment.kernels import OBSERVED
-from flexlab.gym_environment.settings import WRENCH, Settings
-from flexlab.gym_environment.worlds import WorldBatch
+from flexlab.gym_environment.worlds import WRENCH, Settings, WorldBatch
 
 OBSERVATION = (
     ("tracking error e", ("m", "m", "rad")),
@@ -52,7 +51,7 @@ class _Scaled:
 
 
 class TwoArms(gym.Env[np.ndarray, np.ndarray], _Scaled):
-    """One world; arguments as `settings.Settings`. `info` says the stiffness (N·m²) and the delay of the episode."""
+    """One world; arguments as `worlds.Settings`. `info` says the stiffness (N·m²) and the delay of the episode."""
 
     metadata = {"render_modes": []}  # noqa: RUF012
 

@@ -12,7 +12,7 @@ from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
 from flexlab.control.path import Trajectory, on_new_path
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
-from flexlab.html_table import html_table
+from flexlab.html_text import html_table
 from flexlab.own.law import OwnController, with_known_law
 from flexlab.own.path import OwnTrajectory, with_known_path
 from flexlab.plain_text import visible

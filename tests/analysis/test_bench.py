@@ -10,9 +10,10 @@ import pytest
 from rich.console import Console
 
 from flexlab import benchmarks
-from flexlab.benchmarks import environment_rate, precision, workers
+from flexlab.benchmarks import many_worlds, precision
+from flexlab.benchmarks.fresh_process import Memory, run_probe
+from flexlab.benchmarks.many_worlds import Round, ThreadWatch, WorkerScaling, locked_share, time_in_queue
 from flexlab.benchmarks.measure import deflection_error, pose_error, this_machine, try_out, version_of
-from flexlab.benchmarks.memory import Memory
 from flexlab.benchmarks.precision import (
     ASKED_ERROR,
     GOALS,
@@ -24,8 +25,6 @@ from flexlab.benchmarks.precision import (
     variant,
 )
 from flexlab.benchmarks.report import Goal, Report, memory_table, plain, precision_table
-from flexlab.benchmarks.startup import run_probe
-from flexlab.benchmarks.workers import Round, ThreadWatch, WorkerScaling, locked_share, time_in_queue
 from flexlab.cli import bench_command
 from flexlab.errors import StudyError
 from flexlab.sim.simulate import simulate
@@ -177,10 +176,10 @@ def measured() -> tuple[Report, str]:
     tables = io.StringIO()
     plan = benchmarks.Plan(meshes=(2,), duration=0.05, repeats=1, rounds=1, cold=False)
     with pytest.MonkeyPatch.context() as smaller:
-        smaller.setattr(workers, "ROUND", 4)
-        smaller.setattr(workers, "DURATION", 0.2)
+        smaller.setattr(many_worlds, "ROUND", 4)
+        smaller.setattr(many_worlds, "DURATION", 0.2)
         smaller.setattr(precision, "LEAST_TIME", 0.0)
-        smaller.setattr(environment_rate, "STEPS", 20)
+        smaller.setattr(many_worlds, "STEPS", 20)
         report = benchmarks.measure(plan, False, Console(file=tables, width=160, highlight=False))
     return report, tables.getvalue()
 

@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 import flexlab.gym_environment as gym_environment
 from flexlab.errors import StudyError
 from flexlab.gym_environment.environment import OBSERVATION, TwoArms, TwoArmsVector
-from flexlab.gym_environment.settings import Settings
+from flexlab.gym_environment.worlds import Settings
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
 

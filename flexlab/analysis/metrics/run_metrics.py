@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric
 from flexlab.analysis.metrics.names import named
-from flexlab.html_table import html_table
+from flexlab.html_text import html_table
 from flexlab.number_text import number_text
 
 if TYPE_CHECKING:

@@ -1,7 +1,23 @@
-"""Tables for notebooks: what `_repr_html_` of scenarios, runs, modes and sweeps is made of."""
+"""HTML as notebooks show it: a page in a cell, and the tables of `_repr_html_` of scenarios, runs, modes and sweeps."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
+
+CELL_HEIGHT = 640
+"""px of a cell."""
+
+
+class Page:
+    """An HTML page that notebooks show in their cell; `html` is its text, to be saved as a file."""
+
+    def __init__(self, html: str, height: int = CELL_HEIGHT):
+        self.html, self._height = html, height
+
+    def __repr__(self) -> str:
+        return f"<Page of {len(self.html.encode()) / 1e6:.1f} MB: a notebook shows it; .html is its text>"
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{escape(self.html)}" width="100%" height="{self._height}" style="border:0"></iframe>'
 
 
 def html_table(rows: Iterable[Sequence[object]], heads: Sequence[str] = (), caption: str = "") -> str:

@@ -1,0 +1,181 @@
+"""What only a fresh interpreter tells: how long a start takes, cold and warm, and what a run and the live engine weigh.
+
+A run may hold its samples and little else, and the live engine must not grow.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from flexlab.errors import StudyError
+
+START = """
+import json, time
+start = time.perf_counter()
+from flexlab.presets import load_preset
+from flexlab.sim.world import World
+scenario = load_preset("paper")
+imported = time.perf_counter()
+World(scenario).run(1)
+ready = time.perf_counter()
+print(json.dumps([imported - start, ready - imported, time.process_time()]))
+"""
+"""What a start does before it can show anything; run in a fresh interpreter."""
+
+EVERYTHING = """
+import json, time
+start = time.perf_counter()
+from flexlab.sim.compile_all import compile_everything
+imported = time.perf_counter()
+compile_everything()
+print(json.dumps([imported - start, time.perf_counter() - imported, time.process_time()]))
+"""
+"""The same for what a cold start leaves to be compiled meanwhile."""
+
+LONGEST_START = 300
+"""s of wall time after which a start is given up: ten times what a busy machine needs."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Times of one start of the engine in a fresh interpreter."""
+
+    importing: float
+    """Wall time of the imports, s."""
+    preparing: float
+    """Wall time to the first sample after that, s: compiling or loading machine code, building the world."""
+    cpu: float
+    """Processor time of both, s."""
+
+
+@dataclass(frozen=True)
+class StartTimes:
+    """Cold: nothing compiled yet; warm: machine code on disk."""
+
+    cold: Start | None
+    """None if it was left out."""
+    warm: Start
+    rest: Start | None = None
+    """What compiles meanwhile, after a cold start: the other integrators, laws and sampled control."""
+
+
+def start_times(cold: bool) -> StartTimes:
+    """Measure a warm start, and a cold one if asked for (it compiles everything: tens of seconds)."""
+    warm = min((_start(dict(os.environ)) for _ in range(2)), key=lambda start: start.cpu)
+    if not cold:
+        return StartTimes(None, warm)
+    with tempfile.TemporaryDirectory(prefix="flexlab-bench-") as folder:
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(Path(folder))}
+        return StartTimes(_start(environment), warm, Start(*run_probe(EVERYTHING, environment)))
+
+
+def _start(environment: dict[str, str]) -> Start:
+    return Start(*run_probe(START, environment))
+
+
+def run_probe(program: str, environment: dict[str, str]) -> list[float]:
+    """The JSON list that a Python program prints in a fresh interpreter. Raises `StudyError` if it fails."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_START,
+            check=True,
+        )
+        return json.loads(done.stdout)
+    except (subprocess.SubprocessError, OSError, ValueError) as error:
+        detail = getattr(error, "stderr", None) or str(error)
+        raise StudyError(f"A fresh interpreter for the measurement failed: {str(detail).strip()[-300:]}") from None
+
+
+DURATION = 60.0
+"""Simulated time of the run that is weighed, s: tens of megabytes of samples."""
+
+WEIGHING = """
+import json
+from flexlab.benchmarks.fresh_process import weigh_live, weigh_run
+print(json.dumps([*weigh_run(), weigh_live()]))
+"""
+"""A fresh interpreter, as a peak once reached never falls again."""
+
+LIVE_START, LIVE_END = 40, 160
+"""Simulated seconds of the live engine between which it is weighed: its 30 s of history are full before."""
+
+LIVE_FRAME = 0.05
+"""Simulated seconds per frame of the live engine, s."""
+
+_STATUS = Path("/proc/self/status")
+_FORGET_PEAK = Path("/proc/self/clear_refs")
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Bytes."""
+
+    stored: int
+    """Samples of a run of `DURATION`."""
+    peak_growth: int
+    """How much more memory the process held at most, after a short run before it."""
+    live_growth: int
+    """How much more memory the live engine held after two minutes more of simulation."""
+
+    @property
+    def overhead(self) -> float:
+        """Peak growth over stored samples: 1 if nothing else is kept."""
+        return self.peak_growth / self.stored
+
+
+def measure_memory() -> Memory | None:
+    """Weigh a run and the live engine in a fresh interpreter; None where the system does not tell (only Linux does)."""
+    if not _STATUS.exists():
+        return None
+    return Memory(*(int(value) for value in run_probe(WEIGHING, dict(os.environ))))
+
+
+def weigh_run() -> tuple[int, int]:
+    """Bytes of a run's samples, and growth of the peak through it."""
+    from flexlab.presets import load_preset
+    from flexlab.sim.simulate import simulate
+
+    scenario = load_preset("paper").replace({"simulation.step": 1e-3})
+    simulate(scenario, 0.1)
+    # Importing and loading machine code may have needed more for a moment: count the peak from here on.
+    _FORGET_PEAK.write_text("5", encoding="ascii")
+    before = resident("VmHWM")
+    run = simulate(scenario, DURATION)
+    base = run.time
+    while base.base is not None:
+        base = base.base
+    return base.nbytes, resident("VmHWM") - before
+
+
+def weigh_live() -> int:
+    """Growth of the live engine, without a screen and with a clock that runs as fast as it can, bytes."""
+    from flexlab.presets import load_preset
+    from flexlab.sim.runner import Runner
+
+    now = [0.0]
+    runner = Runner(load_preset("paper"), clock=lambda: now[0])
+    weight = 0
+    while now[0] < LIVE_END:
+        now[0] += LIVE_FRAME
+        runner.frame()
+        if weight == 0 and now[0] >= LIVE_START:
+            weight = resident("VmRSS")
+    runner.stop()
+    return resident("VmRSS") - weight
+
+
+def resident(field: str) -> int:
+    """Bytes of this process's memory by Linux: VmRSS now, VmHWM at most so far."""
+    for line in _STATUS.read_text(encoding="ascii").splitlines():
+        if line.startswith(field + ":"):
+            return int(line.split()[1]) * 1024
+    raise OSError(f"{_STATUS} has no {field}")

@@ -34,7 +34,7 @@ def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = 
         row_shares=[3, 2],
     )
     right = rrb.Vertical(*(plot_view(signal) for signal in signals if signal.entity in MAIN_PLOTS))
-    return _side_by_side(left, right, follow)
+    return side_by_side(left, right, follow)
 
 
 def measurement_blueprint(scenario: Scenario) -> rrb.Blueprint:
@@ -45,10 +45,11 @@ def measurement_blueprint(scenario: Scenario) -> rrb.Blueprint:
         active_tab=0,
     )
     (measured,) = (signal for signal in views(scenario) if signal.entity == MEASURED_PLOT)
-    return _side_by_side(texts, plot_view(measured))
+    return side_by_side(texts, plot_view(measured))
 
 
-def _side_by_side(left: rrb.Container, right: rrb.Container | rrb.View, follow: bool = False) -> rrb.Blueprint:
+def side_by_side(left: rrb.Container, right: rrb.Container | rrb.View, follow: bool = False) -> rrb.Blueprint:
+    """Two halves and a folded time panel, nothing else."""
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1]),
         rrb.BlueprintPanel(state="collapsed"),

@@ -9,12 +9,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flexlab.errors import RecordingError
-from flexlab.recording.blueprint import plot_view, scene_view
+from flexlab.recording.blueprint import MAIN_PLOTS, plot_view, scene_view, side_by_side
 from flexlab.recording.codec import larger_blocks
 from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
-from flexlab.recording.rerun_internals.chunks import TIMELINE, scalars, send_columns
+from flexlab.recording.rerun_internals.chunks import scalars, send_columns
 from flexlab.recording.rerun_internals.message_layout import messages
 from flexlab.recording.rerun_internals.tool import Mending
+from flexlab.recording.run_stream import curves, new_stream
 from flexlab.recording.scene_log import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
 from flexlab.recording.store.notes import replacing
 from flexlab.sim.samples import MEASURED, Samples
@@ -40,9 +41,7 @@ def write_comparison(recordings: Sequence[Recording], target: Path, text: str = 
     """
     if not 2 <= len(recordings) <= MOST_RUNS:
         raise RecordingError(f"{len(recordings)} runs cannot be compared: choose 2 to {MOST_RUNS}.")
-    stream = rr.RecordingStream(APPLICATION, send_properties=False)
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
+    stream = new_stream(APPLICATION)
     try:
         encoded = stream.binary_stream()
         runs = [(recording.name, recording.scenario) for recording in recordings]
@@ -96,13 +95,11 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
     scenario, label = recording.scenario, run_label(number)
     signals = views(scenario)
     for signal in signals:
-        curves = rr.SeriesLines(
-            names=[f"{label}: {name}" for name in signal.names],
-            colors=[_shade(color, number) for color in signal.colors],
-            widths=[1.5] * len(signal.names),
-            aggregation_policy=rr.components.AggregationPolicy.MinMax,
+        names, colors = (
+            [f"{label}: {name}" for name in signal.names],
+            [_shade(color, number) for color in signal.colors],
         )
-        stream.log(f"runs/{label}/{signal.entity}", curves, static=True)
+        stream.log(f"runs/{label}/{signal.entity}", curves(names, colors), static=True)
     for entity, shape in fixed_shapes(scenario) if recording.status != MEASURED else ():
         stream.log(f"runs/{label}/{entity}", shape, static=True)
     stream.flush()
@@ -141,22 +138,14 @@ def comparison_blueprint(runs: Sequence[NamedScenario], measured: Collection[int
     labels = [run_label(number) for number in range(len(runs))]
     scenarios = sorted((scenario for _, scenario in runs), key=lambda scenario: len(scenario.arms))
     signals = {signal.entity: signal for scenario in scenarios for signal in views(scenario)}
-    main = ("error", "vibration", "internal_force", "joint_torque")
-    rest = [_overlay(signal, labels) for name, signal in signals.items() if name not in main]
+    rest = [_overlay(signal, labels) for name, signal in signals.items() if name not in MAIN_PLOTS]
     left: rrb.Container = rrb.Tabs(rrb.TextDocumentView(origin="differences", name="Differences"), *rest, active_tab=0)
     drawn = [number for number in range(len(runs)) if number not in measured]
     if drawn:
         beside = rrb.Horizontal(*_scenes(runs, drawn), name="Side by side")
         left = rrb.Vertical(rrb.Tabs(beside, *_scenes(runs, drawn), active_tab=0), left)
-    right = rrb.Vertical(*(_overlay(signals[name], labels) for name in main))
-    return rrb.Blueprint(
-        rrb.Horizontal(left, right),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
-        auto_views=False,
-        auto_layout=False,
-    )
+    right = rrb.Vertical(*(_overlay(signals[name], labels) for name in MAIN_PLOTS))
+    return side_by_side(left, right)
 
 
 def _scenes(runs: Sequence[NamedScenario], drawn: Sequence[int]) -> list[rrb.Spatial3DView]:

@@ -9,7 +9,7 @@ import os
 import time
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import IO, Protocol
 
 import numpy as np
@@ -193,14 +193,7 @@ class RunStream:
     def name_curves(self, signals: Iterable[View]) -> None:
         """Say what the curves are called that will be sent, and how they look."""
         for signal in signals:
-            curves = rr.SeriesLines(
-                names=list(signal.names),
-                colors=list(signal.colors),
-                widths=[1.5] * len(signal.names),
-                # The default policy averages: a 44 Hz ring would shrink as one zooms out.
-                aggregation_policy=rr.components.AggregationPolicy.MinMax,
-            )
-            self._log(signal.entity, curves)
+            self._log(signal.entity, curves(signal.names, signal.colors))
 
     def _log(self, entity: str, archetype: rr.AsComponents) -> None:
         self._stream.log(entity, archetype, static=True)
@@ -269,7 +262,7 @@ def open_file_stream(file: RunFile, info: RunInfo) -> RunStream:
 
 
 def _open(target: Target, info: RunInfo, follow: bool = False) -> RunStream:
-    stream = _new_stream(info)
+    stream = new_stream(APPLICATION, info.run_id)
     encoded = stream.binary_stream()
     stream.set_sinks(encoded)
     # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own, and
@@ -285,12 +278,20 @@ def _open(target: Target, info: RunInfo, follow: bool = False) -> RunStream:
         raise
 
 
-def _new_stream(info: RunInfo) -> rr.RecordingStream:
-    stream = rr.RecordingStream(APPLICATION, recording_id=info.run_id, send_properties=False)
+def new_stream(application: str, run_id: str | None = None) -> rr.RecordingStream:
+    """A stream without properties of rerun's own; `application`: whose layouts a person's changes hold for."""
+    stream = rr.RecordingStream(application, recording_id=run_id, send_properties=False)
     # Wall-clock axes would only be a second, jumpy time beside the simulation's own.
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     return stream
+
+
+def curves(names: Sequence[str], colors: Sequence[tuple[int, int, int]]) -> rr.SeriesLines:
+    """How the curves of one entity look."""
+    # The default policy averages: a 44 Hz ring would shrink as one zooms out.
+    policy = rr.components.AggregationPolicy.MinMax
+    return rr.SeriesLines(names=list(names), colors=list(colors), widths=[1.5] * len(names), aggregation_policy=policy)
 
 
 def _one_line(error: BaseException) -> str:

@@ -179,6 +179,12 @@ def below(statement: str, limit: float, found: ArrayLike, unit: str = "") -> Che
     return Check(statement, f"< {limit:.3g}{end}", f"{value:.3g}{end}", bool(isfinite(value) and value < limit))
 
 
+def alike(statement: str, limit: float, found: ArrayLike, exact: ArrayLike, whole: ArrayLike | None = None) -> Check:
+    """Arrays whose largest difference must be less than a part of the largest magnitude of `whole`; None: of `exact`."""
+    scale = np.max(np.abs(exact if whole is None else whole))
+    return below(statement, limit, np.max(np.abs(np.asarray(found) - exact)) / scale)
+
+
 def above(statement: str, limit: float, found: float) -> Check:
     """A number that must be more than a limit."""
     return Check(statement, f"> {limit:.3g}", f"{found:.3g}", bool(isfinite(found) and found > limit))

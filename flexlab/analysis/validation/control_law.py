@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexlab.analysis.internal_force import internal_force_eq_26
-from flexlab.analysis.validation.check import FINE, Check, Runs, below
+from flexlab.analysis.validation.check import FINE, Check, Runs, alike, below
 from flexlab.analysis.validation.mass_points import MassPoints, time_derivative
 from flexlab.sim.samples import Run
 
@@ -45,9 +45,7 @@ def _of(run: Run) -> Iterator[Check]:
     rates = time_derivative(b, FINE)
     x_size, v_size = np.linalg.norm(run.pose, axis=1), np.linalg.norm(run.pose_rate, axis=1)
     wanted = (size[:, None] * np.stack([np.ones(len(run)), x_size, v_size**2], axis=1) / ADAPTATION)[2:-2]
-    yield below(
-        "b̂ adapts by ‖s‖/k0, ‖s‖‖x‖/k1, ‖s‖‖ẋ‖²/k2: relative error", 1e-6, np.abs(rates - wanted).max() / wanted.max()
-    )
+    yield alike("b̂ adapts by ‖s‖/k0, ‖s‖‖x‖/k1, ‖s‖‖ẋ‖²/k2: relative error", 1e-6, rates, wanted)
 
     inputs, forces = [], []
     rows = range(0, len(run), EVERY)
@@ -63,12 +61,9 @@ def _of(run: Run) -> Iterator[Check]:
             run.arm_input[k, index] - M @ run.pose_acceleration[k] - C @ v - G for index, (M, C, G) in enumerate(terms)
         ]
         forces.append([push - sum(pushes) / 2 for push in pushes])
-    error = np.abs(np.array(inputs) - run.arm_input[rows]).max() / np.abs(run.arm_input).max()
-    yield below("u_i of Eqs. (23), (25), arm by arm: relative error", 1e-7, error)
-    found = run.internal_force[rows]
-    error = np.abs(np.array(forces) - found).max() / np.abs(run.arm_input).max()
-    yield below("internal force of Eqs. (13)-(15): error as a part of u", 1e-7, error)
-    both = np.abs(internal_force_eq_26(run, EVERY) - found).max() / np.abs(run.arm_input).max()
-    yield below("internal force by Eq. (26), without ẍ: difference as a part of u", 1e-9, both)
-    cancel = np.abs(run.internal_force.sum(axis=1)).max() / np.abs(run.arm_input).max()
-    yield below("F_1 + F_2 = 0: sum as a part of u", 1e-12, cancel)
+    found, u = run.internal_force[rows], run.arm_input
+    yield alike("u_i of Eqs. (23), (25), arm by arm: relative error", 1e-7, inputs, u[rows], u)
+    yield alike("internal force of Eqs. (13)-(15): error as a part of u", 1e-7, forces, found, u)
+    by_eq_26 = internal_force_eq_26(run, EVERY)
+    yield alike("internal force by Eq. (26), without ẍ: difference as a part of u", 1e-9, by_eq_26, found, u)
+    yield alike("F_1 + F_2 = 0: sum as a part of u", 1e-12, run.internal_force.sum(axis=1), 0.0, u)

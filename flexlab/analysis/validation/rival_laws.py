@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.validation.check import FINE, Check, Runs, below, general
+from flexlab.analysis.validation.check import FINE, Check, Runs, alike, below, general
 from flexlab.analysis.validation.control_law import desired
 from flexlab.analysis.validation.mass_points import MassPoints, slopes, time_derivative
 from flexlab.scenario import Scenario
@@ -192,8 +192,7 @@ def checks(_: Runs) -> Iterator[Check]:
         memory = _memory(run, kind)
         seen = [instant(run, k) for k in rows]
         wanted = [LAWS[kind](at, memory[k]) + at.squeeze for k, at in zip(rows, seen, strict=True)]
-        error = np.abs(np.array(wanted) - run.arm_input[rows]).max() / np.abs(run.arm_input).max()
-        yield below(f"{kind}: u_i, arm by arm: relative error", 1e-7, error)
+        yield alike(f"{kind}: u_i, arm by arm: relative error", 1e-7, wanted, run.arm_input[rows], run.arm_input)
         if kind in MEMORY:
             rates = time_derivative(memory, FINE)[::EVERY][: len(seen)]
             wanted = np.array([_memory_rate(kind, at, run, k) for k, at in zip(rows, seen, strict=True)])

@@ -22,7 +22,7 @@ from flexlab.sim.snapshot import Event
 from flexlab.sim.target import shaper_impulses
 
 SECONDS = 30.0
-"""How much of a run a check sees, s: what the engine keeps."""
+"""How much of a run a check sees, s."""
 SETTLED, SHORTEST = 0.5, 1.5
 """s after a change before its ring is looked at, and how long it is looked at, at least."""
 USUAL_STIFFNESS = {"bending_stiffness": 100.0}

@@ -1,7 +1,9 @@
 """A first start shows a page at once, which programs do not mistake for the lab."""
 
+import socket
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import pytest
 
@@ -20,3 +22,13 @@ def test_the_port_is_free_again():
         port = int(page.url.rsplit(":", 1)[1])
     with WaitingPage("127.0.0.1", port):
         pass
+
+
+def test_a_hub_has_it_on_the_socket_where_the_lab_will_be(tmp_path: Path):
+    for _ in range(2):  # It makes room for who comes next, too.
+        with WaitingPage(f"unix:{tmp_path / 's'}", 0), socket.socket(socket.AF_UNIX) as hub:
+            hub.connect(str(tmp_path / "s"))
+            hub.sendall(b"GET /user/ann/flexlab/lab/ HTTP/1.0\r\n\r\n")
+            answer = hub.makefile("rb").read().decode()
+        assert answer.splitlines()[0].split()[1] == "503"
+        assert "compiling the equations of motion" in answer

@@ -157,17 +157,16 @@ def command(
         settings = replace(settings, token=secrets.token_urlsafe(SECRET_BYTES))
     # Before compiling, which takes long.
     check_folder(logs)
-    if not settings.is_socket:
-        listen(host, port).close()
+    listen(host, port).close()
     shown: list[str] = []
-    warm_up(
-        scenario, meanwhile=_waiting_page(settings, not no_browser, shown) if port and not settings.is_socket else None
-    )
+    has_browser = not (no_browser or settings.is_socket)
+    known = port or settings.is_socket  # Else nobody knows yet where the lab will be.
+    warm_up(scenario, meanwhile=_waiting_page(settings, has_browser, shown) if known else None)
     with ending() as ended, ExitStack() as closing:
         front_server = closing.enter_context(open_front_server(settings, scenario, name, on_problem=complain))
         _welcome(front_server)
         closing.enter_context(compiling_the_rest())
-        if not (no_browser or shown or settings.is_socket):
+        if has_browser and not shown:
             open_browser(front_server.lab_url)
         wait_for(ended)
     last = front_server.close()
@@ -192,13 +191,7 @@ def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Gene
     """A page that says what takes so long, where the lab will be; notes in `shown` that a browser shows it."""
     from flexlab.cli.showing import WaitingPage
 
-    try:
-        page = WaitingPage(settings.host, settings.port)
-    except OSError:
-        # An address that only the lab's own server understands: then the terminal alone must do.
-        yield
-        return
-    with page:
+    with WaitingPage(settings.host, settings.port) as page:
         if browser:
             shown.append(f"{page.url}/lab/" + (f"?token={settings.token}" if settings.token else ""))
             open_browser(shown[0])

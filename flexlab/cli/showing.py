@@ -12,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 
 from flexlab.cli.console import output
+from flexlab.sockets import listen
 
 LOOK = 0.5
 """s between two looks at whether to end: on Windows, Ctrl-C cannot interrupt a wait without end."""
@@ -85,17 +86,23 @@ PAGE = """<!doctype html>
   <p>The lab will open here by itself.</p>
 </main>
 <script>
-  setInterval(() => fetch(location.href, { cache: "no-store" }).then(answer => answer.ok && location.reload(), () => {}), 500)
+  const look = () => fetch(location.href, { cache: "no-store" })
+    .then(answer => answer.ok ? location.reload() : setTimeout(look, 500), () => setTimeout(look, 500))
+  setTimeout(look, 500)
 </script>
 </html>
 """
 
 
 class WaitingPage:
-    """Serves the page on `host`:`port` as a context manager. Raises OSError if the address cannot be had."""
+    """Serves the page where the lab will be as a context manager. Raises `LabError` if the address cannot be had."""
 
     def __init__(self, host: str, port: int):
-        self._server = ThreadingHTTPServer((host, port), _Handler)
+        self._server = _Server((host, port), _Handler, bind_and_activate=False)
+        self._server.socket.close()
+        self._server.socket = plug = listen(host, port)
+        plug.setblocking(True)
+        self._server.server_address = plug.getsockname()
         self._thread = threading.Thread(
             target=self._server.serve_forever, args=(0.05,), name="waiting-page", daemon=True
         )
@@ -117,6 +124,11 @@ class WaitingPage:
         self._server.shutdown()
         self._thread.join()
         self._server.server_close()
+
+
+class _Server(ThreadingHTTPServer):
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Whoever does not wait for the page need not be told of."""
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -48,7 +48,7 @@ SELDOM = f"""(() => {{
 }})()"""
 
 UNDRAWN = """(() => {
-  if (location.pathname.startsWith('/viewer/')) return;
+  if (location.pathname.includes('/viewer/')) return;
   for (const call of ['Arrays', 'Elements', 'ArraysInstanced', 'ElementsInstanced'])
     WebGL2RenderingContext.prototype[`draw${call}`] = () => {};
 })()"""

@@ -1,5 +1,6 @@
 """`flexlab`: the lab in the browser."""
 
+import os
 import secrets
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
@@ -151,6 +152,7 @@ def command(
         most_bytes_per_visitor=None if quota is None else quota * MEGABYTE,
         live=rerun,
         base_url=base_url,
+        class_service="" if private else os.environ.get("FLEXLAB_CLASS", ""),
     )
     if not settings.is_local and token is None:
         # Made up here, so that a page opened while compiling can turn into the lab.

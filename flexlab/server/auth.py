@@ -128,6 +128,11 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
     return ask_for_token(request)
 
 
+def scheme_of(request: web.Request) -> str:
+    """http or https, as the visitor's browser has it: of several proxies, the first one says."""
+    return request.headers.get("X-Forwarded-Proto", request.scheme).partition(",")[0].strip()
+
+
 def is_websocket(request: web.Request) -> bool:
     """Whether the browser asks for a websocket."""
     return request.headers.get(hdrs.UPGRADE, "").lower() == "websocket"
@@ -198,14 +203,20 @@ def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
                 403,
                 f"This lab is open to this machine only, not as {name}: use 127.0.0.1, or start it with a token.",
             )
+    return (403, ELSEWHERE) if is_from_elsewhere(request) else None
+
+
+ELSEWHERE = "This came from a page of another site."
+
+
+def is_from_elsewhere(request: web.Request) -> bool:
+    """Whether a page of another site sends this, and it could change something."""
     if request.method in SAFE_METHODS and not is_websocket(request):
-        return None
+        return False
     origin = request.headers.get(hdrs.ORIGIN)
     if origin is not None and urlsplit(origin).netloc.lower() != request.host.lower():
-        return 403, "This came from a page of another site."
-    if request.headers.get("Sec-Fetch-Site", "same-origin") == "cross-site":
-        return 403, "This came from a page of another site."
-    return None
+        return True
+    return request.headers.get("Sec-Fetch-Site", "same-origin") == "cross-site"
 
 
 def _sign_in(request: web.Request, kind: str, token: str) -> web.Response:
@@ -218,7 +229,6 @@ def _sign_in(request: web.Request, kind: str, token: str) -> web.Response:
         answer.headers["Refresh"] = f"0; url={to}"
     else:
         answer = web.Response(status=303, headers={hdrs.LOCATION: to})
-    secure = request.headers.get("X-Forwarded-Proto", request.scheme) == "https"
     context = context_of(request)
     answer.set_cookie(
         context.teacher_cookie if kind == "teacher" else context.token_cookie,
@@ -227,7 +237,7 @@ def _sign_in(request: web.Request, kind: str, token: str) -> web.Response:
         httponly=True,
         samesite="Strict",
         path="/",
-        secure=secure,
+        secure=scheme_of(request) == "https",
     )
     keep_visitor(request, answer, known_visitor_of(request))
     return answer

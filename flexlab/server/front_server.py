@@ -22,6 +22,7 @@ from flexlab.scenario import Scenario
 from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sentences, check, recording_path
 from flexlab.server.base_url import put_before, take_off
 from flexlab.server.connections import Connections, watch_patience
+from flexlab.server.labs.hub_labs import tell_class
 from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import RecordedLab
@@ -71,11 +72,16 @@ def build_app(context: Context) -> web.Application:
     add_upload(app.router)
     add_runs_pages(app.router)
     add_study_pages(app.router)
-    app.router.add_get("/favicon.ico", _icon)
-    app.router.add_get("/static/{name}", _static)
+    add_files(app.router)
     # No listing of folders, no links that lead out of the folder.
     app.router.add_static("/assets/", web_assets_folder())
     return app
+
+
+def add_files(router: web.UrlDispatcher) -> None:
+    """Routes of style sheet, scripts and icon."""
+    router.add_get("/favicon.ico", _icon)
+    router.add_get("/static/{name}", _static)
 
 
 async def _static(request: web.Request) -> web.StreamResponse:
@@ -131,6 +137,7 @@ class FrontServer:
         teacher_token: str | None,
         places: LabProvider,
         plug: socket.socket,
+        app_of: Callable[[Context], web.Application] = build_app,
     ):
         self.settings, self.places, self.token = settings, places, token
         """`token`: the word that opens the server; None if it does not ask for one."""
@@ -143,7 +150,7 @@ class FrontServer:
         self._workshop = Workshop()
         self.workshop = self._workshop.path
         """For files that nobody keeps; gone when the server closes."""
-        self._plug = plug
+        self._plug, self._app_of = plug, app_of
         self.port = port
         """The public one, really taken."""
         self._opened = threading.Event()
@@ -222,9 +229,11 @@ class FrontServer:
         self._loop.set_default_executor(ThreadPoolExecutor(threads, thread_name_prefix="flexlab-server-thread"))
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
             measuring, tasks = Measuring(self.settings.logs), Tasks()
-            tidying = asyncio.create_task(tidy_up(self.settings))
+            beside = [asyncio.create_task(tidy_up(self.settings))]
+            if self.settings.class_service:
+                beside.append(asyncio.create_task(tell_class(self.settings.class_service, self.places)))
             preset_cards = PresetCards(tasks)
-            reading = asyncio.create_task(preset_cards.read_ahead())
+            beside.append(asyncio.create_task(preset_cards.read_ahead()))
             context = Context(
                 self.settings,
                 self.port,
@@ -243,7 +252,7 @@ class FrontServer:
                 preset_cards,
                 Boards(tasks, self.settings.logs.parent / LEADERBOARD),
             )
-            runner = web.AppRunner(build_app(context), access_log=None, shutdown_timeout=CLOSING_TIME)
+            runner = web.AppRunner(self._app_of(context), access_log=None, shutdown_timeout=CLOSING_TIME)
             connections: Connections | None = None
             try:
                 await runner.setup()
@@ -254,8 +263,8 @@ class FrontServer:
                 self._opened.set()
                 await self._closing.wait()
             finally:
-                tidying.cancel()
-                reading.cancel()
+                for task in beside:
+                    task.cancel()
                 if connections is not None:
                     await connections.close()
                 # Labs first: their recordings matter more than a visitor's last request.

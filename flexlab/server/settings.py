@@ -68,6 +68,8 @@ class Settings:
     """Private labs of one address at once; None: one less than in all."""
     base_url: str = ""
     """What a proxy has before every address of the server, as in "/user/ann/flexlab"; a slash at its end is dropped."""
+    class_service: str = ""
+    """Address of a hub's service to which the one lab reports: see `labs/hub_labs.py`; empty: none."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "base_url", self.base_url.rstrip("/"))

@@ -66,16 +66,16 @@ def picture(page: Page, name: str) -> None:
         page.screenshot(path=ARTIFACTS / f"{name}.png")
 
 
-def wait_for_plots(page: Page, name: str) -> None:
-    """Until the viewer in the page shows curves; keeps a picture."""
-    page.frame_locator("#viewer").locator("canvas").wait_for(timeout=MILLI * PATIENCE)
+def wait_for_plots(page: Page, name: str, patience: float = PATIENCE) -> None:
+    """Until the viewer in the page shows curves, at most `patience` s; keeps a picture."""
+    page.frame_locator("#viewer").locator("canvas").wait_for(timeout=MILLI * patience)
 
     def plotted() -> bool:
         image = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
         plots = image[:, 2 * image.shape[1] // 3 :]
         return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (VERMILION, GREEN))
 
-    wait_until(plotted, "the viewer draws the plots")
+    wait_until(plotted, "the viewer draws the plots", patience)
     picture(page, name)
 
 

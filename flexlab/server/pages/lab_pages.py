@@ -20,6 +20,7 @@ from flexlab.server.auth import (
     is_websocket,
     recording_address,
     refuse,
+    scheme_of,
 )
 from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab
 from flexlab.server.limits import Asker
@@ -261,7 +262,7 @@ async def show(request: web.Request) -> web.Response:
     lab = context.places.of_visitor(visitor_of(request).id)
     if lab is None or lab.live is None:
         return message("No live data", NOT_SERVED, 404, button("/", "Start page"))
-    scheme = request.headers.get("X-Forwarded-Proto", request.scheme).partition(",")[0].strip()
+    scheme = scheme_of(request)
     place = context.settings.base_url + recording_address(context, LIVE + live_name(lab))
     source = f"{scheme}://{request.host}{place}"
     viewer = urlencode({"url": source, "renderer": "webgl"}) + "&hide_welcome_screen"

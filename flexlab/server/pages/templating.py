@@ -14,6 +14,8 @@ from flexlab.recording.store.run_index import duration_text, size_text, state_wo
 
 HAS_CLASS = ContextVar("HAS_CLASS", default=False)
 """Whether the page is for somebody who has a class to look after: set for each request, before any page is made."""
+OF_HUB = ContextVar("OF_HUB", default=False)
+"""Whether the page is that of a hub's service, which has no labs and runs itself."""
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -41,6 +43,7 @@ _environment.globals.update(  # pyright: ignore[reportUnknownMemberType]
     state_word=state_word,
     with_units=with_units,
     has_class=HAS_CLASS.get,
+    of_hub=OF_HUB.get,
 )
 
 

@@ -54,7 +54,7 @@ function showRules(now) {
 
 function made(lab) {
   const tile = template.content.cloneNode(true).firstElementChild;
-  tile.querySelector("a").href = `${lab.lab}/`;
+  tile.querySelector("a").href = `${base}${lab.lab}/`;
   for (const button of tile.querySelectorAll("button")) button.value = lab.lab;
   list.append(tile);
   return { tile, hold: tile.querySelector(".hold"), fields: [...tile.querySelectorAll("[data-field]")] };

@@ -1,0 +1,208 @@
+"""The teacher's page of a class on a JupyterHub, as a service that the hub starts: `python -m flexlab.server.hub_service`.
+
+The hub says who somebody is: students' labs show their servers' tokens, teachers sign in by OAuth as everywhere on a hub. The
+service needs no rights over the hub. See .github/UNIVERSITY.md.
+"""
+
+import json
+import os
+import secrets
+import signal
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlencode, urlsplit
+
+import aiohttp
+from aiohttp import hdrs, web
+
+from flexlab.errors import LabError
+from flexlab.server.auth import (
+    ELSEWHERE,
+    Handler,
+    add_headers,
+    answer_in_sentences,
+    is_from_elsewhere,
+    refuse,
+    scheme_of,
+)
+from flexlab.server.base_url import put_before
+from flexlab.server.connections import watch_patience
+from flexlab.server.front_server import FrontServer, add_files
+from flexlab.server.labs.hub_labs import REPORTS, HubLabs
+from flexlab.server.pages.page_context import CONTEXT, Context, context_of
+from flexlab.server.pages.teacher_page import add_teacher_pages
+from flexlab.server.pages.templating import OF_HUB
+from flexlab.server.settings import SECRET_BYTES, Settings
+from flexlab.sockets import listen
+
+CALLBACK = "/oauth_callback"
+LOOK = 60.0
+"""s after which the hub is asked again who a signed-in teacher is: who logs out there is out here soon."""
+MOST_STATES = 1000
+"""Sign-ins that may be on their way at once."""
+SESSION, STATE = "flexlab-hub-session", "flexlab-hub-state"
+"""Cookies: of who is signed in, and of who is about to be."""
+
+
+@dataclass
+class Session:
+    """Somebody who signed in."""
+
+    token: str
+    asked: float
+    """When the hub last knew them, by the clock of `time.monotonic`, s."""
+
+
+class Hub:
+    """The hub that started this service, by what it says in the environment."""
+
+    def __init__(self, environment: Mapping[str, str]):
+        try:
+            self._token, self._api = environment["JUPYTERHUB_API_TOKEN"], environment["JUPYTERHUB_API_URL"]
+            self._client = environment["JUPYTERHUB_CLIENT_ID"]
+            self.url = urlsplit(environment["JUPYTERHUB_SERVICE_URL"])
+            self.prefix = environment["JUPYTERHUB_SERVICE_PREFIX"].rstrip("/")
+            self._scopes = set(json.loads(environment["JUPYTERHUB_OAUTH_ACCESS_SCOPES"]))
+            self._hub = environment.get("JUPYTERHUB_HOST", "") + environment["JUPYTERHUB_BASE_URL"] + "hub/"
+        except KeyError as error:
+            raise LabError(
+                f"{error.args[0]} is not set: a JupyterHub starts this service, see UNIVERSITY.md."
+            ) from None
+        self._sessions: dict[str, Session] = {}
+        self._states: dict[str, None] = {}
+
+    async def who(self, inside: aiohttp.ClientSession, token: str) -> dict[str, Any]:
+        """The hub's account of a token's owner; empty if there is none."""
+        async with inside.get(f"{self._api}/user", headers={"Authorization": f"token {token}"}) as answer:
+            return await answer.json() if answer.status == 200 else {}
+
+    def may_teach(self, user: dict[str, Any]) -> bool:
+        """Whether the hub's administrator let somebody use this service."""
+        return not self._scopes.isdisjoint(user.get("scopes", ()))
+
+    async def is_signed_in(self, request: web.Request) -> bool:
+        """Whether a teacher asks."""
+        word = request.cookies.get(SESSION, "")
+        session = self._sessions.get(word)
+        if session is None:
+            return False
+        if time.monotonic() - session.asked > LOOK:
+            if not self.may_teach(await self.who(context_of(request).inside, session.token)):
+                self._sessions.pop(word, None)
+                return False
+            session.asked = time.monotonic()
+        return True
+
+    def sign_in(self, request: web.Request) -> web.Response:
+        """To the hub, which sends its user back with a code."""
+        state = secrets.token_urlsafe(SECRET_BYTES)
+        self._states[state] = None
+        while len(self._states) > MOST_STATES:
+            del self._states[next(iter(self._states))]
+        words = {
+            "client_id": self._client,
+            "redirect_uri": self.prefix + CALLBACK,
+            "response_type": "code",
+            "state": state,
+        }
+        # In full: what begins with a slash is an address of this service.
+        hub = self._hub if "://" in self._hub else f"{scheme_of(request)}://{request.host}{self._hub}"
+        answer = web.Response(status=302, headers={hdrs.LOCATION: f"{hub}api/oauth2/authorize?{urlencode(words)}"})
+        self._keep(request, answer, STATE, state)
+        return answer
+
+    async def finish_sign_in(self, request: web.Request) -> web.Response:
+        """Back from the hub: a code becomes a token, which stays here."""
+        state = request.query.get("state", "")
+        if state not in self._states or state != request.cookies.get(STATE):
+            return refuse(request, 403, "This sign-in was not begun here, or long ago: open the page again.")
+        del self._states[state]
+        inside = context_of(request).inside
+        words = {
+            "client_id": self._client,
+            "client_secret": self._token,
+            "grant_type": "authorization_code",
+            "code": request.query.get("code", ""),
+            "redirect_uri": self.prefix + CALLBACK,
+        }
+        async with inside.post(f"{self._api}/oauth2/token", data=words) as told:
+            token = (await told.json()).get("access_token", "") if told.status == 200 else ""
+        if not self.may_teach(await self.who(inside, token)):
+            return refuse(request, 403, "The hub does not let you use this page: ask who looks after it.")
+        word = secrets.token_urlsafe(SECRET_BYTES)
+        self._sessions[word] = Session(token, time.monotonic())
+        answer = web.Response(status=303, headers={hdrs.LOCATION: "/teacher"})
+        self._keep(request, answer, SESSION, word)
+        return answer
+
+    def _keep(self, request: web.Request, answer: web.Response, cookie: str, word: str) -> None:
+        secure = scheme_of(request) == "https"
+        answer.set_cookie(cookie, word, httponly=True, samesite="Lax", path="/", secure=secure)
+
+
+def hub_app(hub: Hub, context: Context) -> web.Application:
+    """The web application of the service."""
+
+    @web.middleware
+    async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
+        OF_HUB.set(True)
+        if request.path.startswith("/static/") or request.path in (REPORTS, CALLBACK):
+            return await handler(request)
+        if is_from_elsewhere(request):
+            return refuse(request, 403, ELSEWHERE)
+        if await hub.is_signed_in(request):
+            return await handler(request)
+        return (
+            hub.sign_in(request) if request.method == "GET" else refuse(request, 403, "Sign in: open the page again.")
+        )
+
+    async def first_page(request: web.Request) -> web.StreamResponse:
+        raise web.HTTPSeeOther("/teacher")
+
+    async def reports(request: web.Request) -> web.StreamResponse:
+        token = request.headers.get(hdrs.AUTHORIZATION, "").removeprefix("token ")
+        name = (await hub.who(context.inside, token)).get("name")
+        if not name:
+            return refuse(request, 403, "Labs report here, with the tokens of their servers.")
+        assert isinstance(context.places, HubLabs)
+        return await context.places.take_reports(request, str(name))
+
+    app = web.Application(
+        middlewares=[put_before(context.settings.base_url), watch_patience, answer_in_sentences, check]
+    )
+    app[CONTEXT] = context
+    app.on_response_prepare.append(add_headers)
+    app.router.add_get("/", first_page)
+    app.router.add_get(REPORTS, reports)
+    app.router.add_get(CALLBACK, hub.finish_sign_in)
+    add_teacher_pages(app.router)
+    add_files(app.router)
+    return app
+
+
+def open_hub_service(environment: Mapping[str, str]) -> FrontServer:
+    """The service of the hub of an environment, open until it is closed. Raises `LabError`."""
+    hub = Hub(environment)
+    host, port = hub.url.hostname or "127.0.0.1", hub.url.port or 80
+    settings = Settings(host=host, port=port, base_url=hub.prefix)
+    return FrontServer(settings, port, None, None, HubLabs(), listen(host, port), lambda context: hub_app(hub, context))
+
+
+def main() -> None:
+    """Serve until the hub ends it."""
+    ended = threading.Event()
+
+    def end(number: int, _: object) -> None:
+        ended.set()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, end)
+    with open_hub_service(os.environ):
+        ended.wait()
+
+
+if __name__ == "__main__":
+    main()

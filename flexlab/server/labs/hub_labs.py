@@ -1,0 +1,193 @@
+"""The labs of a JupyterHub for one teacher's page: each tells the hub's service how it stands, and follows what comes back.
+
+A lab connects to the service, not the other way round: a service that asked through the hub's proxy would start labs that nobody
+opened, keep idle servers awake, and show every student's server its own key.
+"""
+
+import asyncio
+import contextlib
+import itertools
+import math
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from urllib.parse import quote
+
+import aiohttp
+import msgspec
+from aiohttp import web
+
+from flexlab.errors import FlexlabError, LabError
+from flexlab.lab.class_rules import ClassRules
+from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabProvider, LabStatus
+from flexlab.server.scenario_links import decode_scenario, encode_scenario
+
+REPORTS = "/labs"
+"""Below the service's address: where labs connect."""
+PERIOD = 1.0
+"""s between two reports."""
+PATIENCE = 5.0
+"""s before a lab tries again to reach a service that is not there."""
+HEARTBEAT = 20.0
+"""s between two signs of life: of a lab that is gone without a word the tile goes."""
+LARGEST_REPORT = 64 * 1024
+"""Bytes: a report has names and numbers, and the questions that were met."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a lab tells the service."""
+
+    status: LabStatus
+    visitors: int
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the service asks of a lab; what is None or empty it does not ask."""
+
+    scenario: str = ""
+    """As a word of `encode_scenario`."""
+    name: str = ""
+    playing: bool | None = None
+    rules: ClassRules | None = None
+
+
+async def tell_class(service: str, places: LabProvider) -> None:
+    """Report the one lab of this server to the service at an address, and follow it; until it is cancelled."""
+    headers = {"Authorization": f"token {os.environ.get('JUPYTERHUB_API_TOKEN', '')}"}
+    query = {"server": os.environ.get("JUPYTERHUB_SERVER_NAME", "")}
+    while True:
+        with contextlib.suppress(aiohttp.ClientError, OSError, ValueError):
+            async with (
+                aiohttp.ClientSession(headers=headers) as session,
+                session.ws_connect(service.rstrip("/") + REPORTS, params=query, heartbeat=HEARTBEAT) as plug,
+            ):
+                telling = asyncio.create_task(_report(plug, places))
+                try:
+                    async for said in plug:
+                        await _follow(places, msgspec.json.decode(said.data, type=Order))
+                finally:
+                    telling.cancel()
+        await asyncio.sleep(PATIENCE)
+
+
+async def _report(plug: aiohttp.ClientWebSocketResponse, places: LabProvider) -> None:
+    while True:
+        [place] = places.running()
+        status = replace(place.status(), recording=None, link="")
+        if not math.isfinite(status.error):  # JSON has no such number; the word for it is the state.
+            status = replace(status, error=0.0)
+        await plug.send_str(msgspec.json.encode(Report(status, place.visitors)).decode())
+        await asyncio.sleep(PERIOD)
+
+
+async def _follow(places: LabProvider, order: Order) -> None:
+    [place] = places.running()
+    if order.rules is not None:
+        await places.rule(order.rules)
+    if order.playing is not None:
+        await places.ask(place, Hold(order.playing))
+    with contextlib.suppress(FlexlabError):  # A scenario of a later version.
+        if order.scenario:
+            await places.ask(place, Choice(await asyncio.to_thread(decode_scenario, order.scenario), order.name))
+
+
+class HubLab:
+    """A student's lab, as it reports itself."""
+
+    live = None
+    port, secret = 0, ""
+
+    def __init__(self, number: int, name: str, server: str, plug: web.WebSocketResponse):
+        self.number, self.name, self.visitors = number, name, 0
+        # From the service, at /services/NAME, to what the student's own server passes on.
+        own = "/".join(quote(word, safe="") for word in (name, server) if word)
+        self.path = f"/../../user/{own}/flexlab/lab"
+        self._plug = plug
+        self._status = LabStatus("", "", 0.0, "starting", "", None, "")
+
+    def status(self) -> LabStatus:
+        """Its last report."""
+        return self._status
+
+    async def follow_reports(self) -> None:
+        """Until the lab is gone, or says what no lab does."""
+        with contextlib.suppress(msgspec.MsgspecError):
+            async for said in self._plug:
+                report = msgspec.json.decode(said.data, type=Report, dec_hook=_no_path)
+                self._status, self.visitors = report.status, report.visitors
+
+    async def send(self, order: Order) -> None:
+        """Ask it; one that is just going is not asked."""
+        with contextlib.suppress(ConnectionError):
+            await self._plug.send_str(msgspec.json.encode(order).decode())
+
+
+def _no_path(kind: type, value: object) -> Path:
+    raise ValueError(f"a report has no {kind.__name__} such as {value!r:.40}")
+
+
+class HubLabs:
+    """All labs that report to this service."""
+
+    is_private = True
+
+    def __init__(self) -> None:
+        self.rules = ClassRules()
+        self._labs: dict[str, HubLab] = {}
+        self._numbers = itertools.count(1)
+
+    async def take_reports(self, request: web.Request, name: str) -> web.WebSocketResponse:
+        """Show a student's lab as long as it is connected."""
+        plug = web.WebSocketResponse(heartbeat=HEARTBEAT, max_msg_size=LARGEST_REPORT)
+        await plug.prepare(request)
+        lab = HubLab(next(self._numbers), name, request.query.get("server", ""), plug)
+        self._labs[lab.path] = lab
+        try:
+            if self.rules != ClassRules():
+                await lab.send(Order(rules=self.rules))
+            await lab.follow_reports()
+        finally:
+            if self._labs.get(lab.path) is lab:
+                del self._labs[lab.path]
+        await plug.close()
+        return plug
+
+    async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
+        """Raises `LabError`: the hub has everybody's lab."""
+        raise LabError("Your lab is in the launcher of your own server.")
+
+    def of_visitor(self, visitor: str) -> Lab | None:
+        """None: see `enter`."""
+
+    def ended(self, visitor: str, lab: str) -> str:
+        """Nothing: see `enter`."""
+        return ""
+
+    async def ask(self, place: Lab, what: Choice | Hold) -> None:
+        """Pass it on."""
+        assert isinstance(place, HubLab)
+        if isinstance(what, Hold):
+            order = Order(playing=what.playing)
+        else:
+            order = Order(await asyncio.to_thread(encode_scenario, what.scenario), what.name)
+        await place.send(order)
+
+    async def rule(self, rules: ClassRules) -> None:
+        """Pass it on to all, those to come too."""
+        self.rules = rules
+        await asyncio.gather(*(lab.send(Order(rules=rules)) for lab in list(self._labs.values())))
+
+    def call(self, visitor: str, name: str) -> None:
+        """Nothing: names are the hub's."""
+
+    def left(self, place: Lab) -> None:
+        """Nothing: each lab counts its own pages."""
+
+    def running(self) -> list[Lab]:
+        """All of them, by name."""
+        return sorted(self._labs.values(), key=lambda lab: lab.path)
+
+    async def close(self) -> Path | None:
+        """Nothing: the labs go on."""

@@ -1,0 +1,153 @@
+"""The teacher's page of a JupyterHub: a real lab reports to the real service; who is who a stand-in for the hub says.
+
+The real hub is in tests/peers/jupyter_hub.py.
+"""
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from urllib.parse import parse_qs, urlencode, urlsplit
+
+import pytest
+from http_client import Answer, ask, wait_until
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from flexlab.errors import LabError
+from flexlab.presets import load_preset
+from flexlab.server import connections
+from flexlab.server.front_server import FrontServer
+from flexlab.server.hub_service import SESSION, STATE, open_hub_service
+from flexlab.sockets import free_ports
+
+PREFIX = "/services/flexlab"
+SCOPES = {"teacher": ["access:services!service=flexlab"], "ann": ["access:servers!server=ann/"]}
+
+
+class StandIn(BaseHTTPRequestHandler):
+    """A hub whose users' tokens, and codes of OAuth, are their names."""
+
+    def do_GET(self) -> None:
+        name = self.headers.get("Authorization", "").removeprefix("token ")
+        self._say(200 if name in SCOPES else 403, {"name": name, "scopes": SCOPES.get(name, [])})
+
+    def do_POST(self) -> None:
+        words = parse_qs(self.rfile.read(int(self.headers["Content-Length"])).decode())
+        right = (words["client_id"], words["client_secret"]) == (["service-flexlab"], ["secret"])
+        self._say(200 if right else 403, {"access_token": words["code"][0]})
+
+    def _say(self, status: int, what: object) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", "application/json")
+        self.end_headers()
+        self.wfile.write(json.dumps(what).encode())
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Nobody needs a line per request."""
+
+
+@pytest.fixture
+def service() -> Iterator[FrontServer]:
+    with ThreadingHTTPServer(("127.0.0.1", 0), StandIn) as hub:
+        threading.Thread(target=hub.serve_forever, args=(0.05,), daemon=True).start()
+        [port] = free_ports(1)
+        environment = {
+            "JUPYTERHUB_API_TOKEN": "secret",
+            "JUPYTERHUB_API_URL": f"http://127.0.0.1:{hub.server_port}/hub/api",
+            "JUPYTERHUB_CLIENT_ID": "service-flexlab",
+            "JUPYTERHUB_SERVICE_URL": f"http://127.0.0.1:{port}",
+            "JUPYTERHUB_SERVICE_PREFIX": f"{PREFIX}/",
+            "JUPYTERHUB_OAUTH_ACCESS_SCOPES": '["access:services", "access:services!service=flexlab"]',
+            "JUPYTERHUB_BASE_URL": "/",
+        }
+        with open_hub_service(environment) as opened:
+            yield opened
+        hub.shutdown()
+
+
+def sign_in(service: FrontServer, name: str) -> Answer:
+    """What the service answers to somebody whom the hub sends back."""
+    first = ask(service.url, f"{PREFIX}/teacher")
+    to = urlsplit(first.headers["Location"])
+    assert (first.status, to.path) == (302, "/hub/api/oauth2/authorize")
+    words = parse_qs(to.query)
+    assert words["redirect_uri"] == [f"{PREFIX}/oauth_callback"]
+    back = urlencode({"state": words["state"][0], "code": name})
+    return ask(service.url, f"{PREFIX}/oauth_callback?{back}", cookies=first.cookies)
+
+
+def test_a_teacher_sees_and_leads_the_labs_that_report(
+    service: FrontServer,
+    open_another: Callable[..., FrontServer],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(
+        connections, "HEAD_TIME", 0.5
+    )  # s: a lab that reports for longer asks for something all the time.
+    answer = sign_in(service, "teacher")
+    assert (answer.status, answer.headers["Location"]) == (303, f"{PREFIX}/teacher")
+    mine = {SESSION: answer.cookies[SESSION]}
+
+    def labs() -> list[dict]:
+        return json.loads(ask(service.url, f"{PREFIX}/teacher/labs", cookies=mine).body)["labs"]
+
+    def post(what: str, **form: str) -> str:
+        kind = {"Accept": "application/json", "Content_Type": "application/x-www-form-urlencoded"}
+        told = ask(service.url, f"{PREFIX}/teacher/{what}", "POST", urlencode(form).encode(), mine, **kind)
+        return json.loads(told.body)["sentence"]
+
+    page = ask(service.url, f"{PREFIX}/teacher", cookies=mine).text
+    assert f'src="{PREFIX}/static/teacher.js"' in page
+    assert ">Runs<" not in page, "a hub's service has no runs"
+    assert labs() == []
+    assert "nobody can play" in post("rules", lock="on")
+    monkeypatch.setenv("JUPYTERHUB_API_TOKEN", "ann")
+    lab = open_another(
+        host=f"unix:{tmp_path / 's'}",
+        base_url="/user/ann/flexlab",
+        class_service=f"http://127.0.0.1:{service.port}{PREFIX}/",
+    )
+    [place] = lab.places.running()
+    wait_until(lambda: lab.places.rules.locked, "who comes later follows, too")
+    post("rules")
+    wait_until(lambda: not lab.places.rules.locked, "the lock is gone")
+    wait_until(lambda: [(told["who"], told["preset"]) for told in labs()] == [("ann", "paper")], "her lab is shown")
+    [told], [seen] = labs(), service.places.running()
+    assert told["lab"] == "/../../user/ann/flexlab/lab", "beside the service, whatever comes before both"
+    assert "was sent to 1 lab" in post("send", preset="soft-beam", lab=told["lab"])
+    wait_until(lambda: place.status().name == "soft-beam", "the preset comes")
+    assert place.status().title == load_preset("soft-beam").title
+    wait_until(lambda: labs()[0]["preset"] == "soft-beam", "and is told")
+    assert post("pause") == "1 lab paused."
+    wait_until(lambda: place.status().state == "paused", "it stands")
+    assert service.places.running() == [seen], "it has been the same connection all the time"
+    lab.close()
+    wait_until(lambda: labs() == [], "what is closed is gone")
+
+
+def test_who_is_no_teacher_gets_nowhere(service: FrontServer):
+    assert sign_in(service, "ann").status == 403
+    assert ask(service.url, f"{PREFIX}/oauth_callback?state=x&code=teacher", cookies={STATE: "x"}).status == 403
+    assert ask(service.url, f"{PREFIX}/teacher/labs", cookies={SESSION: "x"}).status == 302
+    assert ask(service.url, f"{PREFIX}/teacher/pause", "POST", b"").status == 403
+    mine = {SESSION: sign_in(service, "teacher").cookies[SESSION]}
+    elsewhere = ask(service.url, f"{PREFIX}/teacher/pause", "POST", b"", mine, Origin="http://evil.example")
+    assert elsewhere.status == 403
+    assert ask(service.url, f"{PREFIX}/labs", Authorization="token eve").status == 403
+
+
+@pytest.mark.parametrize("said", ["nonsense", "{}", '{"status": {"error": NaN}, "visitors": 1}', "x" * 100_000])
+def test_a_lab_that_says_what_none_does_is_not_listened_to(service: FrontServer, said: str):
+    address = f"ws://127.0.0.1:{service.port}{PREFIX}/labs"
+    with connect(address, additional_headers={"Authorization": "token ann"}) as lab:
+        lab.send(said)
+        with pytest.raises(ConnectionClosed):
+            lab.recv(timeout=30)
+
+
+def test_without_a_hub_it_says_so():
+    with pytest.raises(LabError, match="JUPYTERHUB_API_TOKEN is not set: a JupyterHub starts this service"):
+        open_hub_service({})

@@ -1,12 +1,11 @@
-"""What the guide for contributors promises: a metric, a signal, a damping and a lesson touch one file each.
+"""What the guide for contributors promises: a metric, a signal, a damping, a case and a lesson touch one file each.
 
 Each is added to a copy of flexlab, in the one file that the guide names, and then shows wherever the others show. The copy
-runs as plain Python: nothing has to be compiled for it.
+runs as plain Python: nothing has to be compiled for it. One process looks at all of them.
 """
 
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -15,15 +14,11 @@ from typing import Any
 
 import pytest
 
+from flexlab.presets import load_preset
+from flexlab.recording.headless import write_run
+from flexlab.sim.simulate import simulate
+
 LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.pyc", "*.nbi", "*.nbc")
-
-
-@pytest.fixture
-def copy(tmp_path: Path, root: Path) -> Path:
-    """A copy of flexlab that may be changed."""
-    for folder in ("flexlab", "presets", "web_assets"):
-        shutil.copytree(root / folder, tmp_path / folder, ignore=LEFT_OUT)
-    return tmp_path
 
 
 def run(copy: Path, program: str) -> Any:
@@ -34,13 +29,6 @@ def run(copy: Path, program: str) -> Any:
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
-
-
-def insert(file: Path, before: str, text: str) -> None:
-    """Write `text` ahead of the only place where `before` stands."""
-    source = file.read_text(encoding="utf-8")
-    assert source.count(before) == 1
-    file.write_text(source.replace(before, text + before), encoding="utf-8")
 
 
 METRIC = '''
@@ -62,36 +50,7 @@ class PeakSpeed(Peak):
         """The speed of an instant, (N, 1)."""
         return np.hypot(samples.pose_rate[:, 0], samples.pose_rate[:, 1])[:, None]
 '''
-
-
-def test_a_metric_is_one_file(copy: Path):
-    (copy / "flexlab/analysis/metrics/peak_speed.py").write_text(METRIC, encoding="utf-8")
-    found = run(
-        copy,
-        """
-import json
-from pathlib import Path
-import flexlab
-from flexlab.analysis.run_summary import note_metrics
-from flexlab.cli.runs_listing import FIELDS
-from flexlab.recording.headless import write_run
-from flexlab.recording.store.run_index import list_rows
-
-run = flexlab.simulate("smooth-start", 0.004)
-path = write_run(run, Path("logs"), "run")
-note_metrics(path)
-(row,) = list_rows(Path("logs"))
-print(json.dumps([run.metrics.peak_speed, [row.key for row in run.metrics.rows], row.metrics, list(FIELDS)]))
-""",
-    )
-    assert found[0] > 0.1
-    assert "Peak speed [m/s]" in found[1]
-    assert "Peak speed [m/s]" in found[2]
-    assert "peak_speed" in found[3]
-
-
-DAMPING = '''
-class HighPassDamping(DampingKind):
+DAMPING = '''class HighPassDamping(DampingKind):
     """Damps fast modes only."""
 
     kind: Literal["high-pass"] = "high-pass"
@@ -103,121 +62,12 @@ class HighPassDamping(DampingKind):
 
 
 '''
-
-
-def test_a_damping_is_one_class_in_one_file(copy: Path):
-    insert(copy / "flexlab/scenario/damping.py", "Damping = Annotated[Any,", DAMPING.lstrip("\n"))
-    found = run(
-        copy,
-        """
-import json
-from flexlab.lab.panel.sections import entries
-from flexlab.presets import load_preset
-from flexlab.scenario import Scenario, parse_scenario
-from flexlab.sim.world import World
-
-scenario = load_preset("paper").replace({"payload.damping.kind": "high-pass", "payload.damping.rate": 20.0})
-world = World(scenario)
-rates = world.system.plant.damping
-world.run(2)
-names = [entry.name for entry in entries(scenario, "payload")]
-schema = json.dumps(Scenario.model_json_schema())
-again = parse_scenario(json.loads(scenario.model_dump_json())) == scenario
-print(json.dumps([rates[0, 0], rates[-1, -1], names, "high-pass" in schema, again]))
-""",
-    )
-    assert found[:2] == [0.0, 20.0]
-    assert "Damping of fast modes d" in found[2]
-    assert found[3:] == [True, True]
-
-
-DERIVED = '''
-    @derived("v", "m/s")
+DERIVED = '''    @derived("v", "m/s")
     def speed(self) -> np.ndarray:
         """Speed of the payload's middle."""
         return np.hypot(self.pose_rate[:, 0], self.pose_rate[:, 1])
 
 '''
-"""A property of the table, ahead of the first one there."""
-READ_BACK = """
-import json, pydoc
-from pathlib import Path
-import numpy as np
-import flexlab
-from flexlab.analysis.replay import replay
-from flexlab.recording.export import export_run
-from flexlab.recording.headless import write_run
-from flexlab.recording.reader import read_recording
-
-run = flexlab.simulate("paper", 0.004)
-recording = read_recording(write_run(run, Path("logs"), "run"))
-export_run(run, Path("run.csv"))
-head = Path("run.csv").read_text(encoding="utf-8")[:20000]
-text = pydoc.render_doc(flexlab.Run, renderer=pydoc.plaintext)
-same = np.asarray(recording.samples.NAME).tobytes() == np.asarray(run.NAME).tobytes()
-print(json.dumps([np.asarray(run.NAME).tolist(), same, "NAME" in head, "NAME -- " in text, replay(recording).identical]))
-"""
-NOTICED = (
-    READ_BACK.rpartition("print(")[0]
-    + """
-changed = np.array(recording.samples.NAME)
-changed[3] += 1e-9
-samples = type(recording.samples)(**(recording.samples.signals() | {"NAME": changed}))
-noticed = not replay(recording, [samples]).identical
-found = np.asarray(run.NAME).tolist(), same, "NAME" in head, "NAME -- " in text
-print(json.dumps([*found, replay(recording).identical, noticed]))
-"""
-)
-
-
-def test_a_signal_that_follows_from_others_is_one_property(copy: Path):
-    source = (copy / "flexlab/sim/signals.py").read_text(encoding="utf-8")
-    first = re.search(r"\n    @derived\(", source)
-    assert first is not None
-    text = source[: first.start()] + DERIVED.rstrip("\n") + "\n" + source[first.start() :]
-    (copy / "flexlab/sim/signals.py").write_text(text, encoding="utf-8")
-    values, same, exported, documented, replayed = run(copy, READ_BACK.replace("NAME", "speed"))
-    assert len(values) == 5
-    assert same
-    assert not exported, "tables hold what was simulated; the rest follows from it"
-    assert documented
-    assert replayed
-
-
-def test_a_signal_that_is_simulated_is_one_row_and_its_line_in_the_same_file(copy: Path):
-    file = copy / "flexlab/sim/signals.py"
-    row = '    speed_squared: np.ndarray = row("v²", "m²/s²", "squared speed of the payload")\n'
-    insert(file, "    tracking_error: np.ndarray = row(", row)
-    insert(file, "    row[SATURATED] = saturated\n", "    row[SPEED] = ws.velocity[0] ** 2 + ws.velocity[1] ** 2\n")
-    insert(file, "\n\n@inlined\ndef write_sample(", '\nSPEED = COLUMN["speed_squared"]\n')
-    *found, replayed, noticed = run(copy, NOTICED.replace("NAME", "speed_squared"))
-    values, same, exported, documented = found
-    assert len(values) == 5
-    assert values[-1] > 0
-    assert same
-    assert exported
-    assert documented
-    assert replayed
-    assert noticed, "a replay compares it"
-
-
-def test_a_signal_of_a_format_that_is_not_written_yet_is_refused(copy: Path):
-    row = '    speed_squared: np.ndarray = row("v²", "m²/s²", "squared speed of the payload", since=3)\n'
-    insert(copy / "flexlab/sim/signals.py", "    tracking_error: np.ndarray = row(", row)
-    said = run(
-        copy,
-        """
-import json
-try:
-    import flexlab.recording.store.formats
-    print(json.dumps("nothing"))
-except ValueError as error:
-    print(json.dumps(str(error)))
-""",
-    )
-    assert said == "speed_squared: since is above format 2, which is written now: leave it out."
-
-
 CASE = '''
 """Gravity."""
 
@@ -226,24 +76,6 @@ from flexlab.analysis.leaderboard.case import peak_error
 
 CASE = Case("B8", "Upright", "The paper's sine, upright.", 0.004, (peak_error(),), {"gravity": 9.81})
 '''
-
-
-def test_a_case_of_the_leaderboard_is_one_file(copy: Path):
-    (copy / "flexlab/analysis/leaderboard/cases/b8_upright.py").write_text(CASE, encoding="utf-8")
-    found = run(
-        copy,
-        """
-import json
-import flexlab
-from flexlab.analysis.leaderboard.report import report_text
-board = flexlab.leaderboard(["pd"], ["B8"], progress=False)
-print(json.dumps([board.rows[0].scores["peak"], "B8: Upright" in report_text(board)]))
-""",
-    )
-    assert 0 < found[0] < 0.1
-    assert found[1]
-
-
 LESSON = """---
 title: How soon is it quiet?
 preset: paper
@@ -262,23 +94,189 @@ if t < 1: Let the run go on to t = 1 s.
 done if seconds < 0.5: It is quiet after {seconds:.2f} s ✓
 else: It still rings.
 """
+NEW = {
+    "flexlab/analysis/metrics/peak_speed.py": METRIC,
+    "flexlab/analysis/leaderboard/cases/b8_upright.py": CASE,
+    "web_assets/guide/lessons/11-quiet.md": LESSON,
+}
+"""Files that are added."""
+SIGNALS = "flexlab/sim/signals.py"
+INSERTED = (
+    ("flexlab/scenario/damping.py", "Damping = Annotated[Any,", DAMPING),
+    (SIGNALS, "    @derived(", DERIVED),
+    # Simulated: a row, and its line in the kernel; once for the payload, once for each arm.
+    (SIGNALS, "    tracking_error: np.ndarray = row(", '    speed_squared: np.ndarray = row("v²", "m²/s²", "squared speed")\n'),
+    (SIGNALS, "    row[SATURATED] = saturated\n", "    row[SPEED] = ws.velocity[0] ** 2 + ws.velocity[1] ** 2\n"),
+    (SIGNALS, "    joint_torque: np.ndarray = row(", '    push: np.ndarray = row("|u|", "N", "common force", ARM)\n'),
+    (SIGNALS, "        joint_angles(y[2], ", "        arm[PUSH] = abs(ws.u[i, 0])\n"),
+    (SIGNALS, "\n\n@inlined\ndef write_sample(", '\nSPEED, PUSH = COLUMN["speed_squared"], COLUMN["push"]\n'),
+)  # fmt: skip
+"""What is written ahead of a text's first place in a file."""
+
+PROGRAM = """
+import json, pydoc
+from dataclasses import replace
+from pathlib import Path
+import numpy as np
+import flexlab
+from flexlab.analysis.leaderboard.report import report_text
+from flexlab.analysis.lesson_checks import check_lesson
+from flexlab.analysis.replay import replay
+from flexlab.analysis.run_summary import note_metrics
+from flexlab.cli.runs_listing import FIELDS
+from flexlab.guide import lessons
+from flexlab.lab.panel.sections import entries
+from flexlab.presets import load_preset
+from flexlab.recording.codec import decode_block, encode_block
+from flexlab.recording.export import export_run, import_run
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+from flexlab.recording.run_info import signals_text
+from flexlab.recording.store.run_index import list_rows
+from flexlab.scenario import Scenario, parse_scenario
+from flexlab.sim.world import World
+
+run = flexlab.simulate("smooth-start", 0.004)
+path = write_run(run, Path("logs"), "run")
+note_metrics(path)
+(row,) = list_rows(Path("logs"))
+found = {"home": flexlab.__file__}
+found["metric"] = [run.metrics.peak_speed, [row.key for row in run.metrics.rows], row.metrics, list(FIELDS)]
+
+recording, table = read_recording(path), export_run(run, Path("run.csv"))
+columns = table.read_text(encoding="utf-8").split("\\n")[1].split(",")
+lines = [line.strip(" |") for line in pydoc.render_doc(flexlab.Run, renderer=pydoc.plaintext).splitlines()]
+found["replayed"] = replay(recording).identical
+for name in ("speed", "speed_squared", "push"):
+    signal = np.asarray(run[name] if name != "speed" else run.speed)
+    kept = [np.asarray(getattr(samples, name)) for samples in (
+        recording.samples, decode_block(encode_block(run.slice(0, len(run)))), import_run(table)[0])]
+    found[name] = {
+        "values": signal.tolist(), "same": [other.tobytes() == signal.tobytes() for other in kept],
+        "columns": [word for word in columns if word.split(" ")[0] in (name, name + "_left", name + "_right")],
+        "documented": [line for line in lines if line.startswith(name + " -- ")],
+        "told": "`" + name + "`" in signals_text(run.scenario),
+    }
+    if name != "speed":
+        changed = signal.copy()
+        changed[3] += 1e-9
+        samples = type(recording.samples)(**(recording.samples.signals() | {name: changed}))
+        found[name]["noticed"] = not replay(recording, [samples]).identical
+
+scenario = load_preset("paper").replace({"payload.damping.kind": "high-pass", "payload.damping.rate": 20.0})
+world = World(scenario)
+rates = world.system.plant.damping
+world.run(2)
+names = [entry.name for entry in entries(scenario, "payload")]
+again = parse_scenario(json.loads(scenario.model_dump_json())) == scenario
+found["damping"] = [rates[0, 0], rates[-1, -1], names, "high-pass" in json.dumps(Scenario.model_json_schema()), again]
+
+board = flexlab.leaderboard(["pd"], ["B8"], progress=False)
+found["case"] = [board.rows[0].scores["peak"], "B8: Upright" in report_text(board)]
+newest, ring = lessons()[-1], read_recording(next(Path("ring").glob("*.rrd")))
+checked = check_lesson(newest.id, ring.scenario, ring.samples)
+found["lesson"] = [newest.id, newest.title, newest.text, checked]
+print(json.dumps(found))
+"""
 
 
-def test_a_lesson_is_one_file(copy: Path):
-    (copy / "web_assets/guide/lessons/11-quiet.md").write_text(LESSON, encoding="utf-8")
-    found = run(
+@pytest.fixture(scope="module")
+def copy(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of flexlab with one more of each, and a run as flexlab is without them."""
+    copy = tmp_path_factory.mktemp("copy")
+    for folder in ("flexlab", "presets", "web_assets"):
+        shutil.copytree(root / folder, copy / folder, ignore=LEFT_OUT)
+    for name, text in NEW.items():
+        (copy / name).write_text(text, encoding="utf-8")
+    write_run(simulate(load_preset("paper"), 1.0), copy / "ring", "paper")
+    for name, before, text in INSERTED:
+        source = (copy / name).read_text(encoding="utf-8")
+        place = source.index(before)
+        (copy / name).write_text(source[:place] + text + source[place:], encoding="utf-8")
+    return copy
+
+
+@pytest.fixture(scope="module")
+def found(copy: Path) -> dict[str, Any]:
+    """What the copy says of what was added."""
+    found = run(copy, PROGRAM)
+    assert Path(found["home"]).is_relative_to(copy)
+    return found
+
+
+def test_a_metric_is_one_file(found: dict[str, Any]):
+    peak, keys, listed, fields = found["metric"]
+    assert peak > 0.1
+    assert "Peak speed [m/s]" in keys
+    assert "Peak speed [m/s]" in listed
+    assert "peak_speed" in fields
+
+
+def test_a_damping_is_one_class_in_one_file(found: dict[str, Any]):
+    first, last, names, in_schema, again = found["damping"]
+    assert [first, last] == [0.0, 20.0]
+    assert "Damping of fast modes d" in names
+    assert in_schema
+    assert again
+
+
+def test_a_signal_that_follows_from_others_is_one_property(found: dict[str, Any]):
+    speed = found["speed"]
+    assert len(speed["values"]) == 5
+    assert all(speed["same"])
+    assert speed["columns"] == [], "tables hold what was simulated; the rest follows from it"
+    assert speed["documented"] == ["speed -- v: speed of the payload's middle, m/s, (N,)"]
+    assert found["replayed"]
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "documented"),
+    [
+        ("speed_squared", ["speed_squared [m²/s²]"], "v²: squared speed, m²/s², (N,)"),
+        ("push", ["push_left [N]", "push_right [N]"], "|u|: common force, N, (N, arms)"),
+    ],
+)
+def test_a_signal_that_is_simulated_is_one_row_and_its_line_in_the_same_file(
+    found: dict[str, Any], name: str, columns: list[str], documented: str
+):
+    signal = found[name]
+    assert len(signal["values"]) == 5
+    assert min(signal["values"][-1] if name == "push" else signal["values"][-1:]) > 0
+    assert all(signal["same"]), "recorded, in a block, and in a table"
+    assert signal["columns"] == columns
+    assert signal["documented"] == [f"{name} -- {documented}"]
+    assert signal["told"]
+    assert found["replayed"]
+    assert signal["noticed"], "a replay compares it"
+
+
+def test_a_case_of_the_leaderboard_is_one_file(found: dict[str, Any]):
+    peak, reported = found["case"]
+    assert 0 < peak < 0.1
+    assert reported
+
+
+def test_a_lesson_is_one_file(found: dict[str, Any]):
+    name, title, text, checked = found["lesson"]
+    assert [name, title] == ["quiet", "How soon is it quiet?"]
+    assert "half a second" in text
+    assert checked == [True, "It is quiet after 0.44 s ✓"]
+
+
+def test_a_signal_of_a_format_that_is_not_written_yet_is_refused(copy: Path):
+    file = copy / SIGNALS
+    before = file.read_text(encoding="utf-8")
+    file.write_text(before.replace('"squared speed")', '"squared speed", since=3)'), encoding="utf-8")
+    said = run(
         copy,
         """
 import json
-from flexlab.analysis.lesson_checks import check_lesson
-from flexlab.guide import lessons
-from flexlab.presets import load_preset
-from flexlab.sim.simulate import simulate
-newest = lessons()[-1]
-run = simulate(load_preset("paper"), 1.0)
-print(json.dumps([newest.id, newest.title, newest.text, check_lesson(newest.id, run.scenario, run)]))
+try:
+    import flexlab.recording.store.formats
+    print(json.dumps("nothing"))
+except ValueError as error:
+    print(json.dumps(str(error)))
 """,
     )
-    assert found[:2] == ["quiet", "How soon is it quiet?"]
-    assert "half a second" in found[2]
-    assert found[3] == [True, "It is quiet after 0.44 s ✓"]
+    file.write_text(before, encoding="utf-8")
+    assert said == "speed_squared: since is above format 2, which is written now: leave it out."

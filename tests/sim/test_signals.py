@@ -1,9 +1,6 @@
 """One table of signals: documentation, rows, recordings and exports follow from it; a law's own signals come along."""
 
 import pydoc
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -89,60 +86,3 @@ def test_a_signal_of_a_newer_version_is_kept(run: Run, tmp_path: Path):
 def test_an_unknown_name_says_which_there_are(run: Run):
     with pytest.raises(AttributeError, match=r"no signal temprature: there are time, pose, .*vibration"):
         run["temprature"]
-
-
-SIMULATED = '    speed: np.ndarray = row("|v|", "m/s", "speed of the payload", ARM)\n'
-
-DERIVED_ROW = '''
-    @derived("p", "W")
-    def drive_power(self) -> np.ndarray:
-        """Rate of the work put in."""
-        return np.gradient(self.input_work, self.time)
-'''
-
-SCRIPT = """
-import sys, numpy as np
-from pathlib import Path
-import flexlab
-from flexlab.presets import load_preset
-from flexlab.recording.run_info import signals_text
-from flexlab.recording.export import export_run, import_run
-from flexlab.recording.codec import decode_block, encode_block
-from flexlab.sim.samples import join_blocks
-from flexlab.sim.row_layout import row_length, rows_to_samples
-from flexlab.sim.samples import Run, Status
-assert flexlab.__file__.startswith(sys.argv[1]), flexlab.__file__
-for line in ("drive_power -- p: rate of the work put in, W, (N,)", "speed -- |v|: speed of the payload, m/s, (N, arms)"):
-    assert line in flexlab.Run.__doc__, line
-rows = np.arange(8 * row_length(2, 4)).reshape(8, -1).astype(float)
-samples = rows_to_samples(rows, 2)
-assert samples.speed.shape == (8, 2) and len({float(v) for v in samples.speed.ravel()}) == 16
-assert (samples.drive_power > 0).all()
-assert (decode_block(encode_block(samples)).speed == samples.speed).all()
-scenario = load_preset("paper")
-run = Run(**samples.signals(), scenario=scenario, status=Status("finished"))
-table = export_run(run, Path(sys.argv[1]) / "run.csv")
-assert "speed_left [m/s],speed_right [m/s]" in table.read_text(encoding="utf-8").split("\\n")[1]
-assert (import_run(table)[0].speed == samples.speed).all()
-assert "speed of the payload" in signals_text(scenario)
-print("good")
-"""
-
-
-def test_a_signal_is_added_in_one_file(root: Path, tmp_path: Path):
-    """Two rows in a copy of the package, one derived and one to be simulated, in sim/signals.py alone.
-
-    Layout, documentation, blocks, tables and their way back follow. (What the kernel then writes there is one more line of it.)
-    """
-    package = tmp_path / "flexlab"
-    shutil.copytree(root / "flexlab", package, ignore=shutil.ignore_patterns("__pycache__"))
-    for folder in ("presets", "web_assets"):
-        (tmp_path / folder).symlink_to(root / folder)
-    file = package / "sim" / "signals.py"
-    text = file.read_text(encoding="utf-8")
-    place = text.index("\n    @derived(")
-    file.write_text(text[:place].rstrip() + "\n" + SIMULATED + DERIVED_ROW + text[place:], encoding="utf-8")
-    command = [sys.executable, "-c", SCRIPT, str(tmp_path)]
-    surroundings = {"PYTHONPATH": str(tmp_path), "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=surroundings)
-    assert done.stdout.strip() == "good", done.stderr

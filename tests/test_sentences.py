@@ -18,6 +18,8 @@ from flexlab.scenario import parse_scenario
 from flexlab.sim.commands import Pull, Reset
 from flexlab.sim.simulate import simulate
 
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
 LONGEST_ANSWER = 3000
 """Characters: what fits on a screen."""
 
@@ -71,26 +73,23 @@ def test_a_time_that_is_none_is_blamed_by_its_own_name(answer: Callable[..., str
     assert says in answer("run", "paper", *words)
 
 
-def test_a_listing_of_odd_files_ends_well(recorded: Path, tmp_path: Path):
+def test_a_listing_of_odd_files_ends_well(recorded: Path, tmp_path: Path, flexlab_command: Command):
     make_odd_folder(tmp_path / "logs", recorded)
-    for words in ((), ("--json",), ("--sort", "size"), ("dangling",), ("deep", "infinite", "surrogate", "escapes")):
-        done = subprocess.run(
-            [sys.executable, "-m", "flexlab", "logs", *words],
-            cwd=tmp_path,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=200,
-            check=False,
-            env=os.environ | {"PYTHONIOENCODING": "utf-8"},
-        )
-        assert done.returncode == 0, (words, done.stderr.decode())
-        assert b"Traceback" not in done.stderr
-        assert b"\x1b" not in done.stdout, "no escape code reaches the terminal"
-        if words == ("--json",):
-            rows = {row["run"]: row for row in json.loads(done.stdout)}
-            assert "is a link" in rows["link"]["problem"]
-            assert rows["good"]["problem"] == ""
-            assert rows["infinite"]["duration [s]"] is None
+    outside = subprocess.run(
+        [sys.executable, "-m", "flexlab", "logs"], cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True,
+        text=True, encoding="utf-8", timeout=200, check=False, env=os.environ | {"PYTHONIOENCODING": "utf-8"},
+    )  # fmt: skip
+    told = {(): outside}
+    for words in (("--json",), ("--sort", "size"), ("dangling",), ("deep", "infinite", "surrogate", "escapes")):
+        told[words] = flexlab_command("logs", *words)
+    for words, done in told.items():
+        assert done.returncode == 0, (words, done.stderr)
+        assert "Traceback" not in done.stderr
+        assert "\x1b" not in done.stdout, "no escape code reaches the terminal"
+    rows = {row["run"]: row for row in json.loads(told["--json",].stdout)}
+    assert "is a link" in rows["link"]["problem"]
+    assert rows["good"]["problem"] == ""
+    assert rows["infinite"]["duration [s]"] is None
 
 
 @pytest.mark.parametrize(

@@ -295,6 +295,8 @@ def test_a_squeeze_may_wait_for_half_a_minute():
 
 def test_spin_up():
     assert "one arm" in verdict("spin-up", "paper").sentence
+    bent = verdict("spin-up", "spin-up", duration=2.4)
+    assert bent.sentence.endswith("Let the run go on to t = 5 s."), "it has not come back to the line yet"
     felt = verdict("spin-up", "spin-up", duration=5.0)
     assert not felt.done
     assert re.search(r"takes 15\d % .* lagged by up to 39\.\d\d mm, and is 0\.0\d mm off the line", felt.sentence), (

@@ -40,7 +40,7 @@ class DesiredMotion(NamedTuple):
     transition: np.ndarray = NO_TRANSITION
     """Instant and duration, s, then the pose, rate and acceleration that are left over at that instant, (11,)."""
     bending: float = 0.0
-    """Share of the quasi-static bending's force that is fed forward, 1 (`control.bending_feedforward`)."""
+    """Share of the quasi-static bending's force that is fed forward, 1 (`control.load_sharing`)."""
     inside: float = 0.0
     """How far inside a step its first and last stage look at a path whose acceleration jumps, s: see `INSIDE`; 0 of others."""
     kinks: np.ndarray = NO_KINKS

@@ -1,6 +1,11 @@
 """What periodic paths share: one number or three, and phases that live changes of a frequency keep."""
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
 import numpy as np
+
+from flexlab.control.path import Trajectory
 
 
 def three(value: float | tuple[float, ...]) -> tuple[float, ...]:
@@ -18,3 +23,36 @@ def kept_phase(phase: float, old: float, new: float, time: float) -> float:
     if old == new:
         return phase
     return float(np.remainder(phase + 2 * np.pi * (old - new) * time, 2 * np.pi))
+
+
+class RoundPath(Trajectory):
+    """A path that goes round its `center` again and again, at one frequency: its subclass declares these fields."""
+
+    if TYPE_CHECKING:
+        center: tuple[float, ...]
+        frequency: float
+        phase: float
+
+    points_per_round: ClassVar[int]
+    """So many that the path between two is under 1e-3 of its size from a chord."""
+
+    @property
+    def span(self) -> float:
+        """A round, s."""
+        return 1 / self.frequency if self.frequency > 0 and any(self.reach) else 0.0
+
+    @property
+    def shortest_time(self) -> float:
+        """Between two points, s."""
+        return (self.span or 1.0) / self.points_per_round
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        """Its centre."""
+        return self.center
+
+    def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
+        """A new frequency alone keeps the angle."""
+        if not isinstance(changed, type(self)) or "phase" in changes:
+            return changed
+        return changed.model_copy(update={"phase": kept_phase(self.phase, self.frequency, changed.frequency, time)})

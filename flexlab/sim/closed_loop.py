@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import compiled, inlined
-from flexlab.control.bending_feedforward import feed_forward_bending
 from flexlab.control.law_kernels import Control, control_law
+from flexlab.control.load_sharing import feed_forward_bending
 from flexlab.control.motion import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
 from flexlab.physics.axial_load import find_axial_load, has_axial_load

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import call_whole_kernel, compiled, has_address, inlined, pluggable, whole_address
-from flexlab.control.bending_feedforward import feed_forward_bending
 from flexlab.control.law_kernels import control_law
+from flexlab.control.load_sharing import feed_forward_bending
 from flexlab.control.motion import desired_motion
 from flexlab.numerics.elementary import cos, log
 from flexlab.physics.arm import arm_velocity_terms, joint_torques

@@ -1,21 +1,17 @@
 """Round a circle, the beam's angle held."""
 
-from collections.abc import Mapping
-from typing import Any, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from flexlab.compiled import pluggable
-from flexlab.control.path import Path, Trajectory
-from flexlab.control.phase import kept_phase, squared_rate
+from flexlab.control.path import Path
+from flexlab.control.phase import RoundPath, squared_rate
 from flexlab.numerics.elementary import sin_cos
 from flexlab.quantities import Number, Triple, quantity
 
-POINTS_PER_TURN = 200
-"""The path between two is under 1e-3 of the radius from a chord."""
 
-
-class Circle(Trajectory):
+class Circle(RoundPath):
     """x_d = center + radius (cos α, sin α, 0), α = 2π frequency t + phase: counter-clockwise, at constant speed."""
 
     kind: Literal["circle"] = "circle"
@@ -27,21 +23,7 @@ class Circle(Trajectory):
         1.0, title="Turns per second", symbol="f_d", unit="Hz", low=0, high=50, slider=(0.1, 3)
     )
     phase: Number = quantity(0.0, title="Phase", symbol="φ_d", unit="rad", low=-100, high=100)
-
-    @property
-    def span(self) -> float:
-        """A turn, s."""
-        return 1 / self.frequency if self.frequency > 0 and self.radius > 0 else 0.0
-
-    @property
-    def shortest_time(self) -> float:
-        """s."""
-        return (self.span or 1.0) / POINTS_PER_TURN
-
-    @property
-    def middle(self) -> tuple[float, ...]:
-        """Its centre."""
-        return self.center
+    points_per_round: ClassVar[int] = 200
 
     @property
     def reach(self) -> tuple[float, ...]:
@@ -53,12 +35,6 @@ class Circle(Trajectory):
         """R (2πf)²."""
         peak = self.radius * squared_rate(self.frequency)
         return peak, peak, 0.0
-
-    def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
-        """A new frequency alone keeps the angle."""
-        if not isinstance(changed, Circle) or "phase" in changes:
-            return changed
-        return changed.model_copy(update={"phase": kept_phase(self.phase, self.frequency, changed.frequency, time)})
 
 
 @pluggable

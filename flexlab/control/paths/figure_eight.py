@@ -1,21 +1,17 @@
 """A lying figure of eight, the beam turning along."""
 
-from collections.abc import Mapping
-from typing import Any, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from flexlab.compiled import pluggable
-from flexlab.control.path import Path, Trajectory
-from flexlab.control.phase import kept_phase, squared_rate
+from flexlab.control.path import Path
+from flexlab.control.phase import RoundPath, squared_rate
 from flexlab.numerics.elementary import sin_cos
 from flexlab.quantities import Number, Triple, quantity
 
-POINTS_PER_ROUND = 400
-"""y goes to and fro twice in a round: the path between two is under 1e-3 of the amplitude from a chord."""
 
-
-class FigureEight(Trajectory):
+class FigureEight(RoundPath):
     """x_d = center + (A_x sin α, A_y sin 2α, A_θ sin α), α = 2π frequency t + phase."""
 
     kind: Literal["figure-eight"] = "figure-eight"
@@ -29,21 +25,8 @@ class FigureEight(Trajectory):
         0.5, title="Rounds per second", symbol="f_d", unit="Hz", low=0, high=50, slider=(0.1, 3)
     )
     phase: Number = quantity(0.0, title="Phase", symbol="φ_d", unit="rad", low=-100, high=100)
-
-    @property
-    def span(self) -> float:
-        """A round, s."""
-        return 1 / self.frequency if self.frequency > 0 and any(self.amplitude) else 0.0
-
-    @property
-    def shortest_time(self) -> float:
-        """s."""
-        return (self.span or 1.0) / POINTS_PER_ROUND
-
-    @property
-    def middle(self) -> tuple[float, ...]:
-        """Its centre."""
-        return self.center
+    points_per_round: ClassVar[int] = 400
+    """y goes to and fro twice in a round."""
 
     @property
     def reach(self) -> tuple[float, ...]:
@@ -55,12 +38,6 @@ class FigureEight(Trajectory):
         """A (2πf)², four times that in y."""
         peak = squared_rate(self.frequency)
         return tuple(abs(a) * peak * factor for a, factor in zip(self.amplitude, (1, 4, 1), strict=True))
-
-    def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
-        """A new frequency alone keeps the angle."""
-        if not isinstance(changed, FigureEight) or "phase" in changes:
-            return changed
-        return changed.model_copy(update={"phase": kept_phase(self.phase, self.frequency, changed.frequency, time)})
 
 
 @pluggable

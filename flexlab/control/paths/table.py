@@ -10,7 +10,6 @@ from pydantic_core import PydanticCustomError
 
 from flexlab.compiled import inlined, pluggable
 from flexlab.control.path import Path, Trajectory
-from flexlab.control.row_search import row_before
 from flexlab.numerics.linear_algebra import product, solve
 from flexlab.quantities import Number, Quartet, quantity
 
@@ -248,6 +247,19 @@ def _between_ends(h: np.ndarray, values: np.ndarray, given: np.ndarray) -> np.nd
     for k in range(len(kept), 0, -1):
         found[k] -= kept[k - 1, :, :1] * found[k + 1, 0] + kept[k - 1, :, 1:] * found[k + 1, 1]
     return found
+
+
+@inlined
+def row_before(rows, t):
+    """Index of the last row whose first column is at most t, 0 if there is none; the first column rises."""
+    low, high = 0, len(rows)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if rows[middle, 0] <= t:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 @inlined

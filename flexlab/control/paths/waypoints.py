@@ -10,8 +10,8 @@ from pydantic import Field
 
 from flexlab.compiled import pluggable
 from flexlab.control.path import Path, Trajectory
+from flexlab.control.paths.table import row_before
 from flexlab.control.phase import three
-from flexlab.control.row_search import row_before
 from flexlab.quantities import Number, OneOrThree, Triple, quantity
 
 MOST_POINTS = 200

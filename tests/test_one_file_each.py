@@ -1,4 +1,4 @@
-"""What the guide for contributors promises: a metric, a signal, a damping, a case and a lesson touch one file each.
+"""What the guide for contributors promises: a new metric, signal, damping, case, lesson, study or command touches one file.
 
 Each is added to a copy of flexlab, in the one file that the guide names, and then shows wherever the others show. The copy
 runs as plain Python: nothing has to be compiled for it. One process looks at all of them.
@@ -94,10 +94,63 @@ if t < 1: Let the run go on to t = 1 s.
 done if seconds < 0.5: It is quiet after {seconds:.2f} s ✓
 else: It still rings.
 """
+STUDY = '''
+"""The first natural frequency of the beam at both ends of what is varied."""
+
+from dataclasses import dataclass
+
+from flexlab.analysis.modes import modes
+from flexlab.scenario.settings import change_settings
+from flexlab.server.study import Found, Question, Study, StudyKind, axes_of, whole_of
+from flexlab.server.task_book import Outcome
+
+
+@dataclass
+class Ends(Study):
+    scenario: object
+    axes: tuple
+    number: int
+
+    def job(self):
+        return frequencies, (self.scenario, self.axes[0], self.number)
+
+    def drawing(self, task):
+        return task.result and {"points": task.result, "titles": ["value", "f (Hz)"]}
+
+    def found(self, task):
+        return Found([(f"Mode {self.number} (Hz)", *(f"{f:.4g}" for _, f in task.result))])
+
+
+def frequencies(scenario, axis, number):
+    ends = [change_settings(scenario, {axis.path: value}) for value in (axis.low, axis.high)]
+    found = [modes(end).frequency[number - 1] for end in ends]
+    return Outcome(list(zip((axis.low, axis.high), map(float, found))))
+
+
+def read(form, scenario, duration):
+    return Ends(scenario, axes_of(form, scenario, counted=False), whole_of(form, "number", "Mode"))
+
+
+STUDY = StudyKind("ends", 30, "Ends", "First frequencies.", "run", False, (Question("number", "Mode", "1", range=(1, 2)),), read)
+'''
+COMMAND = '''"""`flexlab greet NAME`: say good morning."""
+
+import tyro
+
+from flexlab.cli.console import output
+
+
+def command(name: tyro.conf.Positional[str]) -> int:
+    """Greet somebody."""
+    output().print(f"Good morning, {name}.")
+    return 0
+'''
 NEW = {
     "flexlab/analysis/metrics/peak_speed.py": METRIC,
     "flexlab/analysis/leaderboard/cases/b8_upright.py": CASE,
     "web_assets/guide/lessons/11-quiet.md": LESSON,
+    "flexlab/server/studies/ends.py": STUDY,
+    "flexlab/cli/greet_command.py": COMMAND,
 }
 """Files that are added."""
 SIGNALS = "flexlab/sim/signals.py"
@@ -261,6 +314,63 @@ def test_a_lesson_is_one_file(found: dict[str, Any]):
     assert [name, title] == ["quiet", "How soon is it quiet?"]
     assert "half a second" in text
     assert checked == [True, "It is quiet after 0.44 s ✓"]
+
+
+def test_a_study_of_the_page_is_one_file(copy: Path):
+    found = run(
+        copy,
+        """
+import json, sys, time
+from pathlib import Path
+from urllib.parse import urlencode
+sys.path[:0] = TESTS
+from http_client import ask, wait_until
+from flexlab.presets import load_preset
+from flexlab.server.front_server import open_front_server
+from flexlab.server.scenario_links import encode_scenario
+from flexlab.server.settings import Settings
+
+paper = load_preset("paper")
+form = {"scenario": encode_scenario(paper), "name": "paper", "kind": "ends", "duration": "3", "number": "1",
+        "field1": "payload.bending_stiffness", "low1": "100", "high1": "400"}
+if __name__ == "__main__":
+    with open_front_server(Settings(logs=Path("logs"), port=0, shadows=False), paper, "paper") as server:
+        offered = ask(server.url, "/studies").text
+        kind = {"Content_Type": "application/x-www-form-urlencoded"}
+        answer = ask(server.url, "/studies", "POST", urlencode(form).encode(), **kind)
+        address = answer.headers["Location"]
+        wait_until(lambda: not json.loads(ask(server.url, address + "/state").text)["working"], "it is done", 200)
+        page, data = ask(server.url, address).text, json.loads(ask(server.url, address + "/data").text)
+    print(json.dumps(["<h2>Ends</h2>" in offered, "Mode 1 (Hz)" in page, data["points"]]))
+""".replace("TESTS", repr([str(Path(__file__).parent / "server"), str(Path(__file__).parent)])),
+    )
+    (low, first), (high, second) = found[2]
+    assert found[:2] == [True, True]
+    assert (low, high) == (100.0, 400.0)
+    assert second == pytest.approx(2 * first), "frequencies go with the root of the stiffness"
+
+
+def test_a_command_is_one_file(copy: Path):
+    found = run(
+        copy,
+        """
+import io, json
+from contextlib import redirect_stdout
+from flexlab.cli import main
+
+def said(*words):
+    with redirect_stdout(io.StringIO()) as told:
+        try:
+            main(words)
+        except SystemExit as end:
+            return end.code, told.getvalue()
+
+print(json.dumps([said("greet", "Anna"), said("--help"), said("completion", "bash")]))
+""",
+    )
+    assert found[0] == [0, "Good morning, Anna.\n"]
+    assert "  flexlab greet NAME       say good morning\n" in found[1][1]
+    assert "greet" in found[2][1]
 
 
 def test_a_signal_of_a_format_that_is_not_written_yet_is_refused(copy: Path):

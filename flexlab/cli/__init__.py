@@ -1,6 +1,7 @@
 """The command line: the one place that knows every room of the house and puts them together.
 
-Each command is a module of this folder with a function `command`, loaded only when asked for, so that help is instant.
+Each command is a module of this folder with a function `command`, loaded only when asked for, so that help is instant. Its first
+line says how it is called and what it does.
 """
 
 import difflib
@@ -10,29 +11,18 @@ import io
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr
+from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 from flexlab.cli.console import complain, notes
 from flexlab.errors import FlexlabError
 from flexlab.plain_text import tell_failures_plainly
 
-COMMANDS = (
-    "lab",
-    "run",
-    "review",
-    "logs",
-    "compare",
-    "replay",
-    "export",
-    "import",
-    "presets",
-    "sweep",
-    "leaderboard",
-    "tune",
-    "fit",
-    "validate",
-    "bench",
-    "completion",
+ENDING = "_command"
+"""Of a command's module."""
+COMMANDS = tuple(
+    sorted(each.name.removesuffix(ENDING) for each in iter_modules(__path__) if each.name.endswith(ENDING))
 )
 """`flexlab` without a command means `flexlab lab`."""
 
@@ -72,7 +62,8 @@ def _dispatch(words: list[str]) -> int:
         raise FlexlabError(f"There is no command {name!r}: the commands are {', '.join(COMMANDS)}; {hint}")
     import tyro
 
-    command = importlib.import_module(f"flexlab.cli.{name}_command").command
+    command = importlib.import_module(f"flexlab.cli.{name}{ENDING}").command
+    description = None if name != "lab" else f"{command.__doc__}\n\nOther commands:\n\n{_others()}"
     prog = "flexlab" if words[:1] != [name] else f"flexlab {name}"
 
     @functools.wraps(command)
@@ -83,9 +74,19 @@ def _dispatch(words: list[str]) -> int:
     complaint = io.StringIO()
     try:
         with redirect_stderr(complaint):
-            run = tyro.cli(chosen, prog=prog, args=rest, config=(tyro.conf.FlagCreatePairsOff,))
+            config = (tyro.conf.FlagCreatePairsOff,)
+            run = tyro.cli(chosen, prog=prog, args=rest, config=config, description=description)
     finally:
         if complaint.getvalue():
             notes().print(complaint.getvalue(), end="", soft_wrap=True)
     code = run()
     return EXIT_OK if code is None else code
+
+
+def _others() -> str:
+    """How each command but the lab is called, and what it does, for the help."""
+    files = (Path(__path__[0], f"{name}{ENDING}.py") for name in COMMANDS if name != "lab")
+    firsts = (file.read_text(encoding="utf-8").partition("\n")[0] for file in files)
+    called = [first.strip('"`').split("`: ") for first in firsts]
+    width = max(len(usage) for usage, _ in called)
+    return "\n".join(f"  {usage:{width}}  {what.rstrip('.')}" for usage, what in called)

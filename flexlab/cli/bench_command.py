@@ -1,4 +1,4 @@
-"""`flexlab bench`: how fast and how exact the engine is on this machine."""
+"""`flexlab bench`: measure speed and accuracy on this machine."""
 
 import sys
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""`flexlab compare`: runs side by side, in tables and laid over each other."""
+"""`flexlab compare RUN RUN`: say what differs, lay the curves over each other."""
 
 import json
 from pathlib import Path

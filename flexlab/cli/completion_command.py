@@ -1,4 +1,4 @@
-"""`flexlab completion`: the shell completes commands and options."""
+"""`flexlab completion`: let your shell complete all this."""
 
 import importlib
 import io

@@ -1,4 +1,4 @@
-"""`flexlab export`: a run's signals as a table, the paper's figures of it; a scenario as a unit for other tools."""
+"""`flexlab export [RUN]`: write a run's signals as a table, or its figures."""
 
 from pathlib import Path
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""`flexlab fit`: frequency, damping and stiffness of a beam from how it rings."""
+"""`flexlab fit RUN`: frequency, damping, stiffness from how a beam rings."""
 
 import json
 from pathlib import Path

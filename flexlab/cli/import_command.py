@@ -1,4 +1,4 @@
-"""`flexlab import`: an exported run, or a recording from elsewhere, as a recording in logs."""
+"""`flexlab import FILE`: take an exported run or a recording into logs."""
 
 from pathlib import Path
 from typing import Annotated

@@ -100,26 +100,7 @@ def command(
         tyro.conf.arg(metavar="DAYS", help="Delete older runs, but never kept ones.", help_behavior_hint=""),
     ] = None,
 ) -> None:
-    """Open the lab: two arms carry a flexible beam, live in your browser, every run recorded.
-
-    Other commands, each with a --help of its own:
-
-      flexlab run PRESET       simulate without a screen, record, print a summary
-      flexlab review [RUN]     open a recording, the newest by default
-      flexlab logs             list the recorded runs; note, keep or delete them
-      flexlab compare RUN RUN  say what differs, lay the curves over each other
-      flexlab replay [RUN]     simulate again and compare, bit for bit
-      flexlab export [RUN]     write a run's signals as a table, or its figures
-      flexlab import FILE      take an exported run or a recording into logs
-      flexlab presets          list the presets and what to watch in each
-      flexlab sweep PRESET     vary fields over ranges: a table of metrics, heat maps
-      flexlab leaderboard      all control laws, and yours, in the same cases: scores, figures
-      flexlab tune PRESET      search ranges for the parameters that cost least
-      flexlab fit RUN          frequency, damping, stiffness from how a beam rings
-      flexlab validate         check it all against the paper and mechanics; a report
-      flexlab bench            measure speed and accuracy on this machine
-      flexlab completion       let your shell complete all this
-    """
+    """Open the lab: two arms carry a flexible beam, live in your browser, every run recorded."""
     if private:
         _read_ahead()
     with loading():

@@ -1,4 +1,4 @@
-"""`flexlab leaderboard`: control laws on the same cases, in a table with scores that have a formula and a unit."""
+"""`flexlab leaderboard`: all control laws, and yours, in the same cases: scores, figures."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

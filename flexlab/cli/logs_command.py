@@ -1,4 +1,4 @@
-"""`flexlab logs`: the table of runs, what is noted about them, and which of them go."""
+"""`flexlab logs`: list the recorded runs; note, keep or delete them."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

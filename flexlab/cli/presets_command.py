@@ -1,4 +1,4 @@
-"""`flexlab presets`: what there is to try, or one of them in full."""
+"""`flexlab presets`: list the presets and what to watch in each."""
 
 import json
 from typing import TYPE_CHECKING, Annotated

@@ -1,4 +1,4 @@
-"""`flexlab replay`: whether a recorded run comes out again."""
+"""`flexlab replay [RUN]`: simulate again and compare, bit for bit."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path

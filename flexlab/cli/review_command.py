@@ -1,4 +1,4 @@
-"""`flexlab review`: look at a recording."""
+"""`flexlab review [RUN]`: open a recording, the newest by default."""
 
 from flexlab.cli.options import LOGS, Logs, NoBrowser, Run, ViewerPort
 from flexlab.cli.showing import show_review

@@ -1,4 +1,4 @@
-"""`flexlab run`: simulations without a screen."""
+"""`flexlab run PRESET`: simulate without a screen, record, print a summary."""
 
 import json
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""`flexlab sweep`: a scenario with fields varied, a thousand runs, one table."""
+"""`flexlab sweep PRESET`: vary fields over ranges: a table of metrics, heat maps."""
 
 import shlex
 from pathlib import Path

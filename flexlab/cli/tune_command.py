@@ -1,4 +1,4 @@
-"""`flexlab tune`: the parameters, within bounds, for which a scenario's run costs least."""
+"""`flexlab tune PRESET`: search ranges for the parameters that cost least."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

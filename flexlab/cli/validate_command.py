@@ -1,4 +1,4 @@
-"""`flexlab validate`: whether what this installation computes is what the paper and mechanics say."""
+"""`flexlab validate`: check it all against the paper and mechanics; a report."""
 
 import json
 import time

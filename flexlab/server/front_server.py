@@ -13,7 +13,6 @@ from pathlib import Path
 import aiohttp
 from aiohttp import web
 
-from flexlab.analysis.leaderboard.store import FOLDER as LEADERBOARD
 from flexlab.assets import web_assets_folder
 from flexlab.errors import FlexlabError, LabError
 from flexlab.recording.live import LiveHub
@@ -27,7 +26,8 @@ from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import RecordedLab
 from flexlab.server.labs.shared import SharedLabProvider
-from flexlab.server.leaderboard_jobs import Boards
+from flexlab.server.leaderboard_jobs import MOST_BOARDS
+from flexlab.server.limits import Limit
 from flexlab.server.pages.compare_page import add_compare_pages
 from flexlab.server.pages.lab_pages import add_lab_pages, add_live_pages
 from flexlab.server.pages.leaderboard_page import add_leaderboard_pages
@@ -39,9 +39,10 @@ from flexlab.server.pages.study_pages import add_study_pages
 from flexlab.server.pages.teacher_page import add_teacher_pages
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
-from flexlab.server.run_jobs import Comparisons, Measuring, Replays
+from flexlab.server.run_jobs import MOST_COMPARISONS, MOST_REPLAYS, Measuring
 from flexlab.server.settings import SECRET_BYTES, WILDCARDS, Settings, base_address, outside_addresses
-from flexlab.server.studies import Studies
+from flexlab.server.study import MOST_AT_ONCE, MOST_STUDIES
+from flexlab.server.task_book import TaskBook
 from flexlab.server.tasks import Tasks
 from flexlab.server.visitors import cookie_key, greet
 from flexlab.server.workshop import Workshop
@@ -245,12 +246,12 @@ class FrontServer:
                 inside,
                 measuring,
                 tasks,
-                Comparisons(tasks, self.workshop),
-                Replays(tasks),
-                Studies(tasks, self.workshop),
+                TaskBook(tasks, self.workshop, MOST_COMPARISONS),
+                TaskBook(tasks, self.workshop, MOST_REPLAYS),
+                TaskBook(tasks, self.workshop, MOST_STUDIES, Limit("studies", *MOST_AT_ONCE), long=True),
+                TaskBook(tasks, self.workshop, MOST_BOARDS),
                 self.workshop,
                 preset_cards,
-                Boards(tasks, self.settings.logs.parent / LEADERBOARD),
             )
             runner = web.AppRunner(self._app_of(context), access_log=None, shutdown_timeout=CLOSING_TIME)
             connections: Connections | None = None

@@ -1,16 +1,13 @@
-"""Long work on runs: each function is one job in a process of its own, each class says of one server what came of them.
+"""Long work on runs: each function is one job in a process of its own.
 
-Comparisons are kept as files of the server's own, bounded, gone when it closes; replays as a sentence each; runs without metrics
-are measured at low priority when somebody looks at the library.
+Runs without metrics are measured at low priority when somebody looks at the library.
 """
 
-import asyncio
 import contextlib
 import hashlib
 import io
 import os
 import zipfile
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
@@ -23,7 +20,7 @@ from flexlab.analysis.metrics.run_metrics import measured
 from flexlab.analysis.replay import replay
 from flexlab.analysis.resume import resume
 from flexlab.analysis.run_summary import note_metrics, note_missing_metrics
-from flexlab.errors import FlexlabError, RecordingError
+from flexlab.errors import RecordingError
 from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
@@ -37,7 +34,7 @@ from flexlab.server.child_processes import end_with_the_server, failures_told_pl
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.labs.quota import Quota
 from flexlab.server.limits import Asker
-from flexlab.server.tasks import Tasks
+from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
 from flexlab.sim.samples import Samples
 
 MOST_SAMPLES = 1_200_000
@@ -64,15 +61,20 @@ class ComparisonTables:
     settings: tuple[SettingRow, ...]
 
 
-def compare_runs(paths: tuple[Path, ...], target: Path) -> ComparisonTables:
-    """Compare runs and write their overlay as the rerun file `target`."""
+OVERLAY = "overlay.rrd"
+"""In the folder of a comparison."""
+
+
+def compare_runs(paths: tuple[Path, ...], folder: Path) -> Outcome:
+    """Compare runs, as `ComparisonTables`, and write their overlay into `folder`."""
     for path in paths:
         check_size(path)
     comparison = compare(paths)
-    write_comparison(comparison.recordings, target, comparison.text())
+    folder.mkdir(exist_ok=True)
+    write_comparison(comparison.recordings, folder / OVERLAY, comparison.text())
     scenarios = [recording.scenario for recording in comparison.recordings]
     settings = (SettingRow(field_title(path, *scenarios), values) for path, values in comparison.settings)
-    return ComparisonTables(comparison.window_text, comparison.metrics, tuple(settings))
+    return Outcome(ComparisonTables(comparison.window_text, comparison.metrics, tuple(settings)))
 
 
 def check_size(path: Path) -> None:
@@ -84,8 +86,8 @@ def check_size(path: Path) -> None:
         )
 
 
-def replay_run(path: Path, report: Callable[[float], None]) -> tuple[bool, str]:
-    """(whether the run came out again, the finding as a sentence); `report` is told how far it is, 0 to 1."""
+def replay_run(path: Path, report: Callable[[float], None]) -> Outcome:
+    """Whether a run comes out again, bit for bit; `report` is told how far it is, 0 to 1."""
     _, last = recorded_span(path)
 
     def blocks() -> Iterator[Samples]:
@@ -94,7 +96,7 @@ def replay_run(path: Path, report: Callable[[float], None]) -> tuple[bool, str]:
             report(float(block.time[-1]) / last if last else 1.0)
 
     found = replay(read_recording(path, with_samples=False), blocks())
-    return found.agrees, found.text
+    return Outcome(found.agrees, found.text, GOOD if found.agrees else BAD)
 
 
 def choice_at(path: Path, time: float | None) -> Choice:
@@ -190,110 +192,25 @@ def figures_into(path: Path, kind: str, start: float | None, end: float | None, 
 
 MOST_COMPARISONS = 8
 """Comparisons that are kept: enough to go back and forth."""
-MOST_BYTES = 1_000_000_000
-"""Of all their files; the newest one is always kept."""
 
 
-class Comparisons:
-    """All comparisons of one server. For its event loop only."""
-
-    def __init__(self, tasks: Tasks, folder: Path):
-        """`folder`: where the overlays lie; somebody else removes it."""
-        self._tasks, self._folder = tasks, folder
-        self._made: OrderedDict[str, ComparisonTables] = OrderedDict()
-        self._making: dict[tuple[str, ...], asyncio.Future[tuple[str, ComparisonTables]]] = {}
-
-    async def get(self, asker: Asker, rows: Sequence[RunRow]) -> tuple[str, ComparisonTables]:
-        """(id, tables) of the comparison of these runs, made if need be. Raises `FlexlabError` if they cannot be compared."""
-        key = hashlib.sha256(repr([(row.id, row.size) for row in rows]).encode()).hexdigest()[:24]
-        if key in self._made and self._path(key).exists():
-            self._made.move_to_end(key)
-            return key, self._made[key]
-        asked = tuple(row.id for row in rows)
-        if asked not in self._making:
-            # Who asks meanwhile shares what this question starts, although a run that is being recorded has grown.
-            self._making[asked] = asyncio.ensure_future(self._make(asker, key, rows))
-            self._making[asked].add_done_callback(lambda _: self._making.pop(asked, None))
-        return await asyncio.shield(self._making[asked])
-
-    def file(self, key: str) -> Path | None:
-        """The overlay; None if it is no more."""
-        return self._path(key) if key in self._made else None
-
-    async def _make(self, asker: Asker, key: str, rows: Sequence[RunRow]) -> tuple[str, ComparisonTables]:
-        tables = await self._tasks.run(asker, compare_runs, tuple(row.path for row in rows), self._path(key))
-        self._made[key] = tables
-        await asyncio.to_thread(self._make_room)
-        return key, tables
-
-    def _make_room(self) -> None:
-        while len(self._made) > 1 and (len(self._made) > MOST_COMPARISONS or self._bytes() > MOST_BYTES):
-            key, _ = self._made.popitem(last=False)
-            self._path(key).unlink(missing_ok=True)
-
-    def _bytes(self) -> int:
-        return sum(self._path(key).stat().st_size for key in self._made if self._path(key).exists())
-
-    def _path(self, key: str) -> Path:
-        return self._folder / f"comparison-{key}.rrd"
+async def comparison(book: TaskBook, asker: Asker, rows: Sequence[RunRow]) -> Task:
+    """The comparison of these runs, made if need be. Raises `FlexlabError` if they cannot be compared."""
+    asked = tuple(row.id for row in rows)
+    # Who asks meanwhile shares what the first question started, although a run that is being recorded has grown.
+    making = next((task.key for task in book.all() if task.working and task.about == asked), None)
+    key = making or hashlib.sha256(repr([(row.id, row.size) for row in rows]).encode()).hexdigest()[:24]
+    paths = tuple(row.path for row in rows)
+    return await book.finished("Comparison", key, asker, compare_runs, paths, about=asked)
 
 
-MOST_FINDINGS = 200
-"""Findings that are remembered."""
+MOST_REPLAYS = 200
+"""Replays that are remembered."""
 
 
-@dataclass(frozen=True)
-class ReplayState:
-    """How the replay of one run stands."""
-
-    working: bool
-    sentence: str
-    kind: str = ""
-    """"good" or "bad" once it is over."""
-
-
-class Replays:
-    """All replays of one server, at most one at a time of each run. For its event loop only."""
-
-    def __init__(self, tasks: Tasks):
-        self._all = tasks
-        self._states: OrderedDict[tuple[str, int], ReplayState] = OrderedDict()
-        self._tasks: set[asyncio.Task[None]] = set()
-
-    def start(self, asker: Asker, row: RunRow) -> None:
-        """Replay a run, unless that is being done. Raises `BusyError`."""
-        state = self.state(row)
-        if state is not None and state.working:
-            return
-        self._all.check(asker)
-        self._note(row, ReplayState(True, "Replay: waiting for its turn"))
-        task = asyncio.create_task(self._replay(asker, row))
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-
-    def state(self, row: RunRow) -> ReplayState | None:
-        """How the run's replay stands; None if nobody asked for one since the file last changed."""
-        return self._states.get(_key(row))
-
-    async def _replay(self, asker: Asker, row: RunRow) -> None:
-        def report(share: float) -> None:
-            self._note(row, ReplayState(True, f"Replay: {100 * share:.0f} %"))
-
-        try:
-            agrees, text = await self._all.run(asker, replay_run, row.path, on_progress=report)
-        except FlexlabError as error:
-            self._note(row, ReplayState(False, f"Not replayed: {error}", "bad"))
-        else:
-            self._note(row, ReplayState(False, text, "good" if agrees else "bad"))
-
-    def _note(self, row: RunRow, state: ReplayState) -> None:
-        self._states[_key(row)] = state
-        while len(self._states) > MOST_FINDINGS:
-            self._states.popitem(last=False)
-
-
-def _key(row: RunRow) -> tuple[str, int]:
-    return row.id, row.size
+def replay_key(row: RunRow) -> str:
+    """Names the replay of a run as its file is now."""
+    return f"{row.id} {row.size}"
 
 
 LOW_PRIORITY = 19

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import inspect
 import logging
 import os
 import sys
@@ -70,9 +71,7 @@ class Failed:
 
 
 @failures_told_plainly()
-def carry_out(
-    work: Callable[..., Any], arguments: tuple[Any, ...], reports: bool, own_laws: dict[str, str], pipe: Connection
-) -> None:
+def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], own_laws: dict[str, str], pipe: Connection) -> None:
     """The life of a task's process."""
     know_own_files(own_laws)
     leave_interrupts_to_the_server()
@@ -84,7 +83,7 @@ def carry_out(
     def report(share: float) -> None:
         pipe.send(Progress(share))
 
-    more = {"report": report} if reports else {}
+    more = {"report": report} if "report" in inspect.signature(work).parameters else {}
     try:
         word: Done | Failed = Done(work(*arguments, **more))
     except FlexlabError as error:
@@ -109,40 +108,42 @@ class Turns:
     """Who works now and who waits. One visitor has one turn at a time, and the last one is kept for the teacher."""
 
     def __init__(self) -> None:
-        self._working: list[Asker] = []
-        self._waiting: dict[asyncio.Future[None], Asker] = {}
+        self._working: list[tuple[Asker, bool]] = []
+        self._waiting: dict[asyncio.Future[None], tuple[Asker, bool]] = {}
 
     @contextlib.asynccontextmanager
-    async def turn(self, asker: Asker) -> AsyncGenerator[None]:
-        """Wait for a turn, and hold it."""
+    async def turn(self, asker: Asker, long: bool = False) -> AsyncGenerator[None]:
+        """Wait for a turn, and hold it. `long`: only one such turn is held at a time."""
         mine = asyncio.get_running_loop().create_future()
-        self._waiting[mine] = asker
+        self._waiting[mine] = asker, long
         self._go_on()
         try:
             await mine
             yield
         finally:
             if self._waiting.pop(mine, None) is None:
-                self._working.remove(asker)
+                self._working.remove((asker, long))
             self._go_on()
 
     def _go_on(self) -> None:
         """Give free turns away: to the teacher first, then to addresses that have the fewest, then in order."""
-        while ready := [turn for turn, asker in self._waiting.items() if self._may_work(asker)]:
-            turn = min(ready, key=lambda ready: self._rank(self._waiting[ready]))
+        while ready := [turn for turn, asked in self._waiting.items() if self._may_work(*asked)]:
+            turn = min(ready, key=lambda ready: self._rank(self._waiting[ready][0]))
             self._working.append(self._waiting.pop(turn))
             if not turn.done():  # Its asker may just have been cancelled, and gives it back.
                 turn.set_result(None)
 
-    def _may_work(self, asker: Asker) -> bool:
+    def _may_work(self, asker: Asker, long: bool) -> bool:
+        if long and any(other for _, other in self._working):
+            return False
         if asker.is_teacher:
             return len(self._working) < AT_ONCE
-        taken = any(other.person == asker.person for other in self._working)
-        visitors = sum(not other.is_teacher for other in self._working)
+        taken = any(other.person == asker.person for other, _ in self._working)
+        visitors = sum(not other.is_teacher for other, _ in self._working)
         return not taken and visitors < AT_ONCE - 1 and len(self._working) < AT_ONCE
 
     def _rank(self, asker: Asker) -> tuple[bool, int]:
-        return not asker.is_teacher, sum(other.address == asker.address for other in self._working)
+        return not asker.is_teacher, sum(other.address == asker.address for other, _ in self._working)
 
 
 class Tasks:
@@ -152,21 +153,28 @@ class Tasks:
         self._limit = Limit("tasks", MOST_OF_ONE, MOST_OF_ADDRESS, MOST, MOST_OF_TEACHER)
         self._turns = Turns()
         self._processes: set[BaseProcess] = set()
+        self._closed = False
 
     def check(self, asker: Asker) -> None:
         """Raises `BusyError` if this asker may not begin a task now."""
         self._limit.check(asker)
 
     async def run(
-        self, asker: Asker, work: Callable[..., T], *arguments: Any, on_progress: Callable[[float], None] | None = None
+        self,
+        asker: Asker,
+        work: Callable[..., T],
+        *arguments: Any,
+        on_progress: Callable[[float], None] = lambda share: None,
+        long: bool = False,
     ) -> T:
-        """What `work(*arguments)` gives in a process of its own; with `on_progress` it gets a function `report` too.
+        """What `work(*arguments)` gives in a process of its own; a parameter `report` of it takes how far it is, 0 to 1.
 
-        All must be such that processes can pass them to each other. Raises `FlexlabError` as `work` does, `BusyError` if too
-        much is going on, and `LabError` if the process fails. The process ends when the caller is cancelled.
+        `long`: it waits until no other long work is being done. All must be such that processes can pass them to each other.
+        Raises `FlexlabError` as `work` does, `BusyError` if too much is going on, and `LabError` if the process fails. The
+        process ends when the caller is cancelled.
         """
         with self._limit.place(asker):
-            async with self._turns.turn(asker):
+            async with self._turns.turn(asker, long):
                 try:
                     return await self._run(work, arguments, on_progress)
                 except OSError as error:  # No handle, process or memory is left.
@@ -174,12 +182,14 @@ class Tasks:
                         f"This task cannot begin ({error.strerror}): this machine has too much to do. Try again later."
                     ) from None
 
-    async def _run(self, work: Callable[..., T], arguments: tuple[Any, ...], on_progress: Any) -> T:
+    async def _run(self, work: Callable[..., T], arguments: tuple[Any, ...], on_progress: Callable[[float], None]) -> T:
+        if self._closed:  # What waited for its turn gets it when the others are ended.
+            raise LabError("This server is closing.")
         context = job_processes()
         pipe, other = context.Pipe(duplex=False)
         process = context.Process(
             target=carry_out,
-            args=(work, arguments, on_progress is not None, allowed(), other),
+            args=(work, arguments, allowed(), other),
             name="flexlab-task",
             daemon=True,
         )
@@ -190,8 +200,7 @@ class Tasks:
             await asyncio.shield(starting)
             async with asyncio.timeout(LONGEST):
                 while isinstance(word := await asyncio.to_thread(_hear, pipe), Progress):
-                    if on_progress is not None:
-                        on_progress(word.share)
+                    on_progress(word.share)
         except TimeoutError:
             raise LabError(f"This takes longer than {LONGEST:g} s: use the command line instead.") from None
         finally:
@@ -211,6 +220,7 @@ class Tasks:
 
     def close(self) -> None:
         """End all at once."""
+        self._closed = True
         for process in list(self._processes):
             if process.pid is not None:
                 process.kill()

@@ -15,10 +15,10 @@ from flexlab.analysis.sweep.result import Sweep, SweepFolder
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset
 from flexlab.server.front_server import FrontServer, open_front_server
-from flexlab.server.pages.study_form import MOST_CELLS, read_wish
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 from flexlab.server.settings import Settings
-from flexlab.server.study_jobs import GrowingSweep, page_data
+from flexlab.server.studies.sweep import GrowingSweep, page_data
+from flexlab.server.study import MOST_AT_ONCE, MOST_VALUES, read_study
 
 EI, K, LENGTH = "payload.bending_stiffness", "controller.feedback_gain", "payload.length"
 FORM = {"Content_Type": "application/x-www-form-urlencoded"}
@@ -182,10 +182,11 @@ def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServe
 
 def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
     long = SWEEP | {"count1": "30", "count2": "30", "high1": "0.55", "duration": "6"}
-    first, second = (post(server, "/studies", long).headers["Location"] for _ in range(2))
+    most = sum(MOST_AT_ONCE[2:])
+    begun = [post(server, "/studies", long).headers["Location"] for _ in range(most)]
     refused = post(server, "/studies", long)
-    assert (refused.status, "wait for one, or cancel it" in refused.text) == (503, True)
-    for address in (first, second):
+    assert (refused.status, f"This server has {most} studies already" in refused.text) == (503, True)
+    for address in begun:
         assert post(server, f"{address}/cancel", {}).headers["Location"] == address
         assert json.loads(ask(server.url, f"{address}/state").text)["sentence"] == "Cancelled."
         assert ask(server.url, f"{address}/data").status == 404
@@ -194,7 +195,10 @@ def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"count1": "50", "count2": "50"}, f"2500 cells are too many for this page: choose fewer values, {MOST_CELLS}"),
+        (
+            {"count1": "50", "count2": "50"},
+            f"2500 cells are too many for this page: choose fewer values, {MOST_VALUES}",
+        ),
         ({"count1": "1e7"}, "10000000 values of payload.length are too many"),
         ({"count1": "0"}, "a range has 2 at least"),
         ({"count1": "2.5"}, "is no whole number"),
@@ -213,6 +217,7 @@ def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
         ({**TUNING, "field1": "controller.kind", "words1": "controller.kind=pd"}, "is a choice: a tuning searches"),
         ({"field1": "payload.lenght"}, "did you mean payload.length?"),
         ({"duration": "0"}, "outside 0 to 20 s"),
+        ({"kind": "magic"}, "'magic' is no study: choose of sweep, tuning"),
         ({"duration": "20", "count1": "20", "count2": "20"}, "over the 6000 s that this page gives a study"),
         ({"kind": "tuning", "cost": "rms-y"}, "Candidates '' is no number"),
         ({**TUNING, "candidates": "4000"}, "outside 16 to 400"),
@@ -223,10 +228,10 @@ def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
 def test_what_cannot_be_studied_is_said_in_a_sentence(changes: dict[str, str], says: str):
     form, paper = SWEEP | changes, load_preset("paper")
     if not says:
-        assert read_wish(form, paper).axes
+        assert read_study(form, paper).axes
         return
     with pytest.raises(FlexlabError) as caught:
-        read_wish(form, paper)
+        read_study(form, paper)
     assert says in str(caught.value)
     assert len(str(caught.value)) < 300
 
@@ -237,6 +242,6 @@ def test_hostile_forms_are_answered_with_a_page(server: FrontServer):
         assert (answer.status, "Traceback" in answer.text) == (status, False)
     for path in ("/studies/none", "/studies/none/state", "/studies/none/data", "/studies/none/cells.parquet"):
         assert ask(server.url, path).status == 404
-    assert post(server, "/studies/none/cancel", {}).status == 400
+    assert post(server, "/studies/none/cancel", {}).status == 404
     foreign = ask(server.url, "/studies", "POST", urlencode(SWEEP).encode(), Origin="http://elsewhere.example", **FORM)
     assert foreign.status == 403

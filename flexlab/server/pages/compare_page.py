@@ -6,10 +6,11 @@ from flexlab.analysis.comparison import difference_text
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.overlay import MOST_RUNS, run_label
 from flexlab.recording.store.run_files import SUFFIX
+from flexlab.server import run_jobs
 from flexlab.server.auth import COMPARISON, WITH_A_PASS, has_pass, is_opened_by_person, recording_address, refuse
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import button, message, page
-from flexlab.server.run_jobs import ComparisonTables
+from flexlab.server.run_jobs import OVERLAY, ComparisonTables
 from flexlab.server.visitors import asker_of, is_teacher, run_for
 
 ALL_RUNS = button("/runs", "All runs")
@@ -41,9 +42,10 @@ async def comparison(request: web.Request) -> web.Response:
     try:
         if odd := next((row.problem for row in rows if row.problem), ""):
             raise RecordingError(odd)
-        key, tables = await context.comparisons.get(asker_of(request), rows)
+        task = await run_jobs.comparison(context.comparisons, asker_of(request), rows)
     except FlexlabError as error:
         return message("These runs cannot be compared", str(error), 422, ALL_RUNS)
+    tables: ComparisonTables = task.result
     labels = [run_label(number) for number in range(len(rows))]
     return page(
         "compare.html",
@@ -59,7 +61,7 @@ async def comparison(request: web.Request) -> web.Response:
         measured=[label for label, row in zip(labels, rows, strict=True) if row.is_measured],
         settings=[(row.title, row.values) for row in tables.settings],
         longest=LONGEST_VALUE,
-        address=recording_address(context, COMPARISON + key),
+        address=recording_address(context, COMPARISON + task.key),
     )
 
 
@@ -77,9 +79,8 @@ async def overlay(request: web.Request) -> web.StreamResponse:
     """The file that the viewer loads."""
     if not has_pass(request) and not is_teacher(request):
         raise web.HTTPNotFound
-    path = context_of(request).comparisons.file(request.match_info["key"])
-    if path is None or not path.exists():
+    task = context_of(request).comparisons.get(request.match_info["key"])
+    if task is None or task.result is None:
         raise web.HTTPNotFound
-    return web.FileResponse(
-        path, headers={hdrs.CONTENT_TYPE: "application/octet-stream", hdrs.CACHE_CONTROL: "no-cache"}
-    )
+    headers = {hdrs.CONTENT_TYPE: "application/octet-stream", hdrs.CACHE_CONTROL: "no-cache"}
+    return web.FileResponse(task.folder / OVERLAY, headers=headers)

@@ -1,17 +1,23 @@
 """`/leaderboard`: control laws on the same cases, as last computed here, and a button that computes what is missing."""
 
 import asyncio
+from pathlib import Path
 
-from aiohttp import hdrs, web
+from aiohttp import web
 
+from flexlab.analysis.leaderboard.board import Leaderboard
+from flexlab.analysis.leaderboard.store import FOLDER
 from flexlab.analysis.leaderboard.summary import OF_THE_BEST, SEVERAL, overview, provenance, sections, settings
 from flexlab.errors import FlexlabError
-from flexlab.server.leaderboard_jobs import is_of_today
-from flexlab.server.pages.page_context import context_of
+from flexlab.server.leaderboard_jobs import compute_board, draw_board, is_of_today, newest_board
+from flexlab.server.pages.page_context import Context, context_of, told
 from flexlab.server.pages.templating import page
+from flexlab.server.task_book import IDLE
 from flexlab.server.visitors import asker_of
 
 PLACE = "/leaderboard"
+TABLE = "table"
+"""The task that computes it; those that draw are called as what they draw."""
 DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
 
 
@@ -23,18 +29,28 @@ def add_leaderboard_pages(router: web.UrlDispatcher) -> None:
     router.add_get(PLACE + "/{name}/{case}.svg", figure)
 
 
+def _folder(context: Context) -> Path:
+    """Where rows are kept, from one server to the next."""
+    return context.settings.logs.parent / FOLDER
+
+
+async def _newest(context: Context) -> tuple[Leaderboard, str]:
+    """(The newest table, what names it; empty if there is none)."""
+    return await asyncio.to_thread(newest_board, _folder(context))
+
+
 async def leaderboard(request: web.Request) -> web.Response:
     """The newest table."""
-    boards = context_of(request).boards
-    board, name = await boards.newest()
+    context = context_of(request)
+    board, name = await _newest(context)
     return page(
         "leaderboard.html",
         "Leaderboard",
         here=PLACE,
         kind="board",
-        scripts=("leaderboard",),
+        scripts=("progress",),
         name=name,
-        state=boards.state,
+        task=context.boards.get(TABLE) or IDLE,
         outdated=bool(name) and not await asyncio.to_thread(is_of_today, board),
         overview=overview(board),
         sections=sections(board),
@@ -47,28 +63,29 @@ async def leaderboard(request: web.Request) -> web.Response:
 
 async def start(request: web.Request) -> web.Response:
     """Compute what is missing; the page tells how it goes."""
-    context_of(request).boards.start(asker_of(request))
+    context = context_of(request)
+    context.boards.start("Leaderboard", TABLE, asker_of(request), compute_board, _folder(context))
     raise web.HTTPSeeOther(PLACE)
 
 
 async def state(request: web.Request) -> web.Response:
     """How the computation stands, for the script in the page."""
-    found = context_of(request).boards.state
-    told = {"working": found.working, "sentence": found.sentence, "kind": found.kind}
-    return web.json_response(told, headers={hdrs.CACHE_CONTROL: "no-store"})
+    return told(context_of(request).boards.get(TABLE))
 
 
 async def figure(request: web.Request) -> web.Response:
     """The figure of a case."""
     name, case = request.match_info["name"], request.match_info["case"]
-    board, newest = await context_of(request).boards.newest()
+    context = context_of(request)
+    board, newest = await _newest(context)
     if name != newest or case not in [known.name for known in board.cases]:
         raise web.HTTPNotFound
     try:
-        drawn = await context_of(request).boards.figure(asker_of(request), name, case)
+        task = await context.boards.finished("Figures", name, asker_of(request), draw_board, _folder(context))
     except FlexlabError as error:
         raise web.HTTPServiceUnavailable(text=str(error)) from None
-    if drawn is None:
+    drawn, figures = task.result
+    if drawn != name:
         raise web.HTTPNotFound
     headers = {"Cache-Control": "max-age=86400", "Content-Security-Policy": DRAWING_POLICY}
-    return web.Response(text=drawn, content_type="image/svg+xml", headers=headers)
+    return web.Response(text=figures[case], content_type="image/svg+xml", headers=headers)

@@ -5,15 +5,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import aiohttp
-from aiohttp import web
+from aiohttp import hdrs, web
 
 from flexlab.server.labs.lab_provider import LabProvider
-from flexlab.server.leaderboard_jobs import Boards
 from flexlab.server.limits import Guesses, Limit
 from flexlab.server.preset_cards import PresetCards
-from flexlab.server.run_jobs import Comparisons, Measuring, Replays
+from flexlab.server.run_jobs import Measuring
 from flexlab.server.settings import Settings
-from flexlab.server.studies import Studies
+from flexlab.server.task_book import IDLE, Task, TaskBook
 from flexlab.server.tasks import Tasks
 
 MOST_PAGES = 12, 120, 128, 8
@@ -46,13 +45,14 @@ class Context:
     """Calls to the labs on loopback."""
     measuring: Measuring
     tasks: Tasks
-    comparisons: Comparisons
-    replays: Replays
-    studies: Studies
+    comparisons: TaskBook
+    replays: TaskBook
+    studies: TaskBook
+    boards: TaskBook
+    """The leaderboard's tables and figures."""
     workshop: Path
     """A folder for files that nobody keeps; gone when the server closes."""
     preset_cards: PresetCards
-    boards: Boards
     guesses: Guesses = field(default_factory=Guesses)
     """Wrong tokens of late."""
     pages: Limit = field(default_factory=lambda: Limit("open pages of labs", *MOST_PAGES))
@@ -98,3 +98,8 @@ CONTEXT = web.AppKey("context", Context)
 def context_of(request: web.Request) -> Context:
     """The server that a request came to."""
     return request.app[CONTEXT]
+
+
+def told(task: Task | None) -> web.Response:
+    """How a task stands, for the script in its page; of one that nobody has begun, too."""
+    return web.json_response((task or IDLE).as_data(), headers={hdrs.CACHE_CONTROL: "no-store"})

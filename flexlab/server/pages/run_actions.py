@@ -25,9 +25,17 @@ from flexlab.recording.store.run_index import (
 )
 from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.lab_pages import enter_lab
-from flexlab.server.pages.page_context import context_of
+from flexlab.server.pages.page_context import context_of, told
 from flexlab.server.pages.templating import button, message, page
-from flexlab.server.run_jobs import archive_into, choice_at, export_into, figures_into, whole_into
+from flexlab.server.run_jobs import (
+    archive_into,
+    choice_at,
+    export_into,
+    figures_into,
+    replay_key,
+    replay_run,
+    whole_into,
+)
 from flexlab.server.visitors import asker_of, run_for
 
 TABLES = {"csv": "CSV: a table as text", "parquet": "Parquet: a packed table", "npz": "NPZ: NumPy arrays"}
@@ -85,17 +93,16 @@ def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:
 async def start_replay(request: web.Request) -> web.Response:
     """Begin to simulate the run again; the run's page tells how it goes."""
     row = await recorded_row_of(request)
-    context_of(request).replays.start(asker_of(request), row)
+    context_of(request).replays.start("Replay", replay_key(row), asker_of(request), replay_run, row.path)
     raise web.HTTPSeeOther(f"/runs/{row.address}")
 
 
 async def replay_state(request: web.Request) -> web.Response:
     """How the run's replay stands, for the script in its page."""
-    state = context_of(request).replays.state(await row_of(request))
-    if state is None:
+    task = context_of(request).replays.get(replay_key(await row_of(request)))
+    if task is None:
         raise web.HTTPNotFound
-    told = {"working": state.working, "sentence": state.sentence, "kind": state.kind}
-    return web.json_response(told, headers={hdrs.CACHE_CONTROL: "no-store"})
+    return told(task)
 
 
 async def resume(request: web.Request) -> web.StreamResponse:

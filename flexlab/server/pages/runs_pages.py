@@ -41,7 +41,8 @@ from flexlab.server.pages.run_actions import (
     row_of,
 )
 from flexlab.server.pages.templating import button, message, page, render
-from flexlab.server.run_jobs import take_in
+from flexlab.server.run_jobs import replay_key, take_in
+from flexlab.server.task_book import IDLE
 from flexlab.server.visitors import asker_of, is_teacher, runs_for, visitor_of
 
 
@@ -268,10 +269,10 @@ async def review(request: web.Request) -> web.Response:
         f"{row.preset} {row.started:%H:%M:%S}",
         here="/runs",
         kind="review",
-        scripts=("review", "pop"),
+        scripts=("review", "progress", "pop"),
         row=row,
         address=recording_address(context_of(request), row.id),
-        replay=context_of(request).replays.state(row),
+        replay=context_of(request).replays.get(replay_key(row)) or IDLE,
         timeline=TIMELINE,
         begin=f"{row.begins:.10g}",
         end=end,

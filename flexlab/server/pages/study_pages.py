@@ -1,25 +1,25 @@
-"""`/studies`: sweeps and tunings of the lab's scenario or of a preset; `/studies/<id>`: one of them, live and when it is done."""
+"""`/studies`: what can be computed of the lab's scenario or of a preset; `/studies/<id>`: one study, live and when it is done."""
 
 import asyncio
+import secrets
 from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 from aiohttp import hdrs, web
 
 from flexlab.analysis.sweep.axes import VariedField, varied_choices, varied_fields
-from flexlab.analysis.sweep.figures import metric_column
 from flexlab.errors import FlexlabError, LabError
 from flexlab.plain_text import visible
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.scenario.choices import TITLES
 from flexlab.server.auth import is_opened_by_person, refuse
-from flexlab.server.pages.page_context import context_of
-from flexlab.server.pages.study_form import LONGEST_RUN, MOST_CANDIDATES, MOST_CELLS, metric_columns, read_wish
+from flexlab.server.pages.page_context import context_of, told
 from flexlab.server.pages.templating import button, message, page
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
-from flexlab.server.studies import Study, SweepWish, TuningWish
+from flexlab.server.study import MOST_VALUES, STUDIES, Study, metric_columns, read_study
+from flexlab.server.task_book import Task
 from flexlab.server.visitors import asker_of, keep_visitor, known_visitor_of, visitor_of
 
 FROM_LAB = "lab"
@@ -28,6 +28,21 @@ USUAL = ("payload.bending_stiffness", "controller.feedback_gain")
 """Fields that a form proposes, where the scenario has them."""
 ALL_STUDIES = button("/studies", "Studies")
 NO_STUDY = "There is no such study: a server keeps the last few, as long as it runs."
+ID_BYTES = 9
+"""Randomness of a study's address: whoever has it may look and cancel, so that nobody guesses it."""
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A study that somebody began."""
+
+    study: Study
+    kind: str
+    """In a word."""
+    visitor: str
+    """Whose it is; empty: everybody's."""
+    name: str
+    """Of the scenario: a preset's, or the lab's."""
 
 
 def add_study_pages(router: web.UrlDispatcher) -> None:
@@ -77,10 +92,9 @@ async def studies(request: web.Request) -> web.Response:
         proposed=[_proposed(fields, path) for path in (*[path for path in USUAL if path in paths], "", "")[:2]],
         choices=varied_choices(scenario),
         metrics=metric_columns(),
-        most_cells=MOST_CELLS,
-        most_candidates=MOST_CANDIDATES,
-        longest=LONGEST_RUN,
-        studies=[_row(study) for study in context.studies.of(_visitor(request))],
+        kinds=list(STUDIES.all().values()),
+        most_values=MOST_VALUES,
+        studies=[_row(task) for task in context.studies.all() if task.about.visitor == _visitor(request)],
     )
 
 
@@ -102,25 +116,17 @@ def _proposed(fields: Iterable[VariedField], path: str) -> VariedField | None:
     return next((item for item in fields if item.path == path), None)
 
 
-def _row(study: Study) -> dict[str, Any]:
+def _row(task: Task) -> dict[str, Any]:
     """A study in a list, in words."""
-    about = study.wish.scenario
+    begun: Begun = task.about
+    study = begun.study
     return {
-        "address": f"/studies/{study.id}",
-        "kind": study.wish.kind,
-        "title": about.title or study.name,
-        "axes": " × ".join(_axis_title(study, path) for path in (axis.path for axis in study.wish.axes)),
-        "sentence": study.sentence,
+        "address": f"/studies/{task.key}",
+        "kind": begun.kind,
+        "title": study.scenario.title or begun.name,
+        "axes": " × ".join(map(study.axis_title, study.axes)),
+        "sentence": task.sentence,
     }
-
-
-def _axis_title(study: Study, path: str) -> str:
-    if path in TITLES:
-        return TITLES[path]
-    try:
-        return study.wish.scenario.about(path).title
-    except FlexlabError:
-        return path
 
 
 async def start(request: web.Request) -> web.Response:
@@ -129,138 +135,104 @@ async def start(request: web.Request) -> web.Response:
     context = context_of(request)
     try:
         scenario = decode_scenario(str(form.get("scenario", "")))
-        wish = await asyncio.to_thread(read_wish, form, scenario)
+        study = await asyncio.to_thread(read_study, form, scenario)
         visitor = known_visitor_of(request)
+        word = STUDIES[str(form["kind"])].title
         mine = visitor.id if context.places.is_private else ""
-        study = context.studies.start(asker_of(request), mine, visible(form.get("name", ""), 80), wish)
+        about = Begun(study, word, mine, visible(form.get("name", ""), 80))
+        work, arguments = study.job()
+        name = secrets.token_urlsafe(ID_BYTES)
+        context.studies.start(word, name, asker_of(request), work, *arguments, about=about)
     except LabError as error:
         return message("Not now", str(error), 503, ALL_STUDIES)
     except FlexlabError as error:
         return message("This cannot be studied", str(error), 422, ALL_STUDIES)
-    answer = web.Response(status=303, headers={hdrs.LOCATION: f"/studies/{study.id}"})
+    answer = web.Response(status=303, headers={hdrs.LOCATION: f"/studies/{name}"})
     if context.places.is_private:
         keep_visitor(request, answer, visitor)
     return answer
 
 
-def _study(request: web.Request) -> Study:
-    """The study that the address names. Raises `LabError`."""
-    study = context_of(request).studies.get(request.match_info["study"])
-    if study is None:
-        raise LabError(NO_STUDY)
-    return study
+def _task(request: web.Request) -> Task:
+    """The study that the address names. Raises `HTTPNotFound`."""
+    task = context_of(request).studies.get(request.match_info["study"])
+    if task is None:
+        raise web.HTTPNotFound
+    return task
 
 
 async def study_page(request: web.Request) -> web.Response:
     """A study: how far it is, or what it found."""
     try:
-        study = _study(request)
-    except LabError as error:
-        return message("No such study", str(error), 404, ALL_STUDIES)
-    values: dict[str, Any] = {
-        "study": study,
-        "row": _row(study),
-        "lab": scenario_path(encode_scenario(study.wish.scenario)),
-        "lines": _lines(study),
-        "axis_lines": [_range_text(study, number) for number in range(len(study.wish.axes))],
-        "drawn": study.data is not None or (study.working and isinstance(study.wish, SweepWish)),
-        "listed": [column.field for column in metric_columns() if column.listed],
-    }
-    if study.tuned is not None:
-        values["tuned"] = scenario_path(encode_scenario(study.tuned.scenario))
-    return page("study.html", study.wish.kind, here="/studies", kind="studies", scripts=("chart", "study"), **values)
-
-
-def _range_text(study: Study, number: int) -> str:
-    """What an axis covers, in words."""
-    axis = study.wish.axes[number]
-    title = _axis_title(study, axis.path)
-    if axis.low is None:
-        return f"{title}: {', '.join(map(str, axis.values))}"
-    count = f", {len(axis.values)} values" if isinstance(study.wish, SweepWish) else ""
-    try:
-        unit = study.wish.scenario.about(axis.path).unit_text()
-    except FlexlabError:
-        unit = ""
-    return f"{title}: {axis.low:g} to {axis.high:g}{unit}{', logarithmic' if axis.logarithmic else ''}{count}"
-
-
-def _lines(study: Study) -> list[tuple[str, str, str]]:
-    """(what, before, tuned) of a finished tuning."""
-    found, wish = study.tuned, study.wish
-    if found is None or not isinstance(wish, TuningWish):
-        return []
-    lines: list[tuple[str, str, str]] = []
-    for path, value in found.changes.items():
-        about = wish.scenario.about(path)
-        unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
-        lines.append((f"{about.title}{unit}", f"{wish.scenario.get(path):g}", f"{value:.4g}"))
-    for name in wish.cost.names:
-        column = metric_column(name)
-        shown = [f"{numbers[name]:.4g}" if numbers else "fails" for numbers in (found.before, found.after)]
-        limit = f", at most {wish.cost.limits[name]:g}" if name in wish.cost.limits else ""
-        lines.append((f"{column.title} ({column.unit}){limit}", shown[0], shown[1]))
-    return lines
+        task = _task(request)
+    except web.HTTPNotFound:
+        return message("No such study", NO_STUDY, 404, ALL_STUDIES)
+    study: Study = task.about.study
+    found = study.found(task)
+    return page(
+        "study.html",
+        task.about.kind,
+        here="/studies",
+        kind="studies",
+        scripts=("progress", "chart", "study"),
+        task=task,
+        row=_row(task),
+        axis_lines=list(map(study.axis_text, study.axes)),
+        lab=scenario_path(encode_scenario(study.scenario)),
+        is_map=study.is_map,
+        drawn=task.result is not None or (task.working and study.is_map),
+        listed=[column.field for column in metric_columns() if column.listed],
+        table=study.table(task),
+        found=None if found is None else (found[0], scenario_path(encode_scenario(found[1]))),
+        problem=study.problem(task),
+        lines=study.lines(task),
+        remarks=study.remarks(task),
+    )
 
 
 async def state(request: web.Request) -> web.Response:
     """How a study stands, for the script in its page."""
-    study = context_of(request).studies.get(request.match_info["study"])
-    if study is None:
-        raise web.HTTPNotFound
-    told = {"working": study.working, "share": study.share, "sentence": study.sentence, "problem": study.problem}
-    return web.json_response(told, headers={hdrs.CACHE_CONTROL: "no-store"})
+    return told(_task(request))
 
 
 async def data(request: web.Request) -> web.Response:
-    """A study's numbers, for the script in its page: of a sweep as far as it is, of a tuning that is finished."""
-    study = context_of(request).studies.get(request.match_info["study"])
-    told = None if study is None else await context_of(request).studies.data(study)
-    if study is None or (told is None and study.tuned is None):
+    """What the script in a study's page draws."""
+    task = _task(request)
+    drawing = await asyncio.to_thread(task.about.study.drawing, task)
+    if drawing is None:
         raise web.HTTPNotFound
-    if study.tuned is not None and isinstance(study.wish, TuningWish):
-        columns = [metric_column(name) for name in (study.wish.cost.names[0], "force")]
-        found = study.tuned
-        marks = [(numbers[columns[0].field], numbers["force"]) if numbers else None
-                 for numbers in (found.before, found.after)]  # fmt: skip
-        told = {
-            "points": found.points,
-            "before": marks[0],
-            "after": marks[1],
-            "titles": [f"{column.title} ({column.unit})" for column in columns],
-        }
-    return web.json_response(told, headers={hdrs.CACHE_CONTROL: "no-store"})
+    return web.json_response(drawing, headers={hdrs.CACHE_CONTROL: "no-store"})
 
 
 async def table(request: web.Request) -> web.StreamResponse:
-    """A finished sweep's table, as it is."""
-    study = context_of(request).studies.get(request.match_info["study"])
-    path = None if study is None else context_of(request).studies.table(study)
+    """The file with all that came of a study."""
+    task = _task(request)
+    path = task.about.study.table(task)
     if path is None:
         raise web.HTTPNotFound
     headers = {
         hdrs.CONTENT_TYPE: "application/octet-stream",
-        hdrs.CONTENT_DISPOSITION: 'attachment; filename="cells.parquet"',
+        hdrs.CONTENT_DISPOSITION: f'attachment; filename="{path.name}"',
         hdrs.CACHE_CONTROL: "no-store",
     }
     return web.FileResponse(path, headers=headers)
 
 
 async def cell(request: web.Request) -> web.Response:
-    """The scenario of a sweep's cell, in the lab."""
+    """The scenario of a map's cell, in the lab."""
     if not is_opened_by_person(request):
         return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
-    study, number = _study(request), request.match_info["cell"]
-    if not isinstance(study.wish, SweepWish):
-        raise web.HTTPNotFound
-    plan = study.wish.plan
-    if not (number.isascii() and number.isdecimal() and len(number) < 9 and int(number) < plan.cell_count):
-        return message("No such cell", f"This sweep has the cells 0 to {plan.cell_count - 1}.", 404, ALL_STUDIES)
-    raise web.HTTPSeeOther(scenario_path(encode_scenario(study.wish.cell_scenario(int(number)))))
+    number = request.match_info["cell"]
+    is_number = number.isascii() and number.isdecimal() and len(number) < 9
+    try:
+        scenario = _task(request).about.study.cell_scenario(int(number) if is_number else -1)
+    except FlexlabError as error:
+        return message("No such cell", str(error), 404, ALL_STUDIES)
+    raise web.HTTPSeeOther(scenario_path(encode_scenario(scenario)))
 
 
 async def cancel(request: web.Request) -> web.Response:
     """End a study that is being computed."""
-    study = _study(request)
-    context_of(request).studies.cancel(study)
-    raise web.HTTPSeeOther(f"/studies/{study.id}")
+    task = _task(request)
+    context_of(request).studies.cancel(task)
+    raise web.HTTPSeeOther(f"/studies/{task.key}")

@@ -17,22 +17,3 @@ addEventListener("message", (message) => {
   else if (event?.type !== "time_update") return;
   if (timeline === viewer.dataset.timeline) time.value = (Math.round(event.time / 1e6) / 1e3).toFixed(3);
 });
-
-// While the run is being replayed, tell how it goes.
-const replay = document.getElementById("replay");
-const LOOK = 400; // ms between two looks
-
-async function look() {
-  let state = { working: true };
-  try {
-    const answer = await fetch(replay.dataset.address, { cache: "no-store" });
-    if (answer.ok) state = await answer.json();
-  } catch {
-    // The server may be busy, or gone: the viewer's page tells nothing about that, so neither does this.
-  }
-  if (state.sentence) replay.textContent = state.sentence;
-  replay.dataset.kind = state.kind ?? "";
-  if (state.working) setTimeout(look, LOOK);
-}
-
-if (replay?.dataset.working) look();

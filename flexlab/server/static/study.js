@@ -1,24 +1,13 @@
 // A study's page: how far it is, and then a map, a curve or a trade-off of what it found.
-const state = document.getElementById("state");
 const chart = document.getElementById("chart");
-const LOOK = 700; // ms between two looks at how far it is
 
-async function follow() {
-  try {
-    const answer = await fetch(state.dataset.address, { cache: "no-store" });
-    if (!answer.ok) return location.reload();
-    const told = await answer.json();
-    if (!told.working) return location.reload();
-    state.textContent = told.sentence;
-    const progress = document.getElementById("progress");
-    if (told.share > progress.value) await refresh();
-    progress.value = told.share;
-  } catch {
-    state.textContent = "The server does not answer.";
+const bar = document.querySelector("progress");
+document.querySelector(".progress")?.addEventListener("progress", async ({ detail }) => {
+  if (bar && detail.share > bar.value) {
+    bar.value = detail.share;
+    await refresh();
   }
-  setTimeout(follow, LOOK);
-}
-if (state) setTimeout(follow, LOOK);
+});
 
 const titled = (axis) => [axis.title, axis.symbol].filter(Boolean).join(" ") + (axis.unit ? ` (${axis.unit})` : "");
 

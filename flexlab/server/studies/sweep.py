@@ -1,0 +1,173 @@
+"""A sweep on its page: a map of each metric that fills while it is computed, and leads to the scenario of every cell."""
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flexlab.analysis.metrics.names import numbers
+from flexlab.analysis.metrics.run_metrics import DURATION
+from flexlab.analysis.sweep.axes import Axis
+from flexlab.analysis.sweep.plan import Plan, make_plan
+from flexlab.analysis.sweep.result import TABLE, Sweep, read_part, run_sweep
+from flexlab.analysis.workers import chosen_workers
+from flexlab.errors import FlexlabError, StudyError
+from flexlab.scenario import Scenario
+from flexlab.scenario.choices import TITLES
+from flexlab.scenario.settings import change_settings
+from flexlab.server.study import (
+    ELSEWHERE,
+    LONGEST_RUN,
+    MOST_VALUES,
+    Form,
+    Job,
+    Study,
+    StudyKind,
+    axes_of,
+    check_work,
+    threads,
+)
+from flexlab.server.task_book import Outcome, Task
+
+SAMPLE_PERIOD = 1e-3
+"""s."""
+Columns = Mapping[str, Sequence[Any]]
+
+
+@dataclass
+class SweepStudy(Study):
+    """A sweep that somebody wants."""
+
+    scenario: Scenario
+    """What is varied, with the accuracy of a lab's run, which is finer than a cell's."""
+    axes: tuple[Axis, ...]
+    plan: Plan
+    _growing: "GrowingSweep | None" = field(default=None, init=False)
+
+    @property
+    def is_map(self) -> bool:
+        """It is."""
+        return True
+
+    def job(self) -> tuple[Job, tuple[Any, ...]]:
+        """The plan's cells."""
+        return sweep_study, (self.plan,)
+
+    def drawing(self, task: Task) -> dict[str, Any] | None:
+        """As `page_data`, of the cells that are done."""
+        if task.working:
+            self._growing = self._growing or GrowingSweep(self.plan, task.folder)
+            return self._growing.data()
+        return task.result
+
+    def table(self, task: Task) -> Path | None:
+        """All cells."""
+        return None if task.result is None else task.folder / TABLE
+
+    def cell_scenario(self, cell: int) -> Scenario:
+        """A cell's scenario for the lab. Raises `StudyError` for none, `ScenarioError` for one that is not valid."""
+        if not 0 <= cell < self.plan.cell_count:
+            raise StudyError(f"This sweep has the cells 0 to {self.plan.cell_count - 1}.")
+        return change_settings(self.scenario, self.plan.changes(cell))
+
+
+def read(form: Form, scenario: Scenario, duration: float) -> SweepStudy:
+    """The sweep that a form asks for."""
+    plan = make_plan(scenario, axes_of(form, scenario, counted=True), duration, SAMPLE_PERIOD)
+    if plan.cell_count > MOST_VALUES:
+        raise StudyError(
+            f"{plan.cell_count} cells are too many for this page: choose fewer values, {MOST_VALUES} cells at most, "
+            f"{ELSEWHERE}: flexlab sweep."
+        )
+    check_work(plan.cell_count, duration, "cells", "sweep")
+    return SweepStudy(scenario, plan.axes, plan)
+
+
+STUDY = StudyKind(
+    "sweep",
+    10,
+    "Sweep",
+    "Simulates the scenario for every pair of values and draws each metric as a map: where it rings, where it fails. "
+    f"At most {MOST_VALUES} cells of {LONGEST_RUN:g} s.",
+    "cell",
+    True,
+    (),
+    read,
+)
+
+
+def sweep_study(plan: Plan, folder: Path, report: Callable[[float], None]) -> Outcome:
+    """Compute a sweep in `folder`; what the page draws, as plain data."""
+    run_sweep(plan, folder, chosen_workers(threads()), lambda done, total: report(done / total))
+    return Outcome(page_data(plan, Sweep(plan, folder).columns()))
+
+
+def page_data(plan: Plan, table: Columns) -> dict[str, Any]:
+    """What the page's script takes: axes, metrics, and per cell its status, sentence and numbers.
+
+    `table`: columns by name, of some cells or all. Of a cell that is not there the status is None.
+    """
+    cells, count = table.get("cell", ()), plan.cell_count
+
+    def by_cell(name: str) -> list[Any]:
+        found: list[Any] = [None] * count
+        for cell, value in zip(cells, table.get(name, ()), strict=True):
+            found[cell] = value
+        return found
+
+    return {
+        "axes": [_axis_data(plan.scenario, axis) for axis in plan.axes],
+        "metrics": [
+            {
+                "field": number.column.field,
+                "title": number.column.title,
+                "unit": number.column.unit,
+                "missing": number.column.missing,
+                "values": [None if value is None else number.column.scale * value for value in by_cell(number.name)],
+            }
+            for number in numbers()
+            if number.metric != DURATION
+        ],
+        "status": by_cell("status"),
+        "sentence": by_cell("sentence"),
+    }
+
+
+def _axis_data(scenario: Scenario, axis: Axis) -> dict[str, Any]:
+    symbol = unit = ""
+    try:
+        about = scenario.about(axis.path)
+        title, symbol, unit = TITLES.get(axis.path, about.title), about.symbol, about.unit
+    except FlexlabError:
+        title = TITLES.get(axis.path, axis.path)
+    return {
+        "path": axis.path,
+        "title": title,
+        "symbol": symbol,
+        "unit": "" if unit == "1" else unit,
+        "values": list(axis.values),
+        "numeric": axis.numeric,
+        "logarithmic": axis.logarithmic,
+    }
+
+
+class GrowingSweep:
+    """A sweep that is being computed in a folder: what is new is read once. For any thread."""
+
+    def __init__(self, plan: Plan, folder: Path):
+        self._plan, self._folder = plan, folder
+        self._missing = list(plan.parts())
+        self._table: dict[str, list[Any]] = {}
+        self._lock = threading.Lock()
+
+    def data(self) -> dict[str, Any]:
+        """As `page_data`, of the cells that are done."""
+        with self._lock:
+            parts = {cells: read_part(self._folder, self._plan, cells) for cells in self._missing}
+            for cells, part in parts.items():
+                if part is not None:
+                    self._missing.remove(cells)
+                    for name, values in part.items():
+                        self._table.setdefault(name, []).extend(values)
+            return page_data(self._plan, self._table)

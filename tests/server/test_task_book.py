@@ -1,0 +1,101 @@
+"""Long work that pages come back to, in real processes: it is bounded, can be cancelled, and its failures are sentences."""
+
+import asyncio
+import time
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexlab.errors import FlexlabError, StudyError
+from flexlab.server import task_book
+from flexlab.server.limits import Asker, BusyError, Limit
+from flexlab.server.task_book import BAD, GOOD, Outcome, TaskBook
+from flexlab.server.tasks import Tasks
+
+ANNA = Asker("anna", "1")
+LIMIT = 2, 2, 2, 0
+
+
+def write(size: int, folder: Path) -> Outcome:
+    """Some bytes in the task's folder."""
+    folder.mkdir()
+    (folder / "file").write_bytes(bytes(size))
+    return Outcome(size)
+
+
+def refuse() -> Outcome:
+    raise StudyError("There is nothing to study.")
+
+
+def take_long(folder: Path, report: Callable[[float], None]) -> Outcome:
+    folder.mkdir()
+    report(0.5)
+    time.sleep(600)
+    return Outcome()
+
+
+def with_book(tmp_path: Path, use: Callable[[TaskBook], Coroutine[Any, Any, None]], kept: int = 2) -> None:
+    """Run `use` with a book that keeps two tasks."""
+
+    async def used() -> None:
+        tasks = Tasks()
+        try:
+            await use(TaskBook(tasks, tmp_path, kept, Limit("studies", *LIMIT), long=True))
+        finally:
+            tasks.close()
+
+    asyncio.run(used())
+
+
+def test_the_oldest_finished_ones_go_with_their_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(task_book, "MOST_BYTES", 1000)
+
+    async def use(book: TaskBook) -> None:
+        for key, size in (("a", 10), ("b", 20), ("c", 30)):
+            assert (await book.finished("Writing", key, ANNA, write, size)).result == size
+        assert [task.key for task in book.all()] == ["c", "b"]
+        await book.finished("Writing", "d", ANNA, write, 990)
+        assert [task.key for task in book.all()] == ["d"], "c and d have more bytes than may be"
+        await book.finished("Writing", "e", ANNA, write, 5000)
+        assert [file.stat().st_size for file in tmp_path.rglob("file")] == [5000], "the newest one is kept"
+
+    with_book(tmp_path, use)
+
+
+def test_what_is_there_is_not_done_again_and_what_failed_is(tmp_path: Path):
+    async def use(book: TaskBook) -> None:
+        first = await book.finished("Writing", "a", ANNA, write, 10)
+        assert await book.finished("Writing", "a", ANNA, write, 20) is first
+        for _ in range(2):
+            with pytest.raises(FlexlabError, match="nothing to study"):
+                await book.finished("Refusing", "b", ANNA, refuse)
+        failed = book.get("b")
+        assert failed is not None
+        assert (failed.working, failed.kind, first.kind) == (False, BAD, GOOD)
+
+    with_book(tmp_path, use)
+
+
+def test_one_works_at_a_time_and_what_is_cancelled_leaves_room_and_no_files(tmp_path: Path):
+    async def use(book: TaskBook) -> None:
+        long = book.start("Sleep", "a", ANNA, take_long)
+        waiting = book.start("Sleep", "b", Asker("ben", "1"), take_long)
+        assert book.start("Sleep", "a", ANNA, take_long) is long
+        with pytest.raises(BusyError, match="This server has 2 studies"):
+            book.start("Sleep", "c", Asker("carl", "2"), take_long)
+        async with asyncio.timeout(60):
+            while book.get("a").share < 0.5:  # type: ignore[union-attr]
+                await asyncio.sleep(0.02)
+        assert book.get("a").sentence == "Sleep: 50 %"  # type: ignore[union-attr]
+        assert book.get("b").sentence == "Sleep: waiting for its turn"  # type: ignore[union-attr]
+        for task in (long, waiting):
+            book.cancel(task)
+        async with asyncio.timeout(60):
+            while list(tmp_path.iterdir()):
+                await asyncio.sleep(0.02)
+        assert [task.sentence for task in book.all()] == ["Cancelled."] * 2
+        assert (await book.finished("Writing", "d", ANNA, write, 10)).result == 10
+
+    with_book(tmp_path, use)

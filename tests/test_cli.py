@@ -107,7 +107,7 @@ def test_own_presets_are_listed_and_broken_ones_named(flexlab_command: Command, 
 
 def test_an_unknown_command_is_one_sentence(flexlab_process: Command, flexlab_command: Command):
     assert "did you mean presets?" in refused(flexlab_process("prests"))
-    assert "lab, run, review" in refused(flexlab_command("zzz"))
+    assert "leaderboard, logs" in refused(flexlab_command("zzz"))
 
 
 @pytest.mark.parametrize("words", [["--preset"], ["--prot", "1"], ["run"], ["--port", "many"], ["run", "paper", "-x"]])

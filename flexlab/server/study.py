@@ -7,7 +7,7 @@ take the machine from the labs.
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,6 +56,21 @@ class Question:
     """Of a whole number."""
 
 
+@dataclass(frozen=True)
+class Found:
+    """What came of a study, in words, besides its drawing."""
+
+    lines: Sequence[tuple[str, str, str]] = ()
+    """(what, before, now) of what it changed."""
+    remark: str = ""
+    problem: str = ""
+    """What is wrong with it; empty: nothing."""
+    scenario: Scenario | None = None
+    """Where it leads."""
+    table: Path | None = None
+    """A file with all of it."""
+
+
 class Study(ABC):
     """A study that somebody asks for."""
 
@@ -79,25 +94,9 @@ class Study(ABC):
         """The scenario of a cell of the map. Raises `FlexlabError` for none."""
         raise StudyError(f"{visible(cell)}: this study has no cells.")
 
-    def table(self, task: Task) -> Path | None:
-        """A file with all that came of it, if there is one."""
-        return None
-
-    def lines(self, task: Task) -> list[tuple[str, str, str]]:
-        """(what, before, now) of what it changed."""
-        return []
-
-    def remarks(self, task: Task) -> list[str]:
-        """Sentences below."""
-        return []
-
-    def problem(self, task: Task) -> str:
-        """What is wrong with what it found; empty: nothing."""
-        return ""
-
-    def found(self, task: Task) -> tuple[str, Scenario] | None:
-        """(words, scenario) that it leads to."""
-        return None
+    def found(self, task: Task) -> "Found":
+        """What its page says of it, once it is done."""
+        return Found()
 
     def axis_title(self, axis: Axis) -> str:
         """A varied field in words."""

@@ -173,7 +173,7 @@ def test_a_cell_leads_to_its_scenario_in_the_lab(server: FrontServer, swept: str
 def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServer):
     address = finished(server, TUNING)
     page = ask(server.url, address).text
-    assert "Open the tuned scenario in the lab" in page
+    assert "Open what was found in the lab" in page
     assert "Peak joint torque" in page
     found = json.loads(ask(server.url, f"{address}/data").text)
     assert len(found["points"]) >= 16

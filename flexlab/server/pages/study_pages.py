@@ -18,7 +18,7 @@ from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.page_context import context_of, told
 from flexlab.server.pages.templating import button, message, page
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
-from flexlab.server.study import MOST_VALUES, STUDIES, Study, metric_columns, read_study
+from flexlab.server.study import MOST_VALUES, STUDIES, Found, Study, metric_columns, read_study
 from flexlab.server.task_book import Task
 from flexlab.server.visitors import asker_of, keep_visitor, known_visitor_of, visitor_of
 
@@ -168,7 +168,7 @@ async def study_page(request: web.Request) -> web.Response:
     except web.HTTPNotFound:
         return message("No such study", NO_STUDY, 404, ALL_STUDIES)
     study: Study = task.about.study
-    found = study.found(task)
+    found = study.found(task) if task.result is not None else Found()
     return page(
         "study.html",
         task.about.kind,
@@ -182,11 +182,8 @@ async def study_page(request: web.Request) -> web.Response:
         is_map=study.is_map,
         drawn=task.result is not None or (task.working and study.is_map),
         listed=[column.field for column in metric_columns() if column.listed],
-        table=study.table(task),
-        found=None if found is None else (found[0], scenario_path(encode_scenario(found[1]))),
-        problem=study.problem(task),
-        lines=study.lines(task),
-        remarks=study.remarks(task),
+        found=found,
+        leads_to=found.scenario and scenario_path(encode_scenario(found.scenario)),
     )
 
 
@@ -207,7 +204,7 @@ async def data(request: web.Request) -> web.Response:
 async def table(request: web.Request) -> web.StreamResponse:
     """The file with all that came of a study."""
     task = _task(request)
-    path = task.about.study.table(task)
+    path = task.about.study.found(task).table if task.result is not None else None
     if path is None:
         raise web.HTTPNotFound
     headers = {

@@ -21,6 +21,7 @@ from flexlab.server.study import (
     LONGEST_RUN,
     MOST_VALUES,
     Form,
+    Found,
     Job,
     Study,
     StudyKind,
@@ -61,9 +62,9 @@ class SweepStudy(Study):
             return self._growing.data()
         return task.result
 
-    def table(self, task: Task) -> Path | None:
-        """All cells."""
-        return None if task.result is None else task.folder / TABLE
+    def found(self, task: Task) -> Found:
+        """A table of all cells."""
+        return Found(table=task.folder / TABLE)
 
     def cell_scenario(self, cell: int) -> Scenario:
         """A cell's scenario for the lab. Raises `StudyError` for none, `ScenarioError` for one that is not valid."""

@@ -13,6 +13,7 @@ from flexlab.scenario import Scenario
 from flexlab.server.study import (
     ELSEWHERE,
     Form,
+    Found,
     Job,
     Question,
     Study,
@@ -76,11 +77,9 @@ class TuningStudy(Study):
         titles = [f"{column.title} ({column.unit})" for column in columns]
         return {"points": tuned.points, "before": before, "after": after, "titles": titles}
 
-    def lines(self, task: Task) -> list[tuple[str, str, str]]:
+    def found(self, task: Task) -> Found:
         """The fields, then the metrics that count."""
-        tuned: Tuned | None = task.result
-        if tuned is None:
-            return []
+        tuned: Tuned = task.result
         lines: list[tuple[str, str, str]] = []
         for path, value in tuned.changes.items():
             about = self.scenario.about(path)
@@ -91,21 +90,10 @@ class TuningStudy(Study):
             shown = [f"{numbers[name]:.4g}" if numbers else "fails" for numbers in (tuned.before, tuned.after)]
             limit = f", at most {self.cost.limits[name]:g}" if name in self.cost.limits else ""
             lines.append((f"{column.title} ({column.unit}){limit}", shown[0], shown[1]))
-        return lines
-
-    def remarks(self, task: Task) -> list[str]:
-        """How many were tried."""
-        return [] if task.result is None else [f"{task.result.tried} candidates were tried."]
-
-    def problem(self, task: Task) -> str:
-        """That the limits are passed."""
-        if task.result is None or task.result.holds:
-            return ""
-        return "Nothing that was tried keeps within the limits: widen the ranges or the limits."
-
-    def found(self, task: Task) -> tuple[str, Scenario] | None:
-        """The best candidate."""
-        return None if task.result is None else ("Open the tuned scenario in the lab", task.result.scenario)
+        problem = (
+            "" if tuned.holds else "Nothing that was tried keeps within the limits: widen the ranges or the limits."
+        )
+        return Found(lines, f"{tuned.tried} candidates were tried.", problem, tuned.scenario)
 
 
 def read(form: Form, scenario: Scenario, duration: float) -> TuningStudy:

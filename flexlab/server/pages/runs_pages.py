@@ -207,6 +207,11 @@ VIEWER_POLICY = (
     "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
 """Left alone, the viewer would fetch fonts, look for updates and report its use: it may talk to this address only."""
+WITH_COOKIES = """<script>
+{ const plain = fetch;
+  fetch = (what, options) => plain(new Request(new Request(what, options), { credentials: "same-origin" })); }
+</script>"""
+"""By itself the viewer asks for recordings without cookies: then a hub's login keeps it out."""
 NO_FILE_NAME = r"[^\w.-]+"
 """What is left out of the name under which a recording is downloaded."""
 
@@ -312,6 +317,9 @@ async def viewer(request: web.Request) -> web.StreamResponse:
         hdrs.CACHE_CONTROL: "no-cache",
         "Content-Security-Policy": VIEWER_POLICY,
     }
+    if name == "index.html":
+        text = await asyncio.to_thread((folder / name).read_text, "utf-8")
+        return web.Response(text=text.replace("<head>", "<head>" + WITH_COOKIES, 1), headers=headers)
     return web.FileResponse(folder / name, headers=headers)
 
 

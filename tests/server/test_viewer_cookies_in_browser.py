@@ -1,0 +1,17 @@
+"""Behind a hub's login everything needs the visitor's cookies, recordings in rerun's viewer too, which asks without."""
+
+from playwright.sync_api import Browser
+
+from flexlab.server.front_server import FrontServer
+
+
+def test_the_viewer_asks_for_recordings_as_its_visitor(plain_chromium: Browser, front_server: FrontServer):
+    window = plain_chromium.new_context()
+    window.add_cookies([{"name": "hub", "value": "ann", "url": front_server.url}])
+    page = window.new_page()
+    page.route("**/re_viewer*", lambda route: route.abort())  # Nobody looks at what it draws.
+    page.goto(f"{front_server.url}viewer/", wait_until="commit")
+    with page.expect_request("**/runs/one.rrd") as asked:
+        page.evaluate("fetch(new Request('/runs/one.rrd', { credentials: 'omit' }))")
+    assert "hub=ann" in asked.value.all_headers()["cookie"]
+    window.close()

@@ -187,7 +187,8 @@
     const way = document.querySelector(".fl-reports")?.dataset.way;
     if (!way || !window.__viserMutable?.sendMessage) return;
     const report = JSON.stringify({ run: drawnRun, charts: openCharts(), dark: darkSystem.matches, width: innerWidth,
-      covered: covered(), open: lastOpen, again });
+      covered: covered(), open: lastOpen, again,
+      hears: document.querySelector(".fl-hear")?.getAttribute("aria-pressed") === "true" });
     if (sent === way + report) return;
     sent = way + report;
     window.__viserMutable.sendMessage({ type: "GuiUpdateMessage", uuid: way, updates: { value: report } });

@@ -20,7 +20,7 @@ from flexlab.lab.viser_server import set_theme
 from flexlab.log_limits import limited
 
 PAGE_SCRIPT = "".join(
-    Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("page.js", "accessibility.js")
+    Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("page.js", "accessibility.js", "hear.js")
 )
 """What a page needs to tell it, and what viser's page lacks for keyboards and screen readers."""
 LONGEST_SILENCE = 10.0
@@ -49,6 +49,8 @@ class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Of the picture's height, by what lies over it: from above and from below."""
     open: Annotated[tuple[str, ...], msgspec.Meta(max_length=2)]
     """Names of the panels that this browser last had open, of `guide` and `plots`."""
+    hears: bool
+    """Whether somebody wants to hear the beam."""
     again: Count
     """How often the preset that is shown was chosen once more."""
 
@@ -124,6 +126,11 @@ class PageReports:
                 before = found.get(uuid, (first, last))
                 found[uuid] = min(first, before[0]), max(last, before[1])
         return found
+
+    @property
+    def somebody_hears(self) -> bool:
+        """Whether a page wants to hear the beam."""
+        return any(page.report is not None and page.report.hears for page in self._all())
 
     def say(self, client: viser.ClientHandle, text: str) -> None:
         """Have one browser's screen reader say a text."""

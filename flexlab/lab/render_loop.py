@@ -97,13 +97,17 @@ class RenderLoop:
         panel: Panel,
         plots: Plots,
         readouts: Sequence[Readout],
+        sound: Readout,
         reports: PageReports,
         attendance: Attendance | None,
     ):
-        """`readouts`: what else follows the run. `attendance`: who releases and holds runs; None: nobody has to look."""
+        """`readouts`: what else follows the run; `sound`: as often as the picture.
+
+        `attendance`: who releases and holds runs; None: nobody has to look.
+        """
         self._server, self._runner, self._lab_state, self._look_back = server, runner, lab_state, look_back
         self._scene, self._cameras, self._panel, self._plots, self._readouts = scene, cameras, panel, plots, readouts
-        self._reports, self._attendance = reports, attendance
+        self._sound, self._reports, self._attendance = sound, reports, attendance
         self._stop, self._come = threading.Event(), threading.Event()
         server.on_client_connect(self._greet)
         self._thread = threading.Thread(target=self._run, name="flexlab-drawing", daemon=True)
@@ -148,6 +152,9 @@ class RenderLoop:
         snapshot, view = self._runner.snapshot, self._lab_state.view
         seen = self._look_back.seen(snapshot)
         self._scene.update(seen, view, self._lab_state.pulled, self._lab_state.kept)
+        if self._reports.somebody_hears:
+            with self._server.inputs:
+                self._sound.update(seen)
         self._reports.show_run(snapshot.run_number, snapshot.name)
         self._cameras.follow(seen)
         if readouts:

@@ -20,6 +20,7 @@ from flexlab.lab.plots.explanation_list import ExplanationList
 from flexlab.lab.plots.plots import Plots
 from flexlab.lab.reference_run import Recorded
 from flexlab.lab.render_loop import Attendance, RenderLoop
+from flexlab.lab.ring_sound import RingSound
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, ClientCameras, Window, payload_view
 from flexlab.lab.scene.scene import Scene
 from flexlab.lab.viser_internals import GuardedServer, fold_panel, set_panel_width
@@ -45,6 +46,7 @@ div:has(> div > .uplot-container) { grid-template-columns: 1fr !important; }
 .fl-number { display: grid !important; }
 .fl-number, .fl-caption, .fl-float { visibility: visible; }
 .fl-caption, .fl-float { font-size: 1.6rem; }
+.fl-hear[aria-pressed="false"] { display: none; }
 """
 """Over that of the panel."""
 
@@ -243,7 +245,19 @@ class Session:
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position
         self.guard.watch(server, lab_state)
+        sound = RingSound(server.gui, look_back)
         readouts = (guide, explanations, summary)
         return RenderLoop(
-            server, self.runner, lab_state, look_back, scene, cameras, panel, plots, readouts, reports, attendance
+            server,
+            self.runner,
+            lab_state,
+            look_back,
+            scene,
+            cameras,
+            panel,
+            plots,
+            readouts,
+            sound,
+            reports,
+            attendance,
         )

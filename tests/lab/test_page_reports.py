@@ -24,7 +24,16 @@ def report(browser: RawBrowser, session: Session, run: int, **charts: tuple[floa
     wait_until(session.server.get_clients, "the browser is a client", 20)
     wait_until(lambda: next(iter(session.server.get_clients().values())).gui._gui_input_handle_from_uuid, "its way", 20)
     text = json.dumps(
-        {"run": run, "charts": charts, "dark": False, "width": 1440, "covered": [0, 0], "open": [], "again": 0}
+        {
+            "run": run,
+            "charts": charts,
+            "dark": False,
+            "width": 1440,
+            "covered": [0, 0],
+            "open": [],
+            "hears": False,
+            "again": 0,
+        }
     )
     browser.update(way(session), {"value": text})
 
@@ -121,6 +130,7 @@ def test_a_preset_chosen_again_and_again_begins_few_runs(session: Session) -> No
                 "width": 1440,
                 "covered": [0, 0],
                 "open": [],
+                "hears": False,
                 "again": again,
             }
             browser.update(way(session), {"value": json.dumps(said)})

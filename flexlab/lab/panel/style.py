@@ -60,10 +60,14 @@ div:has(> .fl-begin) + div > button { height: 3.2em !important; padding-inline: 
   border-radius: 2em; box-shadow: 0 0.3em 1.2em rgba(0, 0, 0, 0.35); }
 /* The bar that looks back runs along the lower edge of the picture, its words and its two buttons above it. */
 .fl-scrub, div:has(> .fl-scrub) + div:has(.mantine-Slider-root), div:has(> .fl-scrub) + div + div:has(> button[data-block]),
-div:has(> .fl-scrub) + div + div + div:has(> button[data-block]) { --fl-edge: calc(var(--fl-picture-below, 0px) + 2.3rem);
+div:has(> .fl-scrub) + div + div + div:has(> button[data-block]) { --fl-edge: calc(var(--fl-picture-below, 0px) + 2.5rem);
   position: fixed; z-index: 250; left: var(--fl-picture-middle, 50%); transform: translateX(-50%); bottom: var(--fl-edge);
   margin: 0 !important; padding: 0 !important; }
-div:has(> .fl-scrub) + div:has(.mantine-Slider-root) { width: min(26rem, calc(var(--fl-picture-width, 28rem) - 2rem)); }
+/* What is not the bar itself is the picture's: a click there goes through. */
+div:has(> .fl-scrub) + div:has(.mantine-Slider-root) { width: min(26rem, calc(var(--fl-picture-width, 28rem) - 2rem));
+  pointer-events: none; }
+div:has(> .fl-scrub) + div .mantine-Slider-root { pointer-events: auto; }
+.fl-scrub { pointer-events: none; }
 div:has(> .fl-scrub) + div .mantine-Slider-root { margin: 0; --track-bg: rgb(134 142 150 / 0.55); }
 div:has(> .fl-scrub) + div .mantine-Slider-track::before { background-color: var(--track-bg); }
 div:has(> .fl-scrub) + div div:has(> p > label) { display: block; width: auto !important; }
@@ -75,6 +79,12 @@ div:has(> .fl-scrub) + div + div:has(> button[data-block]) { bottom: calc(var(--
   transform: translateX(calc(-100% - 0.2rem)); }
 div:has(> .fl-scrub) + div + div + div:has(> button[data-block]) { bottom: calc(var(--fl-edge) + 3rem);
   transform: translateX(0.2rem); }
+/* The button that has the beam sound stands in the picture's other lower corner. */
+.fl-hear { position: fixed; z-index: 250; bottom: calc(var(--fl-picture-below, 0px) + 0.5rem); padding: 0.15rem 0.7rem;
+  right: calc(100vw - var(--fl-picture-left, 0px) - var(--fl-picture-width, 100vw) + 0.6rem); border: 0; border-radius: 1rem;
+  font: 13px/1.5 system-ui, sans-serif; color: #e6eaf0; background: rgb(29 35 43 / 0.85); cursor: pointer; }
+.fl-hear[aria-pressed="true"] { background: var(--mantine-color-blue-8); color: #fff; }
+.fl-hear:focus-visible { outline: 2px solid #f2a33a; }
 /* All tabs stand on one line, the open one as wide as it was closed. */
 [role="tab"], [role="tab"] * { font-weight: 500 !important; letter-spacing: -0.2px; }
 [role="tablist"] { flex-wrap: nowrap !important; }
@@ -83,7 +93,7 @@ div:has(> .fl-scrub) + div + div + div:has(> button[data-block]) { bottom: calc(
 @media (max-width: 1199px) { [role="tab"] { padding-inline: 0.15em !important; font-size: 0.82em !important; } }
 /* In one column the sheet is as wide as the screen and leaves most of it to the picture. */
 @media (max-width: 60em) {
-  div[style*="position: fixed"][style*="width: 20em"] { width: 100% !important; max-height: 38% !important; }
+  div[style*="position: fixed"][style*="width: 20em"] { width: 100% !important; max-height: 37% !important; }
   div[style*="position: fixed"][style*="width: 20em"] div[style="width: 20em;"] { width: 100% !important; }
   /* Plots and guide are opened at its head: below all the sliders nobody would find them. */
   div:has(> div > .mantine-Tabs-root > [role="button"][aria-expanded]) { display: flex; flex-direction: column; }

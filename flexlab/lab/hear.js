@@ -1,0 +1,57 @@
+// The beam's ring as sound, off until somebody asks for it: a sine for each tone that the lab tells (`ring_sound.py`).
+(() => {
+  const LOOK = 33, STALE = 700; // ms between two looks; after which tones that did not come again fall silent
+  const GLIDE = 0.03; // s in which pitch and loudness follow
+  const VOLUME = 0.3; // of all tones together, so that several at their loudest do not clip
+  const button = Object.assign(document.createElement("button"), { className: "fl-hear", type: "button", textContent: "Hear it" });
+  button.setAttribute("aria-pressed", "false");
+  button.title = "The beam's vibration as sound";
+  let context = null, master = null, voices = [], on = false, count = "", changed = 0;
+
+  function voice() {
+    const tone = context.createOscillator(), loudness = context.createGain();
+    loudness.gain.value = 0;
+    tone.connect(loudness).connect(master);
+    tone.start();
+    return { tone, loudness };
+  }
+
+  function sound(tones) {
+    while (voices.length < tones.length) voices.push(voice());
+    voices.forEach(({ tone, loudness }, index) => {
+      const [pitch, loud] = tones[index] ?? [0, 0];
+      if (pitch) tone.frequency.setTargetAtTime(pitch, context.currentTime, GLIDE);
+      loudness.gain.setTargetAtTime(loud, context.currentTime, GLIDE);
+    });
+  }
+
+  function look() {
+    if (!on) return;
+    const told = document.querySelector(".fl-tones")?.dataset;
+    const now = performance.now();
+    if (told && told.count !== count) {
+      [count, changed] = [told.count, now];
+      const { factor, tones } = JSON.parse(told.tones);
+      sound(tones);
+      button.textContent = `Sound: pitch × ${factor}`;
+    } else if (now - changed > STALE) sound([]);
+  }
+
+  async function toggle() {
+    on = !on;
+    button.setAttribute("aria-pressed", String(on)); // page.js tells the lab
+    button.textContent = on ? "Sound" : "Hear it";
+    if (!on) return void await context?.suspend();
+    if (!context) {
+      context = new AudioContext(); // A browser lets nothing sound before a click.
+      master = context.createGain();
+      master.gain.value = VOLUME;
+      master.connect(context.destination);
+    }
+    await context.resume();
+  }
+
+  button.addEventListener("click", toggle);
+  addEventListener("DOMContentLoaded", () => document.body.append(button));
+  setInterval(look, LOOK);
+})();

@@ -1,0 +1,109 @@
+"""The beam's ring as tones for a browser that asked to hear it: each mode's frequency, shifted, and how loud it is.
+
+All frequencies are shifted by one factor, so that their ratios are the beam's own; `hear.js` makes the sound.
+"""
+
+import json
+import math
+
+import numpy as np
+import viser
+
+from flexlab.lab.look_back import LookBack
+from flexlab.lab.mode_computation import peak_deflection
+from flexlab.numerics.linear_algebra import product
+from flexlab.scenario import Payload
+from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.build import build_beam
+from flexlab.sim.samples import Samples
+from flexlab.sim.snapshot import TICK, Snapshot
+
+FACTOR, STEP = 16.0, 4.0
+"""The paper's beam rings at 45 Hz, which is heard at 714 Hz. Beams that would not be heard so get another factor."""
+LOWEST, HIGHEST = 50.0, 2500.0
+"""Hz, between which the first mode is heard."""
+TOP = 12_000.0
+"""Hz: higher modes are left out, as few people or loudspeakers have them."""
+SILENT, LOUDEST = 1e-6, 1e-2
+"""m: amplitudes at the mode's widest place that are not heard, and that are as loud as can be."""
+SHORTEST, LONGEST = 0.005, 0.3
+"""s of the run of which the loudest counts: a period of the first mode, within these."""
+MOST_TONES = 8
+
+
+def heard_factor(first_frequency: float) -> float:
+    """By what frequencies are shifted, 1, so that a first mode of so many Hz is heard."""
+    factor = FACTOR
+    while factor * first_frequency < LOWEST:
+        factor *= STEP
+    while factor * first_frequency > HIGHEST:
+        factor /= STEP
+    return factor
+
+
+def loudness(amplitude: float) -> float:
+    """Of a mode's amplitude, m: 0 to 1. Its root, so that a ring is heard from 10 mm down to µm."""
+    return math.sqrt(min(amplitude, LOUDEST) / LOUDEST) if amplitude > SILENT else 0.0
+
+
+class Tones:
+    """What is heard of one beam."""
+
+    def __init__(self, payload: Payload):
+        self.payload = payload
+        with one_blas_thread():
+            beam = build_beam(payload)
+        order = np.argsort(beam.modes.omega)
+        omega = np.asarray(beam.modes.omega)[order]
+        self.factor = heard_factor(float(omega[0]) / (2 * np.pi))
+        kept = order[: min(int(np.searchsorted(omega, 2 * np.pi * TOP / self.factor)), MOST_TONES)]
+        self.omega = np.asarray(beam.modes.omega)[kept]
+        shapes = beam.modes.V[:, kept]
+        self._to_modes = product(beam.matrices.M_q, shapes)
+        self._widest = np.array([peak_deflection(payload, shape) for shape in shapes.T])
+        self._window = min(max(2 * np.pi / float(omega[0]), SHORTEST), LONGEST)
+
+    @property
+    def window(self) -> float:
+        """s of the run that are looked at."""
+        return self._window
+
+    def amplitudes(self, recent: Samples) -> np.ndarray:
+        """Of each mode's vibration at its widest place, m, (modes,).
+
+        From how much the modal velocity changes from sample to sample: the slow bending, which does not ring, has next to no
+        part in that.
+        """
+        if len(recent) < 2 or recent.beam_rates.shape[1] != len(self._to_modes):
+            return np.zeros(len(self.omega))
+        rates = product(recent.beam_rates, self._to_modes)
+        change = 2 * np.abs(np.sin(0.5 * self.omega * TICK))
+        seen = change > 0.1  # Near a multiple of the sample rate each sample finds a mode where the last one did.
+        largest = np.where(
+            seen, np.abs(np.diff(rates, axis=0)).max(axis=0) / np.where(seen, change, 1.0), np.abs(rates).max(axis=0)
+        )
+        return largest / self.omega * self._widest
+
+
+class RingSound:
+    """Tells the page its tones. `update` is to be called for each picture while somebody wants to hear."""
+
+    def __init__(self, gui: viser.GuiApi, look_back: LookBack):
+        self._mark, self._look_back = gui.add_html(""), look_back
+        self._tones: Tones | None = None
+        self._count = 0
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Bring the tones up to date: silent while time stands."""
+        payload = snapshot.scenario.payload
+        if self._tones is None or self._tones.payload != payload:
+            self._tones = Tones(payload)
+        tones, runs = self._tones, snapshot.playing and not snapshot.waiting
+        found = tones.amplitudes(self._look_back.recent(tones.window)) if runs else np.zeros(len(tones.omega))
+        heard = [
+            [round(tones.factor * omega / (2 * math.pi), 2), round(loudness(amplitude), 4)]
+            for omega, amplitude in zip(tones.omega.tolist(), found.tolist(), strict=True)
+        ]
+        self._count += 1
+        told = json.dumps({"factor": tones.factor, "tones": heard}, separators=(",", ":")).replace('"', "&quot;")
+        self._mark.content = f'<i hidden class="fl-tones" data-count="{self._count}" data-tones="{told}"></i>'

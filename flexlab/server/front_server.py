@@ -22,6 +22,7 @@ from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sente
 from flexlab.server.base_url import put_before, take_off
 from flexlab.server.connections import Connections, watch_patience
 from flexlab.server.labs.hub_labs import tell_class
+from flexlab.server.labs.kept_rules import kept_rules
 from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import RecordedLab
@@ -260,6 +261,8 @@ class FrontServer:
                 assert runner.server is not None
                 if self.settings.base_url:
                     runner.server.request_factory = take_off(self.settings.base_url, runner.server.request_factory)
+                if self.settings.teacher_token is not None:  # One that was given, so that a class goes on by it.
+                    await self.places.rule(await asyncio.to_thread(kept_rules, self.settings.logs))
                 connections = Connections(self._plug, runner.server)
                 self._opened.set()
                 await self._closing.wait()

@@ -73,6 +73,7 @@ def test_a_bad_lesson_says_line_and_reason(tmp_path: Path, old: str, new: str, s
     assert own.lesson is None
     assert own.problem.startswith("mine.md is not a lesson: line ")
     assert said in own.problem
+    assert guide_panel.lesson_mistakes(tmp_path) == [own.problem]
 
 
 @pytest.mark.parametrize(

@@ -218,3 +218,21 @@ def test_runs_are_tagged_exported_and_deleted_in_bulk(server: FrontServer, ben: 
     assert [(server.settings.logs / f"{run}.rrd").exists() for _, run in mine] == [False, True]
     for fields in ((), (("run", "none"),)):
         assert ben.post("/runs/delete", *fields).status == 400
+
+
+@pytest.mark.parametrize("private", [True, False])
+def test_what_the_teacher_asked_holds_after_a_restart(tmp_path: Path, private: bool):
+    settings = Settings(tmp_path, port=0, token=TOKEN, teacher_token=TEACHER, private=private, shadows=False)
+    lesson = "Lesson 1: Why does it ring?"
+    with open_front_server(settings, load_preset("paper"), "paper") as server:
+        asked = [("lesson", lesson), ("step", "2"), ("lock", "on"), ("hide", "on")]
+        assert Person(server, TEACHER).post("/teacher/rules", *asked).status == 303
+    with open_front_server(settings, load_preset("paper"), "paper") as server:
+        rules = json.loads(Person(server, TEACHER).ask("/teacher/labs").text)["rules"]
+        assert rules == {"lesson": lesson, "step": "2", "lock": True, "hide": True}
+        if not private:
+            wait_until(lambda: Person(server, TEACHER).labs()[0]["state"] == "paused", "nobody can play")
+    (tmp_path / ".class.json").write_text('{"rules": {"step": 99, "lesson": 3}}')
+    with open_front_server(settings, load_preset("paper"), "paper") as server:
+        rules = json.loads(Person(server, TEACHER).ask("/teacher/labs").text)["rules"]
+        assert rules == {"lesson": "", "step": "3", "lock": False, "hide": False}

@@ -113,6 +113,11 @@ def _read(file: Path) -> OwnLesson:
         return OwnLesson(file.stem, None, reason)
 
 
+def lesson_mistakes(folder: Path = OWN_LESSONS) -> list[str]:
+    """What is wrong with each lesson of a folder that cannot be read, a sentence with line and reason."""
+    return [own.problem for own in own_lessons(folder) if own.problem]
+
+
 EVERY = 10
 """Panel updates per check (1 Hz): a check reads the whole run."""
 OPEN = "Choose one"

@@ -10,9 +10,10 @@ from aiohttp import hdrs, web
 from flexlab.errors import LabError
 from flexlab.guide import STEPS
 from flexlab.lab.class_rules import ClassRules, step_text
-from flexlab.lab.panel.guide_panel import lesson_menu, own_lessons
+from flexlab.lab.panel.guide_panel import lesson_menu, lesson_mistakes, own_lessons
 from flexlab.presets import load_preset, preset_names
 from flexlab.server.auth import COOKIE_AGE, ask_for_token
+from flexlab.server.labs.kept_rules import keep_rules
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, state_of
 from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.pages.page_context import context_of
@@ -47,6 +48,7 @@ async def teacher(request: web.Request) -> web.Response:
         scripts=("teacher",),
         presets=await asyncio.to_thread(preset_names),
         lessons=await asyncio.to_thread(_lessons),
+        mistakes=await asyncio.to_thread(lesson_mistakes),
         steps=STEPS,
         said=request.query.get("said", "")[:200],
         little=await asyncio.to_thread(little_space, context.settings.logs),
@@ -140,7 +142,14 @@ async def rule(request: web.Request) -> web.StreamResponse:
     if step not in map(str, range(1, len(STEPS) + 1)):
         raise LabError(f"step = {step[:20]!r} is no step of a lesson: choose 1 to {len(STEPS)}.")
     rules = ClassRules(lesson, int(step), "lock" in form, "hide" in form)
-    await context_of(request).places.rule(rules)
+    context = context_of(request)
+    await context.places.rule(rules)
+    try:
+        await asyncio.to_thread(keep_rules, context.settings.logs, rules)
+    except OSError as error:
+        raise LabError(
+            f"The class follows until the server ends; its rules cannot be kept ({error.strerror})."
+        ) from None
     pace = f"All are at {step_text(rules.step)} of {lesson}" if lesson else "Each chooses their lesson"
     return _answer(request, f"{pace}; {'nobody can play' if rules.locked else 'all can play'}.")
 

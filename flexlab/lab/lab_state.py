@@ -74,6 +74,8 @@ class LabState:
         """Of each lesson that was opened."""
         self.rules = ClassRules()
         """What the teacher asks."""
+        self.company: Callable[[], int] = lambda: 0
+        """How many browsers look at this lab."""
         self._view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
         self._lesson_holds_factor = False
         self._fitted_speed = snapshot.target_speed
@@ -298,6 +300,10 @@ class LabState:
             self.set_view(exaggeration=fitting_exaggeration(settings.scenario))
         self._ask(LoadScenario(settings.scenario, settings.name, settings.origin))
         self._let_go_of(settings.origin)
+        if _by_person.get() and self.company() > 1:
+            self.say(
+                f"Somebody in this lab opened {settings.scenario.title or settings.name}. Undo (Ctrl+Z) goes back."
+            )
 
     def _let_go_of(self, origin: Origin | None) -> None:
         """End a pull that was going on at `origin`: its hand is not here, and nobody would see its spring."""

@@ -176,6 +176,25 @@
     history.replaceState(null, "", location.pathname);
   }, true);
 
+  // The lab tells its time each second. Of all that came over this connection the quickest shows how far its clock is from ours,
+  // and so how old the picture is when the line is slow or cut.
+  const BEHIND = 3000, LASTING = 10; // ms of age that are said; looks in a row that must find it
+  const old = Object.assign(document.createElement("p"), { className: "fl-behind", hidden: true });
+  old.setAttribute("role", "status");
+  let connection = "", labTime = NaN, quickest = Infinity, found = 0;
+
+  function watchAge(way) {
+    const told = Number(document.querySelector(".fl-run")?.dataset.at ?? NaN), now = performance.now();
+    if (way !== connection) [connection, labTime, quickest] = [way, NaN, Infinity];
+    if (told !== labTime) [labTime, quickest] = [told, Math.min(quickest, now - 1000 * told)];
+    const age = now - 1000 * labTime - quickest;
+    found = age > BEHIND && !document.hidden ? found + 1 : 0;
+    const text = found > LASTING ? `The picture is ${Math.round(age / 1000)} s old: the line to the lab is slow, or cut.` : "";
+    if (old.textContent !== text) old.textContent = text;
+    old.hidden = !text;
+    if (!old.isConnected) document.body.append(old);
+  }
+
   function look() {
     markPlayScreen();
     const name = document.querySelector(".fl-run")?.dataset.name;
@@ -185,6 +204,7 @@
     measurePicture();
     keepOpenPanels();
     const way = document.querySelector(".fl-reports")?.dataset.way;
+    watchAge(way ?? connection);
     if (!way || !window.__viserMutable?.sendMessage) return;
     const report = JSON.stringify({ run: drawnRun, charts: openCharts(), dark: darkSystem.matches, width: innerWidth,
       covered: covered(), open: lastOpen, again,

@@ -179,4 +179,6 @@ def _own_mark(way: str, said: int, text: str) -> str:
 
 
 def _mark(run_number: int, name: str) -> str:
-    return f'<i hidden class="fl-run" data-run="{run_number}" data-name="{html.escape(name)}"></i>'
+    """What all pages are told; its time, s, shows a page how old its picture is."""
+    told = f'data-run="{run_number}" data-name="{html.escape(name)}" data-at="{int(time.monotonic())}"'
+    return f'<i hidden class="fl-run" {told}></i>'

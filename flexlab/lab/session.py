@@ -196,6 +196,7 @@ class Session:
     def _furnish(self, server: GuardedServer) -> RenderLoop:
         """Fill the server's page."""
         lab_state = self._lab_state = LabState(self.runner, self._origin)
+        lab_state.company = lambda: len(server.get_clients())
         look_back = LookBack(lab_state, self.runner, self._recorded_as)
         touch = Picking(lab_state)
         scene = Scene(server, self._scenario, self._study, touch, self._shadows)

@@ -85,6 +85,11 @@ div:has(> .fl-scrub) + div + div + div:has(> button[data-block]) { bottom: calc(
   font: 13px/1.5 system-ui, sans-serif; color: #e6eaf0; background: rgb(29 35 43 / 0.85); cursor: pointer; }
 .fl-hear[aria-pressed="true"] { background: var(--mantine-color-blue-8); color: #fff; }
 .fl-hear:focus-visible { outline: 2px solid #f2a33a; }
+.fl-behind { position: fixed; z-index: 320; top: 3.2rem; left: var(--fl-picture-middle, 50%); transform: translateX(-50%);
+  width: max-content; max-width: 92vw; box-sizing: border-box; margin: 0; padding: 0.3em 0.8em;
+  border-radius: 4px; font: 14px/1.4 system-ui, sans-serif; color: #1c2430; background: #ffd8a8;
+  pointer-events: none; }
+.fl-behind[hidden] { display: none; }
 /* All tabs stand on one line, the open one as wide as it was closed. */
 [role="tab"], [role="tab"] * { font-weight: 500 !important; letter-spacing: -0.2px; }
 [role="tablist"] { flex-wrap: nowrap !important; }

@@ -154,20 +154,22 @@ class RecordedLab:
         """Begin a run of a scenario, or go on from an earlier run; a lab that runs just this scenario goes on undisturbed."""
         if self._session.lab_state.rules.locked:
             self._session.lab_state.say(LOCKED, "error")
-        else:
-            self._open(choice)
+        elif self._open(choice) and not self._owner and self._session.lab_state.company():
+            title = choice.scenario.title or choice.name
+            self._session.lab_state.say(f"Somebody opened {title} in this lab. Undo (Ctrl+Z) goes back.")
 
-    def _open(self, choice: Choice) -> None:
+    def _open(self, choice: Choice) -> bool:
         snapshot = self._session.runner.snapshot
         shown = snapshot.scenario == choice.scenario and snapshot.name == choice.name and not snapshot.status.failed
         if shown and choice.origin is None:
-            return
+            return False
         self._session.lab_state.load(choice.scenario, choice.name, choice.origin)
         if choice.stands or self._session.lab_state.rules.locked:
             self._session.lab_state.submit(Pause())
         elif not snapshot.playing:
             # One that plays already begins by itself, as soon as its page is drawn; this would not wait for it.
             self._session.lab_state.submit(Play())
+        return True
 
     def _circumstances(self) -> dict[str, Any]:
         """What is noted of whose run it is, and of the lessons that were begun in this lab."""

@@ -1,0 +1,24 @@
+"""Several browsers share a lab: who opens something else in it does not do so behind the others' backs."""
+
+from lab_page import wait_until
+from raw_browser import RawBrowser, widget
+
+from flexlab.lab.session import Session
+
+SAID = "Somebody in this lab opened"
+
+
+def test_others_are_told_who_opens_another_preset_and_one_alone_is_not(session: Session) -> None:
+    lab_state = session.lab_state
+    with RawBrowser(session) as browser:
+        wait_until(lambda: lab_state.company() == 1, "one is there")
+        browser.update(widget(session, "Preset"), {"value": "smooth-start"})
+        wait_until(lambda: session.runner.snapshot.name == "smooth-start", "the preset is taken", 60)
+        assert SAID not in lab_state.notice.text
+        with RawBrowser(session):
+            wait_until(lambda: lab_state.company() == 2, "two are there")
+            browser.update(widget(session, "Preset"), {"value": "paper"})
+            wait_until(lambda: SAID in lab_state.notice.text, "the other is told", 60)
+            assert lab_state.notice.text == f"{SAID} The paper's experiment. Undo (Ctrl+Z) goes back."
+    lab_state.undo()
+    wait_until(lambda: session.runner.snapshot.name == "smooth-start", "what was open before is open again", 60)

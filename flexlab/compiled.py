@@ -7,7 +7,7 @@ digest of all kernel sources: any edit compiles afresh and no stale machine code
 import hashlib
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from pathlib import Path
 from time import perf_counter
 from types import SimpleNamespace
@@ -206,26 +206,27 @@ def kernel_address(kernel: Any, parameters: np.dtype, *arguments: Any, returns: 
     return result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
 
 
-_addresses: dict[int, int] = {}
+_addresses: dict[tuple[int, Hashable], int] = {}
 
 
-def whole_address(kernel: Any, arguments: Callable[[], tuple[Any, ...]], returns: Any = numba.int64) -> int:
+def whole_address(kernel: Any, arguments: Callable[[], tuple[Any, ...]], form: Hashable = None) -> int:
     """The address of a kernel for `call_whole_kernel`, compiled (or loaded) for the types of these arguments.
 
-    They are made once: such a kernel takes arguments of the same types in every world.
+    They are made once: such a kernel takes arguments of the same types in every world of the same `form`.
     """
     if PLAIN_PYTHON:
         _plain[id(kernel)] = kernel, np.dtype([])
         return id(kernel)
-    if id(kernel) not in _addresses:
-        result = kernel.get_compile_result(returns(*(numba.typeof(value) for value in arguments())))
-        _addresses[id(kernel)] = result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
-    return _addresses[id(kernel)]
+    key = id(kernel), form
+    if key not in _addresses:
+        result = kernel.get_compile_result(numba.int64(*(numba.typeof(value) for value in arguments())))
+        _addresses[key] = result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
+    return _addresses[key]
 
 
-def has_address(kernel: Any) -> bool:
-    """Whether `whole_address` has compiled or loaded a kernel."""
-    return PLAIN_PYTHON or id(kernel) in _addresses
+def has_address(kernel: Any, form: Hashable = None) -> bool:
+    """Whether `whole_address` has compiled or loaded a kernel for worlds of a form."""
+    return PLAIN_PYTHON or (id(kernel), form) in _addresses
 
 
 def _call(context: Any, builder: Any, signature: Any, values: Any, result: Any) -> Any:

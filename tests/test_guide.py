@@ -21,6 +21,7 @@ CHAPTERS = [
     "Feedback alone",
     "Vibration control",
     "The force along the beam",
+    "Joints that are not ideal",
     "Reading the plots",
     "Keys and tips",
     "Paths and shapers",

@@ -106,6 +106,8 @@ def _plant(probe: LoopProbe, rest: RestPoint) -> Plant:
     size = POSE_STEP if probe.feels_axial_load else 1.0
     stiffness += [-central(force, unit[k], size) for k in range(3, n)]
     damping = [-central(force, unit[n + k], size) for k in range(n)]
+    if np.isfinite(probe.rate_step):
+        damping[:3] = [-fourth_order(force, unit[n + k], probe.rate_step) for k in range(3)]
     free = probe.forces(rest.motion, idle)
     torques = [probe.forces(rest.motion, torque) - free for torque in np.eye(len(rest.torque))]
     return Plant(mass, np.stack(damping, axis=1), np.stack(stiffness, axis=1), np.stack(torques, axis=1))
@@ -119,6 +121,7 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
     if layer is not None:
         slope = float(np.max(getattr(settings, "sliding_slope", 1.0)))
         size = min(size, LAYER_SHARE * layer / (1 + slope))
+    size = min(size, probe.rate_step)
     torques = len(rest.torque) * _seen_torques(probe, rest)
     parts = np.cumsum([2 * n, count, 9])
 

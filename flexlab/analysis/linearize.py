@@ -251,9 +251,10 @@ def linear_outputs(linear: Linearization, columns: tuple[Column, ...]) -> Output
         samples = world.observe()
         return np.array([getattr(samples, column.signal)[(0, *column.index)] for column in columns])
 
+    step = min(POSE_STEP, probe.rate_step)
     directions, linear_part = np.eye(parts[-1] + 9), range(states, parts[-1])
     slopes = [
-        central(sample, direction, 1.0) if k in linear_part else fourth_order(sample, direction, POSE_STEP)
+        central(sample, direction, 1.0) if k in linear_part else fourth_order(sample, direction, step)
         for k, direction in enumerate(directions)
     ]
     by = np.split(np.stack(slopes, axis=1), parts, axis=1)

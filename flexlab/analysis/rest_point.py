@@ -24,6 +24,10 @@ PROBE_PERIOD = 1e-3
 """Control period, s, of the probed law where the scenario has none: the law's answer at an instant does not depend on it."""
 
 
+STRAIGHT = 1e-3
+"""Part of the speed within which friction turns over, for differences of fourth order."""
+
+
 class Motion(NamedTuple):
     """Where the plant is and how it moves; n_m modes."""
 
@@ -134,6 +138,12 @@ class LoopProbe:
         dy, n = np.zeros_like(self._y), self.mode_count
         self._check(rates_at(self.system, 0.0, self._y, self._workspace, dy, True))
         return np.concatenate([dy[P : P + 3], dy[ETA + n : ETA + 2 * n]])
+
+    @property
+    def rate_step(self) -> float:
+        """Largest difference of the pose's rate, m/s, rad/s, within which friction of the joints is a straight line."""
+        friction = self.scenario.joints.friction
+        return STRAIGHT * friction.smoothing_speed if friction.active else np.inf
 
     @property
     def feels_axial_load(self) -> bool:

@@ -18,6 +18,8 @@ class PayloadModel(Part):
     """Of account for what is made for a model of the beam's bending: the Kalman observer, and laws that use it."""
     axial_load: Literal["none", "first-order"] = quantity("none", title="Believed force along the beam")
     """Whether such a model has the stiffness that the steady force along the beam takes or gives: that of F_d and the weight."""
+    friction_factor: Number = quantity(0.0, title="Believed joint friction / true", unit="1", low=0, high=3)
+    """So much of the joints' friction, at the measured rates, is added to the torques; 0: the controller knows of none."""
 
 
 class SensorNoise(Part):

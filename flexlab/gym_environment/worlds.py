@@ -140,7 +140,7 @@ class WorldBatch:
         self._move = self._move_alone = lambda: [kernel(*part) for part in parts]
         self._end_threads = lambda: None
         if threads > 1 and not PLAIN_PYTHON:
-            standing = StandingThreads(step_worlds, parts)
+            standing = StandingThreads(step_worlds, parts, first.system.plant.joints is None)
             self._move, self._end_threads = standing.run, weakref.finalize(self, standing.close)
 
     @property

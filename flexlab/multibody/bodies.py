@@ -40,6 +40,8 @@ class Joint:
     """N·m/rad."""
     damping: float = 0.0
     """N·m·s/rad."""
+    friction: float = 0.0
+    """Coulomb's, N·m."""
     angle: float = 0.0
     """Where the scenario starts, rad or m."""
     rate: float = 0.0
@@ -146,10 +148,10 @@ def make_bodies(scenario: Scenario) -> Bodies:
             frames.append(Frame("chord_end", grip + payload.length, pi))
         angle = start.joint_angle[0, number]
         rate = _joint_rates(arm, angle, start.pose[0, 2], start.pose_rate[0], side * payload.length / 2)
-        limits = scenario.controller.torque_limit
+        limits, lost = scenario.controller.torque_limit, scenario.joints.friction
         joints = [
             Joint(f"{name}_joint_{k + 1}", angle=float(angle[k]), rate=float(rate[k]), driven=True,
-                  torque_limit=limits[k] if limits else None)
+                  damping=lost.viscous[k], friction=lost.coulomb[k], torque_limit=limits[k] if limits else None)
             for k in range(3)
         ]  # fmt: skip
         inner: tuple[Body, ...] = pieces if number == 0 else ()

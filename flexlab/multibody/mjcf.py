@@ -66,7 +66,11 @@ def _add_body(parent: Any, body: Body) -> None:
     for joint in body.joints:
         about = {"type": "slide", "axis": "1 0 0"} if joint.slides else {"type": "hinge", "axis": "0 0 1"}
         if joint.stiffness:
-            about |= {"stiffness": repr(joint.stiffness), "damping": repr(joint.damping)}
+            about |= {"stiffness": repr(joint.stiffness)}
+        if joint.stiffness or joint.damping:
+            about |= {"damping": repr(joint.damping)}
+        if joint.friction:
+            about |= {"frictionloss": repr(joint.friction)}
         _add(element, "joint", name=joint.name, **about)
     # In the plane only the inertia about z counts: the others suit it.
     inertia = " ".join([repr(body.inertia)] * 3)

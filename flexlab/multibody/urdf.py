@@ -88,8 +88,9 @@ def _connect(root: Any, body: Body, holder: str) -> None:
     torque = NO_LIMIT if joint.torque_limit is None else joint.torque_limit
     effort = repr(torque if joint.driven else 0.0)
     _add(element, "limit", lower=repr(-2 * pi), upper=repr(2 * pi), effort=effort, velocity=repr(NO_LIMIT))
+    if joint.stiffness or joint.damping or joint.friction:
+        _add(element, "dynamics", damping=repr(joint.damping), friction=repr(joint.friction) if joint.friction else "0")
     if joint.stiffness:
-        _add(element, "dynamics", damping=repr(joint.damping), friction="0")
         spring = _add(root, "gazebo", reference=joint.name)
         _add(spring, "springStiffness").text = repr(joint.stiffness)
         _add(spring, "springReference").text = "0"

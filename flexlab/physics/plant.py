@@ -2,8 +2,9 @@
 
 State `y` of n_m modes, in this order: pose x (3), its momentum P = ∂T/∂ẋ (3), work done on the system, energy dissipated,
 work of the axial load, modal coordinates η (n_m), their momenta π = ∂T/∂η̇ (n_m), the algorithmic accelerations of
-generalized-alpha (3 + n_m), the control law's memory (any length), and the law's own signals as it last gave them (any
-number). With e1, e2 the axes of the virtual link, v = (ẋ0, ẏ0), v1 = v·e1, v2 = v·e2, ω = θ̇:
+generalized-alpha (3 + n_m), the joints' states (`joints`, none of ideal ones), the control law's memory (any length), and the
+law's own signals as it last gave them (any number). With e1, e2 the axes of the virtual link, v = (ẋ0, ẏ0), v1 = v·e1,
+v2 = v·e2, ω = θ̇:
 
     π = η̇ + h v2 + g ω            P = S ẋ + A12 π,   S = M̄1 + M̄2 + A11 - A12 A21   (Schur complement, 3 x 3)
     π̇ = -Ω²η - Dη̇ + ω²η - K_G η - h (ω v1 + gravity cos θ)      (K_G: `axial_load`, none of the paper's beam)
@@ -25,10 +26,33 @@ X, P, WORK, DISSIPATED, AXIAL_WORK, ETA = 0, 3, 6, 7, 8, 9
 """First indices of the parts of the state y; π follows η."""
 
 
+class Joints(NamedTuple):
+    """Joints that are not ideal (`joints`)."""
+
+    numbers: np.ndarray
+    """By joint, rows as `joints` names them, (6, 3)."""
+    size: int
+    """Numbers of their states in y."""
+
+
+@inlined
+def joint_states(joints):
+    """How many numbers of y are the joints': none of ideal ones, which the compiler knows."""
+    if joints is None:
+        return 0
+    return joints.size
+
+
+@inlined
+def joints_start(plant):
+    """Index in y of the joints' states."""
+    return ETA + 3 * plant.modal.shape[1] + 3
+
+
 @inlined
 def memory_start(plant):
     """Index in y of the law's memory."""
-    return ETA + 3 * plant.modal.shape[1] + 3
+    return joints_start(plant) + joint_states(plant.joints)
 
 
 H, G, DH, DG, OMEGA2, MID, BEND, PULL, FELT, FOLLOWED_H, FOLLOWED_G, FOLLOWED_DH, FOLLOWED_DG = range(13)
@@ -101,6 +125,13 @@ class Plant(NamedTuple):
     axial: np.ndarray
     """VᵀGV of `axial_load` in the n_f modes that feel it, (4, n_f, n_f): G0, G1, G2 and, which commands change in place, G_F;
     (4, 0, 0): the paper's beam, which does not feel the force along it."""
+    joints: Joints | None
+    """None: ideal ones."""
+
+    @property
+    def joint_size(self) -> int:
+        """Numbers of y that are the joints'."""
+        return 0 if self.joints is None else self.joints.size
 
 
 class Workspace(NamedTuple):
@@ -150,6 +181,12 @@ class Workspace(NamedTuple):
     """w̄ = hᵀq, (1,)."""
     beam_rate: np.ndarray
     """hᵀq̇, gᵀq̇, (2,)."""
+    joint_torque: np.ndarray
+    """τ of joints that are not ideal, as motors turn them, N·m, (arms, 3)."""
+    joint_friction: np.ndarray
+    """Their τ_f, N·m, (arms, 3)."""
+    joint_rate: np.ndarray
+    """Of their states, (joint_size,)."""
     memory_rate: np.ndarray
     """Of the law's memory, as long as that."""
     fault: np.ndarray
@@ -160,9 +197,9 @@ class Workspace(NamedTuple):
     """Set by another thread to make the kernels return early, (1,)."""
 
 
-def state_size(mode_count: int, memory_size: int = 3, signal_count: int = 0) -> int:
+def state_size(mode_count: int, memory_size: int = 3, signal_count: int = 0, joint_size: int = 0) -> int:
     """Length of y."""
-    return ETA + 3 * mode_count + 3 + memory_size + signal_count
+    return ETA + 3 * mode_count + 3 + joint_size + memory_size + signal_count
 
 
 def noted_rates(y: np.ndarray, mode_count: int) -> np.ndarray:
@@ -175,8 +212,10 @@ def forget_rates(y: np.ndarray, mode_count: int) -> None:
     y[ETA + 2 * mode_count : ETA + 3 * mode_count + 3] = np.nan
 
 
-def make_workspace(arm_count: int, mode_count: int, memory_size: int = 3, signal_count: int = 0) -> Workspace:
-    """Scratch memory for `arm_count` arms, `mode_count` modes and a law with so much memory and so many signals."""
+def make_workspace(
+    arm_count: int, mode_count: int, memory_size: int = 3, signal_count: int = 0, joint_size: int = 0
+) -> Workspace:
+    """Scratch memory for `arm_count` arms, `mode_count` modes, a law with so much memory and so many signals, and joints."""
     truth, measured = make_law_input(arm_count), make_law_input(arm_count)
 
     def terms(record: np.ndarray) -> ArmTerms:
@@ -207,8 +246,11 @@ def make_workspace(arm_count: int, mode_count: int, memory_size: int = 3, signal
         desired_time=np.full(1, np.nan),
         w_bar=np.zeros(1),
         beam_rate=np.zeros(2),
+        joint_torque=np.zeros((arm_count, 3)),
+        joint_friction=np.zeros((arm_count, 3)),
+        joint_rate=np.zeros(joint_size),
         memory_rate=np.zeros(memory_size),
         fault=np.zeros(1, np.int64),
-        stage=np.zeros((10, state_size(mode_count, memory_size, signal_count))),
+        stage=np.zeros((10, state_size(mode_count, memory_size, signal_count, joint_size))),
         interrupt=np.zeros(1, np.int64),
     )

@@ -20,6 +20,7 @@ from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe
 from flexlab.scenario.arms import Arm
 from flexlab.scenario.earlier_versions import in_present_terms
 from flexlab.scenario.field_names import field_paths, value_paths
+from flexlab.scenario.joints import Joints
 from flexlab.scenario.kinds import any_law, any_path, law_models, path_models
 from flexlab.scenario.payload import Payload
 from flexlab.scenario.validation_errors import LONGEST, problem, unknown_field
@@ -89,6 +90,7 @@ class Scenario(Part):
     payload: Payload = Payload()
     left_arm: Arm = Arm(base=(-0.5, 0.0), elbow=-1)
     right_arm: Arm | None = Arm(base=(0.5, 0.0), elbow=1)
+    joints: Joints = Joints()
     trajectory: AnyPath = SineTrajectory()
     controller: AnyLaw = AdaptiveSlidingMode()
     initial: Initial = Initial()

@@ -12,6 +12,7 @@ import numpy as np
 from flexlab.control.law import law_of, laws, nothing_derived
 from flexlab.control.path import paths
 from flexlab.numerics.linear_algebra import product
+from flexlab.physics.joints import build_joints
 from flexlab.physics.strain_gauges import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import advance
@@ -118,7 +119,7 @@ def _derive(
     if asked.step < FORCED * step and asked.per_tick > 1:
         bound = "period"
     fitting = [old.levels for old in same_beam if (old.levels.integrator, old.levels.step) == (integrator, dt)]
-    if (at_once and not fitting) or (must_wait and integrator not in _loaded):
+    if (at_once and not fitting) or (must_wait and (integrator, system.plant.joints is None) not in _loaded):
         raise Unprepared(scenario)
     levels = fitting[0] if fitting else StepLevels(integrator, beam, dt)
     watch = levels.watch(scenario.simulation.step is not None, scenario.simulation.accuracy)
@@ -127,9 +128,9 @@ def _derive(
     sampling = _build_sampling(scenario, beam, steps.per_control)
     if system.control.sampled:
         sampling = with_kernel(sampling, system)
-    if integrator not in _loaded:
+    if (integrator, system.plant.joints is None) not in _loaded:
         load_loop(system, sampling, levels.scheme(0), watch, tick_period, steps.per_tick)
-        _loaded.add(integrator)
+        _loaded.add((integrator, system.plant.joints is None))
     amplifies = amplifies_errors(system, rates.poses, sampling.period, sampling.delay)
     return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, steps, asked, bound, amplifies)
 
@@ -167,14 +168,17 @@ def _grows_alike(old: Assembly, scenario: Scenario, asked: Count) -> bool:
     )
 
 
-_loaded: set[str] = set()
-"""Integrators whose loop is in memory."""
+_loaded: set[tuple[str, bool]] = set()
+"""Integrators whose loop is in memory, and whether that is the one for ideal joints."""
 
 
 def knows_kernels(scenario: Scenario) -> bool:
-    """Whether the scenario's law and path, and sampled control if it wants it, have been compiled or loaded."""
+    """Whether the scenario's law and path, kind of joints and, if it wants it, sampled control have been compiled or loaded."""
     parts = law_of(scenario.controller), paths()[scenario.trajectory.kind]
-    return all(part.is_loaded for part in parts) and (scenario.controller.control_period is None or is_loaded())
+    ideal = not scenario.joints.friction.active
+    if not ideal and all(of_ideal for _, of_ideal in _loaded):
+        return False
+    return all(part.is_loaded for part in parts) and (scenario.controller.control_period is None or is_loaded(ideal))
 
 
 def load_loop(
@@ -198,7 +202,8 @@ def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequenc
         if old.beam is beam:
             if old.scenario.controller == scenario.controller and _same_constants(old.scenario, scenario):
                 control = old.system.control
-            plant = old.system.plant._replace(gravity=scenario.gravity)
+            own = build_joints(scenario.joints, scenario.controller.model)
+            plant = old.system.plant._replace(gravity=scenario.gravity, joints=own)
             rates, forms = old.rates if trajectory is not None else None, old.rates.forms
     system = System(
         plant or build_plant(scenario, beam, arms),

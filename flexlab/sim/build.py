@@ -19,6 +19,7 @@ from flexlab.physics.beam import (
     shape_row,
     undamped_modes,
 )
+from flexlab.physics.joints import build_joints
 from flexlab.physics.law_input import MOST_ARMS
 from flexlab.physics.plant import NO_HAND, Plant
 from flexlab.scenario import Payload, Scenario
@@ -103,6 +104,7 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
         length=payload.length,
         buckling_load=buckling_load(payload.length, payload.bending_stiffness, payload.boundary),
         axial=beam.axial.copy(),
+        joints=build_joints(scenario.joints, scenario.controller.model),
     )
 
 

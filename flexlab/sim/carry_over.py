@@ -12,7 +12,7 @@ from flexlab.physics.plant import ETA, noted_rates
 from flexlab.scenario import Scenario
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.assembly import Assembly, build_assembly
-from flexlab.sim.closed_loop import new_workspace, state_length
+from flexlab.sim.closed_loop import joint_slice, new_workspace, state_length
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.disturbance import set_pull_row
 from flexlab.sim.law_memory import adjust_memory, carry_memory, same_law, start_memory
@@ -70,9 +70,11 @@ def _carried_over(motion: Motion, assembly: Assembly) -> Motion:
         assembly.system.plant.pull[:] = old.system.plant.pull
         set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
     kept: tuple[str, ...] = ()
-    if another_beam or another_law:
+    if another_beam or another_law or len(motion.y) != state_length(assembly.system):
         y = np.zeros(state_length(assembly.system))
         y[:ETA] = motion.y[:ETA]
+        if old.system.plant.joint_size == assembly.system.plant.joint_size:
+            y[joint_slice(assembly.system)] = motion.y[joint_slice(old.system)]
         kept = carry_memory(before, old.system, motion.y, scenario, assembly.system, y)
         motion.y, motion.workspace = y, new_workspace(assembly.system)
     motion.workspace.desired_time[0] = np.nan

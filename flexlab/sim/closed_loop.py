@@ -12,7 +12,17 @@ from flexlab.control.motion import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
 from flexlab.physics.axial_load import find_axial_load, has_axial_load
 from flexlab.physics.dynamics import find_velocities, momentum_rates
-from flexlab.physics.plant import G, Plant, Workspace, make_workspace, memory_start, state_size
+from flexlab.physics.joints import compensate_friction, turn_joints
+from flexlab.physics.plant import (
+    G,
+    Plant,
+    Workspace,
+    joint_states,
+    joints_start,
+    make_workspace,
+    memory_start,
+    state_size,
+)
 
 
 class System(NamedTuple):
@@ -28,7 +38,9 @@ class System(NamedTuple):
 def new_workspace(system: System) -> Workspace:
     """Scratch memory for the kernels of a system."""
     plant, control = system.plant, system.control
-    return make_workspace(len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count)
+    return make_workspace(
+        len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count, plant.joint_size
+    )
 
 
 _scratch = threading.local()
@@ -36,8 +48,8 @@ _scratch = threading.local()
 
 def scratch_workspace(system: System) -> Workspace:
     """A workspace of this thread's own for a call that ends before the next one is asked for: making one takes 50 µs."""
-    control = system.control
-    sizes = (len(system.plant.arms), system.plant.modal.shape[1], control.memory_size, control.signal_count)
+    plant, control = system.plant, system.control
+    sizes = (len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count, plant.joint_size)
     if getattr(_scratch, "sizes", None) != sizes:
         _scratch.workspace, _scratch.sizes = new_workspace(system), sizes
     _scratch.workspace.desired_time[0] = np.nan
@@ -46,13 +58,20 @@ def scratch_workspace(system: System) -> Workspace:
 
 def state_length(system: System) -> int:
     """Length of the state y of a system."""
-    return state_size(system.plant.modal.shape[1], system.control.memory_size, system.control.signal_count)
+    plant, control = system.plant, system.control
+    return state_size(plant.modal.shape[1], control.memory_size, control.signal_count, plant.joint_size)
 
 
 def memory_slice(system: System) -> slice:
     """Where in y the law's memory stands."""
-    start = state_size(system.plant.modal.shape[1], 0)
+    start = state_size(system.plant.modal.shape[1], 0, 0, system.plant.joint_size)
     return slice(start, start + system.control.memory_size)
+
+
+def joint_slice(system: System) -> slice:
+    """Where in y the joints' states stand."""
+    start = state_size(system.plant.modal.shape[1], 0)
+    return slice(start, start + system.plant.joint_size)
 
 
 @inlined
@@ -75,7 +94,14 @@ def limit_torques(limit, tau):
 
 @inlined
 def find_inputs(system, t, y, ws):
-    """Fill C̄_i, the desired motion, u and the memory's rates after `find_velocities`."""
+    """Fill C̄_i, the desired motion, u and the memory's rates after `find_velocities`; of joints that are not ideal theirs."""
+    find_asked_inputs(system, t, y, ws)
+    turn_joints(system.plant.joints, system.plant.arms, ws)
+
+
+@inlined
+def find_asked_inputs(system, t, y, ws):
+    """As `find_inputs`, of what motors are asked for."""
     plant, control = system.plant, system.control
     c, s, v = ws.arm.trig[0], ws.arm.trig[1], ws.velocity
     for i in range(len(plant.arms)):
@@ -105,6 +131,7 @@ def find_inputs(system, t, y, ws):
     )
     if system.trajectory.bending != 0:
         feed_forward_bending(system.trajectory.bending, control.payload, ws.truth[0])
+    compensate_friction(plant.joints, plant.arms, ws.arm, v[0], v[1], v[2], ws.u, ws.tau)
     if control.limited:
         for i in range(len(plant.arms)):
             joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], ws.tau)
@@ -136,7 +163,9 @@ def rates(system, t, y, ws, dy, whole):
     if has_axial_load(system.plant):
         find_axial_load(system.plant, y, ws)
     momentum_rates(system.plant, y, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, dy, whole)
-    start = memory_start(system.plant)
+    joints, start = joints_start(system.plant), memory_start(system.plant)
+    for a in range(joint_states(system.plant.joints)):
+        dy[joints + a] = ws.joint_rate[a]
     for a in range(system.control.memory_size):
         dy[start + a] = ws.memory_rate[a]
     return code

@@ -52,6 +52,7 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str) -> str:
         "creep": f"the modes of this beam, strongly damped and heavy for these arms, need steps of {1e6 * step:.3g} µs",
         "growth": f"modes that next to nothing damps need steps of {1e6 * step:.3g} µs, for their errors not to grow",
         "accuracy": f"what the start or the path's kinks excite needs steps of {1e6 * step:.3g} µs with {integrator}",
+        "joints": f"the joints' friction needs steps of {1e6 * step:.3g} µs",
         "law": f"the controller needs steps of {1e6 * step:.3g} µs with {integrator}",
         "period": f"sample and control period leave steps of {1e6 * step:.3g} µs",
     }
@@ -61,6 +62,7 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str) -> str:
         "creep": ["less damping", "a softer or lighter beam"],
         "growth": ["some damping (payload.damping)", "a softer beam"],
         "accuracy": ["a smooth start", "more damping", "a softer beam"],
+        "joints": ["a higher joints.friction.smoothing_speed", "a coarser simulation.accuracy"],
         "law": ["lower gains", "a coarser simulation.accuracy"],
         "period": ["a control period that is a multiple of the sample period"],
     }[bound]

@@ -16,6 +16,7 @@ from flexlab.control.motion import desired_motion
 from flexlab.numerics.elementary import cos, log
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
+from flexlab.physics.joints import compensate_friction
 from flexlab.physics.plant import ETA
 from flexlab.sim.closed_loop import System, find_state, law_places, limit_torques, new_workspace, state_length
 
@@ -54,7 +55,7 @@ def with_kernel(sampling: Sampling, system: System) -> Sampling:
     def arguments():
         return system, sampling, 0, 0.0, np.zeros(state_length(system)), new_workspace(system)
 
-    return sampling._replace(kernel=whole_address(control_instant, arguments))
+    return sampling._replace(kernel=whole_address(control_instant, arguments, system.plant.joints is None))
 
 
 @inlined
@@ -153,6 +154,7 @@ def answer(system, sampling, t, y, ws):
     control_law(control, plant.gravity, x, v, now.beam_rate, ws.desired, now, memory, ws.memory_rate, y[end:])
     if system.trajectory.bending != 0:
         feed_forward_bending(system.trajectory.bending, control.payload, now)
+    compensate_friction(plant.joints, plant.arms, ws.seen, v[0], v[1], v[2], now.u, ws.tau)
     for a in range(control.memory_size):
         memory[a] += sampling.period * ws.memory_rate[a]
     for i in range(len(plant.arms)):
@@ -194,9 +196,9 @@ def answer_sensors(system, sampling, instant, t, sensors, y, ws):
     return answer(system, sampling, t, y, ws)
 
 
-def is_loaded() -> bool:
+def is_loaded(ideal_joints: bool) -> bool:
     """Whether `with_kernel` need not compile or load."""
-    return has_address(control_instant)
+    return has_address(control_instant, ideal_joints)
 
 
 @inlined

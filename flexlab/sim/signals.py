@@ -16,12 +16,13 @@ import numpy as np
 from flexlab.compiled import disjoint, inlined
 from flexlab.control.law import law_of, laws
 from flexlab.control.sliding_surface import sliding_variable
-from flexlab.physics.arm import joint_angles, joint_torques
+from flexlab.physics.arm import joint_angles
 from flexlab.physics.axial_load import SPIN, axial_load_at, axial_terms, first_stiffness, largest_compression
 from flexlab.physics.dynamics import acceleration
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
 from flexlab.physics.internal_force import grip_force
-from flexlab.physics.plant import AXIAL_WORK, DISSIPATED, ETA, MID, WORK, memory_start
+from flexlab.physics.joints import LOSS, motor_torques
+from flexlab.physics.plant import AXIAL_WORK, DISSIPATED, ETA, MID, WORK, joints_start, memory_start
 from flexlab.physics.quasi_static import quasi_static_deflection
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Axis, Signal, numbered
@@ -143,14 +144,36 @@ DERIVED: Mapping[str, Signal] = {name: part.signal for name, part in vars(Signal
 """What follows from those."""
 
 
+FRICTION = tuple(
+    Signal(
+        f"{side}_joint_friction",
+        "τ_f",
+        ("N·m",),
+        f"friction in the {side} arm's joints; τ less this is what u_i is made of",
+        (JOINT,),
+        "B θ̇ + [C + (σ - 1) C/(1 + (θ̇/v_s)²)] θ̇/√(θ̇² + v_0²)",
+    )
+    for side in ARM.labels
+)
+FRICTION_LOSS = Signal("friction_loss", "∫ Στ_f θ̇ dt", ("J",), "energy that friction in the joints took")
+JOINT_SIGNALS = (*FRICTION, FRICTION_LOSS)
+"""Of joints that are not ideal, behind the law's own in rows."""
+
+
+def joint_signals(scenario: Scenario) -> tuple[Signal, ...]:
+    """The signals that a scenario's joints add to the table's: none of ideal ones."""
+    return (*FRICTION[: len(scenario.arms)], FRICTION_LOSS) if scenario.joints.friction.active else ()
+
+
 def own_signals(scenario: Scenario) -> tuple[Signal, ...]:
-    """The signals that the law of a scenario adds to the table's."""
-    return law_of(scenario.controller).signals
+    """The signals that the law and the joints of a scenario add to the table's."""
+    return (*law_of(scenario.controller).signals, *joint_signals(scenario))
 
 
 def known_signals() -> Mapping[str, Signal]:
-    """Every signal that any law or the table has, by name."""
-    return {**TABLE, **{signal.name: signal for law in laws().values() for signal in law.signals}}
+    """Every signal that any law, joints or the table have, by name."""
+    of_laws = {signal.name: signal for law in laws().values() for signal in law.signals}
+    return {**TABLE, **of_laws, **{signal.name: signal for signal in JOINT_SIGNALS}}
 
 
 def _offsets(signals: list[Signal]) -> dict[str, int]:
@@ -219,22 +242,37 @@ def write_sample(system, t, y, beam_rate, ws, row):
     row[INPUT_WORK], row[DISSIPATION], row[WORK_ALONG] = y[WORK], y[DISSIPATED], y[AXIAL_WORK]
     _write_beam(plant, y, beam_rate, row)
     own, first = memory_start(plant) + system.control.memory_size, len(row) - system.control.signal_count
+    first -= _write_joints(plant.joints, y[joints_start(plant) :], ws, row)
     for k in range(system.control.signal_count):
         row[first + k] = y[own + k]
+
+
+@inlined
+def _write_joints(joints, states, ws, row):
+    """Write friction and its loss last, and add that to the work that reached the links; returns the columns taken."""
+    if joints is None:
+        return 0
+    count = ws.joint_friction.size
+    first = len(row) - count - 1
+    for k in range(count):
+        row[first + k] = ws.joint_friction[k // 3, k % 3]
+    row[first + count] = states[LOSS]
+    row[INPUT_WORK] += states[LOSS]
+    return count + 1
 
 
 @inlined
 def _write_arms(system, y, x_ddot, along, ws, row):
     """Write angles, torques, inputs and forces of the arms, and the axial load; `along`: F₁, N."""
     plant, moving, saturated = system.plant, row[MOVING : MOVING + 3], 0.0
-    c, s, limit = ws.arm.trig[0], ws.arm.trig[1], system.control.torque_limit
+    limit = system.control.torque_limit
     for a in range(3):
         moving[a] = 0.0
     for i in range(len(plant.arms)):
         arm = row[ARMS + PER_ARM * i : ARMS + PER_ARM * (i + 1)]
         tau, force = arm[TORQUE : TORQUE + 3], arm[INTERNAL : INTERNAL + 3]
         joint_angles(y[2], plant.arms[i], ws.arm.direction[i], arm[ANGLE : ANGLE + 3])
-        joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], tau)
+        motor_torques(plant.joints, plant.arms[i], i, ws, tau)
         grip_force(ws.arm, i, ws.u, ws.hand, x_ddot, ws.velocity, force)
         for a in range(3):
             arm[INPUT + a] = ws.u[i, a]

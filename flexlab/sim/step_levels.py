@@ -11,7 +11,7 @@ from typing import NamedTuple
 from flexlab.compiled import inlined
 from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.numerics.matrix_functions import Functions
-from flexlab.physics.arm import joint_torques
+from flexlab.physics.joints import motor_torques
 from flexlab.physics.plant import ETA
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import law_places
@@ -55,7 +55,7 @@ def near_limit(system, ws):
     """Whether a joint torque is at its limit or near it, after `find_state`."""
     plant, found = system.plant, False
     for i in range(len(plant.arms)):
-        joint_torques(plant.arms[i], ws.arm.trig[0], ws.arm.trig[1], ws.arm.direction[i], ws.u[i], ws.tau)
+        motor_torques(plant.joints, plant.arms[i], i, ws, ws.tau)
         for joint in range(3):
             if abs(ws.tau[joint]) > NEAR_LIMIT * system.control.torque_limit[joint]:
                 found = True

@@ -13,6 +13,7 @@ from flexlab.control.rates import largest_form_ratio
 from flexlab.numerics.elementary import each, exponentials, sin
 from flexlab.numerics.linear_algebra import product, spectral_radius
 from flexlab.physics.dynamics import configure_arms, rigid_inertia
+from flexlab.physics.joints import friction_form
 from flexlab.physics.plant import G
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import System, scratch_workspace
@@ -75,6 +76,25 @@ def control_rate(system: System, desired: np.ndarray) -> float:
     """
     memory = np.zeros(system.control.memory_size)
     return fastest_rate_at(system.plant, system.control, desired, memory, scratch_workspace(system))
+
+
+def joint_rate(system: System, desired: np.ndarray) -> float:
+    """Fastest rate at which friction brings joints at desired poses (k, 3) to rest, 1/s; 0 of ideal ones."""
+    if system.plant.joints is None:
+        return 0.0
+    return fastest_joint_rate_at(system.plant, desired, scratch_workspace(system))
+
+
+@compiled
+def fastest_joint_rate_at(plant, desired, ws):
+    """The largest eigenvalue of S⁻¹Σ𝒥ᵀB'𝒥, 1/s, B' the steepest slopes of friction, at poses (k, 3) that the arms can take."""
+    fastest, scratch = 0.0, ws.truth[0].scratch
+    for k in range(len(desired)):
+        if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
+            rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
+            friction_form(plant.joints, ws.arm, scratch)
+            fastest = max(fastest, largest_form_ratio(ws.S, scratch[0:3], scratch[3:6]))
+    return fastest
 
 
 def amplifies_errors(system: System, desired: np.ndarray, period: float, delay: int) -> bool:

@@ -122,8 +122,7 @@ def _tried(assembly: Assembly, tick_period: float, tick: int, times: int) -> Tri
     finer_ticks = watch.disturbed * DISTURBED_TICKS
     if tick > 0 and finer_ticks > 0:
         motion.y[disturbed], finer_ticks = finer_ticks, 0  # A kink has no shorter steps.
-    coordinates, signals = assembly.beam.modes.V.shape[0], assembly.system.control.signal_count
-    width = row_layout.row_length(len(assembly.scenario.arms), coordinates) + signals
+    width = motion.row_length
     fast = assembly.scenario.trajectory.fastest_period < FAST_PERIOD
     rows = np.zeros((finer_ticks + (TRIED_FAST if fast else TRIED), width))
     ticks, code = move_on(motion, rows)

@@ -37,6 +37,7 @@ pytestmark = pytest.mark.skipif(
 TICK = 0.001
 BANG_BANG = {"trajectory": {"kind": "bang-bang", "duration": 0.1513}}
 """A path whose acceleration jumps within ticks."""
+FRICTION = {"joints.friction.viscous": (5.0, 5.0, 2.0), "joints.friction.coulomb": (8.0, 6.0, 2.0)}
 Export = Callable[..., Path]
 
 
@@ -126,6 +127,7 @@ def test_fmpy_finds_nothing_wrong(export: Export, part: str, version: int):
         ("paper", {"simulation.integrator": "rk4", "payload.element_count": 2}, 3, 4),
         ("paper", {"simulation.integrator": "generalized-alpha"}, 3, 4),
         ("paper", BANG_BANG, 3, 1),
+        ("paper", FRICTION, 3, 1),
     ],
 )
 def test_the_loop_gives_the_engines_bits(
@@ -165,6 +167,7 @@ def test_the_plant_with_the_engines_torques_moves_as_the_engine_does(export: Exp
     ("preset", "changes"),
     [
         ("paper", {}),
+        ("paper", FRICTION),
         ("gravity", {"controller.control_period": TICK, "controller.input_delay": 2}),
         ("composite", {"controller.control_period": TICK, "controller.observer.kind": "kalman"}),
         (

@@ -1,6 +1,7 @@
 """Exported bodies in readers that nobody here wrote: Pinocchio reads URDF, MuJoCo both; arms are exact, beams nearly."""
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -149,3 +150,18 @@ def test_a_link_without_mass_is_refused_by_name():
         StudyError, match=r"^right link 2 has the mass 0 kg and the inertia 0\.1 kg·m²: MuJoCo wants both"
     ):
         mjcf_text(make_bodies(scenario), "test")
+
+
+def test_friction_of_the_joints_goes_along(tmp_path: Path):
+    viscous, coulomb = (5.0, 4.0, 2.0), (8.0, 6.0, 3.0)
+    friction = {"joints.friction.viscous": viscous, "joints.friction.coulomb": coulomb}
+    scenario = load_preset("paper").replace(friction)
+    robot = ElementTree.parse(write_bodies(scenario, tmp_path / "arms.urdf")).getroot()
+    model, _ = loaded(scenario)
+    for name in ("left", "right"):
+        for k in range(3):
+            dof = model.joint(f"{name}_joint_{k + 1}").dofadr[0]
+            assert (model.dof_damping[dof], model.dof_frictionloss[dof]) == (viscous[k], coulomb[k])
+            told = robot.find(f"joint[@name='{name}_joint_{k + 1}']/dynamics")
+            assert told is not None
+            assert (float(told.attrib["damping"]), float(told.attrib["friction"])) == (viscous[k], coulomb[k])

@@ -25,7 +25,7 @@ def test_the_simulation_thread_never_compiles(changes: dict, monkeypatch: pytest
     expected.apply(ChangeScenario(changes))
     world = World(load_preset("paper"))
     vars(laws()["computed-torque"]).pop("addresses", None)
-    monkeypatch.setattr(assembly, "_loaded", {"etdrk4"})
+    monkeypatch.setattr(assembly, "_loaded", {("etdrk4", True)})
     with pytest.raises(Unprepared) as need:
         world.apply(ChangeScenario(changes), at_once=True)
     prepared = build_assembly(need.value.scenario, world.tick_period, [world.assembly])

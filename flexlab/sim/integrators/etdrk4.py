@@ -21,7 +21,7 @@ from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.matrix_functions import Functions, doubled, phi_functions
 from flexlab.physics.axial_load import END, NOW, START, has_axial_load
 from flexlab.physics.dynamics import beam_is_held
-from flexlab.physics.plant import ETA, memory_start
+from flexlab.physics.plant import ETA, joints_start, memory_start
 from flexlab.sim.integrators.beam_flow import MIDDLE, begin_flow, flow_rows, note_grips
 from flexlab.sim.integrators.forcing import (
     add_forced,
@@ -250,7 +250,7 @@ def etdrk4_stage(system, etdrk4, stage, dt, y, ws):
             ws.axial_force[END, k] = ws.axial_force[NOW, k]
     rates, memory = ws.stage, memory_start(system.plant)
     for part in range(2):
-        low, high = (0, ETA) if part == 0 else (memory, memory + system.control.memory_size)
+        low, high = (0, ETA) if part == 0 else (joints_start(system.plant), memory + system.control.memory_size)
         N1, N2, N3, N4 = rates[0, low:high], rates[1, low:high], rates[2, low:high], rates[3, low:high]
         classical_stage(stage, dt, N1, N2, N3, N4, rates[STATE, low:high], y[low:high])
     next_stage(system.plant, etdrk4, stage, y, ws)

@@ -11,7 +11,7 @@ import numpy as np
 from flexlab.compiled import inlined
 from flexlab.numerics.linear_algebra import inverse as inverse_of
 from flexlab.physics.dynamics import acceleration, block_product, set_momenta, solve_symmetric
-from flexlab.physics.plant import ETA, WORK, G, H, X, memory_start
+from flexlab.physics.plant import ETA, WORK, G, H, X, joints_start, memory_start
 from flexlab.sim.integrators.scheme import STATE
 
 RHO = 0.8
@@ -109,7 +109,7 @@ def generalized_alpha_stage(system, constants, stage, dt, y, ws):
     plant, n = system.plant, system.plant.modal.shape[1]
     first_rate, late_rate, velocity, middle, new = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3], ws.stage[4]
     z, x_ddot = ws.stage[STATE], ws.stage[6, 0:3]
-    memory, memory_end = memory_start(plant), memory_start(plant) + system.control.memory_size
+    memory, memory_end = joints_start(plant), memory_start(plant) + system.control.memory_size
     old = y[ETA + 2 * n : memory]
     acceleration(plant, y if stage == 0 else z, ws.eta_dot, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
     if stage == 0:

@@ -1,0 +1,124 @@
+"""What stands between a motor and its link: friction in the joints.
+
+The friction torque of a joint that turns with θ̇ is viscous, and Coulomb's with Stribeck's fall from its static value, in the
+smooth form of Hess & Soom (J. Tribology 112 (1990) 147-152):
+
+    τ_f(θ̇) = B θ̇ + [C + (σ - 1) C/(1 + (θ̇/v_s)²)] θ̇/√(θ̇² + v_0²)
+
+A joint that sticks creeps by v_0 r/√(1 - r²) under the share r of σC: it never chatters, and the curve has the slope B + σC/v_0
+at rest, which the step resolves. What turns the links is τ - τ_f, so that u_i = 𝒥ᵀ(τ - τ_f), and with it every force and the
+work that reaches the links; Στ_f θ̇ is lost.
+
+Of a plant with ideal joints `Plant.joints` is None, and nothing of this is compiled into its loop.
+"""
+
+import numpy as np
+
+from flexlab.compiled import inlined
+from flexlab.physics.arm import joint_torques, task_input
+from flexlab.physics.plant import Joints
+
+VISCOUS, COULOMB, STATIC, STRIBECK, SMOOTHING, BELIEVED = range(6)
+"""Rows of `Joints.numbers`, by joint: B, N·m·s/rad; C, N·m; (σ - 1)C, N·m; 1/v_s², s²/rad²; v_0², rad²/s²; believed τ_f over
+the true one."""
+ROWS = 6
+
+LOSS = 0
+"""Place of ∫Στ_f θ̇ dt, J, in the joints' part of the state."""
+STATES = 1
+"""Numbers of that part."""
+
+
+@inlined
+def friction_torque(numbers, joint, rate):
+    """τ_f, N·m, of a joint that turns with `rate`, rad/s."""
+    square = rate * rate
+    rising = numbers[STATIC, joint] / (1 + square * numbers[STRIBECK, joint])
+    sliding = (numbers[COULOMB, joint] + rising) * (rate / np.sqrt(square + numbers[SMOOTHING, joint]))
+    return numbers[VISCOUS, joint] * rate + sliding
+
+
+@inlined
+def joint_rate(terms, i, vx, vy, w, joint):
+    """Rate of a relative joint of arm i, rad/s, at the pose rate (vx, vy, w), after `configure_arms`."""
+    J = terms.J[i]
+    first = J[0, 0] * vx + J[0, 1] * vy + J[0, 2] * w
+    second = J[1, 0] * vx + J[1, 1] * vy + J[1, 2] * w
+    return first if joint == 0 else second - first if joint == 1 else w - second
+
+
+@inlined
+def compensate_friction(joints, arms, terms, vx, vy, w, u, tau):
+    """Add to u (arms, 3) what is believed of friction at the pose rate (vx, vy, w). tau (3,): scratch."""
+    if joints is None:
+        return
+    for i in range(len(arms)):
+        joint_torques(arms[i], terms.trig[0], terms.trig[1], terms.direction[i], u[i], tau)
+        for joint in range(3):
+            lost = friction_torque(joints.numbers, joint, joint_rate(terms, i, vx, vy, w, joint))
+            tau[joint] += joints.numbers[BELIEVED, joint] * lost
+        task_input(terms.J[i], tau, u[i])
+
+
+@inlined
+def turn_joints(joints, arms, ws):
+    """Take from ws.u what friction takes, after C̄_i and what motors give are known: fills ws.joint_torque to ws.joint_rate."""
+    if joints is None:
+        return
+    v, tau, loss = ws.velocity, ws.tau, 0.0
+    for i in range(len(arms)):
+        joint_torques(arms[i], ws.arm.trig[0], ws.arm.trig[1], ws.arm.direction[i], ws.u[i], tau)
+        for joint in range(3):
+            rate = joint_rate(ws.arm, i, v[0], v[1], v[2], joint)
+            lost = friction_torque(joints.numbers, joint, rate)
+            ws.joint_torque[i, joint], ws.joint_friction[i, joint] = tau[joint], lost
+            tau[joint] -= lost
+            loss += lost * rate
+        task_input(ws.arm.J[i], tau, ws.u[i])
+    ws.joint_rate[LOSS] = loss
+
+
+@inlined
+def motor_torques(joints, arm, i, ws, tau):
+    """Fill tau (3,) with the torques of arm i's motors, N·m, after `turn_joints`."""
+    if joints is None:
+        joint_torques(arm, ws.arm.trig[0], ws.arm.trig[1], ws.arm.direction[i], ws.u[i], tau)
+    else:
+        for joint in range(3):
+            tau[joint] = ws.joint_torque[i, joint]
+
+
+def build_joints(joints, model) -> Joints | None:
+    """`Plant.joints` of a scenario's joints; `model`: what its controller believes."""
+    friction = joints.friction
+    if not friction.active:
+        return None
+    coulomb, numbers = np.array(friction.coulomb), np.empty((ROWS, 3))
+    numbers[VISCOUS], numbers[COULOMB] = friction.viscous, coulomb
+    numbers[STATIC] = (friction.static_factor - 1) * coulomb
+    numbers[STRIBECK] = 1 / (friction.stribeck_speed * friction.stribeck_speed)
+    numbers[SMOOTHING] = friction.smoothing_speed * friction.smoothing_speed
+    numbers[BELIEVED] = model.friction_factor
+    return Joints(numbers, STATES)
+
+
+@inlined
+def steepest_friction(numbers, joint):
+    """Largest slope of τ_f, that at rest, N·m·s/rad."""
+    static = numbers[COULOMB, joint] + numbers[STATIC, joint]
+    return numbers[VISCOUS, joint] + static / np.sqrt(numbers[SMOOTHING, joint])
+
+
+@inlined
+def friction_form(joints, terms, form):
+    """Fill form (3, 3) with Σ𝒥ᵀB'𝒥, B' the steepest slopes over the arms' relative joints, after `configure_arms`."""
+    for a in range(3):
+        for b in range(3):
+            total = 0.0
+            for i in range(len(terms.J)):
+                J = terms.J[i]
+                a3, b3 = 1.0 if a == 2 else 0.0, 1.0 if b == 2 else 0.0
+                total += steepest_friction(joints.numbers, 0) * J[0, a] * J[0, b]
+                total += steepest_friction(joints.numbers, 1) * (J[1, a] - J[0, a]) * (J[1, b] - J[0, b])
+                total += steepest_friction(joints.numbers, 2) * (a3 - J[1, a]) * (b3 - J[1, b])
+            form[a, b] = total

@@ -1,0 +1,33 @@
+"""The arms' joints where they are more than ideal: what both arms have alike, joint by joint."""
+
+from flexlab.quantities import Number, Part, Triple, quantity
+
+
+class JointFriction(Part):
+    """Friction of the joints, τ_f(θ̇): viscous, Coulomb's, and a static part that falls with speed (`physics.joints`)."""
+
+    viscous: Triple = quantity(
+        (0.0, 0.0, 0.0), title="Viscous friction of the joints", symbol="B_f", unit="N·m·s/rad", low=0, high=1e4
+    )
+    coulomb: Triple = quantity(
+        (0.0, 0.0, 0.0), title="Coulomb friction of the joints", symbol="C_f", unit="N·m", low=0, high=1e4
+    )
+    static_factor: Number = quantity(1.0, title="Static over Coulomb friction", symbol="σ_f", unit="1", low=1, high=10)
+    stribeck_speed: Number = quantity(
+        0.1, title="Speed at which static friction has fallen by half", symbol="v_s", unit="rad/s", low=1e-4, high=100
+    )
+    smoothing_speed: Number = quantity(
+        0.01, title="Speed within which friction turns over", symbol="v_0", unit="rad/s", low=1e-6, high=1
+    )
+    """A joint that sticks creeps by a part of it; the smaller it is, the shorter are the steps."""
+
+    @property
+    def active(self) -> bool:
+        """Whether there is any."""
+        return any(self.viscous) or any(self.coulomb)
+
+
+class Joints(Part):
+    """What stands between motors and links; both arms' joints are alike, base first."""
+
+    friction: JointFriction = JointFriction()

@@ -16,6 +16,7 @@ from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.metric import Column
 from flexlab.analysis.sweep.axes import CHOSEN, Axis, parse_axes
 from flexlab.errors import FlexlabError, StudyError
+from flexlab.number_text import number_text
 from flexlab.plain_text import visible
 from flexlab.registry import Registry
 from flexlab.scenario import Scenario
@@ -110,14 +111,15 @@ class Study(ABC):
     def axis_text(self, axis: Axis) -> str:
         """What an axis covers, in words."""
         title = self.axis_title(axis)
-        if axis.low is None:
+        if axis.low is None or axis.high is None:
             return f"{title}: {', '.join(map(str, axis.values))}"
         count = f", {len(axis.values)} values" if self.is_map else ""
         try:
             unit = self.scenario.about(axis.path).unit_text()
         except FlexlabError:
             unit = ""
-        return f"{title}: {axis.low:g} to {axis.high:g}{unit}{', logarithmic' if axis.logarithmic else ''}{count}"
+        spacing = ", logarithmic" if axis.logarithmic else ""
+        return f"{title}: {number_text(axis.low)} to {number_text(axis.high)}{unit}{spacing}{count}"
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from flexlab.analysis.sweep.figures import metric_column
 from flexlab.analysis.tuning import Candidate, Cost, numbers_of, parse_cost, tune
 from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import StudyError
+from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
 from flexlab.server.study import (
     ELSEWHERE,
@@ -84,11 +85,11 @@ class TuningStudy(Study):
         for path, value in tuned.changes.items():
             about = self.scenario.about(path)
             unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
-            lines.append((f"{about.title}{unit}", f"{self.scenario.get(path):g}", f"{value:.4g}"))
+            lines.append((f"{about.title}{unit}", number_text(self.scenario.get(path)), number_text(value)))
         for name in self.cost.names:
             column = metric_column(name)
-            shown = [f"{numbers[name]:.4g}" if numbers else "fails" for numbers in (tuned.before, tuned.after)]
-            limit = f", at most {self.cost.limits[name]:g}" if name in self.cost.limits else ""
+            shown = [number_text(numbers[name]) if numbers else "fails" for numbers in (tuned.before, tuned.after)]
+            limit = f", at most {number_text(self.cost.limits[name])}" if name in self.cost.limits else ""
             lines.append((f"{column.title} ({column.unit}){limit}", shown[0], shown[1]))
         problem = (
             "" if tuned.holds else "Nothing that was tried keeps within the limits: widen the ranges or the limits."

@@ -8,6 +8,7 @@ own: nothing that a person typed gets into them.
 
 import html
 import re
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -35,8 +36,16 @@ HIGHEST_EXAGGERATION = 1000.0
 """Factor on a drawn deflection."""
 
 
+Mistakes = Iterable[tuple[int, str]]
+"""(line of the file, what is wrong there)."""
+
+
 class LessonError(FlexlabError, ValueError):
-    """A file that is no lesson."""
+    """A file that is no lesson; says all that is wrong with it."""
+
+    def __init__(self, file: Path, mistakes: Mistakes):
+        told = " ".join(f"line {line}: {reason}" for line, reason in sorted(mistakes))
+        super().__init__(f"{file.name} is not a lesson: {told}")
 
 
 class Chapter(NamedTuple):
@@ -141,19 +150,22 @@ def _chapter(file: Path) -> Chapter:
     return Chapter(file.stem.partition("-")[2], title.removeprefix("# "), _complete(text.strip(), file.parent))
 
 
-def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
-    """A lesson from its file. Raises `LessonError`, with line and reason, for a file that is none.
+def read_lesson(
+    file: Path, pictures: Path | None = None, further: Callable[[Lesson], Mistakes] = lambda lesson: ()
+) -> Lesson:
+    """A lesson from its file. Raises `LessonError`, with lines and reasons, for a file that is none.
 
-    `pictures`: where pictures that it names lie; None: it has none, and no HTML either.
+    `pictures`: where pictures that it names lie; None: it has none, and no HTML either. `further`: what else is wrong with a
+    lesson, some of whose fields may be missing.
     """
     text = file.read_text(encoding="utf-8").replace("\r\n", "\n")
     parts = _parts(file, text)
-    head = _head(file, parts["head"])
-    if "check" not in head and not parts["check"]:
-        raise LessonError(f"{file.name} is not a lesson: line {2 + len(head)}: the head has no check.")
-    lines = {name: line for line, name in enumerate(head, 2)}
+    head, lines, mistakes = _head(parts["head"])
     if "check" not in head:
-        lines["check"] = text.split("\n").index(CHECK) + 1
+        if parts["check"]:
+            lines["check"] = text.split("\n").index(CHECK) + 1
+        else:
+            mistakes.append((2 + len(head), "the head has no check."))
     fields = [parts[name].strip() for name in ("question", "steps", "observe")]
     show = without_html if pictures is None else lambda field: _complete(field, pictures)
     question, steps, observe = map(show, fields)
@@ -163,11 +175,17 @@ def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
     if guess and (len(right) != 1 or len(options) < 2):
         line = text.split("\n").index(GUESS) + 2
         reason = "## Guess needs lines - [ ] with what can be guessed, and one line - [x] with what is right."
-        raise LessonError(f"{file.name} is not a lesson: line {line}: {reason}")
-    return Lesson(
+        mistakes.append((line, reason))
+    factor = head.get("exaggeration")
+    exaggeration = float(factor) if re.fullmatch(r"\d+(\.\d+)?", factor or "") else 0.0
+    if factor is not None and not 1 <= exaggeration <= HIGHEST_EXAGGERATION:
+        allowed = f"a number from 1 to {HIGHEST_EXAGGERATION:g}"
+        reason = f"exaggeration = {factor[:40]!r} is no factor for the drawn deflection: write {allowed}."
+        mistakes.append((lines["exaggeration"], reason))
+    lesson = Lesson(
         id=file.stem,
-        title=head["title"],
-        preset=head["preset"],
+        title=head.get("title", ""),
+        preset=head.get("preset", ""),
         check=head.get("check") or parts["check"],
         question=question,
         guess=" ".join(_OPTION.sub("", guess).split()),
@@ -176,9 +194,13 @@ def read_lesson(file: Path, pictures: Path | None = None) -> Lesson:
         steps=steps,
         observe=observe,
         hint=head.get("hint", ""),
-        exaggeration=_exaggeration(file, head),
+        exaggeration=exaggeration or None,
         lines=tuple(lines.items()),
     )
+    mistakes += further(lesson)
+    if mistakes:
+        raise LessonError(file, mistakes)
+    return lesson
 
 
 def without_html(text: str) -> str:
@@ -186,33 +208,19 @@ def without_html(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;")
 
 
-def _head(file: Path, text: str) -> dict[str, str]:
-    """The fields between the --- lines."""
+def _head(text: str) -> tuple[dict[str, str], dict[str, int], list[tuple[int, str]]]:
+    """The fields between the --- lines, the line of each, and what is wrong."""
     head: dict[str, str] = {}
+    lines: dict[str, int] = {}
+    mistakes: list[tuple[int, str]] = []
     for number, line in enumerate(text.splitlines(), 2):
-        name, colon, value = line.partition(":")
-        if not colon or name.strip() not in FIELDS or name.strip() in head or not value.strip():
-            fields = ", ".join(FIELDS)
-            raise LessonError(
-                f"{file.name} is not a lesson: line {number}: {line[:60]!r} is no field: write each of {fields} once."
-            )
-        head[name.strip()] = value.strip()
-    missing = [name for name in NEEDED if name not in head]
-    if missing:
-        raise LessonError(f"{file.name} is not a lesson: line {2 + len(head)}: the head has no {missing[0]}.")
-    return head
-
-
-def _exaggeration(file: Path, head: dict[str, str]) -> float | None:
-    text = head.get("exaggeration")
-    if text is None:
-        return None
-    factor = float(text) if re.fullmatch(r"\d+(\.\d+)?", text) else 0.0
-    if 1 <= factor <= HIGHEST_EXAGGERATION:
-        return factor
-    line, allowed = 2 + list(head).index("exaggeration"), f"a number from 1 to {HIGHEST_EXAGGERATION:g}"
-    reason = f"exaggeration = {text[:40]!r} is no factor for the drawn deflection: write {allowed}."
-    raise LessonError(f"{file.name} is not a lesson: line {line}: {reason}")
+        name, _, value = (part.strip() for part in line.partition(":"))
+        if name not in FIELDS or name in head or not value:
+            mistakes.append((number, f"{line[:60]!r} is no field: write each of {', '.join(FIELDS)} once."))
+        else:
+            head[name], lines[name] = value, number
+    mistakes += ((2 + len(head), f"the head has no {name}.") for name in NEEDED if name not in head)
+    return head, lines, mistakes
 
 
 def _parts(file: Path, text: str) -> dict[str, str]:
@@ -224,7 +232,7 @@ def _parts(file: Path, text: str) -> dict[str, str]:
         return next((number for number in found if lines[number] == line), -1)
 
     def wrong(number: int, reason: str) -> LessonError:
-        return LessonError(f"{file.name} is not a lesson: line {number}: {reason}")
+        return LessonError(file, [(number, reason)])
 
     if lines[0] != HEAD_LINE:
         raise wrong(1, "a lesson begins with a line --- and its head.")

@@ -62,11 +62,14 @@ class _Rule(NamedTuple):
     sentence: Callable[[LookedAt], str]
 
 
+NOTHING = Expression("0")
+
+
 class Check:
     """The check of one lesson."""
 
     def __init__(self, lesson: Lesson):
-        """Raises `ExpressionError` for lines that are no rules; its text says which."""
+        """Raises `ExpressionError` for lines that are no rules; its text says which, of all of them."""
         self._hint = lesson.hint
         self._named: dict[str, Expression | _Sentence] = {}
         self._rules: list[_Rule] = []
@@ -75,25 +78,32 @@ class Check:
             self._rules.append(_Rule(Comparison(lesson.check), True, lambda _: "The check holds ✓"))
             self._rules.append(_Rule(None, False, lambda _: lesson.hint or "Not yet."))
         else:
-            for line in lines:
-                self._read(line)
-        if not self._rules or self._rules[-1].condition is not None:
-            raise ExpressionError("the last rule must be done: or else: and what to say where no other holds.")
+            mistakes = [mistake for line in lines if (mistake := self._read(line))]
+            if not re.match("(done|else) *:", lines[-1] if lines else ""):
+                mistakes.append("the last rule must be done: or else: and what to say where no other holds.")
+            if mistakes:
+                raise ExpressionError(" ".join(mistakes))
 
-    def _read(self, line: str) -> None:
+    def _read(self, line: str) -> str:
+        """Take a rule or a name in; what is wrong with the line, empty if nothing is."""
         known = list(self._named)
         named, rule = _NAME.fullmatch(line), _RULE.fullmatch(line)
-        if named:
-            name, text, expression = named.groups()
-            self._named[name] = _Sentence(text, known) if text else Expression(expression, known)
-        elif rule:
-            kind, condition, sentence = rule.groups()
-            when = Comparison(condition, known) if condition else None
-            self._rules.append(_Rule(when, kind.startswith("done"), _Sentence(sentence, known).value))
-        else:
-            raise ExpressionError(
-                f"{line[:60]!r} is no rule: write name = …, if …: sentence, done if …: sentence, or else: sentence."
-            )
+        try:
+            if named:
+                name, text, expression = named.groups()
+                self._named[name] = NOTHING  # Lines below may use it, even if this one is wrong.
+                self._named[name] = _Sentence(text, known) if text else Expression(expression, known)
+            elif rule:
+                kind, condition, sentence = rule.groups()
+                when = Comparison(condition, known) if condition else None
+                self._rules.append(_Rule(when, kind.startswith("done"), _Sentence(sentence, known).value))
+            else:
+                return (
+                    f"{line[:60]!r} is no rule: write name = …, if …: sentence, done if …: sentence, or else: sentence."
+                )
+        except ExpressionError as error:
+            return str(error)
+        return ""
 
     def verdict(self, scenario: Scenario, samples: Samples, events: Sequence[Event] = ()) -> Verdict:
         """Of a run by its newest samples (`SECONDS` of them if there are as many) and all its events. Never fails."""

@@ -1,5 +1,6 @@
 """A person's own lessons: read from files, checked by expressions, and bad ones say line and reason."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,31 @@ def test_a_bad_lesson_says_line_and_reason(tmp_path: Path, old: str, new: str, s
     assert own.problem.startswith("mine.md is not a lesson: line ")
     assert said in own.problem
     assert guide_panel.lesson_mistakes(tmp_path) == [own.problem]
+
+
+def test_all_mistakes_of_a_lesson_are_said_at_once(tmp_path: Path) -> None:
+    bad = EXAMPLE.replace("title: Stiffer", "titel: Stiffer").replace("preset: paper", "preset: papper")
+    bad = bad.replace("- [x]", "- [ ]").replace("and t > 1", "and zeit > 1")
+    said = write(tmp_path, bad).problem
+    for part in (
+        "line 2: 'titel: Stiffer' is no field", "the head has no title", "line 3: there is no preset 'papper'",
+        "line 4: zeit is no metric", "one line - [x] with what is right",
+    ):  # fmt: skip
+        assert part in said
+
+
+def test_all_mistakes_of_a_lesson_s_rules_are_said_at_once(tmp_path: Path) -> None:
+    rules = "\n## Check\nsize = largest(sound)\nif zeit < 1: Wait.\nperhaps\ndone if size > 1: It is loud.\n"
+    head = re.sub("check: .*\n", "", EXAMPLE)
+    said = write(tmp_path, head + rules).problem
+    for part in (
+        "sound is no signal",
+        "zeit is no metric",
+        "'perhaps' is no rule",
+        "the last rule must be done: or else:",
+    ):
+        assert part in said
+    assert "size is no" not in said, "it was named"
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ with a hint, and a check that is an expression over metrics and signals:
 """
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -97,20 +97,22 @@ def lesson_files(folder: Path = OWN_LESSONS) -> dict[str, int]:
 def _read(file: Path) -> OwnLesson:
     try:
         if file.stat().st_size > LARGEST:
-            raise LessonError(f"{file.name}: over {LARGEST} bytes: that is no lesson.")
-        lesson = read_lesson(file)
-        if lesson.preset not in preset_names():
-            raise LessonError(
-                f"{file.name} is not a lesson: line {dict(lesson.lines)['preset']}: there is no preset {lesson.preset[:40]!r}."
-            )
-        try:
-            read_check(lesson)
-        except ExpressionError as error:
-            raise LessonError(f"{file.name} is not a lesson: line {dict(lesson.lines)['check']}: {error}") from None
-        return OwnLesson(file.stem, lesson, "")
+            raise LessonError(file, [(1, f"over {LARGEST} bytes are no lesson.")])
+        return OwnLesson(file.stem, read_lesson(file, further=_mistakes), "")
     except (LessonError, OSError, UnicodeDecodeError) as error:
         reason = str(error) if isinstance(error, LessonError) else f"{file.name}: it cannot be read ({error})."
         return OwnLesson(file.stem, None, reason)
+
+
+def _mistakes(lesson: Lesson) -> Iterator[tuple[int, str]]:
+    lines = dict(lesson.lines)
+    if "preset" in lines and lesson.preset not in preset_names():
+        yield lines["preset"], f"there is no preset {lesson.preset[:40]!r}."
+    if "check" in lines:
+        try:
+            read_check(lesson)
+        except ExpressionError as error:
+            yield lines["check"], str(error)
 
 
 def lesson_mistakes(folder: Path = OWN_LESSONS) -> list[str]:

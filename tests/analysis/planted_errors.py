@@ -196,7 +196,7 @@ PLANTED = (
     PlantedError("impulse of ei-shaper", "control/shapers.py", "(1 - TOLERATED) * k / 2", "(1 + TOLERATED) * k / 2"),
     PlantedError("time between impulses", "control/shapers.py", "* np.pi / (omega * root)", "* np.pi / omega"),
     PlantedError(
-        "bending fed forward", "control/bending_feedforward.py", "now.u[i, 0] -= now.share", "now.u[i, 0] += now.share"
+        "bending fed forward", "control/load_sharing.py", "now.u[i, 0] -= now.share", "now.u[i, 0] += now.share"
     ),
     PlantedError(
         "input delay one sample short",
@@ -245,6 +245,23 @@ PLANTED = (
         "stiffness damping", "scenario/damping.py", "self.coefficient * (omega * omega)", "self.coefficient * omega"
     ),
     PlantedError("modal damping", "scenario/damping.py", "2 * self.ratio * omega", "self.ratio * omega"),
+    PlantedError(
+        "viscous friction",
+        "physics/joints.py",
+        "return numbers[VISCOUS, joint] * rate + sliding",
+        "return numbers[VISCOUS, joint] * rate * 1.02 + sliding",
+    ),
+    PlantedError(
+        "Stribeck's fall", "physics/joints.py", "square * numbers[STRIBECK, joint]", "rate * numbers[STRIBECK, joint]"
+    ),
+    PlantedError("friction that drives", "physics/joints.py", "tau[joint] -= lost", "tau[joint] += lost"),
+    PlantedError("friction's loss", "physics/joints.py", "loss += lost * rate", "loss += 0.5 * lost * rate"),
+    PlantedError(
+        "what is believed of friction",
+        "physics/joints.py",
+        "joints.numbers[BELIEVED, joint] * lost",
+        "0.9 * joints.numbers[BELIEVED, joint] * lost",
+    ),
 )
 
 

@@ -42,7 +42,7 @@ def test_changing_the_stiffness_changes_f1_and_keeps_the_motion_continuous(page:
 
 
 def test_the_slider_moves_on_a_logarithmic_scale(page: LabPage) -> None:
-    slider = page.page.get_by_role("slider").first
+    slider = page.page.get_by_role("slider", name="Bending stiffness EI", exact=True)
     slider.focus()
     slider.press("End")
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 1000.0, "EI is at its slider's end")

@@ -103,7 +103,7 @@ class Student:
         self.lab.wait_for_function(SCENE)
         self.lab.on("console", lambda said: said.type == "error" and self.errors.append(said.text))
         assert self.lab.url.partition("?")[0] == f"{HUB}/user/{self.name}/flexlab/lab/", self.lab.url
-        slider = self.lab.get_by_role("slider").first
+        slider = self.lab.get_by_role("slider", name="Bending stiffness EI", exact=True)
         slider.focus()
         slider.press("Home")
         self.lab.wait_for_function("() => document.body.innerText.includes('first beam frequency')")

@@ -4,7 +4,6 @@ Results are the same whoever computes: workers with another engine are refused, 
 computed again elsewhere. Laws and paths in Python travel along.
 """
 
-import gc
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, ThreadPoolExecutor, wait
@@ -109,12 +108,14 @@ def compute_there(texts: list[tuple[str, str]], metrics: list[OwnMetric], work: 
 
 
 def _connected(distributed: Any, address: str) -> Any:
+    client = distributed.Client.__new__(distributed.Client)
     try:
-        return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        client.__init__(address, timeout=PATIENCE, set_as_default=False)
+        return client
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-    # A client that found nobody closes itself when it is collected. It waits for ever if that is while another one is made.
-    gc.collect()
+    # Left to be collected, it would close itself then, and wait for ever if that is while another one is made.
+    client.close(timeout=PATIENCE)
     raise StudyError(
         f"No Dask scheduler answers at {address!r:.60} ({reason:.120}): start one with dask scheduler, "
         "and workers with dask worker and its address."

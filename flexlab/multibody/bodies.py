@@ -40,8 +40,6 @@ class Joint:
     """N·m/rad."""
     damping: float = 0.0
     """N·m·s/rad."""
-    friction: float = 0.0
-    """Coulomb's, N·m."""
     angle: float = 0.0
     """Where the scenario starts, rad or m."""
     rate: float = 0.0
@@ -50,6 +48,8 @@ class Joint:
     """Of its motor, N·m; None: no limit."""
     driven: bool = False
     """Whether it has a motor."""
+    friction: float = 0.0
+    """Coulomb's, N·m."""
 
 
 class Frame(NamedTuple):

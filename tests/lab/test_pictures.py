@@ -155,9 +155,9 @@ def test_a_busy_engine_leaves_no_gap_in_the_plots() -> None:
         now[0] += 1 / 60
         runner.frame()
     newest = round(float(runner.snapshot.latest.time[0]) / TICK) - 600
-    samples = unbroken(runner, newest, missing=0.1, window=5.0)
+    samples = unbroken(runner.recent, newest, missing=0.1, window=5.0)
     assert samples.time[0] <= (newest + 1) * TICK
-    assert len(unbroken(runner, newest, missing=0.1, window=0.2)) <= 201, "no more than the window shows"
+    assert len(unbroken(runner.recent, newest, missing=0.1, window=0.2)) <= 201, "no more than the window shows"
 
 
 def test_the_force_along_the_beam_is_drawn_as_it_is_recorded() -> None:

@@ -70,14 +70,14 @@ def test_not_modified_leaves_the_headers_of_what_is_kept_alone(server: FrontServ
     comparison = "/compare?run=2025-12-30T12-00-00-one&run=2025-12-31T12-00-00-two"
     overlay = re.findall(r'data-recording="([^"]+)"', ask(server.url, comparison).text)[0]
     asked_again = [
-        "/lab/", "/static/style.css", "/favicon.ico", "/assets/pictures/paper.svg", "/viewer/", "/viewer/re_viewer.js",
+        "/lab/", "/static/style.css", "/favicon.ico", "/assets/pictures/paper.svg", "/viewer/re_viewer.js",
         f"{run}.rrd", f"/pass/any{run.removeprefix('/runs')}.rrd", overlay, f"/pass/any{overlay}", f"{study}/cells.parquet",
     ]  # fmt: skip
     others = [
         "/", "/lab", "/lab/paper", "/lab/paper/", "/s/none", "/s/none/", "/state/lab", "/state/s/none", "/live",
         "/live/lab.rrd", "/pass/any/live/lab.rrd", comparison, "/leaderboard", "/leaderboard/state", "/leaderboard/none/B1.svg",
         "/teacher", "/teacher/labs", "/runs", "/runs/", run, f"{run}/replay", f"{run}/export?format=csv", f"{run}/delete",
-        "/studies", study, f"{study}/state", f"{study}/data", f"{study}/cells/0",
+        "/viewer/", "/studies", study, f"{study}/state", f"{study}/data", f"{study}/cells/0",
     ]  # fmt: skip
     kept: list[str] = []
     for address in asked_again + others:

@@ -68,6 +68,9 @@ def _coasting() -> Iterator[Check]:
     dry = {"joints.friction.coulomb": (COULOMB, 0.05, 0.01), "joints.friction.smoothing_speed": CREEP}
     _, fallen = _momentum(dry, 0.2)
     yield close("the same with Coulomb friction C: by C times the time, N·m·s", COULOMB * 0.2, fallen, relative=1e-3)
+    run = simulate(load_preset("single-arm").replace({**COASTING, **dry}), 0.2)
+    idle = float(np.abs(run.input_work).max() / run.own["friction_loss"][-1])
+    yield below("its motors, which are off, do no work, as a part of friction's loss", 1e-6, idle)
 
 
 def _momentum(friction: dict[str, object], duration: float = 0.5) -> tuple[float, float]:

@@ -6,7 +6,8 @@ viewer.src = `${base}/viewer/?url=${encodeURIComponent(recording)}&hide_welcome_
 
 // Continue goes on from the viewer's cursor, unless somebody has typed another time.
 const time = document.querySelector('form[action$="/continue"] [name="time"]');
-let timeline = ""; // that the viewer shows
+const LONGEST = 1e15; // ns: later ones are of the clock
+let timeline = viewer.dataset.timeline; // that the viewer shows; it does not always tell of the first
 let typed = false;
 time?.addEventListener("input", () => { typed = time.value !== ""; });
 addEventListener("message", (message) => {
@@ -15,5 +16,5 @@ addEventListener("message", (message) => {
   try { event = JSON.parse(message.data); } catch { return; } // "READY", which the viewer says first
   if (event?.type === "timeline_change") timeline = event.timeline;
   else if (event?.type !== "time_update") return;
-  if (timeline === viewer.dataset.timeline) time.value = (Math.round(event.time / 1e6) / 1e3).toFixed(3);
+  if (timeline === viewer.dataset.timeline && event.time < LONGEST) time.value = (Math.round(event.time / 1e6) / 1e3).toFixed(3);
 });

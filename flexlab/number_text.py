@@ -1,7 +1,7 @@
-"""How numbers are written for people, everywhere: panel, pages, sentences, tables."""
+"""How numbers are written for people, and read from them, everywhere: panel, pages, sentences, tables."""
 
 from decimal import Decimal
-from math import isfinite
+from math import isfinite, nan
 
 MISSING = "–"
 """What stands where there is no number."""
@@ -10,6 +10,15 @@ SMALLEST, LARGEST = Decimal("1e-4"), Decimal("1e7")
 ROUNDING = 1e-12
 """Share of the larger of two numbers below which their difference is nothing but rounding."""
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def typed_number(text: str) -> float:
+    """The finite number that a text says; NaN for anything else."""
+    try:
+        number = float(text)
+    except ValueError:
+        return nan
+    return number if isfinite(number) else nan
 
 
 def number_text(value: float, digits: int = 4, signed: bool = False) -> str:

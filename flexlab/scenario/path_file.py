@@ -9,6 +9,7 @@ from typing import Any
 
 from flexlab.control.paths.table import MOST_ROWS
 from flexlab.errors import PresetError
+from flexlab.number_text import typed_number
 from flexlab.own.files import path_kind
 from flexlab.plain_text import visible
 from flexlab.scenario.scenario import Scenario, parse_scenario
@@ -113,10 +114,7 @@ def _row(line: list[str], places: dict[str, tuple[int, float]], where: str) -> t
         raise PresetError(f"{where} has {len(line)} values, not {len(places)}.")
     values = []
     for column, (place, size) in places.items():
-        try:
-            value = float(line[place]) * size
-        except ValueError:
-            value = math.nan
+        value = typed_number(line[place]) * size
         if not math.isfinite(value):
             raise PresetError(f"{where}: {column} = {visible(line[place].strip(), 40)!r} is no finite number.")
         values.append((column, value))

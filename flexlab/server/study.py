@@ -16,7 +16,7 @@ from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.metric import Column
 from flexlab.analysis.sweep.axes import CHOSEN, Axis, parse_axes
 from flexlab.errors import FlexlabError, StudyError
-from flexlab.number_text import number_text
+from flexlab.number_text import number_text, typed_number
 from flexlab.plain_text import visible
 from flexlab.registry import Registry
 from flexlab.scenario import Scenario
@@ -228,11 +228,8 @@ def text_of(form: Form, name: str) -> str:
 def number_of(form: Form, name: str, what: str) -> float:
     """A number of a form. Raises `StudyError`."""
     text = text_of(form, name)
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
+    number = typed_number(text)
+    if math.isnan(number):
         raise StudyError(f"{what} {text[:LONGEST_SHOWN]!r} is no number: write one such as 0.5 or 1e3.")
     return number
 

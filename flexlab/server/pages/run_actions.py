@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.log_limits import limited
+from flexlab.number_text import typed_number
 from flexlab.plain_text import shown
 from flexlab.recording.store.run_index import (
     RunRow,
@@ -227,11 +228,8 @@ def read_time(name: str, text: object) -> float | None:
     """A time in s as it was typed; None for an empty field. Raises `RecordingError` for what is no number."""
     if not isinstance(text, str) or not text.strip():
         return None
-    try:
-        time = float(text)
-    except ValueError:
-        time = math.nan
-    if not math.isfinite(time):
+    time = typed_number(text)
+    if math.isnan(time):
         raise RecordingError(f"{name} = {shown(text.strip())} is no time: give a number of seconds, such as 1.5.")
     return time
 

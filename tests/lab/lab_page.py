@@ -1,7 +1,6 @@
 """A lab as a person sees it: helpers that look at and touch the page of a running session."""
 
 import itertools
-import math
 import re
 from typing import Any
 
@@ -20,26 +19,19 @@ from flexlab.sockets import free_ports
 THROUGH_THE_GATE = "() => new Promise((done) => setTimeout(done, 150))"
 """The page sends all inputs through one 50 ms gate: two widgets changed within it can lose the first change. So the next one
 waits, by the page's own clock: on a busy machine the page may be far behind ours."""
-RETURN = 10.0
-"""s in which a page finds a new lab where the last one was; then another page is cheaper than waiting."""
-LOOK = 100
-"""ms between two looks at the text of a page, each of which lays it out."""
 SAME_PLACE = 1e-3
 """m"""
+LOOK = 100
+"""ms between two looks at the text of a page, each of which lays it out."""
 EI = "Bending stiffness EI (N·m²)"
 
 WORDS = itertools.count()
 
 READY = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > 2"""
-OTHER_LAB = (
-    """(last) => { const way = document.querySelector('.fl-reports')?.dataset.way; return way && way !== last; }"""
-)
-"""Whether the page shows the controls of another lab than of the last one."""
 SHOWS = "(text) => document.body.innerText.includes(text)"
 CLOSE_NOTIFICATIONS = """() => {
   for (const button of document.querySelectorAll('.mantine-Notification-closeButton')) button.click(); }"""
-LAB = "document.querySelector('.fl-reports').dataset.way"
 PLOTS_OPEN = """() => Object.values(window.__viserTestpoints?.uplots ?? {})
   .some(({ chart }) => chart.root.offsetParent !== null)"""
 GUIDE_OPEN = "() => Boolean(document.querySelector('.fl-guide')?.getClientRects().length)"
@@ -114,23 +106,14 @@ class LabPage:
     def __exit__(self, *_: object) -> None:
         self._context.close()
 
-    def come_back(self, session: Session, last: str, stands: list[float]) -> None:
-        """Wait until the page has found a new session where an earlier one was, and shows nothing of that one any more.
-
-        `last`: what `lab` was before; `stands`: where the camera has to be, as in a new window.
-        """
+    def come_back(self, session: Session) -> None:
+        """Show a new session where an earlier one was, by loading the page anew; plots and guide stay open."""
         self.session = session
         self.errors.clear()
-        self.page.bring_to_front()
-        self.rest(False)
-        self.page.wait_for_function(OTHER_LAB, arg=last, timeout=1000 * RETURN)
-        if math.dist(self.camera(), stands) > SAME_PLACE:
-            self.page.reload()
-            self.page.wait_for_function(READY, timeout=1000 * PATIENCE)
+        self.page.reload()
+        self.page.wait_for_function(READY, timeout=1000 * PATIENCE)
         for is_open in (PLOTS_OPEN, GUIDE_OPEN):  # Kept per browser.
-            self.page.wait_for_function(is_open, timeout=1000 * RETURN)
-        frame = self.page.evaluate(FRAMES)
-        self.page.wait_for_function(DRAWN_SINCE, arg=frame, timeout=1000 * PATIENCE)
+            self.page.wait_for_function(is_open, timeout=1000 * PATIENCE)
         self._close_notifications()
 
     def rest(self, rests: bool = True) -> None:
@@ -175,11 +158,6 @@ class LabPage:
             self.wait_for_text(word)
         frame = self.page.evaluate(FRAMES)
         self.page.wait_for_function(DRAWN_SINCE, arg=frame, timeout=1000 * PATIENCE)
-
-    @property
-    def lab(self) -> str:
-        """A word that no other lab has."""
-        return self.page.evaluate(LAB)
 
     def _close_notifications(self) -> None:
         self.page.evaluate(CLOSE_NOTIFICATIONS)
@@ -273,18 +251,13 @@ class LabPage:
 
 
 class LastingWindow:
-    """A window that sessions use one after the other: loading the page takes longer than most tests.
-
-    They are on the same port; the page finds each by itself, as after a lost connection.
-    """
+    """A window that sessions use one after the other, on the same port: a new one takes longer than most tests."""
 
     def __init__(self, browser: Browser):
         self._browser = browser
         self._page: LabPage | None = None
         self._session: Session | None = None
         (self.port,) = free_ports(1)
-        self._stands: list[float] = []
-        self._lab = ""
 
     def lab(self) -> LabPage:
         """The page, showing the paper's run from its beginning, in the last test's lab if there is one."""
@@ -299,14 +272,12 @@ class LastingWindow:
         """The page, showing this session."""
         if self._page is not None:
             try:
-                self._page.come_back(session, self._lab, self._stands)
+                self._page.come_back(session)
             except Error:  # Nobody knows how the last test left the page: another one.
                 self._page.__exit__()
                 self._page = None
         if self._page is None:
             self._page = LabPage(self._browser, session).__enter__()
-            self._stands = self._page.camera()
-        self._lab = self._page.lab
         return self._page
 
     def rest(self) -> None:

@@ -1,5 +1,6 @@
 """`flexlab` in a process of its own, as a person starts it."""
 
+import http.client
 import os
 import re
 import signal
@@ -7,6 +8,8 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 
@@ -79,3 +82,15 @@ class Lab:
     def recordings(self, logs: str = "logs") -> list[Path]:
         """Files that hold something."""
         return [file for file in (self.folder / logs).glob("*.rrd") if file.stat().st_size > 0]
+
+
+def answer(url: str) -> int | None:
+    """The page's status for a visitor who keeps cookies, None while nobody listens."""
+    visitor = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    try:
+        with visitor.open(url) as page:
+            return page.status
+    except urllib.error.HTTPError as error:
+        return error.code
+    except (OSError, http.client.HTTPException):
+        return None

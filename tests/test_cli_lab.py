@@ -1,17 +1,15 @@
 """`flexlab` as a person starts it: serves a page, records, ends on Ctrl-C, refuses what it cannot do."""
 
-import http.client
 import re
 import signal
 import socket
 import subprocess
-import urllib.error
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from lab_process import Lab
+from lab_process import Lab, answer
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -71,30 +69,6 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, words: list[str], s
     assert says in done.stderr
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
-
-
-def answer(url: str) -> int | None:
-    """The page's status for a visitor who keeps cookies, None while nobody listens."""
-    visitor = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-    try:
-        with visitor.open(url) as page:
-            return page.status
-    except urllib.error.HTTPError as error:
-        return error.code
-    except (OSError, http.client.HTTPException):
-        return None
-
-
-def test_a_cold_start_says_that_it_compiles(start_lab: Callable[..., Lab], tmp_path: Path):
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port = probe.getsockname()[1]
-    lab = start_lab(port=port, NUMBA_CACHE_DIR=str(tmp_path / "cold"))
-    url = f"http://127.0.0.1:{port}/lab/"
-    lab.wait(lambda: answer(url) == 503)
-    lab.wait(lambda: "compiling the equations of motion" in "".join(lab.complained))
-    lab.wait(lambda: answer(url) == 200)
-    assert lab.url() == url
-    assert lab.end() == 0
 
 
 def test_live_data_is_offered_with_rerun(start_lab: Callable[..., Lab]):

@@ -1,6 +1,5 @@
 """Live data for rerun viewers come through the front server only: no port of rerun's, nobody without the token."""
 
-import signal
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -37,12 +36,8 @@ def watch(source: str, path: Path) -> None:
     try:
         wait_until(lambda: path.exists() and path.stat().st_size > 300_000, "rerun has received something")
     finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(30)
-        except subprocess.TimeoutExpired:  # Now and then rerun waits for the end of the run, which does not come.
-            process.kill()
-            process.wait()
+        process.kill()  # Asked to end, it would wait for the end of the run.
+        process.wait()
 
 
 def entities(path: Path) -> set[str]:

@@ -9,11 +9,14 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from lab_process import Lab, answer
 
 from flexlab.compiled import PLAIN_PYTHON
+from flexlab.sockets import free_ports
 
 RUNS = Path(__file__).with_name("same_bits_runs.py")
 PATIENCE = 280
@@ -29,8 +32,6 @@ ENVIRONMENTS = {
     "SkylakeX": {"OPENBLAS_CORETYPE": "SkylakeX"},
 }
 """Environments that compile nothing anew."""
-COMPILED_FOR = ("generic", "haswell")
-"""Instruction sets that the kernels are compiled for."""
 
 
 def features() -> set[str]:
@@ -78,16 +79,34 @@ def test_libraries_for_another_processor_change_no_bit(name: str, here: dict[str
     assert differing(here, hashes(**ENVIRONMENTS[name])) == []
 
 
+@pytest.mark.skipif(
+    not (ON_X86 and {"AVX2", "FMA3"} <= features()), reason="this processor cannot run code for haswell"
+)
 @pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
-@pytest.mark.parametrize("name", COMPILED_FOR)
 def test_machine_code_for_another_processor_changes_no_bit_and_is_announced_once(
-    name: str, here: dict[str, str], tmp_path: Path
+    here: dict[str, str], tmp_path: Path
 ) -> None:
-    if name == "haswell" and not (ON_X86 and {"AVX2", "FMA3"} <= features()):
-        pytest.skip("this processor has no AVX2 and fused multiplication, which code for haswell needs")
-    other = {"NUMBA_CPU_NAME": name, "NUMBA_CACHE_DIR": str(tmp_path)}
+    other = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CACHE_DIR": str(tmp_path)}
     compiled = complete(str(RUNS), **other)
     assert differing(here, json.loads(compiled.stdout)) == []
     assert "compiling the equations of motion" in compiled.stderr
     assert compiled.stderr.count("\n") == 1
+    assert complete("-c", AT_ONCE + SIMULATE, **other).stderr == ""
+
+
+@pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
+def test_a_cold_start_says_that_it_compiles_and_code_for_any_processor_changes_no_bit(
+    here: dict[str, str], start_lab: Callable[..., Lab], tmp_path: Path
+) -> None:
+    """What the lab has compiled is not compiled once more for the runs."""
+    other = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path / "cold")}
+    (port,) = free_ports(1)
+    lab = start_lab(port=port, **other)
+    url = f"http://127.0.0.1:{port}/lab/"
+    lab.wait(lambda: answer(url) == 503)
+    lab.wait(lambda: "compiling the equations of motion" in "".join(lab.complained))
+    lab.wait(lambda: answer(url) == 200)
+    assert lab.url() == url
+    assert lab.end() == 0
+    assert differing(here, hashes(**other)) == []
     assert complete("-c", AT_ONCE + SIMULATE, **other).stderr == ""

@@ -80,7 +80,28 @@ class Linearization(NamedTuple):
 
 def linearize_loop(probe: LoopProbe, rest: RestPoint) -> Linearization:
     """Linearise plant and law about a rest point."""
-    return Linearization(probe, rest, _plant(probe, rest), _law(probe, rest))
+    law = _law(probe, rest)
+    if probe.original.joints.encoders.active:
+        law, rest = _differencing(law, probe.original.controller.control_period, rest)
+    return Linearization(probe, rest, _plant(probe, rest), law)
+
+
+def _differencing(law: Law, period: float, rest: RestPoint) -> tuple[Law, RestPoint]:
+    """A law that measures the pose's rate as its difference over the control period, s: it remembers the pose before.
+
+    What encoders round is left out.
+    """
+    n, torques, count = law.motion.shape[1] // 2, len(rest.torque), len(rest.memory)
+    by_rate = law.motion[:, n : n + 3] / period
+    motion, keeps = law.motion.copy(), np.eye(3, 2 * n)
+    motion[:, :3] += by_rate
+    motion[:, n : n + 3] = 0.0
+    memory = np.zeros((torques + count + 3, count + 3))
+    memory[:-3, :count], memory[:-3, count:], memory[-3:, count:] = law.memory, -by_rate, -np.eye(3)
+    desired, line = (np.vstack([part, np.zeros((3, part.shape[1]))]) for part in (law.desired, law.line))
+    remembered = np.concatenate([rest.memory, rest.motion.x]), np.concatenate([rest.moving, np.zeros(3, bool)])
+    law = Law(np.vstack([motion, keeps]), memory, desired, line)
+    return law, rest._replace(memory=remembered[0], moving=remembered[1])
 
 
 def first_order(plant: Plant) -> tuple[np.ndarray, np.ndarray]:

@@ -58,7 +58,7 @@ class LoopProbe:
     """Plant and law of a scenario, to be asked at any motion. Raises `StudyError` where an arm cannot go."""
 
     def __init__(self, scenario: Scenario):
-        """`scenario`: valid; its noise, limits, delay and path are left out."""
+        """`scenario`: valid; its noise, limits, delay and path are left out, and what the counts of its encoders round."""
         self.original = scenario
         """The scenario as it was given."""
         period = scenario.controller.control_period
@@ -67,6 +67,7 @@ class LoopProbe:
             "controller.input_delay": 0,
             "controller.sensor_noise": {},
             "controller.torque_limit": None,
+            "joints.encoders": {},
         }
         try:
             scenario = scenario.replace(still)
@@ -121,7 +122,7 @@ class LoopProbe:
         """The engine's state y of a motion."""
         self._set(motion)
         y = self._y.copy()
-        y[self._memory] = memory
+        y[self._memory] = memory[: len(y[self._memory])]
         forget_rates(y, self.mode_count)
         return y
 

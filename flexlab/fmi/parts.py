@@ -19,6 +19,7 @@ from flexlab.errors import StudyError
 from flexlab.fmi.description import Variable, inputs, law_signals, parameters, sample_variables, sensors, torques
 from flexlab.fmi.machine_code import result_at
 from flexlab.fmi.memory import CLOCK, Memory, arrays_of, lay_out, schemes_of
+from flexlab.physics.encoders import begin_reading
 from flexlab.physics.plant import ETA
 from flexlab.quantities import own_numbers
 from flexlab.scenario import Scenario
@@ -167,6 +168,7 @@ def _law(motion: Motion) -> Part:
     system.held_torque[:] = sampling.line[:] = 0.0
     memory_end = memory_slice(system).stop
     y[memory_slice(system).start :] = 0.0
+    begin_reading(system.plant, sampling.period, y, motion.workspace)
     start_memory(scenario, system, outlook_of(motion, True), y)
     values = (system, sampling, 0, 0.0, felt, y, motion.workspace)
     arguments = _named(answer_sensors, values)

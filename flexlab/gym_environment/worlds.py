@@ -185,6 +185,11 @@ class WorldBatch:
 def _base(settings: Settings) -> Scenario:
     """The scenario with nobody at the motors. Raises `StudyError` for a path that cannot be followed."""
     scenario = named_scenario(settings.scenario)[1]
+    if scenario.joints.encoders.active:
+        raise StudyError(
+            "joints.encoders are not in the environment, which tells exact poses with its own noise: "
+            "choose a scenario whose joints.encoders.counts are 0."
+        )
     changes = {"controller.kind": "none", "controller.control_period": settings.control_period}
     scenario = scenario.anew().replace({"controller.kind": "none"}).replace(changes)
     scenario = scenario.replace(

@@ -16,6 +16,7 @@ import numpy as np
 
 from flexlab.compiled import inlined
 from flexlab.physics.arm import joint_torques, task_input
+from flexlab.physics.encoders import encoder_counts
 from flexlab.physics.plant import Joints
 
 VISCOUS, COULOMB, STATIC, STRIBECK, SMOOTHING, BELIEVED = range(6)
@@ -24,9 +25,7 @@ the true one."""
 ROWS = 6
 
 LOSS = 0
-"""Place of ∫Στ_f θ̇ dt, J, in the joints' part of the state."""
-STATES = 1
-"""Numbers of that part."""
+"""Place of ∫Στ_f θ̇ dt, J, in the joints' part of the state; what else there is follows in the order of `joint_parts`."""
 
 
 @inlined
@@ -90,8 +89,8 @@ def motor_torques(joints, arm, i, ws, tau):
 
 def build_joints(joints, model) -> Joints | None:
     """`Plant.joints` of a scenario's joints; `model`: what its controller believes."""
-    friction = joints.friction
-    if not friction.active:
+    friction, encoders = joints.friction, joints.encoders
+    if not joints.active:
         return None
     coulomb, numbers = np.array(friction.coulomb), np.empty((ROWS, 3))
     numbers[VISCOUS], numbers[COULOMB] = friction.viscous, coulomb
@@ -99,7 +98,18 @@ def build_joints(joints, model) -> Joints | None:
     numbers[STRIBECK] = 1 / (friction.stribeck_speed * friction.stribeck_speed)
     numbers[SMOOTHING] = friction.smoothing_speed * friction.smoothing_speed
     numbers[BELIEVED] = model.friction_factor
-    return Joints(numbers, STATES)
+    size = 1 + 3 * encoders.active
+    return Joints(numbers, size, friction.active, encoder_counts(encoders.counts), 1 if encoders.active else -1)
+
+
+def joint_parts(joints: Joints | None) -> dict[str, slice]:
+    """Where among the joints' states each part of them stands, by name."""
+    if joints is None:
+        return {}
+    parts = {"loss": slice(LOSS, LOSS + 1)}
+    if joints.reading >= 0:
+        parts["reading"] = slice(joints.reading, joints.reading + 3)
+    return parts
 
 
 @inlined

@@ -33,6 +33,12 @@ class Joints(NamedTuple):
     """By joint, rows as `joints` names them, (6, 3)."""
     size: int
     """Numbers of their states in y."""
+    rubs: bool
+    """Whether there is friction."""
+    count: np.ndarray
+    """Angle of one count of each encoder, rad; 0: exact, (3,)."""
+    reading: int
+    """Place among the states of the pose that encoders last told, (3,); -1: there are none."""
 
 
 @inlined

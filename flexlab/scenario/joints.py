@@ -27,7 +27,33 @@ class JointFriction(Part):
         return any(self.viscous) or any(self.coulomb)
 
 
+class JointEncoders(Part):
+    """What a sampled controller measures the pose with: joint angles in whole counts (`physics.encoders`)."""
+
+    counts: Triple = quantity(
+        (0.0, 0.0, 0.0),
+        title="Counts of the encoders per turn of the joint (0: exact)",
+        symbol="N_c",
+        unit="1",
+        low=0,
+        high=1e9,
+        slider=(0, 1e6),
+    )
+    """An encoder on the motor's side of a gear counts as often as the gear's ratio says."""
+
+    @property
+    def active(self) -> bool:
+        """Whether any joint counts."""
+        return any(self.counts)
+
+
 class Joints(Part):
-    """What stands between motors and links; both arms' joints are alike, base first."""
+    """What stands between motors and links, and what measures them; both arms' joints are alike, base first."""
 
     friction: JointFriction = JointFriction()
+    encoders: JointEncoders = JointEncoders()
+
+    @property
+    def active(self) -> bool:
+        """Whether the joints are not ideal."""
+        return self.friction.active or self.encoders.active

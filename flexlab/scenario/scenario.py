@@ -138,6 +138,12 @@ class Scenario(Part):
                     "boundary": self.payload.boundary,
                 },
             )
+        if self.joints.encoders.active and self.controller.control_period is None:
+            raise PydanticCustomError(
+                "sampling",
+                "joints.encoders belong to sampled control: give controller.control_period a value in s, "
+                "or joints.encoders.counts 0",
+            )
         return self
 
     def replace(self, changes: Mapping[str, Any]) -> "Scenario":

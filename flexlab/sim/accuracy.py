@@ -57,6 +57,12 @@ GROWN = 2.0
 AMPLIFIED = 1e-12
 """Error of the pose, m or rad, from which on such a loop is said to make more of it."""
 
+COUNTED = (
+    "Results are certain up to a count of the encoders: next to its edge, errors of the steps that are too small to be seen "
+    "decide which one is told."
+)
+"""The sentence of a run whose encoders count."""
+
 LEAST_PEAK = 0.5
 """N or N·m: errors are judged against at least this force, so that what is next to nothing is not."""
 
@@ -253,6 +259,8 @@ def note(
     time = (tick + 1) * tick_period
     if assembly.amplifies and pose > AMPLIFIED:
         return seen._replace(warning=_amplified(assembly.scenario))
+    if assembly.scenario.joints.encoders.active and pose > AMPLIFIED:
+        return seen._replace(warning=COUNTED)
     said, told = "", (pose, force)
     if since >= LOOKS[-1]:
         for wait in (CHECK_TICKS, CLOSE_TICKS, CLOSEST_TICKS):

@@ -175,7 +175,7 @@ _loaded: set[tuple[str, bool]] = set()
 def knows_kernels(scenario: Scenario) -> bool:
     """Whether the scenario's law and path, kind of joints and, if it wants it, sampled control have been compiled or loaded."""
     parts = law_of(scenario.controller), paths()[scenario.trajectory.kind]
-    ideal = not scenario.joints.friction.active
+    ideal = not scenario.joints.active
     if not ideal and all(of_ideal for _, of_ideal in _loaded):
         return False
     return all(part.is_loaded for part in parts) and (scenario.controller.control_period is None or is_loaded(ideal))

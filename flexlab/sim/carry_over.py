@@ -8,11 +8,13 @@ import numpy as np
 from flexlab.errors import ScenarioError
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.dynamics import velocities_at
+from flexlab.physics.encoders import begin_reading
+from flexlab.physics.joints import joint_parts
 from flexlab.physics.plant import ETA, noted_rates
 from flexlab.scenario import Scenario
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.assembly import Assembly, build_assembly
-from flexlab.sim.closed_loop import joint_slice, new_workspace, state_length
+from flexlab.sim.closed_loop import joint_states_of, new_workspace, state_length
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.disturbance import set_pull_row
 from flexlab.sim.law_memory import adjust_memory, carry_memory, same_law, start_memory
@@ -70,11 +72,13 @@ def _carried_over(motion: Motion, assembly: Assembly) -> Motion:
         assembly.system.plant.pull[:] = old.system.plant.pull
         set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
     kept: tuple[str, ...] = ()
-    if another_beam or another_law or len(motion.y) != state_length(assembly.system):
+    parts, parts_before = (joint_parts(system.plant.joints) for system in (assembly.system, old.system))
+    if another_beam or another_law or parts != parts_before:
         y = np.zeros(state_length(assembly.system))
         y[:ETA] = motion.y[:ETA]
-        if old.system.plant.joint_size == assembly.system.plant.joint_size:
-            y[joint_slice(assembly.system)] = motion.y[joint_slice(old.system)]
+        joints_before = joint_states_of(old.system, motion.y)
+        for name, states in joint_states_of(assembly.system, y).items():
+            states[:] = joints_before.get(name, 0.0)
         kept = carry_memory(before, old.system, motion.y, scenario, assembly.system, y)
         motion.y, motion.workspace = y, new_workspace(assembly.system)
     motion.workspace.desired_time[0] = np.nan
@@ -86,6 +90,8 @@ def _carried_over(motion: Motion, assembly: Assembly) -> Motion:
         adjust_memory(scenario, assembly.system, law_before, law_now, motion.y)
     if starts_sampling:
         act_at_start(motion)
+    elif "reading" not in parts_before or assembly.sampling.period != old.sampling.period:
+        begin_reading(assembly.system.plant, assembly.sampling.period, motion.y, motion.workspace)
     return motion
 
 

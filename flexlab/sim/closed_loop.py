@@ -12,7 +12,7 @@ from flexlab.control.motion import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
 from flexlab.physics.axial_load import find_axial_load, has_axial_load
 from flexlab.physics.dynamics import find_velocities, momentum_rates
-from flexlab.physics.joints import compensate_friction, turn_joints
+from flexlab.physics.joints import compensate_friction, joint_parts, turn_joints
 from flexlab.physics.plant import (
     G,
     Plant,
@@ -68,10 +68,11 @@ def memory_slice(system: System) -> slice:
     return slice(start, start + system.control.memory_size)
 
 
-def joint_slice(system: System) -> slice:
-    """Where in y the joints' states stand."""
+def joint_states_of(system: System, y: np.ndarray) -> dict[str, np.ndarray]:
+    """Views of the named parts of the joints' states in y."""
     start = state_size(system.plant.modal.shape[1], 0)
-    return slice(start, start + system.plant.joint_size)
+    own = y[start : start + system.plant.joint_size]
+    return {name: own[part] for name, part in joint_parts(system.plant.joints).items()}
 
 
 @inlined

@@ -49,6 +49,7 @@ def _continuous(scenario: Scenario) -> Scenario:
         "controller.input_delay": 0,
         "controller.sensor_noise": {},
         "controller.torque_limit": None,
+        "joints.encoders": {},
     }
     with contextlib.suppress(ScenarioError):
         found = scenario.replace(ideal)

@@ -10,6 +10,7 @@ from flexlab.control.law import Start
 from flexlab.errors import StudyError
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.dynamics import set_momenta
+from flexlab.physics.encoders import begin_reading
 from flexlab.physics.plant import ETA, Workspace, forget_rates
 from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import Initial
@@ -137,6 +138,7 @@ def act_at_start(motion: Motion) -> None:
     """Let a sampled controller act at its instant 0."""
     assembly = motion.assembly
     if assembly.system.control.sampled:
+        begin_reading(assembly.system.plant, assembly.sampling.period, motion.y, motion.workspace)
         control_instant(assembly.system, assembly.sampling, 0, motion.time, motion.y, motion.workspace)
 
 

@@ -16,8 +16,9 @@ from flexlab.control.motion import desired_motion
 from flexlab.numerics.elementary import cos, log
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
+from flexlab.physics.encoders import read_encoders
 from flexlab.physics.joints import compensate_friction
-from flexlab.physics.plant import ETA
+from flexlab.physics.plant import ETA, joints_start
 from flexlab.sim.closed_loop import System, find_state, law_places, limit_torques, new_workspace, state_length
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
@@ -78,11 +79,14 @@ def gaussian(seed, instant, channel):
 
 
 @inlined
-def measure_pose(sampling, instant, pose, rate, now):
-    """Fill now.x and now.v for the true pose and pose rate (3,), with their noise."""
+def measure_pose(plant, sampling, instant, pose, rate, y, ws, now):
+    """Fill now.x and now.v for the true pose and pose rate (3,), as encoders tell them, with noise, after `configure_arms`."""
     for a in range(3):
-        now.x[a] = pose[a] + sampling.noise[a] * gaussian(sampling.seed, instant, a)
-        now.v[a] = rate[a] + sampling.noise[3 + a] * gaussian(sampling.seed, instant, 3 + a)
+        now.x[a], now.v[a] = pose[a], rate[a]
+    read_encoders(plant.joints, plant.arms, sampling.period, y[joints_start(plant) :], ws, now)
+    for a in range(3):
+        now.x[a] += sampling.noise[a] * gaussian(sampling.seed, instant, a)
+        now.v[a] += sampling.noise[3 + a] * gaussian(sampling.seed, instant, 3 + a)
 
 
 @inlined
@@ -175,7 +179,7 @@ def control_instant(system, sampling, instant, t, y, ws):
     if code != 0:
         return code
     now = ws.measured[0]
-    measure_pose(sampling, instant, y, ws.velocity, now)
+    measure_pose(system.plant, sampling, instant, y, ws.velocity, y, ws, now)
     measure_beam(sampling, instant, ws.beam_rate, now.beam_rate)
     read_gauges(sampling, instant, y[ETA : ETA + system.plant.modal.shape[1]], now)
     return answer(system, sampling, t, y, ws)
@@ -185,10 +189,13 @@ def control_instant(system, sampling, instant, t, y, ws):
 def answer_sensors(system, sampling, instant, t, sensors, y, ws):
     """As `control_instant`, of which the plant is elsewhere; `sensors`: pose, pose rate, hᵀq̇, gᵀq̇ and strains, (8 + gauges,).
 
-    Of y, only the law's memory and signals count.
+    Of y, only the law's memory and signals count, and what encoders told last.
     """
     now = ws.measured[0]
-    measure_pose(sampling, instant, sensors[0:3], sensors[3:6], now)
+    code = configure_arms(system.plant, sensors[0:3], ws.arm, ws.fault)
+    if code != 0:
+        return code
+    measure_pose(system.plant, sampling, instant, sensors[0:3], sensors[3:6], y, ws, now)
     measure_beam(sampling, instant, sensors[6:8], now.beam_rate)
     now.gauge_count = len(sampling.strain)
     for j in range(len(sampling.strain)):

@@ -252,6 +252,8 @@ def _write_joints(joints, states, ws, row):
     """Write friction and its loss last, and add that to the work that reached the links; returns the columns taken."""
     if joints is None:
         return 0
+    if not joints.rubs:
+        return 0
     count = ws.joint_friction.size
     first = len(row) - count - 1
     for k in range(count):

@@ -115,7 +115,7 @@ def _needed(assembly: Assembly, tick_period: float, tick: int, least: int, most:
 
 def _tried(assembly: Assembly, tick_period: float, tick: int, times: int) -> Trial | None:
     """The ticks from number `tick` on with a step that is halved so many times; None where they cannot be gone."""
-    motion = start_at(halved(assembly, times), tick_period, tick)
+    motion = start_at(halved(_without_counts(assembly), times), tick_period, tick)
     if motion is None:
         return None
     watch, disturbed = assembly.watch, ETA + 2 * len(assembly.beam.modes.omega) + TICKS
@@ -127,6 +127,15 @@ def _tried(assembly: Assembly, tick_period: float, tick: int, times: int) -> Tri
     rows = np.zeros((finer_ticks + (TRIED_FAST if fast else TRIED), width))
     ticks, code = move_on(motion, rows)
     return Trial(rows, motion.y) if ticks == len(rows) and code == 0 else None
+
+
+def _without_counts(assembly: Assembly) -> Assembly:
+    """An assembly whose encoders do not round: next to its edge, any difference of two runs is one of a whole count."""
+    plant = assembly.system.plant
+    if plant.joints is None:
+        return assembly
+    exact = plant.joints._replace(count=np.zeros(3))
+    return assembly._replace(system=assembly.system._replace(plant=plant._replace(joints=exact)))
 
 
 def halved(assembly: Assembly, times: int) -> Assembly:

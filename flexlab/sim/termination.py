@@ -7,10 +7,12 @@ import numpy as np
 from flexlab.control.law import laws
 from flexlab.own.elsewhere import address_in
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
+from flexlab.physics.encoders import told_pose
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import BENT
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.sampled_control import Sampling, gaussian
+from flexlab.sim.closed_loop import scratch_workspace
+from flexlab.sim.sampled_control import gaussian
 from flexlab.sim.samples import Status
 from flexlab.sim.step_growth import growth_rate, may_grow
 from flexlab.sim.step_rates import control_rate
@@ -82,18 +84,21 @@ def pose_fault(scenario: Scenario, pose: np.ndarray, time: float, what: str) -> 
 
 
 def measurement_fault(
-    scenario: Scenario, sampling: Sampling, pose: np.ndarray, pose_rate: np.ndarray, time: float, tick_period: float
+    assembly: Assembly, pose: np.ndarray, pose_rate: np.ndarray, time: float, tick_period: float
 ) -> str:
-    """What a sampled controller's noise did to the pose that it measured within a tick after `time`; empty: no harm."""
-    if not sampling.noise[:3].any():
+    """What encoders and noise did to the pose that was measured within a tick after `time`; empty: no harm."""
+    scenario, sampling, encoders = assembly.scenario, assembly.sampling, assembly.scenario.joints.encoders
+    if not (sampling.noise[:3].any() or encoders.active):
         return ""
+    plant, ws, told = assembly.system.plant, scratch_workspace(assembly.system), np.zeros(3)
     first = math.floor(time / sampling.period + 1e-9) + 1
     for instant in range(first, math.floor((time + tick_period) / sampling.period + 1e-9) + 1):
         now = instant * sampling.period
         true = pose + (now - time) * pose_rate
         with np.errstate(over="ignore"):  # its counters wrap around
             noise = [sampling.noise[a] * gaussian(sampling.seed, instant, a) for a in range(3)]
-        fault = pose_fault(scenario, true + noise, now, "the measured pose")
+        measured = told if encoders.active and told_pose(plant, true, ws, told) == 0 else true
+        fault = pose_fault(scenario, measured + noise, now, "the measured pose")
         if fault is not None and pose_fault(scenario, true, now, "the pose") is None:
             return fault.text.partition(": its wrist")[0]
     return ""
@@ -127,11 +132,15 @@ def runtime_fault(
         return Status("law failed", text, time)
     sampled = law.control_period is not None and law.kind != "none"
     if sampled and code in (UNREACHABLE, SINGULAR):
-        measured = measurement_fault(scenario, assembly.sampling, pose, pose_rate, time, tick_period)
+        measured = measurement_fault(assembly, pose, pose_rate, time, tick_period)
         if measured:
             name = "unreachable" if code == UNREACHABLE else "singular"
             text = f"{measured}: sensor noise threw the measured pose out of the workspace."
-            return Status(name, f"{text} {kept} Reset with less noise in controller.sensor_noise.pose.", time)
+            cure = "less noise in controller.sensor_noise.pose"
+            if scenario.joints.encoders.active:
+                text = f"{measured}: what the encoders and their noise tell is out of the workspace."
+                cure = f"more joints.encoders.counts or {cure}"
+            return Status(name, f"{text} {kept} Reset with {cure}.", time)
     margins = []
     for index in range(len(scenario.arms)):
         reach, shortest, longest = wrist_reach(scenario, index, pose)
@@ -148,11 +157,13 @@ def runtime_fault(
     if sampled and (is_unstable(scenario, assembly) or (code != BENT and not near and not too_long)):
         name = {UNREACHABLE: "unreachable", SINGULAR: "singular"}.get(code, "diverged") if near else "diverged"
         delay = f" and an input delay of {law.input_delay} samples" if law.input_delay else ""
+        acts, cure = "torques that are held act too late for these gains", "a shorter control period or lower gains"
+        if scenario.joints.encoders.active and not is_unstable(scenario, assembly):
+            acts, cure = "counts that pass for rates drive it", "more joints.encoders.counts or lower gains"
         return Status(
             name,
             f"The sampled control loop ran away just after t = {time:.3f} s: with a control period of "
-            f"{law.control_period:g} s{delay}, torques that are held act too late for these gains. {kept} "
-            "Reset with a shorter control period or lower gains.",
+            f"{law.control_period:g} s{delay}, {acts}. {kept} Reset with {cure}.",
             time,
         )
     if code in (UNREACHABLE, SINGULAR) and near:

@@ -262,6 +262,19 @@ PLANTED = (
         "joints.numbers[BELIEVED, joint] * lost",
         "0.9 * joints.numbers[BELIEVED, joint] * lost",
     ),
+    PlantedError(
+        "rounding of a count", "physics/encoders.py", "np.floor(angle / count + 0.5)", "np.floor(angle / count)"
+    ),
+    PlantedError(
+        "arm whose encoders are read", "physics/encoders.py", "arm.l2 * s2 - arm.reach", "arm.l2 * s2 + arm.reach"
+    ),
+    PlantedError("rate of two readings", "physics/encoders.py", "/ period\n", "/ (1.1 * period)\n"),
+    PlantedError(
+        "lag of the rate in the linear model",
+        "analysis/linearization.py",
+        "law.memory, -by_rate",
+        "law.memory, by_rate",
+    ),
 )
 
 

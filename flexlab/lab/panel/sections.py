@@ -183,6 +183,7 @@ GROUPS = (
         "controller.torque_limit",
         "controller.control_period",
         "controller.input_delay",
+        "joints.encoders.counts",
         "controller.sensor_noise.pose",
         "controller.sensor_noise.pose_rate",
         "controller.sensor_noise.strain",

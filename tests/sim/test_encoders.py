@@ -1,0 +1,121 @@
+"""Encoders that count: the limit of many counts, a coarse one, live changes, repetition, what is refused."""
+
+import numpy as np
+import pytest
+
+import flexlab
+from flexlab.errors import ScenarioError, StudyError
+from flexlab.gym_environment.worlds import Settings, WorldBatch
+from flexlab.presets import load_preset
+from flexlab.sim.closed_loop import joint_states_of
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+CLOCKED = {"controller.control_period": 0.001}
+COUNTS = "joints.encoders.counts"
+
+
+def with_counts(number: float, **changes: object):
+    return load_preset("paper").replace({**CLOCKED, COUNTS: (number,) * 3, **changes})
+
+
+def test_many_counts_are_no_counts_but_for_the_lag_of_the_rate():
+    finest, fine = (simulate(with_counts(number), 0.5) for number in (1e9, 1e7))
+    np.testing.assert_allclose(fine.pose, finest.pose, rtol=0, atol=2e-6)
+    exact = simulate(load_preset("paper").replace(CLOCKED), 0.5)
+    assert np.abs(exact.pose - finest.pose).max() > 1e-5  # half a period's lag
+
+
+def test_torques_jump_by_what_a_count_is():
+    jumps = [np.abs(np.diff(simulate(with_counts(n), 1.0).joint_torque[500:], axis=0)).max() for n in (1e4, 2e4, 1e6)]
+    assert jumps[0] > 1.5 * jumps[1] > 3 * jumps[2]
+
+
+def test_a_loop_that_rests_on_a_count_stays_there():
+    hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "controller.kind": "pd"}
+    run = simulate(with_counts(4096.0, **hold), 2.0)
+    reach = 2 * np.pi / 4096 * 1.5
+    assert np.abs(run.tracking_error[-500:]).max() < 2 * reach
+
+
+def test_one_joint_alone_may_count():
+    world = World(load_preset("paper").replace({**CLOCKED, COUNTS: (0.0, 0.0, 2000.0)}))
+    now = world.advance(50)
+    told = joint_states_of(world.system, world.state().y)["reading"]
+    angle, count = now.joint_angle[-1, :, 2], 2 * np.pi / 2000
+    rounded = np.mean(np.round(angle / count) * count - angle)
+    assert abs(told[2] - now.pose[-1, 2] - rounded) < 1e-12
+
+
+@pytest.mark.parametrize("noise", [{}, {"controller.sensor_noise.pose": (1e-5, 1e-5, 1e-5)}])
+def test_same_bits_in_blocks_and_from_a_state(noise):
+    scenario = with_counts(2e5, **noise)
+    whole, world = simulate(scenario, 0.2), World(scenario)
+    world.advance(37)
+    again = World(scenario)
+    again.restore(world.state())
+    last = [w.advance(163) for w in (world, again)][-1]
+    for name, values in last.signals().items():
+        assert np.array_equal(values, whole[name][38:]), name
+
+
+def test_counts_change_in_motion():
+    world = World(load_preset("paper").replace(CLOCKED))
+    world.advance(100)
+    before = world.observe()
+    assert not world.apply(ChangeScenario({COUNTS: (1e5,) * 3}))  # Rows keep their columns: the same run.
+    np.testing.assert_allclose(world.observe().pose_rate, before.pose_rate, rtol=0, atol=1e-12)
+    world.advance(100)
+    world.apply(ChangeScenario({COUNTS: (3e5,) * 3}))
+    world.apply(ChangeScenario({"controller.control_period": 0.0005}))
+    first = np.abs(np.diff(world.advance(20).joint_torque, axis=0)).max()
+    later = np.abs(np.diff(world.advance(200).joint_torque, axis=0)).max()
+    assert first < 1.5 * later  # No reading of another period passes for a rate.
+    world.apply(ChangeScenario({COUNTS: (0.0,) * 3}))
+    world.advance(100)
+    assert not world.status.failed
+
+
+def test_friction_and_encoders_share_the_state():
+    friction = {"joints.friction.viscous": (5.0, 5.0, 2.0)}
+    world = World(with_counts(1e5, **friction))
+    lost = world.advance(50).own["friction_loss"][-1]
+    world.apply(ChangeScenario({COUNTS: (0.0,) * 3}))
+    assert world.observe().own["friction_loss"][0] == lost > 0
+    world.apply(ChangeScenario({COUNTS: (1e5,) * 3}))
+    assert world.observe().own["friction_loss"][0] == lost
+    assert not world.advance(50).own["friction_loss"][-1] < lost
+
+
+def test_a_run_says_up_to_what_it_is_certain():
+    world = World(with_counts(1e5))
+    world.advance(200)
+    assert "up to a count of the encoders" in world.accuracy_warning
+
+
+def test_the_poles_know_the_lag_of_the_rate():
+    """At the edge of its stability, PD is stable with exact rates and not with differenced ones, as its poles say."""
+    hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "controller.kind": "pd"}
+    start = {"initial.pose": (1e-6, 0.75, 0.0), "initial.pose_rate": (0.0, 0.0, 0.0), "controller.input_delay": 1}
+    found = []
+    for number in (0.0, 1e9):
+        for gain in (500.0, 1000.0, 2000.0, 4000.0, 8000.0):
+            scenario = with_counts(number, **hold, **start).replace({"controller.velocity_gain": gain})
+            growth = float(flexlab.modes(scenario).poles.real.max())
+            run = simulate(scenario, 0.2)
+            grows = run.status.failed or np.abs(run.tracking_error[-20:]).max() > 1e-6
+            assert grows == (growth > 0), (number, gain, growth)
+            found.append(grows)
+    assert found[:5] != found[5:] or any(found)
+
+
+def test_what_cannot_be_measured_is_said():
+    with pytest.raises(ScenarioError, match=r"joints\.encoders belong to sampled control: .*control_period.* or .* 0"):
+        load_preset("paper").replace({COUNTS: (1e4,) * 3})
+    with pytest.raises(StudyError, match=r"joints\.encoders are not in the environment"):
+        WorldBatch(Settings(with_counts(1e4)), 1)
+    run = simulate(with_counts(100.0), 1.0)
+    assert run.status.failed
+    assert "counts that pass for rates drive it" in run.status.text
+    assert "Reset with more joints.encoders.counts" in run.status.text

@@ -1,6 +1,7 @@
 """What a newcomer sees first, in a real browser: the scene, its beam, and few controls."""
 
 import math
+from collections.abc import Iterator
 
 import pytest
 from browser_window import open_window
@@ -42,6 +43,24 @@ CONTROLS = """() => [...document.querySelectorAll('button, [role="slider"], [rol
 """Controls in sight in the panel: buttons, sliders, menus and tabs."""
 
 
+@pytest.fixture(scope="module")
+def _window(chromium: Browser) -> Iterator[Page]:
+    """One for all tests: the first page of another one takes seconds of a processor."""
+    context = open_window(chromium, 1440, 900)
+    yield context.new_page()
+    context.close()
+
+
+@pytest.fixture
+def newcomer(_window: Page, shared_session: Session) -> Iterator[Page]:
+    """A window in which nobody has ever been here."""
+    kept = {"origin": shared_session.url, "storageTypes": "local_storage,cookies"}
+    _window.context.new_cdp_session(_window).send("Storage.clearDataForOrigin", kept)
+    _window.set_viewport_size({"width": 1440, "height": 900})
+    yield _window
+    _window.goto("about:blank")
+
+
 def opened(page: Page, url: str) -> Page:
     """A page that shows the lab, and its picture where it stays."""
     page.goto(url)
@@ -56,21 +75,21 @@ def length(ends: list[list[float]]) -> float:
 
 
 @pytest.mark.parametrize("size", [(1440, 900), (1024, 768), (720, 900), (390, 844), (320, 640)])
-def test_the_scene_comes_first_at_any_size(chromium: Browser, session: Session, size: tuple[int, int]) -> None:
-    context = open_window(chromium, *size)
-    page = opened(context.new_page(), address(session))
+def test_the_scene_comes_first_at_any_size(newcomer: Page, shared_session: Session, size: tuple[int, int]) -> None:
+    newcomer.set_viewport_size({"width": size[0], "height": size[1]})
+    page = opened(newcomer, address(shared_session))
     wait_until(lambda: page.evaluate(SHARE) >= LEAST_SHARE, "the scene has its share", 30)
     assert page.evaluate("document.documentElement.scrollWidth") <= size[0], "nothing is cut off"
     if size[0] == 1440:
         wait_until(lambda: length(page.evaluate(BEAM, SIDES)) >= LEAST_BEAM, "the beam is long enough to be looked at")
         wait_until(lambda: page.title() == "paper · flexlab", "the tab says what it is")
         assert page.evaluate("document.documentElement.dataset.flLabels") == "plain"
-    context.close()
 
 
-def test_guide_and_plots_are_one_click_away_and_a_browser_remembers_them(chromium: Browser, session: Session) -> None:
-    context = open_window(chromium, 1440, 900)
-    page = opened(context.new_page(), address(session))
+def test_guide_and_plots_are_one_click_away_and_a_browser_remembers_them(
+    newcomer: Page, shared_session: Session
+) -> None:
+    page = opened(newcomer, address(shared_session))
     assert not page.evaluate(PLOTS_OPEN)
     assert not page.evaluate(GUIDE_OPEN)
     page.get_by_text("Motion", exact=True).first.click()
@@ -80,15 +99,15 @@ def test_guide_and_plots_are_one_click_away_and_a_browser_remembers_them(chromiu
     wait_until(
         lambda: "plots" in (page.evaluate("localStorage.getItem('flexlab-open-panels')") or ""), "the page keeps it"
     )
-    again = opened(context.new_page(), address(session))
+    again = opened(page.context.new_page(), address(shared_session))
     again.wait_for_function(PLOTS_OPEN)
     assert not again.evaluate(GUIDE_OPEN)
-    context.close()
+    again.close()
 
 
-def test_a_presentation_shows_the_scene_one_plot_and_one_number(chromium: Browser, session: Session) -> None:
-    context = open_window(chromium, 1920, 1080)
-    page = opened(context.new_page(), address(session))
+def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, shared_session: Session) -> None:
+    newcomer.set_viewport_size({"width": 1920, "height": 1080})
+    page = opened(newcomer, address(shared_session))
     page.keyboard.press("b")
     page.wait_for_function("() => document.querySelectorAll('.uplot').length > 0")
     page.get_by_text("largest vibration").wait_for()
@@ -98,14 +117,12 @@ def test_a_presentation_shows_the_scene_one_plot_and_one_number(chromium: Browse
     assert not page.get_by_role("button", name="Reset").is_visible()
     page.keyboard.press("b")
     page.get_by_role("button", name="Reset").wait_for()
-    context.close()
 
 
 def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_run(
-    chromium: Browser, session: Session
+    newcomer: Page, shared_session: Session
 ) -> None:
-    context = open_window(chromium, 1440, 900)
-    page = opened(context.new_page(), f"{address(session)}&play")
+    session, page = shared_session, opened(newcomer, f"{address(shared_session)}&play")
     page.get_by_label("Stiffness EI (N·m²)", exact=True).wait_for()
     assert page.evaluate(CONTROLS) == 5
     run = session.runner.snapshot.run_number
@@ -118,7 +135,6 @@ def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_ru
     assert page.evaluate(CONTROLS) > 5
     assert session.runner.snapshot.run_number == run
     assert not page.get_by_label("Stiffness EI (N·m²)", exact=True).is_visible()
-    context.close()
 
 
 def test_the_ring_of_the_first_lesson_is_seen(chromium: Browser, session: Session) -> None:

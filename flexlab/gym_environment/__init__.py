@@ -1,8 +1,8 @@
-"""`flexlab/TwoArms-v0` for Gymnasium (extra `gym`): two arms carry a flexible beam along its path, and you are the control law.
+"""`flexlab/TwoArms-v1` for Gymnasium (extra `gym`): two arms carry a flexible beam along its path, and you are the control law.
 
     import flexlab.gym_environment                                    # makes the environment known
-    env = gymnasium.make("flexlab/TwoArms-v0", stiffness=(20, 400))
-    envs = gymnasium.make_vec("flexlab/TwoArms-v0", num_envs=64)      # all worlds in one call of machine code
+    env = gymnasium.make("flexlab/TwoArms-v1", stiffness=(20, 400))
+    envs = gymnasium.make_vec("flexlab/TwoArms-v1", num_envs=64)      # all worlds in one call of machine code
 
 `environment.py` says what is observed, what is done and what is rewarded; `worlds.py` moves the worlds.
 """
@@ -13,10 +13,15 @@ except ImportError:
     raise ImportError("Gymnasium is not installed: pip install 'flexlab[gym]' brings it.") from None
 
 from flexlab.gym_environment.environment import TwoArms, TwoArmsVector
+from flexlab.gym_environment.worlds import RULES
 
-ID = "flexlab/TwoArms-v0"
+NAME = "flexlab/TwoArms-v{}"
+ID = NAME.format(max(RULES))
+"""Of the newest version; the older ones stay."""
 
-if ID not in gymnasium.registry:
-    gymnasium.register(ID, entry_point=TwoArms, vector_entry_point=TwoArmsVector)
+for version in RULES:
+    if NAME.format(version) not in gymnasium.registry:
+        entry_points = {"entry_point": TwoArms, "vector_entry_point": TwoArmsVector}
+        gymnasium.register(NAME.format(version), **entry_points, kwargs={"version": version})
 
 __all__ = ["ID", "TwoArms", "TwoArmsVector"]

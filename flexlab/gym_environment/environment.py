@@ -1,14 +1,19 @@
 """The environment as Gymnasium knows it, for one world and for many.
 
 An action is what the motors do for one control period (zero-order hold), in [-1, 1]:
-    action="wrench": force (x, y) and moment on the payload over WRENCH_SCALE, N, N, N·m; the arms share it, and each turns its
+    action="wrench": force (x, y) and moment on the payload over 600 N, 600 N, 150 N·m; the arms share it, and each turns its
         share into joint torques at the present pose, u_i = 𝒥_iᵀτ_i;
     action="torques": joint torques of the left, then the right arm, over the torque limit.
 An observation is OBSERVATION in SI units: what a sampled controller measures, with its noise, and where the path leads.
-The reward of a period T_c is -T_c · min(100, c), with
+The reward of a period T_c is -T_c · min(50, √c), with
     c = (e_x² + e_y²)/(10 mm)² + e_θ²/(20 mrad)² + (w - w_qs)²/(1 mm)² + 0.01 Σ (τ/τ_max)²,
 w - w_qs the vibration at mid-span. Where an arm can no longer reach, or the beam bends by its length, the episode terminates, and
-every second left costs 100. Otherwise it is truncated after `duration`.
+every second left costs 50. Otherwise it is truncated after `duration`.
+
+Version 0 has a wrench of 200 N, 200 N, 50 N·m, too little for the paper's path, and the reward -T_c · min(100, c): where learning
+begins, all costs are the largest, so that nothing can be learnt from them.
+
+`render_mode="rgb_array"` draws each world, `"human"` shows the first one in a browser.
 """
 
 from typing import Any
@@ -18,8 +23,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from flexlab.errors import StudyError
 from flexlab.gym_environment.kernels import OBSERVED
+from flexlab.gym_environment.rendering import Drawing
 from flexlab.gym_environment.worlds import WRENCH, Settings, WorldBatch
+from flexlab.lab.scene.window import PICTURES_PER_SECOND, Window
 
 OBSERVATION = (
     ("tracking error e", ("m", "m", "rad")),
@@ -29,35 +37,65 @@ OBSERVATION = (
     ("pose x", ("m", "m", "rad")),
 )
 """What is observed, in this order, with the unit of each number."""
-WRENCH_SCALE = np.array([200.0, 200.0, 50.0])
-"""N, N, N·m of a wrench of 1."""
+RENDER_MODES = {"render_modes": ["human", "rgb_array"], "render_fps": PICTURES_PER_SECOND}
 
 
 class _Scaled:
     """What one world and many have in common."""
 
-    def _make(self, count: int, options: dict[str, Any]) -> None:
-        self.settings = Settings(**options)
+    def _make(self, count: int, render_mode: str | None, options: dict[str, Any]) -> None:
+        self.settings = Settings.of(options)
+        if render_mode not in (None, *RENDER_MODES["render_modes"]):
+            raise StudyError(f"render_mode = {render_mode!r:.60} is not known: choose human, rgb_array or None.")
+        self.render_mode = render_mode
         self.worlds = WorldBatch(self.settings, count)
-        torques = np.full(self.worlds.action_size, float(self.settings.torque_limit))
-        self._scale = WRENCH_SCALE if self.settings.action == WRENCH else torques
+        wrench, torques = self.settings.rules.wrench_scale, [self.settings.torque_limit] * self.worlds.action_size
+        self._scale = np.array(wrench if self.settings.action == WRENCH else torques, float)
         self.one_observation = gym.spaces.Box(-np.inf, np.inf, (OBSERVED,), np.float32)
         self.one_action = gym.spaces.Box(-1.0, 1.0, (len(self._scale),), np.float32)
+        self._drawing: Drawing | None = None
+        self._window: Window | None = None
 
-    def _scaled(self, actions: Any) -> np.ndarray:
-        """Actions in [-1, 1] as N and N·m, (worlds, numbers)."""
-        shaped = np.asarray(actions, dtype=float).reshape(self.worlds.count, len(self._scale))
-        return np.minimum(np.maximum(shaped, -1.0), 1.0) * self._scale
+    def _scaled(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
+        """Actions in [-1, 1] as N and N·m, (worlds, numbers). Raises `StudyError` for what is none."""
+        given = np.asarray(actions, dtype=float)
+        if given.shape != shape:
+            raise StudyError(f"An action of shape {given.shape} is not usable: give {self._numbers(shape)}.")
+        if not np.isfinite(given).all():
+            place = np.argwhere(~np.isfinite(given))[0]
+            found = f"action[{', '.join(map(str, place))}] = {given[tuple(place)]}"
+            raise StudyError(f"{found} is not usable: give {self._numbers(shape)}.")
+        return np.minimum(np.maximum(given.reshape(self.worlds.count, len(self._scale)), -1.0), 1.0) * self._scale
+
+    def _numbers(self, shape: tuple[int, ...]) -> str:
+        meaning = "force x, force y, moment" if self.settings.action == WRENCH else "joint torques, left arm first"
+        return f"numbers from -1 to 1 of shape {shape} ({meaning})"
+
+    def _show(self, passed: float) -> None:
+        """Show the first world, `passed` s after it was shown last."""
+        if self.render_mode == "human":
+            self._window = self._window or Window(self.worlds.scenario)
+            self._window.show(self.worlds.samples().take(slice(0, 1)), passed)
+
+    def _draw(self) -> list[np.ndarray]:
+        """Pictures of all worlds, (height, width, 3) each."""
+        self._drawing = self._drawing or Drawing(self.worlds.scenario)
+        samples = self.worlds.samples()
+        return [self._drawing.picture(samples.take(slice(k, k + 1))) for k in range(self.worlds.count)]
+
+    def _end(self) -> None:
+        self.worlds.close()
+        if self._window is not None:
+            self._window.close()
 
 
 class TwoArms(gym.Env[np.ndarray, np.ndarray], _Scaled):
     """One world; arguments as `worlds.Settings`. `info` says the stiffness (N·m²) and the delay of the episode."""
 
-    metadata = {"render_modes": []}  # noqa: RUF012
+    metadata = RENDER_MODES
 
     def __init__(self, render_mode: str | None = None, **options: Any):
-        self.render_mode = render_mode
-        self._make(1, options)
+        self._make(1, render_mode, options)
         self.observation_space, self.action_space = self.one_observation, self.one_action
 
     def reset(
@@ -66,13 +104,15 @@ class TwoArms(gym.Env[np.ndarray, np.ndarray], _Scaled):
         """Begin an episode."""
         super().reset(seed=seed)
         self.worlds.begin(np.ones(1, bool), self.np_random)
+        self._show(1 / PICTURES_PER_SECOND)
         return self.worlds.state.observation[0].copy(), self._info()
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Hold an action for one control period."""
-        state = self.worlds.state
+        wrench_or_torques, state = self._scaled(action, self.one_action.shape), self.worlds.state
         state.pause[:] = False
-        self.worlds.step(self._scaled(action))
+        self.worlds.step(wrench_or_torques)
+        self._show(self.settings.control_period)
         seen = state.observation[0].copy()
         return seen, float(state.reward[0]), bool(state.failed[0]), bool(state.over[0]), self._info()
 
@@ -80,40 +120,53 @@ class TwoArms(gym.Env[np.ndarray, np.ndarray], _Scaled):
         state = self.worlds.state
         return {"stiffness": float(self.worlds.stiffness[state.variant[0]]), "delay": int(state.delay[0])}
 
+    def render(self) -> np.ndarray | None:
+        """The picture, (height, width, 3), in the mode "rgb_array"."""
+        return self._draw()[0] if self.render_mode == "rgb_array" else None
+
     def close(self) -> None:
-        """End the threads."""
-        self.worlds.close()
+        """End the threads, and the window."""
+        self._end()
 
 
 class TwoArmsVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray], _Scaled):
     """`num_envs` worlds that move in one call; a world whose episode is over begins the next one with the next step."""
 
-    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    metadata = RENDER_MODES | {"autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(self, num_envs: int = 1, render_mode: str | None = None, **options: Any):
-        self.num_envs, self.render_mode = num_envs, render_mode
-        self._make(num_envs, options)
+        self.num_envs = num_envs
+        self._make(num_envs, render_mode, options)
         self.single_observation_space, self.single_action_space = self.one_observation, self.one_action
         self.observation_space = batch_space(self.one_observation, num_envs)
         self.action_space = batch_space(self.one_action, num_envs)
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Begin an episode in every world."""
+        """Begin an episode in every world, or in those of `options["reset_mask"]` (num_envs,)."""
         one = seed[0] if isinstance(seed, list) else seed
         super().reset(seed=one)
-        self.worlds.begin(np.ones(self.num_envs, bool), self.np_random)
+        chosen = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
+        if chosen.shape != (self.num_envs,) or chosen.dtype != bool:
+            raise StudyError(f"reset_mask is not usable: give {self.num_envs} truth values, one for each world.")
+        self.worlds.begin(chosen, self.np_random)
         self.worlds.state.pause[:] = False
+        self._show(1 / PICTURES_PER_SECOND)
         return self.worlds.state.observation.copy(), {}
 
     def step(self, actions: Any) -> Any:
         """Hold actions for one control period; worlds whose episode was over begin anew instead, with reward 0."""
-        state = self.worlds.state
+        wrenches_or_torques, state = self._scaled(actions, self.action_space.shape or ()), self.worlds.state
         over = state.failed | state.over
         if over.any():
             self.worlds.begin(over, self.np_random)
-        self.worlds.step(self._scaled(actions))
+        self.worlds.step(wrenches_or_torques)
+        self._show(self.settings.control_period)
         return state.observation.copy(), state.reward.copy(), state.failed.copy(), state.over.copy(), {}
 
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """The pictures of all worlds in the mode "rgb_array"."""
+        return tuple(self._draw()) if self.render_mode == "rgb_array" else None
+
     def close_extras(self, **_: Any) -> None:
-        """End the threads."""
-        self.worlds.close()
+        """End the threads, and the window."""
+        self._end()

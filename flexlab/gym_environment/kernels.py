@@ -8,24 +8,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled, pluggable
-from flexlab.physics.arm import joint_torques
+from flexlab.compiled import compiled, inlined, pluggable
+from flexlab.physics.arm import joint_angles, joint_torques
 from flexlab.physics.dynamics import configure_arms, set_momenta
 from flexlab.physics.plant import ETA, Plant
 from flexlab.sim.advance import advance
 from flexlab.sim.closed_loop import System, limit_torques
 from flexlab.sim.integrators.scheme import Etdrk4
 from flexlab.sim.sampled_control import gaussian
-from flexlab.sim.signals import MIDSPAN, QUASI_STATIC
+from flexlab.sim.signals import ANGLE, ARMS, COLUMN, MIDSPAN, PER_ARM, QUASI_STATIC
 
+POSE = COLUMN["pose"]
 OBSERVED = 14
 """Numbers of an observation."""
 POSITION_SCALE, ANGLE_SCALE, VIBRATION_SCALE = 0.01, 0.02, 0.001
 """m, rad, m: errors that cost 1 per second."""
 EFFORT = 0.01
 """Cost per second of a joint torque at its limit."""
-WORST = 100.0
-"""Largest cost per second, and what each second costs that a failed episode does not see."""
 
 
 class Variants(NamedTuple):
@@ -81,6 +80,19 @@ class Worlds(NamedTuple):
     over: np.ndarray
 
 
+@inlined
+def _begin_row(plant, y, row, ws):
+    """Fill of a sample what is drawn of it: time, pose, joint angles, a straight beam."""
+    for k in range(len(row)):
+        row[k] = 0.0
+    for a in range(3):
+        row[POSE + a] = y[a]
+    if configure_arms(plant, y[0:3], ws.seen, ws.fault) == 0:
+        for i in range(len(plant.arms)):
+            first = ARMS + PER_ARM * i + ANGLE
+            joint_angles(y[2], plant.arms[i], ws.seen.direction[i], row[first : first + 3])
+
+
 @compiled
 def begin_worlds(plant, variants, worlds, start, desired, ws):
     """Set the worlds that pause to their start: pose and pose rate `start` (2, 3), the pose plus their offset.
@@ -113,6 +125,7 @@ def begin_worlds(plant, variants, worlds, start, desired, ws):
                 for place in range(worlds.line.shape[1]):
                     worlds.line[w, place, i, joint] = 0.0
         worlds.reward[w], worlds.failed[w], worlds.over[w] = 0.0, False, False
+        _begin_row(own, y, worlds.row[w, 0], ws)
         seen = worlds.observation[w]
         for a in range(3):
             seen[a], seen[3 + a] = y[a] - desired[0, a], start[1, a] - desired[1, a]
@@ -134,14 +147,16 @@ def step_worlds(
     period,
     ticks,
     bend_limit,
+    worst,
+    rooted,
     level,
     first,
     ws,
 ):
     """Move the worlds that do not pause by one control period under actions (worlds, 3 or 3 per arm), N and N·m.
 
-    `limits` (3,): largest joint torques; `noise` (8,): standard deviations of e, ė, hᵀq̇ and gᵀq̇; `level`, `first`: 0, False.
-    Returns 0.
+    `limits` (3,): largest joint torques; `noise` (8,): standard deviations of e, ė, hᵀq̇ and gᵀq̇; `worst`, `rooted`: as of
+    `worlds.Rules`; `level`, `first`: 0, False. Returns 0.
     """
     plant, arm_count = system.plant, len(system.plant.arms)
     for w in range(len(worlds.tick)):
@@ -184,7 +199,7 @@ def step_worlds(
         worlds.over[w] = tick + 1 >= ticks
         if code != 0:
             worlds.failed[w], worlds.over[w] = True, False
-            worlds.reward[w] = -WORST * period * (ticks - tick)
+            worlds.reward[w] = -worst * period * (ticks - tick)
             continue
         seen, row, cost = worlds.observation[w], worlds.row[w, 0], 0.0
         scale, seed, instant = worlds.noise[w], worlds.seed[w], tick + 1
@@ -204,5 +219,5 @@ def step_worlds(
             seen[9 + a] = moment
         ringing = (row[MIDSPAN] - row[QUASI_STATIC]) / VIBRATION_SCALE
         cost += ringing * ringing + EFFORT * effort
-        worlds.reward[w] = -period * min(cost, WORST)
+        worlds.reward[w] = -period * min(np.sqrt(cost) if rooted else cost, worst)
     return np.int64(0)

@@ -1,9 +1,10 @@
 """What an environment may be told, and its worlds, which move together: what they share, what differs, and the threads."""
 
+import difflib
 import math
 import os
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,8 @@ from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.closed_loop import new_workspace, state_length
 from flexlab.sim.integrators.scheme import Etdrk4
-from flexlab.sim.row_layout import row_length
+from flexlab.sim.row_layout import row_length, rows_to_samples
+from flexlab.sim.samples import Samples
 from flexlab.sim.signals import MIDSPAN
 from flexlab.sim.target import desired_at
 from flexlab.sim.termination import DEFLECTION_LIMIT
@@ -31,6 +33,26 @@ MOST_VARIANTS = 1024
 MOST_THREADS = 1024
 SHORTEST_PERIOD, LONGEST_PERIOD = 1e-4, 0.02
 """s of a control period."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What actions and rewards of a version of the environment mean."""
+
+    wrench_scale: tuple[float, float, float]
+    """N, N, N·m of a wrench of 1."""
+    rooted: bool
+    """Whether a second costs √c rather than c, see `environment`."""
+    worst: float
+    """Largest cost of a second, and what each second costs that a failed episode does not see."""
+
+
+RULES = {
+    0: Rules((200.0, 200.0, 50.0), False, 100.0),
+    # The paper's path takes 320 N. Costs that grow with the square are all the worst beyond 0.1 m, where learning begins.
+    1: Rules((600.0, 600.0, 150.0), True, 50.0),
+}
+"""By version of the environment; versions that were given out stay as they are."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +81,19 @@ class Settings:
     """Stiffnesses that a range is drawn from: each costs some milliseconds when the environment is made."""
     threads: int | None = None
     """Threads that move the worlds, as far as there are worlds enough; None: as many as the machine has cores."""
+    version: int = max(RULES)
+    """Of the environment, see `RULES`; its name says it."""
+
+    @classmethod
+    def of(cls, options: dict[str, Any]) -> "Settings":
+        """From keywords. Raises `StudyError` for one that is not known."""
+        known = [each.name for each in fields(cls)]
+        for name in options:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, n=1)
+                hint = f"did you mean {near[0]}?" if near else f"choose among {', '.join(known)}."
+                raise StudyError(f"The environment has no option {name:.60}: {hint}")
+        return cls(**options)
 
     def __post_init__(self) -> None:
         if self.action not in (WRENCH, TORQUES):
@@ -67,6 +102,13 @@ class Settings:
         self._check("duration", self.duration, self.control_period, 1e4, "s")
         self._check("noise", self.noise, 0.0, LARGEST_NOISE * 100, "times NOISE")
         self._check("torque_limit", self.torque_limit, 1e-3, 1e6, "N·m")
+        if self.version not in RULES:
+            raise StudyError(f"version = {self.version!r:.60} is not known: choose {' or '.join(map(str, RULES))}.")
+        for name, count in (("stiffness", 2), ("delay", 2), ("start_spread", 3)):
+            value = getattr(self, name)
+            if not (name == "stiffness" and value is None) and np.shape(value) != (count,):
+                need = "the smaller limit first, (low, high)" if count == 2 else "three numbers, (x, y, θ)"
+                raise StudyError(f"{name} = {value!r:.60} is not usable: write {need}.")
         for spread in self.start_spread:
             self._check("start_spread", spread, 0.0, 1.0, "m, m, rad")
         for number in self.delay:
@@ -79,13 +121,18 @@ class Settings:
                 self._check("stiffness", value, 1e-3, 1e12, "N·m²")
         for name in ("stiffness", "delay"):
             pair = getattr(self, name)
-            if pair is not None and (len(pair) != 2 or pair[0] > pair[1]):
+            if pair is not None and pair[0] > pair[1]:
                 raise StudyError(f"{name} = {pair!r:.60} is no range: write the smaller limit first, (low, high).")
 
     def _check(self, name: str, value: Any, low: float, high: float, unit: str) -> None:
         usable = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
         if not usable or not low <= value <= high:
             raise StudyError(f"{name} = {value!r:.60} is not usable: give a number from {low:g} to {high:g} {unit}.")
+
+    @property
+    def rules(self) -> Rules:
+        """What actions and rewards mean."""
+        return RULES[self.version]
 
     @property
     def ticks(self) -> int:
@@ -109,7 +156,7 @@ class WorldBatch:
     def __init__(self, settings: Settings, count: int):
         self.settings, self.count = settings, count
         base = _base(settings)
-        self.arm_count = len(base.arms)
+        self.scenario, self.arm_count = base, len(base.arms)
         stiffness = _stiffnesses(settings, base)
         assemblies: list[Assembly] = []
         for value in stiffness:
@@ -169,8 +216,13 @@ class WorldBatch:
         settings = self.settings
         return (
             self._system, self._sampling, self._watch, self._variants, worlds, self._actions[place], settings.action == WRENCH,
-            self._limits, self._noise, settings.control_period, settings.ticks, self._bend_limit, 0, False, ws,
+            self._limits, self._noise, settings.control_period, settings.ticks, self._bend_limit, settings.rules.worst,
+            settings.rules.rooted, 0, False, ws,
         )  # fmt: skip
+
+    def samples(self) -> Samples:
+        """What is drawn of the worlds, (count,)."""
+        return rows_to_samples(self.state.row[:, 0], self.arm_count)
 
     def deflections(self) -> np.ndarray:
         """At mid-span, m, (count,)."""

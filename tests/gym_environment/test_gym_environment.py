@@ -1,19 +1,25 @@
 """The environment is the engine: same torques, same motion; many worlds are many single ones; Gymnasium finds nothing wrong."""
 
+import ast
 import subprocess
 import sys
+import urllib.request
 import warnings
 from pathlib import Path
+from typing import TypeGuard
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+import flexlab
 import flexlab.gym_environment as gym_environment
 from flexlab.errors import StudyError
 from flexlab.gym_environment.environment import OBSERVATION, TwoArms, TwoArmsVector
-from flexlab.gym_environment.worlds import Settings
+from flexlab.gym_environment.worlds import RULES
+from flexlab.lab.colors import GREEN
+from flexlab.lab.scene.stage import floor_extent
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
 
@@ -126,11 +132,97 @@ def test_what_cannot_go_on_terminates_and_costs_the_rest():
         ({"duration": 0.0}, "duration = 0.0 is not usable"),
         ({"threads": 0}, "threads = 0 is not usable"),
         ({"start_spread": (2.0, 0.0, 0.0)}, "start_spread = 2.0 is not usable"),
+        ({"start_spread": 0.1}, "start_spread = 0.1 is not usable: write three numbers"),
+        ({"stiffness": 100}, "stiffness = 100 is not usable: write the smaller limit first"),
+        ({"stifness": (50, 200)}, "no option stifness: did you mean stiffness"),
+        ({"colour": 1}, "no option colour: choose among scenario, action"),
+        ({"render_mode": "ansi"}, "render_mode = 'ansi' is not known: choose human, rgb_array or None"),
+        ({"version": 7}, "version = 7 is not known: choose 0 or 1"),
     ],
 )
 def test_what_is_not_usable_is_said(options: dict, says: str):
     with pytest.raises(StudyError, match=says):
-        Settings(**options)
+        TwoArms(**options)
+
+
+@pytest.mark.parametrize(
+    ("action", "says"),
+    [
+        (
+            [0.0, np.nan, 0.0],
+            r"action\[1\] = nan is not usable: give numbers from -1 to 1 of shape \(3,\) \(force x, force y, moment",
+        ),
+        ([0.0, 0.0], r"An action of shape \(2,\) is not usable: give numbers"),
+    ],
+)
+def test_an_action_that_is_none_is_said_and_moves_nothing(action: list[float], says: str):
+    env = TwoArms(**STILL)
+    env.reset(seed=0)
+    with pytest.raises(StudyError, match=says):
+        env.step(action)
+    assert env.worlds.state.tick[0] == 0
+    with pytest.raises(StudyError, match=r"action\[1, 2\] = inf"):
+        TwoArmsVector(2).step([[0, 0, 0], [0, 0, np.inf]])
+
+
+@pytest.mark.filterwarnings("ignore:.*out of date")
+def test_versions_that_were_given_out_stay_as_they_are():
+    """A wrench of 1 is another one, and the newest version's cost is the root of the first one's."""
+    old, new = gymnasium.make("flexlab/TwoArms-v0", **STILL), gymnasium.make(gym_environment.ID, **STILL)
+    assert gym_environment.ID == "flexlab/TwoArms-v1"
+    costs = []
+    for env, wrench in ((old, 200.0), (new, 600.0)):
+        env.reset(seed=0)
+        steps = [env.step(np.array([50.0 / wrench, 0.0, 0.0], np.float32)) for _ in range(20)]
+        costs.append([-1000 * float(step[1]) for step in steps])
+    np.testing.assert_allclose(np.square(costs[1]), costs[0], rtol=1e-6)
+
+
+def test_one_world_begins_anew_while_others_go_on():
+    envs = TwoArmsVector(3, **STILL)
+    envs.reset(seed=2)
+    for _ in range(5):
+        envs.step(np.zeros((3, 3)))
+    before = envs.worlds.state.y.copy()
+    envs.reset(options={"reset_mask": np.array([False, True, False])})
+    assert envs.worlds.state.tick.tolist() == [5, 0, 5]
+    np.testing.assert_array_equal(envs.worlds.state.y[::2], before[::2])
+    with pytest.raises(StudyError, match="give 3 truth values"):
+        envs.reset(options={"reset_mask": [True]})
+
+
+def test_a_picture_shows_the_beam_where_it_is():
+    envs = TwoArmsVector(2, render_mode="rgb_array", start_spread=(0.05, 0.05, 0.0))
+    envs.reset(seed=0)
+    for _ in range(2):  # At the start, and on the way.
+        pictures = envs.render()
+        assert pictures is not None
+        x_min, x_max, y_min, y_max = floor_extent(envs.worlds.scenario)
+        for picture, pose in zip(pictures, envs.worlds.state.y[:, :3], strict=True):
+            height, width, _ = picture.shape
+            green = np.argwhere((abs(picture.astype(int) - GREEN) < 30).all(axis=2))
+            middle = (green.min(axis=0) + green.max(axis=0) + 1) / 2
+            x = x_min + middle[1] / width * (x_max - x_min)
+            y = y_max - middle[0] / height * (y_max - y_min)
+            np.testing.assert_allclose([x, y], pose[:2], atol=0.01)
+        for _ in range(50):
+            envs.step(np.full((2, 3), 0.1))
+
+
+def test_people_see_the_scene_at_an_address():
+    env = TwoArms(render_mode="human", control_period=0.02)
+    env.reset(seed=0)
+    window = env._window
+    assert window is not None
+    with urllib.request.urlopen(window.address) as answer:
+        assert answer.status == 200
+    for _ in range(4):  # Every second one is drawn.
+        env.step(np.array([0.3, 0.0, 0.0]))
+    middle = window.beam.mesh.vertices.mean(axis=0)
+    np.testing.assert_allclose(middle[:2], env.worlds.state.y[0, :2], atol=2e-3)
+    env.close()
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(window.address)
 
 
 def test_flexlab_itself_does_not_need_gymnasium():
@@ -148,3 +240,36 @@ def test_the_example_learns(root: Path, capsys: pytest.CaptureFixture[str]):
     medians = [float(line.split("reward")[1].split(",")[0]) for line in capsys.readouterr().out.splitlines()]
     assert medians == sorted(medians)
     assert medians[-1] > 0.85 * medians[0]
+
+
+def test_a_learnt_law_is_in_the_lab_what_it_was_in_the_environment(root: Path, tmp_path: Path):
+    """The law that the example writes, with a network of chance: what it observes and does is what the environment means."""
+    source = (root / "web_assets" / "examples" / "learn_by_ppo.py").read_text(encoding="utf-8")
+    values = {node.targets[0].id: node.value for node in ast.parse(source).body if _names_one(node)}
+    random = np.random.default_rng(0)
+    layers = [
+        (random.normal(size=(8, 14)) * 0.3, random.normal(size=8)),
+        (random.normal(size=(3, 8)) * 0.2, np.zeros(3)),
+    ]
+    size, wrench = np.linspace(0.5, 2.0, 14), RULES[1].wrench_scale
+    rows = "\n".join(f"    ({weights.tolist()}, {offset.tolist()})," for weights, offset in layers)
+    file = tmp_path / "learnt_law.py"
+    text = ast.literal_eval(values["LAW"]).format(size=size.tolist(), wrench=list(wrench), layers=rows, period=0.005)
+    file.write_text(text, encoding="utf-8")
+
+    env = TwoArms(control_period=0.005, **STILL)
+    seen, _ = env.reset(seed=0)
+    poses = []
+    for _ in range(40):
+        hidden = np.tanh(layers[0][0] @ np.clip(seen / size, -10, 10) + layers[0][1])
+        seen, *_ = env.step(layers[1][0] @ hidden)
+        poses.append(env.worlds.state.y[0, :3].copy())
+
+    limited = load_preset("paper").replace({"controller.torque_limit": (200.0, 200.0, 200.0)})
+    run = flexlab.simulate(limited, 0.2, 0.005, law=file)
+    assert np.ptp(poses, axis=0).max() > 0.01
+    np.testing.assert_allclose(run.pose[1:], poses, rtol=0, atol=2e-6)
+
+
+def _names_one(node: ast.stmt) -> TypeGuard[ast.Assign]:
+    return isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)

@@ -7,9 +7,12 @@
     "[data-floating-window]": "Plots" };
   const PRESSED = "data-fl-pressed"; // takes Enter and Space as a button does
 
+  // What stands there, whatever language is shown.
+  const english = (part, name) => window.flexlabEnglish?.(part, name) ?? (name ? part.getAttribute(name) : part.textContent);
+
   function mark(part, attributes) {
     for (const [name, value] of Object.entries(attributes)) {
-      if (part && part.getAttribute(name) !== value) part.setAttribute(name, value);
+      if (part && english(part, name) !== value) part.setAttribute(name, value);
     }
   }
 
@@ -23,7 +26,7 @@
 
   // A label is "name (unit)"; the slider of a quantity is called "name, slider" and stands below its box.
   function parts(label) {
-    const text = label?.textContent ?? "";
+    const text = label ? english(label) : "";
     const [, name, unit] = text.match(/^(.*) \(([^()]*)\)$/) ?? [null, text, ""];
     return { text, name: name.replace(/, slider$/, ""), unit };
   }
@@ -57,7 +60,7 @@
   // The label of a line of text points at nothing.
   function nameText(input) {
     const label = input.closest(".mantine-Flex-root")?.querySelector("label");
-    if (label) mark(input, { "aria-label": label.textContent });
+    if (label) mark(input, { "aria-label": english(label) });
   }
 
   function nameButton(button) {
@@ -73,13 +76,13 @@
   function nameFolder(head) {
     const open = head.querySelector(".tabler-icon-chevron-up") !== null;
     mark(head, { role: "button", tabindex: "0", "aria-expanded": String(open), [PRESSED]: "" });
-    mark(head.parentElement, { role: "group", "aria-label": head.textContent });
+    mark(head.parentElement, { role: "group", "aria-label": english(head) });
   }
 
   function tellChart({ chart }) {
     const values = [...chart.root.querySelectorAll(".u-legend .u-series:not(.fl-unnamed)")].map((row) =>
-      `${row.querySelector(".u-label").textContent}: ${row.querySelector(".u-value").textContent}`);
-    const title = chart.root.querySelector(".u-title")?.textContent ?? "Plot";
+      `${english(row.querySelector(".u-label"))}: ${row.querySelector(".u-value").textContent}`);
+    const title = [...chart.root.querySelectorAll(".u-title")].map((part) => english(part))[0] ?? "Plot";
     mark(chart.root.querySelector("canvas"), { role: "img", "aria-label": `${title}. ${values.join("; ")}` });
     for (const word of chart.root.querySelectorAll(".u-legend .u-series:not(:first-child):not(.fl-unnamed) .u-label")) {
       const shown = !word.closest(".u-series").classList.contains("u-off");

@@ -45,6 +45,7 @@
   }
 
   const LOOK = 100; // ms between two looks, in a page that nobody sees as well
+  const english = (part) => window.flexlabEnglish?.(part) ?? part.textContent; // whatever language is shown
   const SHEET = 'div[style*="position: fixed"][style*="width: 20em"]'; // the panel of a page in one column
   // viser lays a page out in one column below 36em; beside a panel the scene has no room below 60em either.
   const match = window.matchMedia.bind(window);
@@ -62,6 +63,9 @@
     }
     shaderSource.call(this, shader, text);
   };
+
+  // Charts write numbers as the browser's language does: a number looks the same in all.
+  Object.defineProperty(navigator, "language", { value: "en-US" });
 
   const darkSystem = matchMedia("(prefers-color-scheme: dark)");
   let seenRun = 0;
@@ -171,7 +175,7 @@
 
   addEventListener("click", (event) => {
     const button = event.target.closest?.("[data-fl-play] button");
-    if (button?.textContent.trim() !== "More") return;
+    if (!button || english(button).trim() !== "More") return;
     document.documentElement.classList.remove("fl-playing");
     history.replaceState(null, "", location.pathname);
   }, true);
@@ -198,7 +202,8 @@
   function look() {
     markPlayScreen();
     const name = document.querySelector(".fl-run")?.dataset.name;
-    if (name && document.title !== `${name} · flexlab`) document.title = `${name} · flexlab`;
+    const title = document.querySelector("title");
+    if (name && (!title || english(title) !== `${name} · flexlab`)) document.title = `${name} · flexlab`;
     watchRun();
     tellNewest();
     measurePicture();
@@ -242,7 +247,7 @@
   addEventListener("keydown", (event) => {
     if (event.key !== "Escape") return;
     const buttons = [...document.querySelectorAll(".mantine-Modal-content button")];
-    buttons.find((button) => button.textContent.trim() === "Close")?.click();
+    buttons.find((button) => english(button).trim() === "Close")?.click();
   }, true);
   // A menu tells nothing when the option is chosen that it shows; for the presets that means: start it anew.
   addEventListener("click", (event) => {

@@ -27,6 +27,7 @@ from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import RecordedLab
 from flexlab.server.labs.shared import SharedLabProvider
+from flexlab.server.languages import catalogues
 from flexlab.server.leaderboard_jobs import MOST_BOARDS
 from flexlab.server.limits import Limit
 from flexlab.server.pages.compare_page import add_compare_pages
@@ -81,13 +82,13 @@ def build_app(context: Context) -> web.Application:
 
 
 def add_files(router: web.UrlDispatcher) -> None:
-    """Routes of style sheet, scripts and icon."""
+    """Routes of style sheet, scripts, catalogues of languages and icon."""
     router.add_get("/favicon.ico", _icon)
     router.add_get("/static/{name}", _static)
 
 
 async def _static(request: web.Request) -> web.StreamResponse:
-    names = await asyncio.to_thread(lambda: {path.name: path for path in STATIC.iterdir()})
+    names = await asyncio.to_thread(lambda: {path.name: path for path in (*STATIC.iterdir(), *catalogues().values())})
     if request.match_info["name"] not in names:
         raise web.HTTPNotFound
     headers = {"Cache-Control": "no-cache", "Content-Security-Policy": STATIC_POLICY}

@@ -13,6 +13,7 @@ from flexlab.lab.browser_messages import LARGEST_MESSAGE
 from flexlab.lab.viser_server import SECRET_HEADER
 from flexlab.log_limits import limited
 from flexlab.server.labs.lab_provider import Lab
+from flexlab.server.languages import language_script
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.visitors import asker_of
 
@@ -31,9 +32,10 @@ LAB_POLICY = (
 """viser unpacks its program, and a compiled part of it, inside the page. It may talk to this address and to nobody else."""
 
 ADDITION = Markup("""<link rel="stylesheet" href="/static/lab.css">
+{language}
 <script src="/static/lab.js" data-state="{state}" defer></script>
 """)
-"""What the server adds to the lab's page: the way back, and a word when the lab is gone."""
+"""What the server adds to the lab's page: its language, the way back, and a word when the lab is gone."""
 
 log = limited(__name__)
 
@@ -83,7 +85,7 @@ async def proxy_page(request: web.Request, place: Lab, path: str) -> web.StreamR
 
 def _furnish(body: bytes, place: Lab) -> bytes:
     head, mark, rest = body.rpartition(b"</head>")
-    addition = ADDITION.format(state=f"/state{place.path}")
+    addition = ADDITION.format(language=language_script(), state=f"/state{place.path}")
     return head + addition.encode() + mark + rest if mark else body
 
 

@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from flexlab.plain_text import visible, with_units
 from flexlab.recording.store.run_index import duration_text, size_text, state_word
+from flexlab.server.languages import language_script
 
 HAS_CLASS = ContextVar("HAS_CLASS", default=False)
 """Whether the page is for somebody who has a class to look after: set for each request, before any page is made."""
@@ -44,6 +45,7 @@ _environment.globals.update(  # pyright: ignore[reportUnknownMemberType]
     with_units=with_units,
     has_class=HAS_CLASS.get,
     of_hub=OF_HUB.get,
+    language_script=language_script,
 )
 
 

@@ -1,0 +1,275 @@
+// Shows the page in the language that the browser prefers, or that was chosen here: texts are replaced where they stand, by the
+// catalogue of that language (/static/de.json). English, and what a catalogue lacks, stays as it came.
+(() => {
+  const script = document.currentScript;
+  const base = script.src.replace(/\/static\/[^/]*$/, ""); // A proxy may have a path before ours.
+  const offered = { en: "English", ...JSON.parse(script.dataset.languages) };
+  const KEPT = "flexlab-language";
+  const LONGEST_WAIT = 1500; // ms for which a page shows nothing rather than English
+  const MOST_KEPT = 4000; // translations of sentences with numbers, and untranslated texts
+  const ATTRIBUTES = ["title", "aria-label", "placeholder", "alt", "aria-valuetext", "value"];
+  const MARKS = { CODE: ["`", "`"], KBD: ["`", "`"], B: ["**", "**"], STRONG: ["**", "**"], EM: ["*", "*"], I: ["*", "*"], A: ["[", "]"],
+    SUB: ["<sub>", "</sub>"], WBR: ["", ""] };
+  const ALONE = "script, noscript, style, textarea, pre, [translate=no]"; // Never translated.
+  const WORD = /\p{L}{3}/u, UNITS = /\b(m?rad|kHz|min|max|RMS|NaN|flexlab)\b/g, NUMBER = /\d[\d.e+−-]*/g;
+  const SENTENCE = /(?<=[.!?✓]) (?=[\p{Lu}\d])/u;
+  const WITHIN = "((?:(?![.!?] \\p{Lu})[^`*])+?)"; // the value of a placeholder: part of one sentence
+  const KINDS = { n: "([+−-]?\\d[\\d.e+−-]*)", m: "([+−-]?\\d[\\d.e+−-]*)", code: "(\\S+)" }; // numbers, and what stays as it is
+
+  let exact = new Map(), patterns = new Map(), kept = new Map(), watching = null, language = "en";
+  const texts = new WeakMap(), attributes = new WeakMap(); // node → { source: English, shown: what stands there }
+  const untranslated = new Set();
+
+  function read(catalogue) {
+    [exact, patterns, kept] = [new Map(), new Map(), new Map()];
+    untranslated.clear();
+    for (const [english, shown] of Object.entries(catalogue)) {
+      if (!/\{\w+\}/.test(english)) { exact.set(english, shown); continue; }
+      const literals = english.split(/\{\w+\}/), names = [...english.matchAll(/\{(\w+)\}/g)].map(([, name]) => name);
+      const form = new RegExp(`^${literals.map((part, k) => part.replace(/[.*+?^${}()|[\]\\]/g, "\\$&") +
+        (k === names.length ? "" : KINDS[names[k]] ?? WITHIN)).join("")}$`, "su");
+      const first = english.match(/^[^\s{]+(?= )/)?.[0] ?? "";
+      const length = literals.join("").length;
+      if (!patterns.has(first)) patterns.set(first, []);
+      patterns.get(first).push({ form, names, shown, length, bare: !WORD.test(literals.join(" ")) });
+    }
+    for (const list of patterns.values()) list.sort((a, b) => b.length - a.length);
+  }
+
+  const isWords = (text) => exact.has(text) || WORD.test(text.replace(UNITS, ""));
+  const fill = ({ names, shown }, values) => shown.replace(/\{(\w+)\}/g, (whole, name) => values[names.indexOf(name)] ?? whole);
+
+  function byPattern(text, bare) {
+    let partly;
+    for (const first of [text.split(" ", 1)[0], ""]) {
+      for (const pattern of patterns.get(first) ?? []) {
+        const match = pattern.bare === bare && pattern.form.exec(text);
+        if (!match) continue;
+        const missed = [];
+        const values = match.slice(1).map((value, k) => {
+          const found = pattern.names[k] === "code" || !isWords(value) ? value : translate(value);
+          if (found === undefined) missed.push(value);
+          return found ?? value;
+        });
+        const found = { length: missed.length ? 0 : pattern.length, missed, shown: fill(pattern, values) };
+        if ((!bare || !missed.length) && !(partly?.length >= found.length)) partly = found;
+        if (!missed.length) break;
+      }
+    }
+    partly?.missed.forEach(miss);
+    return partly?.shown;
+  }
+
+  function bySentence(text) {
+    const sentences = text.split(SENTENCE);
+    if (sentences.length < 2) return undefined;
+    const shown = [], missed = [];
+    for (let first = 0, last; first < sentences.length; first = last) {
+      let found;
+      for (last = sentences.length; last > first; last -= 1) { // The longest that is known.
+        const part = sentences.slice(first, last).join(" ");
+        if (part !== text) found = exact.get(part) ?? byPattern(part, false);
+        if (found !== undefined) break;
+      }
+      if (found === undefined) {
+        last = first + 1;
+        found = isWords(sentences[first]) ? byPattern(sentences[first], true) : sentences[first];
+        if (found === undefined) missed.push(sentences[first]);
+      }
+      shown.push(found ?? sentences[first]);
+    }
+    if (missed.length === sentences.length) return undefined;
+    missed.forEach(miss);
+    return shown.reduce((all, next) => all + (/[。！？]$/.test(all) ? "" : " ") + next);
+  }
+
+  // The translation of an English text; undefined: there is none.
+  function translate(text) {
+    if (exact.has(text)) return exact.get(text);
+    if (kept.has(text)) return kept.get(text);
+    const shown = byPattern(text, false) ?? bySentence(text) ?? byPattern(text, true);
+    if (kept.size > MOST_KEPT) kept.clear();
+    kept.set(text, shown);
+    return shown;
+  }
+
+  function miss(text) {
+    if (isWords(text) && untranslated.size < MOST_KEPT) untranslated.add(text.replace(NUMBER, "0"));
+  }
+
+  function current(text) {
+    const seen = texts.get(text);
+    return seen?.shown === text.nodeValue ? seen.source : text.nodeValue;
+  }
+
+  function put(text, source, shown) {
+    texts.set(text, { source, shown });
+    if (text.nodeValue !== shown) text.nodeValue = shown;
+  }
+
+  // The texts and inline elements beside a text make one sentence; its marks are those of markdown.
+  const flows = (node) => node?.nodeType === Node.TEXT_NODE || (node?.tagName in MARKS && !node.matches(ALONE));
+
+  function runOf(text) {
+    let first = text;
+    while (first.parentNode?.tagName in MARKS) first = first.parentNode;
+    while (flows(first.previousSibling)) first = first.previousSibling;
+    const run = [];
+    for (let node = first; flows(node); node = node.nextSibling) run.push(node);
+    return run;
+  }
+
+  function flatten(nodes, parts = []) { // → marks (strings) and texts (nodes) in their order
+    for (const node of nodes) {
+      if (node.nodeType === Node.TEXT_NODE) parts.push(node);
+      else if (node.tagName in MARKS) {
+        const [before, after] = MARKS[node.tagName];
+        if (before) parts.push(before);
+        flatten(node.childNodes, parts);
+        if (after) parts.push(after);
+      }
+    }
+    return parts;
+  }
+
+  const spaces = (text) => text.replace(/\s+/g, " ");
+
+  function showRun(parts) {
+    const whole = spaces(parts.map((part) => typeof part === "string" ? part : current(part)).join(""));
+    const found = language === "en" || !isWords(whole) ? undefined : exact.get(whole.trim()) ??
+      byPattern(whole.trim(), false) ?? byPattern(whole.trim(), true);
+    if (found === undefined) return whole.trim();
+    let rest = whole.match(/^ ?/)[0] + found + whole.match(/ ?$/)[0];
+    const shown = [];
+    for (const [k, part] of parts.entries()) {
+      if (typeof part !== "string" && k > 0 && typeof parts[k - 1] !== "string") shown.push([part, ""]); // viser breaks long words
+      else if (typeof part !== "string") {
+        const mark = parts.slice(k + 1).find((later) => typeof later === "string");
+        const end = mark === undefined ? rest.length : rest.indexOf(mark);
+        if (end < 0) return whole.trim();
+        shown.push([part, rest.slice(0, end)]);
+        rest = rest.slice(end);
+      } else if (rest.startsWith(part)) rest = rest.slice(part.length);
+      else return whole.trim();
+    }
+    for (const [text, word] of shown) put(text, current(text), word);
+    return "";
+  }
+
+  function showText(text) {
+    const source = current(text), trimmed = spaces(source).trim();
+    const alone = text.parentElement?.closest("code, kbd");
+    const found = language === "en" || alone || !isWords(trimmed) ? undefined : translate(trimmed);
+    put(text, source, found === undefined ? source : source.match(/^\s*/)[0] + found + source.match(/\s*$/)[0]);
+    return found !== undefined || alone || !isWords(trimmed);
+  }
+
+  function showAttribute(part, name) {
+    const menu = name === "value"; // Of a menu that is a field: what it shows is drawn over it.
+    if (menu ? part.getAttribute("aria-haspopup") !== "listbox" : !part.hasAttribute(name)) return;
+    const known = attributes.get(part) ?? attributes.set(part, {}).get(part);
+    const value = part.getAttribute(name) ?? "";
+    const source = known[name]?.shown === value && !menu ? known[name].source : value;
+    const found = language === "en" || !isWords(source) ? undefined : translate(source);
+    if (found === undefined && language !== "en") miss(source);
+    const shown = found ?? source;
+    known[name] = { source, shown };
+    if (!menu) { if (value !== shown) part.setAttribute(name, shown); }
+    else if (found === undefined) delete part.parentElement.dataset.flShown;
+    else part.parentElement.dataset.flShown = shown;
+  }
+
+  function show(nodes, named = []) {
+    const done = new Set();
+    const text = (node) => {
+      if (done.has(node) || !node.isConnected || node.parentElement?.closest(ALONE)) return;
+      const run = runOf(node), parts = flatten(run), among = parts.filter((part) => typeof part !== "string");
+      for (const part of among) done.add(part);
+      const flows = parts.length > 1 && run.some((part) => part.nodeType === Node.TEXT_NODE && isWords(current(part)));
+      const left = flows ? showRun(parts) : "";
+      if (flows && !left) return;
+      if (left && among.some((part) => isWords(current(part)) && !part.parentElement.closest("code, kbd") && translate(spaces(current(part)).trim()) === undefined)) {
+        for (const part of among) put(part, current(part), current(part)); // Rather all of it in English than a part.
+        if (language !== "en") miss(left);
+        return;
+      }
+      const missed = among.filter((part) => !showText(part)).map((part) => spaces(current(part)).trim());
+      if (missed.length && language !== "en") (left ? [left] : missed).forEach(miss);
+    };
+    const element = (node) => {
+      if (node.closest(ALONE)) return;
+      for (const name of ATTRIBUTES) showAttribute(node, name);
+    };
+    for (const node of nodes) {
+      if (node.nodeType === Node.TEXT_NODE) text(node);
+      if (node.nodeType !== Node.ELEMENT_NODE || !node.isConnected) continue;
+      element(node);
+      const walker = document.createTreeWalker(node, NodeFilter.SHOW_ELEMENT | NodeFilter.SHOW_TEXT);
+      while (walker.nextNode()) (walker.currentNode.nodeType === Node.TEXT_NODE ? text : element)(walker.currentNode);
+    }
+    for (const [part, name] of named) if (part.isConnected && !part.closest(ALONE)) showAttribute(part, name);
+  }
+
+  function changed(records) {
+    const nodes = new Set(), named = [];
+    for (const { type, target, addedNodes, attributeName } of records) {
+      if (type === "characterData") { if (texts.get(target)?.shown !== target.nodeValue) nodes.add(target); }
+      else if (type === "attributes") named.push([target, attributeName]);
+      else for (const node of addedNodes) if (texts.get(node)?.shown !== node.nodeValue || node.nodeType === Node.ELEMENT_NODE) nodes.add(node);
+    }
+    show(nodes, named);
+  }
+
+  async function turnTo(code) {
+    const catalogue = code === "en" ? {} : await (await fetch(`${base}/static/${code}.json`)).json();
+    read(catalogue);
+    language = code;
+    document.documentElement.lang = code;
+    show([document.documentElement]);
+    watching ??= new MutationObserver(changed);
+    watching.disconnect();
+    if (code !== "en") {
+      watching.observe(document.documentElement,
+        { subtree: true, childList: true, characterData: true, attributes: true, attributeFilter: ATTRIBUTES });
+    }
+  }
+
+  // For scripts that read the page: the English text of a part, or of its attribute, whatever is shown.
+  window.flexlabEnglish = (part, name) => {
+    if (name) {
+      const known = attributes.get(part)?.[name], value = part.getAttribute(name);
+      return known?.shown === value ? known.source : value;
+    }
+    return flatten([...part.childNodes].flatMap(function inner(node) {
+      return node.nodeType === Node.TEXT_NODE ? [node] : [...node.childNodes].flatMap(inner);
+    })).map(current).join("");
+  };
+  window.flexlabUntranslated = untranslated; // for whoever completes a catalogue
+  const ask = window.confirm.bind(window);
+  window.confirm = (question) => ask(translate(question) ?? question);
+
+  function offer(chosen) {
+    const choice = document.createElement("select");
+    choice.className = "language";
+    choice.translate = false;
+    choice.setAttribute("aria-label", "Language / Sprache / 语言");
+    for (const [code, name] of Object.entries(offered)) choice.add(new Option(name, code, false, code === chosen));
+    choice.addEventListener("change", () => {
+      try { localStorage.setItem(KEPT, choice.value); } catch { /* Then it holds for this page. */ }
+      turnTo(choice.value);
+    });
+    (document.getElementById("server-bar") ?? document.querySelector("body > header"))?.append(choice);
+  }
+
+  let before = null;
+  try { before = localStorage.getItem(KEPT); } catch { /* No storage: the browser's languages count. */ }
+  const preferred = [before, ...navigator.languages.map((name) => name.split("-")[0])];
+  const chosen = preferred.find((code) => Object.hasOwn(offered, code)) ?? "en";
+  if (chosen !== "en") {
+    const root = document.documentElement, appear = () => root.style.removeProperty("visibility");
+    root.style.visibility = "hidden";
+    setTimeout(appear, LONGEST_WAIT);
+    turnTo(chosen).finally(appear);
+  }
+  addEventListener("DOMContentLoaded", () => setTimeout(() => offer(chosen)));
+})();

@@ -1,0 +1,160 @@
+"""Every page in German, in Chinese, and back in English: what a reader sees comes from the catalogue of their language."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from browser_window import open_window
+from person import TEACHER, TOKEN
+from playwright.sync_api import Browser, Page
+
+from flexlab.analysis.leaderboard.board import make_tasks, run_board
+from flexlab.analysis.leaderboard.case import cases
+from flexlab.analysis.leaderboard.entrants import chosen_entrants
+from flexlab.analysis.leaderboard.store import RowStore
+from flexlab.control.law import laws
+from flexlab.control.path import PATHS
+from flexlab.guide import chapters, lessons
+from flexlab.presets import load_preset, preset_names
+from flexlab.server.front_server import open_front_server
+from flexlab.server.settings import Settings
+
+RUNS = "2026-01-01T00-00-00-alpha", "2026-01-02T00-00-00-beta"
+PAGES = (
+    "/",
+    "/runs",
+    f"/runs/{RUNS[0]}",
+    f"/compare?run={RUNS[0]}&run={RUNS[1]}",
+    "/studies",
+    "/leaderboard",
+    "/teacher",
+    "/nowhere",
+)
+GUIDE, PANEL = '[data-dock-region="left"]', '[data-dock-region="right"]'
+CALM = 1200
+"""ms until a page has named what has come."""
+STAYS = (
+    r"\S+\.rrd|https?://\S+|x\d+_\d+ .*",  # files, addresses, machines
+    r"(Edit props for )?/?(WorldAxes|\w+)",  # viser's tree of the scene, and single code names
+    r"\d+ [A-Z][a-z]{2}( \d+)? [\d:]+|alpha [\d:]+|0 [MGk]B in .*|Lesson 0",  # dates, folders, what is typed here
+    r".*[√∑‖].*",  # formulas
+    r"[a-z]+(-[a-z]+)+",  # code names
+)
+"""What every language shows as it is."""
+ENGLISH = re.compile(r"[A-Za-z]{3,}(?:[ ’'-][A-Za-z]{3,}){2,}")
+"""Three words in a row."""
+VISIBLE = """() => {
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
+  while (walker.nextNode()) {
+    const part = walker.currentNode.parentElement;
+    if (!part.checkVisibility() || part.closest("script, style, code, svg, [translate=no]")) continue;
+    found.push(walker.currentNode.nodeValue);
+  }
+  return found;
+}"""
+
+
+@pytest.fixture(scope="module")
+def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """A window whose reader prefers German, at the page that asks for the token; two runs and a leaderboard are there."""
+    logs = tmp_path_factory.mktemp("languages") / "logs"
+    logs.mkdir()
+    for name in RUNS:
+        shutil.copy(recorded, logs / f"{name}.rrd")
+    quick = [replace(cases()[name], duration=0.012) for name in ("B1", "B2")]
+    run_board(make_tasks(quick, chosen_entrants(["pd", "lqr"])), RowStore(logs.parent / "leaderboard"))
+    settings = Settings(logs, port=0, token=TOKEN, teacher_token=TEACHER, private=True, shadows=False)
+    with open_front_server(settings, load_preset("paper"), "paper") as server:
+        window = open_window(plain_chromium, 1440, 900, base_url=f"http://127.0.0.1:{server.port}", locale="de-DE")
+        opened = window.new_page()
+        opened.route("**/viewer/**", lambda request: request.abort())
+        opened.goto("/")
+        yield opened
+        window.close()
+
+
+def plain(text: str) -> str:
+    """A text as a page's list of untranslated ones has it, without marks."""
+    return " ".join(re.sub(r"\d[\d.e+−-]*", "0", re.sub(r"[`*\[\]#|>-]|!\[|\(\S+\.svg\)", " ", text)).split())
+
+
+def told_by_files() -> str:
+    """Texts of the guide's chapters, which are English, and of what is added by one file: English until it is translated."""
+    texts = [text for chapter in chapters() for text in (re.sub("<[^>]*>", " ", chapter.text), chapter.text)]
+    texts += [text for lesson in lessons() for text in (lesson.title, lesson.text, lesson.check)]
+    texts += [text for name in preset_names() for text in (name, load_preset(name).title, load_preset(name).watch)]
+    texts += [*laws(), *PATHS.all()]
+    return " · ".join(plain(text) for text in texts)
+
+
+def left(page: Page) -> set[str]:
+    """What has no translation and is not meant to have one's own, by page."""
+    return set(page.evaluate("[...window.flexlabUntranslated]"))
+
+
+def faults(missing: set[str]) -> list[str]:
+    """Without what stays as it is."""
+    stays, files = re.compile("|".join(f"(?:{kind})" for kind in STAYS)), told_by_files()
+    return sorted(text for text in missing if not stays.fullmatch(text) and plain(text) not in files)
+
+
+def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
+    missing = left(page)
+    assert page.locator("html").get_attribute("lang") == "de"
+    page.get_by_role("heading", name="Anmelden").wait_for()
+    page.locator("input[name=token]").fill(TEACHER)
+    page.get_by_role("button", name="Öffnen").click()
+    page.get_by_role("link", name="Klasse").wait_for()
+    for path in PAGES:
+        page.goto(path)
+        page.locator("h1").wait_for()
+        missing |= left(page)
+    page.goto("/lab/?play")
+    page.get_by_role("button", name="Antippen").wait_for()
+    page.get_by_role("slider", name="Steifigkeit EI", exact=True).wait_for()
+    page.get_by_role("button", name="Mehr").click()
+    page.get_by_role("slider", name="Biegesteifigkeit EI", exact=True).wait_for()
+    for folded in ("Anleitung", "Bewegung"):
+        page.get_by_role("tab", name=folded, exact=True).press("Enter")
+    menu = page.locator(f"{GUIDE} input[aria-haspopup=listbox]").first
+    menu.fill("Lesson 1")
+    page.get_by_role("option", name="Lektion 1: Warum schwingt er?").click()
+    page.locator(GUIDE).get_by_text("In der Vorgabe").first.wait_for()
+    assert (
+        page.locator(f"{GUIDE} [data-fl-shown]").first.get_attribute("data-fl-shown") == "Lektion 1: Warum schwingt er?"
+    )
+    tabs = page.locator(f"{PANEL} [role=tab]")
+    for number in range(tabs.count()):
+        tabs.nth(number).press("Enter")
+        for _ in range(2):  # Folders in folders.
+            page.wait_for_timeout(CALM / 2)
+            folded = page.locator(f"{PANEL} [data-fl-pressed][aria-expanded=false]")
+            folded.evaluate_all("heads => heads.forEach((head) => head.click())")
+    page.keyboard.press("Shift+?")
+    page.get_by_role("dialog", name="Tasten").get_by_text("Laufen oder anhalten").wait_for()
+    page.wait_for_timeout(CALM)
+    missing |= left(page)
+    page.keyboard.press("Escape")
+    lacking = faults(missing)
+    assert not lacking, "these lack in web_assets/languages/*.json:\n" + "\n".join(lacking)
+    assert not [text for text in page.locator(".u-value").all_inner_texts() if "," in text], (
+        "numbers are the same in all"
+    )
+
+    page.get_by_label("Language").select_option("zh")
+    tabs.first.press("Enter")
+    page.get_by_role("slider", name="弯曲刚度 EI", exact=True).wait_for()
+    page.wait_for_timeout(CALM)
+    shown = {found[0] for text in page.evaluate(VISIBLE) if (found := ENGLISH.search(text))}
+    assert faults(shown) == []
+
+    page.get_by_label("Language").select_option("en")
+    page.get_by_role("slider", name="Bending stiffness EI", exact=True).wait_for()
+    assert "Bending stiffness EI (N·m²)" in page.locator(PANEL).inner_text()
+    assert page.locator("[data-fl-shown]").count() == 0
+    page.get_by_label("Language").select_option("de")
+    page.goto("/")
+    assert page.locator("html").get_attribute("lang") == "de", "the choice is remembered"

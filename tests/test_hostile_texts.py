@@ -17,6 +17,8 @@ from own_law_text import PD, forget_own_laws
 from own_path_text import ROUND, forget_own_paths
 
 import flexlab.cli
+from flexlab.analysis.validation import Validation, beam_theory
+from flexlab.analysis.validation.check import Runs
 from flexlab.cli import COMMANDS
 from flexlab.own.law import add_own_law
 from flexlab.plain_text import console, visible, visible_json
@@ -122,7 +124,13 @@ CALLS: dict[str, list[tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_no_command_shows_a_control_character(command: str, folder: Path, flexlab_command: Command):
+def test_no_command_shows_a_control_character(
+    command: str, folder: Path, flexlab_command: Command, monkeypatch: pytest.MonkeyPatch
+):
+    few = Validation({beam_theory.SUBJECT: tuple(beam_theory.checks(Runs()))}, Runs())
+    monkeypatch.setattr(
+        "flexlab.analysis.validation.validate", lambda: few
+    )  # All take seconds, and nobody else writes them.
     one, odd = (next((folder / "logs").glob(f"*{name}*.rrd")).stem for name in ("one", "odd"))
     for words in CALLS[command]:
         done = flexlab_command(command, *(word.replace("{one}", one).replace("{odd}", odd) for word in words))

@@ -1,4 +1,4 @@
-"""Compiles what a first picture does not need: the other integrators, laws, paths and sampled control, once per machine.
+"""Compiles what a first picture does not need: other integrators, laws and paths, sampled control, joints, once per machine.
 
 `python -m flexlab.sim.compile_all` does it in a process of its own, so that the lab, which needs them when somebody chooses
 them, finds them on disk.
@@ -35,14 +35,20 @@ def compile_everything() -> None:
     """Compile what is not yet on disk, in the order in which it is likely to be wanted."""
     scenario = Scenario()
     World(scenario).apply(ChangeScenario({"controller.feedback_gain": 201.0}))
-    World(scenario.replace({"controller.control_period": 0.001})).run(1)
-    for name in ORDER:
-        World(scenario.replace({"simulation.integrator": name, "simulation.step": 1e-5})).run(1)
+    _compile_loops(scenario)
     for law in laws().values():
         _ = law.addresses
     for path in paths().values():
         _ = path.address
+    _compile_loops(scenario.replace({"joints.friction.viscous": (1.0, 1.0, 1.0)}))
     (cache_folder() / DONE).touch()
+
+
+def _compile_loops(scenario: Scenario) -> None:
+    """Compile sampled control and every integrator, for joints like those of a scenario."""
+    World(scenario.replace({"controller.control_period": 0.001})).run(1)
+    for name in ORDER:
+        World(scenario.replace({"simulation.integrator": name, "simulation.step": 1e-5})).run(1)
 
 
 def _end_with_the_input() -> None:

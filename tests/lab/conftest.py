@@ -8,6 +8,7 @@ from lab_page import LabPage, LastingWindow, wait_until
 from playwright.sync_api import Browser
 
 from flexlab.lab import render_loop
+from flexlab.lab.panel import field, number_control
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
@@ -24,6 +25,13 @@ def session() -> Iterator[Session]:
     """The paper's lab on a free port, without shadows (they take most of a software renderer's time)."""
     with Session(load_preset("paper"), "paper", port=0, shadows=False) as lab:
         yield lab
+
+
+@pytest.fixture
+def soon_put_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A number that was refused stands in its box for one second, not for four."""
+    for module in (field, number_control):
+        monkeypatch.setattr(module, "SETTLE_TIME", 1.0)
 
 
 @pytest.fixture(scope="module")

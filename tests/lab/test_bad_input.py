@@ -80,6 +80,7 @@ def test_what_is_no_value_is_refused(session: Session, label: str, updates: dict
         still_works(session, browser)
 
 
+@pytest.mark.usefixtures("soon_put_right")
 @pytest.mark.parametrize(
     ("label", "value", "path"),
     [

@@ -112,6 +112,7 @@ def test_slow_motion(page: LabPage) -> None:
     assert page.snapshot.run_number == run
 
 
+@pytest.mark.usefixtures("soon_put_right")
 def test_a_bad_number_is_answered_in_a_sentence_and_goes_no_further(page: LabPage) -> None:
     for typed, true, good in (("-1", "100", "64"), ("1000000000000000", "64", "36")):
         page.enter(EI, typed)

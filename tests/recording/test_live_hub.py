@@ -12,7 +12,7 @@ from flexlab.recording.live import LiveHub
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.store.run_files import list_runs
-from flexlab.sim.commands import ChangeScenario, Reset
+from flexlab.sim.commands import ChangeScenario, Reset, SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Status
 from flexlab.sim.world import World
@@ -36,6 +36,7 @@ def test_who_joins_after_ten_seconds_has_it_all(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "logs", hub.take)
     runner = Runner(load_preset("paper"), "paper", [recorder])
     runner.start()
+    runner.submit(SetSpeed(4.0))
     wait_until(lambda: runner.snapshot.latest.time[0] > 1.0, "some time has passed")
     runner.submit(ChangeScenario({"payload.bending_stiffness": 50.0}))
     wait_until(lambda: runner.snapshot.latest.time[0] > 10.0, "ten seconds have passed")

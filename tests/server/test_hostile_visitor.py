@@ -17,13 +17,16 @@ from fuzz import Attack
 from http_client import Answer, ask, looking, upgrade, wait_until
 from test_private_labs import Visitor, state
 
-from flexlab.errors import LabError, PresetError
+from flexlab.errors import LabError, PresetError, RecordingError
 from flexlab.lab.panel.scenario_files import MOST_PRESETS, save_preset
 from flexlab.plain_text import visible
 from flexlab.presets import load_preset
+from flexlab.recording.reader import read_recording
+from flexlab.recording.store.run_files import run_state
 from flexlab.recording.store.run_index import annotate_run, find_row
 from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
+from flexlab.server.labs import per_visitor
 from flexlab.server.limits import FREE
 from flexlab.server.settings import Settings
 from flexlab.server.workshop import Workshop, sweep
@@ -147,18 +150,34 @@ def test_one_address_cannot_take_all_private_labs(open_another: Callable[..., Fr
     assert (full.status, "1 of 1 labs that one address may have" in full.text) == (503, True)
 
 
-def test_a_lab_that_hangs_is_told_and_replaced(open_another: Callable[..., FrontServer]):
-    front_server = open_another(private=True, max_sessions=2)
-    anna = Visitor(front_server)
-    path = anna.enter()
+def test_a_lab_that_hangs_is_told_and_replaced_and_its_run_kept(
+    open_another: Callable[..., FrontServer], monkeypatch: pytest.MonkeyPatch
+):
+    front_server = open_another(private=True, max_sessions=4)
+    anna, ben = Visitor(front_server), Visitor(front_server)
+    path, bens = anna.enter(), ben.enter()
     place = anna.place
     run = wait_until(lambda: place.status().recording, "it is recorded")
-    os.kill(place.worker.pid, signal.SIGSTOP)
-    told = wait_until(lambda: '"open": false' in state(anna, path) and state(anna, path), "its visitor is told")
-    assert "did not answer" in json.loads(told)["sentence"]
+
+    def samples() -> int:
+        with contextlib.suppress(RecordingError):
+            return len(read_recording(run).samples)
+        return 0
+
+    wait_until(samples, "something of it is in its file")
+    with monkeypatch.context() as soon:
+        soon.setattr(per_visitor, "SILENCE", 4.0)
+        soon.setattr(per_visitor, "LAST_CHANCE", 0.5)
+        os.kill(place.worker.pid, signal.SIGSTOP)
+        told = wait_until(lambda: '"open": false' in state(anna, path) and state(anna, path), "its visitor is told")
+        wait_until(lambda: place.worker.exit_code is not None, "the hanging process is gone")
+    sentence = json.loads(told)["sentence"]
+    assert "did not answer" in sentence
+    assert "your run was kept" in sentence
     assert anna.enter("/lab/gravity") != path
-    wait_until(lambda: place.worker.exit_code is not None, "the hanging process is gone")
-    assert run.exists()
+    wait_until(lambda: run_state(run) == "recovered", "Anna's run is made whole")
+    assert samples() > 0
+    assert ben.enter() == bens, "Ben's lab runs on"
 
 
 def test_folders_of_killed_servers_are_swept():

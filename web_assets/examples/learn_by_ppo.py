@@ -148,7 +148,7 @@ def main():
         gamma=0.97,
         learning_rate=lambda left: 7e-4 * max(left, 0.03),
         target_kl=0.02,
-        policy_kwargs={"net_arch": [32, 32], "log_std_init": -1.5},
+        policy_kwargs={"net_arch": [64, 64], "log_std_init": -1.5},
         seed=0,
     )
     learner.learn(STEPS, callback=Report())

@@ -25,6 +25,7 @@ from flexlab.api import sweep as sweep
 from flexlab.leaderboard_api import leaderboard as leaderboard
 from flexlab.linear_api import linearize as linearize
 from flexlab.notebook import Lab as Lab
+from flexlab.own.data import data_file as data_file
 from flexlab.own.declaration import OwnLaw as OwnLaw
 from flexlab.own.declaration import OwnPath as OwnPath
 from flexlab.own.declaration import gain as gain

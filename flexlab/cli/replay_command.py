@@ -65,6 +65,7 @@ def _replay(path: Path, run_own_law: bool) -> int:
 def _allow(kind: str, source: str, allowed: bool) -> None:
     """Let a recording's own law run if the person agrees. Raises `StudyError` if not."""
     from flexlab.own import hosts
+    from flexlab.own.data import without_data
     from flexlab.own.elsewhere import address_in
     from flexlab.own.files import LAW_FILES
     from flexlab.own.unit import unit_in
@@ -92,7 +93,7 @@ def _allow(kind: str, source: str, allowed: bool) -> None:
                 f"This run was controlled by the unit {unit_file}, machine code that a replay needs. Let it run here?"
             )
         else:
-            note(visible(source))
+            note(visible(without_data(source)))
         if not agreed(question, "give --run-own-law to let it run"):
             raise StudyError(f"The run was not replayed: its control law {kind} was not allowed to run.")
     hosts.allow(source, address or unit_file or f"{kind.replace('-', '_')}.py")

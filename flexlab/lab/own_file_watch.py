@@ -131,6 +131,6 @@ def _stamp(file: Path) -> Stamp | None:
 def _is_new(file: Path) -> bool:
     """Whether a file holds another text than the one that may run."""
     try:
-        return not hosts.is_allowed(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError):
+        return not hosts.is_allowed(LAW_FILES.text(file))
+    except FlexlabError:
         return False

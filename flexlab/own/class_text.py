@@ -14,7 +14,7 @@ HEADER = (
     "import math",
     "import flexlab",
     "import numpy as np",
-    "from flexlab import OwnLaw, OwnPath, gain, memory, option, readout",
+    "from flexlab import OwnLaw, OwnPath, data_file, gain, memory, option, readout",
 )
 """What the text of a class may take for granted."""
 FUTURE = "__future__"

@@ -14,6 +14,7 @@ from flexlab.control.path import Path as DesiredPath
 from flexlab.errors import ScenarioError
 from flexlab.own import hosts
 from flexlab.own.class_text import class_text
+from flexlab.own.data import with_data
 from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration, read_path_declaration
 from flexlab.own.elsewhere import address_in, is_address, is_unit, text_of_program
 from flexlab.own.kinds import OwnKinds, default_source
@@ -68,14 +69,14 @@ class OwnFolder(Generic[K]):
         if str(Path(file).resolve()) in self._added:
             return True
         try:
-            return declares(self._text(Path(file)), self.base.__name__)
+            return declares(self.text(Path(file)), self.base.__name__)
         except ScenarioError:
             return False
 
     def add(self, file: str | Path) -> K:
         """Make what a Python file declares known and let it run. Raises `ScenarioError`, with file and line."""
         place = str(Path(file).resolve())
-        own = self.kinds.add(self._text(Path(file)), place)
+        own = self.kinds.add(self.text(Path(file)), place)
         self._added.add(place)
         return own
 
@@ -122,12 +123,12 @@ class OwnFolder(Generic[K]):
     def _problem(self, name: str, text: str) -> ScenarioError:
         return ScenarioError([(f"{self.kinds.field}.{name}", text)])
 
-    def _text(self, file: Path) -> str:
-        """Of a unit, what it is as a law in Python. Raises `ScenarioError`."""
+    def text(self, file: Path) -> str:
+        """With the data that it names; of a unit, what it is as a law in Python. Raises `ScenarioError`."""
         if is_unit(file.name):
             return text_of_unit(file)
         try:
-            return file.read_text(encoding="utf-8")
+            return with_data(file.read_text(encoding="utf-8"), file.parent, f"{self.kinds.field}.source")
         except FileNotFoundError:
             text = f"There is no file {file}: give the path of a Python file with {self.holding}."
             raise self._problem("source", text) from None
@@ -137,7 +138,7 @@ class OwnFolder(Generic[K]):
 
     def _kernel(self, file: Path) -> str:
         """The kind of what a file defines as a kernel (`LAW = Law(...)`), or nothing. Raises `ScenarioError`."""
-        if not re.search(rf"^{self._constant}\s*=", self._text(file), re.MULTILINE):
+        if not re.search(rf"^{self._constant}\s*=", self.text(file), re.MULTILINE):
             return ""
         place = str(file.resolve())
         if self._kernels.get(place) not in self.kinds.registry.all():
@@ -150,7 +151,7 @@ class OwnFolder(Generic[K]):
 
     def _declares(self, file: Path, kind: str) -> bool:
         try:
-            return self.declared(self._text(file), file.name).kind == kind
+            return self.declared(self.text(file), file.name).kind == kind
         except ScenarioError:
             return False
 
@@ -160,7 +161,8 @@ class OwnFolder(Generic[K]):
             what = f"The class {given.__name__} inherits from {self.base.__name__} through another class: inherit directly."
             raise self._problem("source", what)
         try:
-            return class_text(given)
+            folder = Path(inspect.getsourcefile(given) or "").resolve().parent
+            return with_data(class_text(given), folder if folder.is_dir() else Path(), f"{self.kinds.field}.source")
         except (OSError, TypeError, SyntaxError):
             what = (
                 f"The text of the class {given.__name__} cannot be found, which a recording needs: write it in a file."

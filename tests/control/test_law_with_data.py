@@ -1,0 +1,97 @@
+"""A law with data beside it: its recordings are complete, and what cannot be kept is said."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Command
+
+import flexlab
+from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.own.data import MOST_DATA, with_data, without_data
+
+TEXT = '''"""Gains from a file."""
+
+import numpy as np
+
+from flexlab import OwnLaw, data_file
+
+P, D = np.load(data_file("gains.npy"))  # "ä"
+
+
+class FiledGains(OwnLaw):
+    """PD with the gains of a file."""
+
+    def act(self, at):
+        error, rate = at.pose - at.desired_pose, at.pose_rate - at.desired_rate
+        return at.weights + at.shared(-P * error - D * rate)
+'''
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """The law, beside its gains."""
+    np.save(tmp_path / "gains.npy", np.array([20000.0, 800.0]))
+    law = tmp_path / "filed_gains.py"
+    law.write_text(TEXT, encoding="utf-8")
+    return law
+
+
+def test_its_recording_replays_without_the_file(file: Path, flexlab_process: Command):
+    run = flexlab.simulate("paper", 0.2, law=file)
+    sampled = flexlab.load_preset("paper").replace({"controller": {"kind": "pd", "control_period": 0.001}})
+    np.testing.assert_allclose(run.pose, flexlab.simulate(sampled, 0.2).pose, rtol=0, atol=1e-9)
+    kept = run.save(file.parent / "kept.rrd")
+    for beside in (file, file.with_name("gains.npy")):
+        beside.unlink()
+    assert flexlab.replay(kept).agrees
+    asked = flexlab_process("replay", str(kept)).stderr
+    assert f'data_file("gains.npy", "{128 + 2 * 8} bytes")' in asked
+    assert "give --run-own-law to let it run" in asked
+
+
+def test_a_class_has_them_too(file: Path, monkeypatch: pytest.MonkeyPatch):
+    about = importlib.util.spec_from_file_location("filed_gains", file)
+    assert about is not None
+    assert about.loader is not None
+    module = importlib.util.module_from_spec(about)
+    monkeypatch.setitem(sys.modules, "filed_gains", module)
+    about.loader.exec_module(module)
+    by_class = flexlab.simulate("paper", 0.05, law=module.FiledGains)
+    np.testing.assert_array_equal(by_class.pose, flexlab.simulate("paper", 0.05, law=file).pose)
+
+
+def test_other_data_are_another_law(file: Path):
+    """Saved with other gains, the law is not the one that was allowed before."""
+    first = flexlab.simulate("paper", 0.05, law=file)
+    np.save(file.with_name("gains.npy"), np.array([10000.0, 400.0]))
+    assert np.abs(flexlab.simulate("paper", 0.05, law=file).pose - first.pose).max() > 1e-5
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        ('data_file("none.npy")', r"Line 2: data_file\('none.npy'\): there is no such file"),
+        ('data_file("../gains.npy")', "give the name of a file in the same folder"),
+        ('data_file("/etc/passwd")', "give the name of a file in the same folder"),
+        ('data_file("")', "give the name of a file in the same folder"),
+        ("data_file(NAME)", "data_file needs the name of a file, written out"),
+        ('data_file("large.bin")', rf"it has {MOST_DATA + 1} bytes, {MOST_DATA} are the most"),
+    ],
+)
+def test_what_cannot_be_kept_is_said(file: Path, call: str, says: str):
+    file.with_name("large.bin").write_bytes(bytes(MOST_DATA + 1))
+    file.write_text(TEXT.replace("import numpy", f"X = {call}\nimport numpy", 1).replace("from a file", "X"), "utf-8")
+    with pytest.raises(FlexlabError, match=says.replace("Line 2", "Line 3")):
+        flexlab.simulate("paper", 0.05, law=file)
+
+
+def test_lines_keep_their_numbers_and_text_its_data(file: Path):
+    whole = with_data(TEXT, file.parent, "controller.source")
+    assert [line[:30] for line in whole.split("\n")] == [line[:30] for line in TEXT.split("\n")]
+    assert with_data(whole, Path("nowhere"), "controller.source") == whole
+    assert without_data(whole).count("\n") == TEXT.count("\n")
+    with pytest.raises(ScenarioError, match="there is no such file in nowhere"):
+        with_data(TEXT, Path("nowhere"), "controller.source")

@@ -75,7 +75,7 @@ def _runs_of_words(root: Path) -> frozenset[tuple[str, ...]]:
         ]
     for preset in preset_names():
         texts += [load_preset(preset).title, load_preset(preset).watch]
-    kinds = ((package, "*.js"), (package, "*.html"), (assets / "guide", "*.md"))
+    kinds = ((package, "*.js"), (package, "*.html"), (assets / "guide", "*.md"), (assets / "pictures", "*.svg"))
     for folder, kind in kinds:
         texts += [
             re.sub(r'"\s*\+\s*"|" \+\s+["`]|[`"] \+\s+["`]', "", file.read_text(encoding="utf-8"))
@@ -83,7 +83,7 @@ def _runs_of_words(root: Path) -> frozenset[tuple[str, ...]]:
         ]
     found: set[tuple[str, ...]] = set()
     for text in texts:
-        words = WORDS.findall(re.sub(r"\$\{[^{}]*\}|\{[{%]|[%}]\}|</?[a-z]+\d?>", " ", text).lower())
+        words = WORDS.findall(re.sub(r"\$\{|\{[{%]|[%}]\}|</?[a-z]+\d?>", " ", text).lower())
         found.update((word,) for word in words)
         found.update(pairwise(words))
     return frozenset(found)

@@ -11,13 +11,15 @@
   const MARKS = { CODE: ["`", "`"], KBD: ["`", "`"], B: ["**", "**"], STRONG: ["**", "**"], EM: ["*", "*"], I: ["*", "*"], A: ["[", "]"],
     SUB: ["<sub>", "</sub>"], WBR: ["", ""] };
   const ALONE = "script, noscript, style, textarea, pre, [translate=no]"; // Never translated.
+  const PICTURE = 'img[src*="/assets/pictures/"]';
   const WORD = /\p{L}{3}/u, UNITS = /\b(m?rad|kHz|min|max|RMS|NaN|flexlab)\b/g, NUMBER = /\d[\d.e+−-]*/g;
   const SENTENCE = /(?<=[.!?✓]) (?=[\p{Lu}\d])/u;
   const WITHIN = "((?:(?![.!?] \\p{Lu})[^`*])+?)"; // the value of a placeholder: part of one sentence
-  const KINDS = { n: "([+−-]?\\d[\\d.e+−-]*)", m: "([+−-]?\\d[\\d.e+−-]*)", code: "(\\S+)" }; // numbers, and what stays as it is
+  const KINDS = { n: "([+−-]?\\d[\\d.e+−-]*)", m: "([+−-]?\\d[\\d.e+−-]*)", code: "([a-z\\d]\\S*)" }; // numbers, and what stays as it is
 
   let exact = new Map(), patterns = new Map(), kept = new Map(), watching = null, language = "en";
   const texts = new WeakMap(), attributes = new WeakMap(); // node → { source: English, shown: what stands there }
+  const pictures = new WeakMap(); // image → its file
   const untranslated = new Set();
 
   function read(catalogue) {
@@ -179,6 +181,21 @@
     else part.parentElement.dataset.flShown = shown;
   }
 
+  // Of a drawing that is a file, the words are those of its copy in the page.
+  async function showPicture(image) {
+    const file = pictures.get(image) ?? image.src;
+    if (language === "en" && !pictures.has(image)) return;
+    pictures.set(image, file);
+    const drawing = new DOMParser().parseFromString(await (await fetch(file)).text(), "image/svg+xml");
+    for (const text of drawing.querySelectorAll("text")) {
+      const found = translate(text.textContent);
+      if (found === undefined && language !== "en") miss(text.textContent);
+      text.textContent = found ?? text.textContent;
+    }
+    image.src = language === "en" ? file
+      : `data:image/svg+xml,${encodeURIComponent(new XMLSerializer().serializeToString(drawing))}`;
+  }
+
   function show(nodes, named = []) {
     const done = new Set();
     const text = (node) => {
@@ -199,6 +216,7 @@
     const element = (node) => {
       if (node.closest(ALONE)) return;
       for (const name of ATTRIBUTES) showAttribute(node, name);
+      if (pictures.has(node) || node.matches(PICTURE)) showPicture(node);
     };
     for (const node of nodes) {
       if (node.nodeType === Node.TEXT_NODE) text(node);

@@ -26,7 +26,7 @@ function showQuestions(questions) {
     const given = asked.options.reduce((sum, option) => sum + option.count, 0);
     const question = document.createElement("b");
     question.textContent = asked.question;
-    table.caption.append(asked.lesson, question, `${given} of ${asked.of} ${asked.of === 1 ? "lab has" : "labs have"} guessed`);
+    table.caption.append(asked.lesson, question, `${given} of ${asked.of} ${asked.of === 1 ? "lab has guessed" : "labs have guessed"}`);
     for (const option of asked.options) {
       const row = table.tBodies[0].insertRow();
       const name = document.createElement("th");

@@ -2,6 +2,8 @@
 
 import contextlib
 import http.client
+import json
+import re
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,7 +14,7 @@ from urllib.parse import urlsplit
 
 import msgspec.msgpack
 import viser
-from raw_browser import CAMERA
+from raw_browser import CAMERA, text_of
 from waiting import ARTIFACTS as ARTIFACTS
 from waiting import PATIENCE
 from waiting import wait_until as wait_until
@@ -20,6 +22,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 PROTOCOL = f"viser-v{viser.__version__}"
+WAY, RUN = re.compile(r'class="fl-reports" data-way="([^"]+)"'), re.compile(r'class="fl-run" data-run="(\d+)"')
+"""Where a page reports what it has drawn, and of which run it was sent a picture."""
+NO_CHARTS = {"charts": {}, "dark": False, "width": 1440, "covered": (0, 0), "open": (), "hears": False, "again": 0}
+"""The rest of a page's report."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +85,7 @@ def upgrade(**more: str) -> dict[str, str]:
 
 @contextlib.contextmanager
 def looking(url: str, path: str, cookies: Mapping[str, str] | None = None) -> Iterator[None]:
-    """While this is open somebody looks at a lab: runs wait for that, and hold when nobody does."""
+    """While this is open somebody looks at a lab, and tells which run they see: runs wait for that, and hold when nobody does."""
     sent = {"Cookie": "; ".join(f"{name}={value}" for name, value in cookies.items())} if cookies else {}
     protocol: Any = PROTOCOL
     address = f"ws://{urlsplit(url).netloc}{path}"
@@ -90,9 +96,19 @@ def looking(url: str, path: str, cookies: Mapping[str, str] | None = None) -> It
         over = threading.Event()
 
         def read() -> None:
+            way, drawn = "", ""
             with contextlib.suppress(ConnectionClosed):
                 while not over.is_set():
-                    plug.recv()
+                    data = plug.recv()
+                    assert isinstance(data, bytes)
+                    told = text_of(data)
+                    way = (WAY.findall(told) or [way])[-1]
+                    run = (RUN.findall(told) or [drawn])[-1]
+                    if way and run != drawn:
+                        drawn = run
+                        report = json.dumps(NO_CHARTS | {"run": int(run)})
+                        message = {"type": "GuiUpdateMessage", "uuid": way, "updates": {"value": report}}
+                        plug.send(msgspec.msgpack.encode(message))
 
         reader = threading.Thread(target=read, daemon=True)
         reader.start()

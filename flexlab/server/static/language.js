@@ -15,7 +15,8 @@
   const WORD = /\p{L}{3}/u, UNITS = /\b(m?rad|kHz|min|max|RMS|NaN|flexlab)\b/g, NUMBER = /\d[\d.e+−-]*/g;
   const SENTENCE = /(?<=[.!?✓]) (?=[\p{Lu}\d])/u;
   const WITHIN = "((?:(?![.!?] \\p{Lu})[^`*])+?)"; // the value of a placeholder: part of one sentence
-  const KINDS = { n: "([+−-]?\\d[\\d.e+−-]*)", m: "([+−-]?\\d[\\d.e+−-]*)", code: "([a-z\\d]\\S*)" }; // numbers, and what stays as it is
+  const NUMERAL = "([+−-]?\\d[\\d.e+−-]*)";
+  const KINDS = { n: NUMERAL, m: NUMERAL, code: "([a-z\\d]\\S*)", symbol: "([A-Za-z]?[^\\sa-z]\\S*|[A-Za-z])" }; // else any part
 
   let exact = new Map(), patterns = new Map(), kept = new Map(), watching = null, language = "en";
   const texts = new WeakMap(), attributes = new WeakMap(); // node → { source: English, shown: what stands there }
@@ -49,7 +50,7 @@
         if (!match) continue;
         const missed = [];
         const values = match.slice(1).map((value, k) => {
-          const found = pattern.names[k] === "code" || !isWords(value) ? value : translate(value);
+          const found = pattern.names[k] in KINDS || !isWords(value) ? value : translate(value);
           if (found === undefined) missed.push(value);
           return found ?? value;
         });
@@ -75,7 +76,7 @@
       }
       if (found === undefined) {
         last = first + 1;
-        found = isWords(sentences[first]) ? byPattern(sentences[first], true) : sentences[first];
+        found = byPattern(sentences[first], true) ?? (isWords(sentences[first]) ? undefined : sentences[first]);
         if (found === undefined) missed.push(sentences[first]);
       }
       shown.push(found ?? sentences[first]);

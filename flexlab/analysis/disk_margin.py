@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from flexlab.analysis.linearization import Linearization
-from flexlab.analysis.loop_poles import NEUTRAL, beam_scale, held_plant, kept_memory
+from flexlab.analysis.loop_poles import NEUTRAL, by_state, held_plant, kept_memory
 from flexlab.lapack import complex_schur
 
 GRID = 300
@@ -91,12 +91,12 @@ def _rates(linear: Linearization, poles: np.ndarray) -> np.ndarray:
 def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
     """H(ω), joint torques that the law asks for by those in force, (rates, arms · 3, arms · 3)."""
     controller, law, torques = linear.probe.original.controller, linear.law, linear.torque_count
-    period, kept, scale = controller.control_period, kept_memory(linear), beam_scale(linear)
+    period, kept = controller.control_period, kept_memory(linear)
     A, B = held_plant(linear, period)
     triangle, basis = complex_schur(A)
     force = basis.conj().T @ B
-    answer = (law.motion[:torques] / scale) @ basis
-    memory_in = (law.motion[torques + kept] / scale) @ basis
+    answer = by_state(linear, law.motion[:torques]) @ basis
+    memory_in = by_state(linear, law.motion[torques + kept]) @ basis
     memory_out, memory_own = law.memory[:torques, kept], law.memory[np.ix_(torques + kept, kept)]
     seen = law.line.reshape(len(law.line), -1, torques)
     where = 1j * rates if period is None else np.exp(1j * rates * period)

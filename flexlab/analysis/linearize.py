@@ -13,7 +13,7 @@ import numpy as np
 from flexlab.analysis.disk_margin import find_disk_margin
 from flexlab.analysis.linear_model import About, LinearModel, Named, make_model
 from flexlab.analysis.linearization import POSE_STEP, Linearization, central, first_order, fourth_order
-from flexlab.analysis.loop_poles import beam_scale, find_poles, kept_memory
+from flexlab.analysis.loop_poles import beam_scale, find_poles, kept_memory, with_lag
 from flexlab.analysis.modes import check_pose, drift_note, linearize_at
 from flexlab.analysis.rest_point import aim
 from flexlab.control.observers.believed_plant import hold
@@ -108,16 +108,18 @@ def _drive(linear: Linearization, driven: tuple[str, ...]) -> _Drive:
 
 
 def _assemble(linear: Linearization, answers: "Outputs", driven: tuple[str, ...], closed: bool) -> LinearModel:
-    """A, B, C, D over (x, η, ẋ, η̇, memory, torques on their way)."""
+    """A, B, C, D over (x, η, ẋ, η̇, late motors' torques, memory, torques on their way)."""
     controller, torques = linear.probe.original.controller, linear.torque_count
     period, late = controller.control_period, controller.input_delay
     kept = kept_memory(linear) if closed else np.zeros(0, dtype=int)
     seen = linear.law.line.shape[1] if closed else 0
     drive = _drive(linear, driven)
     A, B = first_order(linear.plant)
+    time_constant, m = linear.probe.original.joints.motor.time_constant, len(A)
+    A, B = with_lag(A, B, time_constant)
     n, k, line = len(A), len(kept), max(torques * late, seen)
     if period is not None:
-        scale = beam_scale(linear)
+        scale = np.concatenate([beam_scale(linear), np.ones(n - m)])
         A, B = hold(A * scale[:, None] / scale, B * scale[:, None], period)
         A, B = A / scale[:, None] * scale, B / scale[:, None]
     size, own = n + k + line, n + k
@@ -126,9 +128,9 @@ def _assemble(linear: Linearization, answers: "Outputs", driven: tuple[str, ...]
     asked, asked_by = np.zeros((torques, size)), drive.torque.copy()
     memory, memory_by = np.zeros((k, size)), np.zeros((k, len(drive.names)))
     if closed:
-        asked[:, :n], asked[:, n:own] = linear.law.motion[:torques], linear.law.memory[:torques, kept]
+        asked[:, :m], asked[:, n:own] = linear.law.motion[:torques], linear.law.memory[:torques, kept]
         asked_by += linear.law.desired[:torques] @ drive.desired
-        memory[:, :n], memory[:, n:own] = linear.law.motion[rows], linear.law.memory[np.ix_(rows, kept)]
+        memory[:, :m], memory[:, n:own] = linear.law.motion[rows], linear.law.memory[np.ix_(rows, kept)]
         memory_by += linear.law.desired[rows] @ drive.desired
         if seen:
             asked[:, own:], memory[:, own:] = linear.law.line[:torques], linear.law.line[rows]
@@ -151,10 +153,11 @@ def _assemble(linear: Linearization, answers: "Outputs", driven: tuple[str, ...]
     if period is None:
         seen, seen_by = np.eye(k, size, n), np.zeros_like(memory_by)
     by_memory = answers.by_memory[:, kept]
-    C = by_memory @ seen + answers.by_torque @ held
-    C[:, :n] += answers.by_motion
-    D = by_memory @ seen_by + answers.by_torque @ held_by + answers.by_desired @ drive.desired
-    order = _state_order(linear, k, line)
+    given, given_by = (held, held_by) if n == m else (np.eye(torques, size, m), np.zeros_like(held_by))
+    C = by_memory @ seen + answers.by_torque @ given
+    C[:, :m] += answers.by_motion
+    D = by_memory @ seen_by + answers.by_torque @ given_by + answers.by_desired @ drive.desired
+    order = _state_order(linear, n - m + k, line)
     matrices = (whole[np.ix_(order, order)], drives[order], C[:, order], D)
     return make_model(matrices, period, _about(linear, answers, drive, closed, k, line))
 
@@ -178,6 +181,8 @@ def _about(linear: Linearization, answers: "Outputs", drive: _Drive, closed: boo
     states += [Named(f"mode_{k + 1}", "m·kg^½") for k in range(count)]
     states += [Named(f"pose_rate_{axis}", f"{unit}/s") for axis, unit in zip(AXES, POSE_UNITS, strict=True)]
     states += [Named(f"mode_rate_{k + 1}", "m·kg^½/s") for k in range(count)]
+    if linear.probe.original.joints.motor.time_constant > 0:
+        states += [Named(f"motor_torque_{side}_{joint}", "N·m") for side in sides for joint in (1, 2, 3)]
     states += [Named(f"memory_{k + 1}", "1") for k in range(memory)]
     states += [
         Named(f"joint_torque_{side}_{joint}_{place}", "N·m")

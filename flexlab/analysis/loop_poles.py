@@ -20,7 +20,7 @@ NEUTRAL = 1e-3
 
 
 class LoopMap(NamedTuple):
-    """A linear loop over the state (x, Ωη, ẋ, η̇, memory, torques held until now if the law looks at them, those on their way)."""
+    """A linear loop over the state of `held_plant`, memory, torques held until now if the law looks at them, those on the way."""
 
     matrix: np.ndarray
     """Of dz/dt (1/s), or of z one control period later."""
@@ -36,7 +36,7 @@ class Poles(NamedTuple):
     value: np.ndarray
     """1/s, complex, (poles,)."""
     share: np.ndarray
-    """How much pose, each beam mode, the law's memory and the torques on their way take part in each, columns in this
+    """How much pose, each beam mode, the law's memory and the torques on their way or late take part in each, columns in this
     order, each row adds up to 1, (poles, n_m + 3)."""
 
 
@@ -47,15 +47,34 @@ def beam_scale(linear: Linearization) -> np.ndarray:
 
 
 def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """A and B of the scaled state under generalised forces on the pose (3,): of dz/dt, or over a period of held forces."""
+    """A and B of the scaled state under generalised forces on the pose (3,): of dz/dt, or over a period of held forces.
+
+    Of motors that are late, the forces that they give are part of the state, behind (x, Ωη, ẋ, η̇).
+    """
     A, _ = first_order(linear.plant)
     n = len(linear.plant.mass)
     force = np.vstack([np.zeros((n, 3)), np.linalg.solve(linear.plant.mass, np.eye(n)[:, :3])])
     scale = beam_scale(linear)
     A, force = A * scale[:, None] / scale, force * scale[:, None]
+    A, force = with_lag(A, force, linear.probe.original.joints.motor.time_constant)
     if period is None:
         return A, force
     return hold(A, force, period)
+
+
+def with_lag(A: np.ndarray, B: np.ndarray, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
+    """A and B whose inputs come late by a time constant, s: behind the state stands what has come of them."""
+    if time_constant == 0:
+        return A, B
+    count = B.shape[1]
+    late = np.eye(count) / time_constant
+    return np.block([[A, B], [np.zeros((count, len(A))), -late]]), np.vstack([np.zeros_like(B), late])
+
+
+def by_state(linear: Linearization, by_motion: np.ndarray) -> np.ndarray:
+    """What depends on (x, η, ẋ, η̇), (rows, 2 n), by the state of `held_plant`: the motors' forces are not measured."""
+    scaled = by_motion / beam_scale(linear)
+    return np.hstack([scaled, np.zeros((len(scaled), 3 * (linear.probe.original.joints.motor.time_constant > 0)))])
 
 
 def kept_memory(linear: Linearization) -> np.ndarray:
@@ -76,9 +95,9 @@ def loop_map(linear: Linearization) -> LoopMap:
     A, B = held_plant(linear, period)
     # Torques reach the plant as the three forces on the pose; what arms press against one another reaches nothing.
     to_pose = linear.plant.input[:3]
-    answer = np.hstack([to_pose @ law.motion[:torques] / beam_scale(linear), to_pose @ law.memory[:torques, kept]])
+    answer = np.hstack([by_state(linear, to_pose @ law.motion[:torques]), to_pose @ law.memory[:torques, kept]])
     rows = torques + kept
-    memory = np.hstack([law.motion[rows] / beam_scale(linear), law.memory[np.ix_(rows, kept)]])
+    memory = np.hstack([by_state(linear, law.motion[rows]), law.memory[np.ix_(rows, kept)]])
     states, k = len(A), len(kept)
     if period is None:
         matrix = np.vstack([np.hstack([A, np.zeros((states, k))]) + B @ answer, memory])
@@ -107,10 +126,12 @@ def find_poles(linear: Linearization) -> Poles:
     share = _participation(left, right)
     groups = np.zeros((len(value), linear.probe.mode_count + 3))
     n = linear.probe.mode_count
-    own = 2 * (3 + n) + len(loop.kept_memory)
+    late = 6 + 2 * n + 3 * (linear.probe.original.joints.motor.time_constant > 0)
+    own = late + len(loop.kept_memory)
     groups[:, 0] = share[:, :3].sum(axis=1) + share[:, 3 + n : 6 + n].sum(axis=1)
     groups[:, 1 : 1 + n] = share[:, 3 : 3 + n] + share[:, 6 + n : 6 + 2 * n]
-    groups[:, 1 + n], groups[:, 2 + n] = share[:, 6 + 2 * n : own].sum(axis=1), share[:, own:].sum(axis=1)
+    groups[:, 1 + n] = share[:, late:own].sum(axis=1)
+    groups[:, 2 + n] = share[:, 6 + 2 * n : late].sum(axis=1) + share[:, own:].sum(axis=1)
     if loop.period is not None:
         there = np.abs(value) > DEADBEAT
         value, groups = np.log(value[there].astype(complex)) / loop.period, groups[there]

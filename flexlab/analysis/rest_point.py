@@ -58,7 +58,7 @@ class LoopProbe:
     """Plant and law of a scenario, to be asked at any motion. Raises `StudyError` where an arm cannot go."""
 
     def __init__(self, scenario: Scenario):
-        """`scenario`: valid; its noise, limits, delay and path are left out, and what the counts of its encoders round."""
+        """`scenario`: valid; its noise, limits, delay, motors and path are left out, and what encoders round."""
         self.original = scenario
         """The scenario as it was given."""
         period = scenario.controller.control_period
@@ -68,6 +68,7 @@ class LoopProbe:
             "controller.sensor_noise": {},
             "controller.torque_limit": None,
             "joints.encoders": {},
+            "joints.motor": {},
         }
         try:
             scenario = scenario.replace(still)

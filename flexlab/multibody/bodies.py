@@ -122,8 +122,8 @@ class Bodies:
             f"({error:+.2%}). "
             "Dampers give that mode its damping; they are proportional to the springs. The plane of motion is "
             + ("upright, its y along z" if self.upright else "level: weight does nothing")
-            + f"; the scenario's gravity is {self.scenario.gravity:g} m/s^2. Control law, path, sensors and the force along the "
-            "beam are left out."
+            + f"; the scenario's gravity is {self.scenario.gravity:g} m/s^2. Control law, path, motors, sensors and the force "
+            "along the beam are left out."
         )
 
 

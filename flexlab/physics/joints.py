@@ -1,4 +1,4 @@
-"""What stands between a motor and its link: friction in the joints.
+"""What stands between a controller and a link: a motor, and friction in its joint.
 
 The friction torque of a joint that turns with θ̇ is viscous, and Coulomb's with Stribeck's fall from its static value, in the
 smooth form of Hess & Soom (J. Tribology 112 (1990) 147-152):
@@ -8,6 +8,14 @@ smooth form of Hess & Soom (J. Tribology 112 (1990) 147-152):
 A joint that sticks creeps by v_0 r/√(1 - r²) under the share r of σC: it never chatters, and the curve has the slope B + σC/v_0
 at rest, which the step resolves. What turns the links is τ - τ_f, so that u_i = 𝒥ᵀ(τ - τ_f), and with it every force and the
 work that reaches the links; Στ_f θ̇ is lost.
+
+A motor is asked for τ_w and gives τ, late by its time constant and no more than its speed allows, as a direct-current motor does
+whose drive has the voltage ±V (Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 2; T_m = L/R):
+
+    T_m τ̇ = clip(τ_w, -τ_s (1 + θ̇/ω_0), τ_s (1 - θ̇/ω_0)) - τ
+
+with its stall torque τ_s and its no-load speed ω_0: it cannot drive a joint beyond that, and a joint that is driven faster by
+others is braked. T_m = 0: τ is what is clipped. The controller's own limit clips τ_w before.
 
 Of a plant with ideal joints `Plant.joints` is None, and nothing of this is compiled into its loop.
 """
@@ -19,10 +27,10 @@ from flexlab.physics.arm import joint_torques, task_input
 from flexlab.physics.encoders import encoder_counts
 from flexlab.physics.plant import Joints
 
-VISCOUS, COULOMB, STATIC, STRIBECK, SMOOTHING, BELIEVED = range(6)
+VISCOUS, COULOMB, STATIC, STRIBECK, SMOOTHING, BELIEVED, STALL, FALL = range(8)
 """Rows of `Joints.numbers`, by joint: B, N·m·s/rad; C, N·m; (σ - 1)C, N·m; 1/v_s², s²/rad²; v_0², rad²/s²; believed τ_f over
-the true one."""
-ROWS = 6
+the true one; τ_s, N·m, infinite where any torque is given; τ_s/ω_0, N·m·s/rad."""
+ROWS = 8
 
 LOSS = 0
 """Place of ∫Στ_f θ̇ dt, J, in the joints' part of the state; what else there is follows in the order of `joint_parts`."""
@@ -60,8 +68,18 @@ def compensate_friction(joints, arms, terms, vx, vy, w, u, tau):
 
 
 @inlined
-def turn_joints(joints, arms, ws):
-    """Take from ws.u what friction takes, after C̄_i and what motors give are known: fills ws.joint_torque to ws.joint_rate."""
+def possible_torque(numbers, joint, rate, torque):
+    """As much of a torque, N·m, as a motor can give whose joint turns with `rate`, rad/s."""
+    fall = numbers[FALL, joint] * rate
+    return max(min(torque, numbers[STALL, joint] - fall), -numbers[STALL, joint] - fall)
+
+
+@inlined
+def turn_joints(joints, arms, states, ws):
+    """Make of ws.u, what is asked for, what turns the links, after C̄_i is known: fills ws.joint_torque to ws.joint_rate.
+
+    states: the joints' in y.
+    """
     if joints is None:
         return
     v, tau, loss = ws.velocity, ws.tau, 0.0
@@ -70,8 +88,14 @@ def turn_joints(joints, arms, ws):
         for joint in range(3):
             rate = joint_rate(ws.arm, i, v[0], v[1], v[2], joint)
             lost = friction_torque(joints.numbers, joint, rate)
-            ws.joint_torque[i, joint], ws.joint_friction[i, joint] = tau[joint], lost
-            tau[joint] -= lost
+            given = possible_torque(joints.numbers, joint, rate, tau[joint])
+            ws.joint_asked[i, joint], ws.joint_wanted[i, joint] = tau[joint], given
+            if joints.torque >= 0:
+                place = joints.torque + 3 * i + joint
+                ws.joint_rate[place] = (given - states[place]) * joints.hurry
+                given = states[place]
+            ws.joint_torque[i, joint], ws.joint_friction[i, joint] = given, lost
+            tau[joint] = given - lost
             loss += lost * rate
         task_input(ws.arm.J[i], tau, ws.u[i])
     ws.joint_rate[LOSS] = loss
@@ -87,9 +111,52 @@ def motor_torques(joints, arm, i, ws, tau):
             tau[joint] = ws.joint_torque[i, joint]
 
 
-def build_joints(joints, model) -> Joints | None:
+@inlined
+def drives(joints):
+    """Whether there are motors that give another torque than they are asked for."""
+    if joints is None:
+        return False
+    return joints.drives
+
+
+@inlined
+def is_limited(joints, i, joint, limit, ws):
+    """Whether a motor is asked for its limit, N·m, or for more than its speed allows, after `turn_joints`."""
+    if joints is None:
+        return False
+    asked = ws.joint_asked[i, joint]
+    return ws.joint_wanted[i, joint] != asked or abs(asked) >= limit
+
+
+@inlined
+def asked_torques(joints, arm, i, ws, tau):
+    """Fill tau (3,) with what the controller asks of arm i's motors, N·m, after `turn_joints`."""
+    if joints is None:
+        joint_torques(arm, ws.arm.trig[0], ws.arm.trig[1], ws.arm.direction[i], ws.u[i], tau)
+    else:
+        for joint in range(3):
+            tau[joint] = ws.joint_asked[i, joint]
+
+
+@inlined
+def near_possible(joints, ws, part):
+    """Whether a motor is asked for more than this part of what it can give at its speed, after `turn_joints`."""
+    if joints is None:
+        return False
+    v, found = ws.velocity, False
+    for i in range(len(ws.joint_asked)):
+        for joint in range(3):
+            asked, rate = ws.joint_asked[i, joint], joint_rate(ws.arm, i, v[0], v[1], v[2], joint)
+            fall = joints.numbers[FALL, joint] * rate
+            room = joints.numbers[STALL, joint] - (fall if asked > 0 else -fall)
+            if abs(asked) > part * room:
+                found = True
+    return found
+
+
+def build_joints(joints, model, arm_count: int) -> Joints | None:
     """`Plant.joints` of a scenario's joints; `model`: what its controller believes."""
-    friction, encoders = joints.friction, joints.encoders
+    friction, motor, encoders = joints.friction, joints.motor, joints.encoders
     if not joints.active:
         return None
     coulomb, numbers = np.array(friction.coulomb), np.empty((ROWS, 3))
@@ -98,8 +165,19 @@ def build_joints(joints, model) -> Joints | None:
     numbers[STRIBECK] = 1 / (friction.stribeck_speed * friction.stribeck_speed)
     numbers[SMOOTHING] = friction.smoothing_speed * friction.smoothing_speed
     numbers[BELIEVED] = model.friction_factor
-    size = 1 + 3 * encoders.active
-    return Joints(numbers, size, friction.active, encoder_counts(encoders.counts), 1 if encoders.active else -1)
+    stall = np.array(motor.stall_torque)
+    numbers[STALL], numbers[FALL] = np.where(stall > 0, stall, np.inf), stall / np.array(motor.no_load_speed)
+    reading, torque, late = 1, 1 + 3 * encoders.active, motor.time_constant > 0
+    return Joints(
+        numbers,
+        size=torque + 3 * arm_count * late,
+        rubs=friction.active,
+        count=encoder_counts(encoders.counts),
+        reading=reading if encoders.active else -1,
+        drives=motor.active,
+        hurry=1 / motor.time_constant if late else 0.0,
+        torque=torque if late else -1,
+    )
 
 
 def joint_parts(joints: Joints | None) -> dict[str, slice]:
@@ -109,14 +187,16 @@ def joint_parts(joints: Joints | None) -> dict[str, slice]:
     parts = {"loss": slice(LOSS, LOSS + 1)}
     if joints.reading >= 0:
         parts["reading"] = slice(joints.reading, joints.reading + 3)
+    if joints.torque >= 0:
+        parts["torque"] = slice(joints.torque, joints.size)
     return parts
 
 
 @inlined
 def steepest_friction(numbers, joint):
-    """Largest slope of τ_f, that at rest, N·m·s/rad."""
+    """Largest slope of τ_f, that at rest, and of what a motor can give, N·m·s/rad."""
     static = numbers[COULOMB, joint] + numbers[STATIC, joint]
-    return numbers[VISCOUS, joint] + static / np.sqrt(numbers[SMOOTHING, joint])
+    return numbers[VISCOUS, joint] + static / np.sqrt(numbers[SMOOTHING, joint]) + numbers[FALL, joint]
 
 
 @inlined

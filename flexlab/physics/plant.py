@@ -30,7 +30,7 @@ class Joints(NamedTuple):
     """Joints that are not ideal (`joints`)."""
 
     numbers: np.ndarray
-    """By joint, rows as `joints` names them, (6, 3)."""
+    """By joint, rows as `joints` names them, (8, 3)."""
     size: int
     """Numbers of their states in y."""
     rubs: bool
@@ -39,6 +39,12 @@ class Joints(NamedTuple):
     """Angle of one count of each encoder, rad; 0: exact, (3,)."""
     reading: int
     """Place among the states of the pose that encoders last told, (3,); -1: there are none."""
+    drives: bool
+    """Whether motors give another torque than they are asked for."""
+    hurry: float
+    """1/T_m, 1/s; 0: at once."""
+    torque: int
+    """Place among the states of the motors' torques, N·m, (arms · 3,); -1: they follow at once."""
 
 
 @inlined
@@ -189,6 +195,10 @@ class Workspace(NamedTuple):
     """hᵀq̇, gᵀq̇, (2,)."""
     joint_torque: np.ndarray
     """τ of joints that are not ideal, as motors turn them, N·m, (arms, 3)."""
+    joint_asked: np.ndarray
+    """What the controller asks of those motors, N·m, (arms, 3)."""
+    joint_wanted: np.ndarray
+    """The same as far as they can at their speed, N·m, (arms, 3)."""
     joint_friction: np.ndarray
     """Their τ_f, N·m, (arms, 3)."""
     joint_rate: np.ndarray
@@ -253,6 +263,8 @@ def make_workspace(
         w_bar=np.zeros(1),
         beam_rate=np.zeros(2),
         joint_torque=np.zeros((arm_count, 3)),
+        joint_asked=np.zeros((arm_count, 3)),
+        joint_wanted=np.zeros((arm_count, 3)),
         joint_friction=np.zeros((arm_count, 3)),
         joint_rate=np.zeros(joint_size),
         memory_rate=np.zeros(memory_size),

@@ -47,13 +47,35 @@ class JointEncoders(Part):
         return any(self.counts)
 
 
+class JointMotor(Part):
+    """What a motor gives of the torque that it is asked for: late, and the less, the faster it turns (`physics.joints`)."""
+
+    time_constant: Number = quantity(
+        0.0, title="Time constant of the motors (0: none)", symbol="T_m", unit="s", low=0, high=1, slider=(0, 0.02)
+    )
+    stall_torque: Triple = quantity(
+        (0.0, 0.0, 0.0), title="Stall torque of the motors (0: any torque)", symbol="τ_s", unit="N·m", low=0, high=1e6,
+        slider=(0, 1000),
+    )  # fmt: skip
+    no_load_speed: Triple = quantity(
+        (10.0, 10.0, 10.0), title="No-load speed of the motors", symbol="ω_0", unit="rad/s", low=1e-2, high=1e4,
+        slider=(1, 20),
+    )  # fmt: skip
+
+    @property
+    def active(self) -> bool:
+        """Whether motors give another torque than they are asked for."""
+        return self.time_constant > 0 or any(self.stall_torque)
+
+
 class Joints(Part):
     """What stands between motors and links, and what measures them; both arms' joints are alike, base first."""
 
     friction: JointFriction = JointFriction()
+    motor: JointMotor = JointMotor()
     encoders: JointEncoders = JointEncoders()
 
     @property
     def active(self) -> bool:
         """Whether the joints are not ideal."""
-        return self.friction.active or self.encoders.active
+        return self.friction.active or self.motor.active or self.encoders.active

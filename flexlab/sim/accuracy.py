@@ -261,6 +261,9 @@ def note(
         return seen._replace(warning=_amplified(assembly.scenario))
     if assembly.scenario.joints.encoders.active and pose > AMPLIFIED:
         return seen._replace(warning=COUNTED)
+    # Motors that were overloaded a look before as well are so for longer than a moment.
+    if limited and old.wait == CLOSEST_TICKS and any(assembly.scenario.joints.motor.stall_torque):
+        return seen._replace(warning=_unled(time, "stronger motors (joints.motor)"))
     said, told = "", (pose, force)
     if since >= LOOKS[-1]:
         for wait in (CHECK_TICKS, CLOSE_TICKS, CLOSEST_TICKS):
@@ -272,7 +275,7 @@ def note(
     elif old.seen.peak <= STEADY * old.peak_before:
         said = _warning(*told, seen, assembly.scenario, time)
     if said and limited and pose > max(POSE_BOUND, assembly.scenario.simulation.accuracy):
-        return seen._replace(warning=_unled(time))
+        return seen._replace(warning=_unled(time, "a higher controller.torque_limit"))
     return seen._replace(warning=said, told=(time, *told)) if said else seen
 
 
@@ -340,11 +343,11 @@ def _amplified(scenario: Scenario) -> str:
     )
 
 
-def _unled(time: float) -> str:
+def _unled(time: float, cure: str) -> str:
     """The sentence of errors that grow as torques are at their limits."""
     return (
         f"Results are no longer accurate since about t = {time:.3f} s: a torque is at its limit, so that nothing leads errors of "
-        "the steps back, and they grow. Reset with a higher controller.torque_limit, lower gains or a slower path."
+        f"the steps back, and they grow. Reset with {cure}, lower gains or a slower path."
     )
 
 

@@ -202,7 +202,7 @@ def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequenc
         if old.beam is beam:
             if old.scenario.controller == scenario.controller and _same_constants(old.scenario, scenario):
                 control = old.system.control
-            own = build_joints(scenario.joints, scenario.controller.model)
+            own = build_joints(scenario.joints, scenario.controller.model, len(scenario.arms))
             plant = old.system.plant._replace(gravity=scenario.gravity, joints=own)
             rates, forms = old.rates if trajectory is not None else None, old.rates.forms
     system = System(

@@ -104,7 +104,7 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
         length=payload.length,
         buckling_load=buckling_load(payload.length, payload.bending_stiffness, payload.boundary),
         axial=beam.axial.copy(),
-        joints=build_joints(scenario.joints, scenario.controller.model),
+        joints=build_joints(scenario.joints, scenario.controller.model, len(scenario.arms)),
     )
 
 

@@ -65,20 +65,22 @@ def _carried_over(motion: Motion, assembly: Assembly) -> Motion:
     rate, eta, eta_dot = _coordinates_in(motion, assembly)
     starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
     law_before = outlook_of(motion, False)
-    _carry_torques(motion, assembly, starts_sampling)
+    parts, parts_before = (joint_parts(system.plant.joints) for system in (assembly.system, old.system))
+    starts_lag = "torque" in parts and "torque" not in parts_before
+    torques = _torques_at_work(motion) if starts_sampling or starts_lag else motion.assembly.system.held_torque
+    _carry_torques(motion, assembly, torques if starts_sampling else None)
     motion.scenario, motion.assembly, motion.level, motion.move = scenario, assembly, 0, None
     motion.estimate = accuracy.disturbed(motion.estimate, assembly, motion.tick)
     if another_beam:
         assembly.system.plant.pull[:] = old.system.plant.pull
         set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
     kept: tuple[str, ...] = ()
-    parts, parts_before = (joint_parts(system.plant.joints) for system in (assembly.system, old.system))
     if another_beam or another_law or parts != parts_before:
         y = np.zeros(state_length(assembly.system))
         y[:ETA] = motion.y[:ETA]
         joints_before = joint_states_of(old.system, motion.y)
         for name, states in joint_states_of(assembly.system, y).items():
-            states[:] = joints_before.get(name, 0.0)
+            states[:] = joints_before.get(name, torques.ravel() if name == "torque" else 0.0)
         kept = carry_memory(before, old.system, motion.y, scenario, assembly.system, y)
         motion.y, motion.workspace = y, new_workspace(assembly.system)
     motion.workspace.desired_time[0] = np.nan
@@ -111,15 +113,18 @@ def _coordinates_in(motion: Motion, assembly: Assembly) -> tuple[np.ndarray, np.
     return rate, to_modes(assembly.beam, q), to_modes(assembly.beam, q_dot)
 
 
-def _carry_torques(motion: Motion, assembly: Assembly, starts_sampling: bool) -> None:
-    """Let a sampled controller hold on to the torques that act, and to those under way."""
+def _torques_at_work(motion: Motion) -> np.ndarray:
+    """What the motors give at the present instant, N·m, (arms, 3)."""
+    row = np.zeros((1, motion.row_length))
+    observe(motion, row[0])
+    return row_layout.rows_to_samples(row, len(motion.scenario.arms), own_signals(motion.scenario)).joint_torque[0]
+
+
+def _carry_torques(motion: Motion, assembly: Assembly, started: np.ndarray | None) -> None:
+    """Let a sampled controller hold on to the torques that act, and to those under way; `started`: those that it begins with."""
     held, old_line = motion.assembly.system.held_torque, motion.assembly.sampling.line
-    if starts_sampling:
-        row = np.zeros((1, motion.row_length))
-        observe(motion, row[0])
-        held = row_layout.rows_to_samples(row, len(motion.scenario.arms), own_signals(motion.scenario)).joint_torque[0]
-    assembly.system.held_torque[:] = assembly.sampling.line[:] = held
-    if not starts_sampling:
+    assembly.system.held_torque[:] = assembly.sampling.line[:] = held if started is None else started
+    if started is None:
         length = min(len(assembly.sampling.line), len(old_line))
         assembly.sampling.line[-length:] = old_line[-length:]
 

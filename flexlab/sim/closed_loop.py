@@ -97,7 +97,7 @@ def limit_torques(limit, tau):
 def find_inputs(system, t, y, ws):
     """Fill C̄_i, the desired motion, u and the memory's rates after `find_velocities`; of joints that are not ideal theirs."""
     find_asked_inputs(system, t, y, ws)
-    turn_joints(system.plant.joints, system.plant.arms, ws)
+    turn_joints(system.plant.joints, system.plant.arms, y[joints_start(system.plant) :], ws)
 
 
 @inlined

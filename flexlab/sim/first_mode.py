@@ -50,6 +50,7 @@ def _continuous(scenario: Scenario) -> Scenario:
         "controller.sensor_noise": {},
         "controller.torque_limit": None,
         "joints.encoders": {},
+        "joints.motor": {},
     }
     with contextlib.suppress(ScenarioError):
         found = scenario.replace(ideal)

@@ -53,6 +53,7 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str) -> str:
         "growth": f"modes that next to nothing damps need steps of {1e6 * step:.3g} µs, for their errors not to grow",
         "accuracy": f"what the start or the path's kinks excite needs steps of {1e6 * step:.3g} µs with {integrator}",
         "joints": f"the joints' friction needs steps of {1e6 * step:.3g} µs",
+        "motors": f"the motors' time constant needs steps of {1e6 * step:.3g} µs",
         "law": f"the controller needs steps of {1e6 * step:.3g} µs with {integrator}",
         "period": f"sample and control period leave steps of {1e6 * step:.3g} µs",
     }
@@ -63,6 +64,7 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str) -> str:
         "growth": ["some damping (payload.damping)", "a softer beam"],
         "accuracy": ["a smooth start", "more damping", "a softer beam"],
         "joints": ["a higher joints.friction.smoothing_speed", "a coarser simulation.accuracy"],
+        "motors": ["a longer joints.motor.time_constant, or 0", "a coarser simulation.accuracy"],
         "law": ["lower gains", "a coarser simulation.accuracy"],
         "period": ["a control period that is a multiple of the sample period"],
     }[bound]

@@ -21,7 +21,7 @@ from flexlab.physics.axial_load import SPIN, axial_load_at, axial_terms, first_s
 from flexlab.physics.dynamics import acceleration
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
 from flexlab.physics.internal_force import grip_force
-from flexlab.physics.joints import LOSS, motor_torques
+from flexlab.physics.joints import LOSS, is_limited, motor_torques
 from flexlab.physics.plant import AXIAL_WORK, DISSIPATED, ETA, MID, WORK, joints_start, memory_start
 from flexlab.physics.quasi_static import quasi_static_deflection
 from flexlab.scenario import Scenario
@@ -156,13 +156,22 @@ FRICTION = tuple(
     for side in ARM.labels
 )
 FRICTION_LOSS = Signal("friction_loss", "∫ Στ_f θ̇ dt", ("J",), "energy that friction in the joints took")
-JOINT_SIGNALS = (*FRICTION, FRICTION_LOSS)
+ASKED = tuple(
+    Signal(
+        f"{side}_asked_torque", "τ_w", ("N·m",), f"what the controller asks of the {side} arm's motors", (JOINT,),
+        "T_m τ̇ = clip(τ_w, -τ_s (1 + θ̇/ω_0), τ_s (1 - θ̇/ω_0)) - τ",
+    )
+    for side in ARM.labels
+)  # fmt: skip
+JOINT_SIGNALS = (*FRICTION, FRICTION_LOSS, *ASKED)
 """Of joints that are not ideal, behind the law's own in rows."""
 
 
 def joint_signals(scenario: Scenario) -> tuple[Signal, ...]:
     """The signals that a scenario's joints add to the table's: none of ideal ones."""
-    return (*FRICTION[: len(scenario.arms)], FRICTION_LOSS) if scenario.joints.friction.active else ()
+    joints, arms = scenario.joints, len(scenario.arms)
+    friction = (*FRICTION[:arms], FRICTION_LOSS) if joints.friction.active else ()
+    return (*friction, *(ASKED[:arms] if joints.motor.active else ()))
 
 
 def own_signals(scenario: Scenario) -> tuple[Signal, ...]:
@@ -249,18 +258,22 @@ def write_sample(system, t, y, beam_rate, ws, row):
 
 @inlined
 def _write_joints(joints, states, ws, row):
-    """Write friction and its loss last, and add that to the work that reached the links; returns the columns taken."""
+    """Write what joints show last, and add friction's loss to the work that reached the links; returns the columns taken."""
     if joints is None:
         return 0
-    if not joints.rubs:
-        return 0
-    count = ws.joint_friction.size
-    first = len(row) - count - 1
-    for k in range(count):
-        row[first + k] = ws.joint_friction[k // 3, k % 3]
-    row[first + count] = states[LOSS]
-    row[INPUT_WORK] += states[LOSS]
-    return count + 1
+    count, taken = ws.joint_friction.size, 0
+    if joints.drives:
+        taken = count
+        for k in range(count):
+            row[len(row) - taken + k] = ws.joint_asked[k // 3, k % 3]
+    if joints.rubs:
+        taken += count + 1
+        first = len(row) - taken
+        for k in range(count):
+            row[first + k] = ws.joint_friction[k // 3, k % 3]
+        row[first + count] = states[LOSS]
+        row[INPUT_WORK] += states[LOSS]
+    return taken
 
 
 @inlined
@@ -279,7 +292,8 @@ def _write_arms(system, y, x_ddot, along, ws, row):
         for a in range(3):
             arm[INPUT + a] = ws.u[i, a]
             moving[a] += force[a]
-            if abs(tau[a]) >= (1 - AT_LIMIT) * limit[a]:
+            most = (1 - AT_LIMIT) * limit[a]
+            if abs(tau[a]) >= most or is_limited(plant.joints, i, a, most, ws):
                 saturated = 1.0
     row[SATURATED] = saturated
     first = row[ARMS + INTERNAL : ARMS + INTERNAL + 3]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from flexlab.compiled import inlined
 from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.numerics.matrix_functions import Functions
-from flexlab.physics.joints import motor_torques
+from flexlab.physics.joints import asked_torques, drives, near_possible
 from flexlab.physics.plant import ETA
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import law_places
@@ -55,11 +55,11 @@ def near_limit(system, ws):
     """Whether a joint torque is at its limit or near it, after `find_state`."""
     plant, found = system.plant, False
     for i in range(len(plant.arms)):
-        motor_torques(plant.joints, plant.arms[i], i, ws, ws.tau)
+        asked_torques(plant.joints, plant.arms[i], i, ws, ws.tau)
         for joint in range(3):
             if abs(ws.tau[joint]) > NEAR_LIMIT * system.control.torque_limit[joint]:
                 found = True
-    return found
+    return found or near_possible(plant.joints, ws, NEAR_LIMIT)
 
 
 @inlined
@@ -77,7 +77,8 @@ def wanted_level(system, watch, y, ws):
             step = watch.step
             while level < watch.most and step > longest:
                 step, level = 0.5 * step, level + 1
-        if system.control.limited and not system.control.sampled and near_limit(system, ws):
+        limited = system.control.limited or drives(system.plant.joints)
+        if limited and not system.control.sampled and near_limit(system, ws):
             step = watch.step
             for _ in range(level):
                 step *= 0.5

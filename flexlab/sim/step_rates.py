@@ -79,10 +79,15 @@ def control_rate(system: System, desired: np.ndarray) -> float:
 
 
 def joint_rate(system: System, desired: np.ndarray) -> float:
-    """Fastest rate at which friction brings joints at desired poses (k, 3) to rest, 1/s; 0 of ideal ones."""
+    """Fastest rate at which friction, or motors at their limits, slow joints at desired poses (k, 3), 1/s; 0 of ideal ones."""
     if system.plant.joints is None:
         return 0.0
     return fastest_joint_rate_at(system.plant, desired, scratch_workspace(system))
+
+
+def motor_rate(system: System) -> float:
+    """Rate at which motors follow what they are asked for, 1/s; 0 of those that follow at once."""
+    return 0.0 if system.plant.joints is None else system.plant.joints.hurry
 
 
 @compiled

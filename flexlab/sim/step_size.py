@@ -18,7 +18,7 @@ from flexlab.sim.integrators.etdrk4 import beam_operators, block_functions
 from flexlab.sim.integrators.generalized_alpha import effective_inverse
 from flexlab.sim.integrators.rk4 import STABILITY_LIMIT
 from flexlab.sim.integrators.scheme import ORDER, GeneralizedAlpha, Scheme
-from flexlab.sim.step_rates import Rates, control_rate, joint_rate
+from flexlab.sim.step_rates import Rates, control_rate, joint_rate, motor_rate
 
 REFERENCE_STEP = 1e-3
 REFERENCE_ERROR = {"rk4": 6e-8, "etdrk4": 3e-8, "generalized-alpha": 6e-6}
@@ -75,8 +75,8 @@ class Choice(NamedTuple):
     step: float
     """The longest, s."""
     bound: str
-    """What it was chosen by: "beam", "creep" (`Rates.overdamped`), "law", "joints" or "given"; once it is divided into the
-    periods also "period" or "growth" (`step_growth`)."""
+    """What it was chosen by: "beam", "creep" (`Rates.overdamped`), "law", "joints", "motors" or "given"; once it is divided into
+    the periods also "period" or "growth" (`step_growth`)."""
 
 
 def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) -> Choice:
@@ -85,8 +85,8 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     Raises `ScenarioError` for a wished step that is unstable.
     """
     simulation, beam_speed, joint_speed = scenario.simulation, rates.beam, joint_rate(system, rates.poses)
-    law_speed = control_rate(system, rates.poses)
-    control_speed = law_speed + joint_speed
+    law_speed, motor_speed = control_rate(system, rates.poses), motor_rate(system)
+    control_speed = law_speed + joint_speed + motor_speed
     integrator = simulation.integrator
     if integrator == "auto":
         # Only a beam so slow that rk4 resolves all its modes saves by not propagating them exactly.
@@ -106,6 +106,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
         creeping = rates.overdamped if integrator == "etdrk4" else math.inf
         step = min(creeping, stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
         bound = "joints" if joint_speed > law_speed else "law"
+        bound = "motors" if motor_speed > max(joint_speed, law_speed) else bound
         bound = "creep" if step == creeping else "beam" if step == min(stable, coupled) else bound
         _refuse_tiny(step, integrator, bound)
         return Choice(integrator, step, bound)
@@ -138,6 +139,8 @@ def _refuse_tiny(step: float, integrator: str, bound: str) -> None:
         cure = f"Choose a softer or less damped beam or fewer elements, {auto}or set simulation.step yourself"
     elif bound == "joints":
         cause, cure = "the joints' friction", "Choose a higher joints.friction.smoothing_speed or less friction"
+    elif bound == "motors":
+        cause, cure = "the motors' time constant", "Choose a longer joints.motor.time_constant, or 0"
     else:
         cause, cure = "the controller's gains", f"Lower the gains, {auto}or set simulation.step yourself"
     raise ScenarioError([("simulation.step", f"simulation.step = null: {cause} {need}. {cure}.")])

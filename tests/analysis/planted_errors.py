@@ -254,7 +254,7 @@ PLANTED = (
     PlantedError(
         "Stribeck's fall", "physics/joints.py", "square * numbers[STRIBECK, joint]", "rate * numbers[STRIBECK, joint]"
     ),
-    PlantedError("friction that drives", "physics/joints.py", "tau[joint] -= lost", "tau[joint] += lost"),
+    PlantedError("friction that drives", "physics/joints.py", "tau[joint] = given - lost", "tau[joint] = given + lost"),
     PlantedError("friction's loss", "physics/joints.py", "loss += lost * rate", "loss += 0.5 * lost * rate"),
     PlantedError(
         "what is believed of friction",

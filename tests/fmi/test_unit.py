@@ -38,6 +38,7 @@ TICK = 0.001
 BANG_BANG = {"trajectory": {"kind": "bang-bang", "duration": 0.1513}}
 """A path whose acceleration jumps within ticks."""
 FRICTION = {"joints.friction.viscous": (5.0, 5.0, 2.0), "joints.friction.coulomb": (8.0, 6.0, 2.0)}
+MOTORS = {"joints.motor.time_constant": 0.004, "joints.motor.stall_torque": (450.0, 250.0, 90.0)}
 ENCODERS = {"joints.encoders.counts": (2e5, 2e5, 1e5), "controller.control_period": 0.001}
 Export = Callable[..., Path]
 
@@ -130,6 +131,7 @@ def test_fmpy_finds_nothing_wrong(export: Export, part: str, version: int):
         ("paper", BANG_BANG, 3, 1),
         ("paper", FRICTION, 3, 1),
         ("paper", ENCODERS, 3, 1),
+        ("paper", MOTORS, 3, 1),
     ],
 )
 def test_the_loop_gives_the_engines_bits(
@@ -171,6 +173,7 @@ def test_the_plant_with_the_engines_torques_moves_as_the_engine_does(export: Exp
         ("paper", {}),
         ("paper", FRICTION),
         ("paper", ENCODERS),
+        ("paper", MOTORS),
         ("gravity", {"controller.control_period": TICK, "controller.input_delay": 2}),
         ("composite", {"controller.control_period": TICK, "controller.observer.kind": "kalman"}),
         (

@@ -142,16 +142,46 @@ def stated_size(what: str, warning: str) -> float:
     return float(said[1]) if said else math.inf
 
 
+def with_joints(scenario: Scenario, seed: int) -> Scenario:
+    """The scenario with joints that are not ideal: late and weak motors, friction, encoders of a sampled controller."""
+    rng = np.random.default_rng([seed, 2])
+    while True:
+        changes: dict = {}
+        if rng.random() < 0.7:
+            changes["joints.motor.time_constant"] = float(10 ** rng.uniform(-4, -1.7))
+        if rng.random() < 0.5:
+            changes["joints.motor.stall_torque"] = tuple((np.array([600, 300, 120]) * rng.uniform(0.5, 3)).tolist())
+            changes["joints.motor.no_load_speed"] = tuple(rng.uniform(2, 20, 3).tolist())
+        if rng.random() < 0.4:
+            changes["joints.friction.viscous"] = tuple(rng.uniform(0, 10, 3).tolist())
+            changes["joints.friction.coulomb"] = tuple(rng.uniform(0, 10, 3).tolist())
+        if scenario.controller.control_period is not None and rng.random() < 0.3:
+            changes["joints.encoders.counts"] = (float(10 ** rng.uniform(4, 7)),) * 3
+        try:
+            found = scenario.replace(changes)
+            if not World(found).status.failed:
+                return found
+        except ScenarioError:
+            continue
+
+
 def judge(
-    seed: int, longest_reference: float = LONGEST_REFERENCE, wide: bool = False, axial: bool = False
+    seed: int,
+    longest_reference: float = LONGEST_REFERENCE,
+    wide: bool = False,
+    axial: bool = False,
+    joints: bool = False,
 ) -> Judgement:
-    """Run a scenario as it is and with finer steps; `axial`: its beam feels the force along it."""
+    """Run a scenario as it is and with finer steps; `axial`: its beam feels the force along it; `joints`: as `with_joints`."""
     scenario = wide_scenario(seed) if wide else random_scenario(seed)
+    if joints:
+        scenario = with_joints(scenario, seed)
     if axial:
         scenario = scenario.replace({"payload.axial_load": "first-order"})
     world = World(scenario)
     finer = 16 if world.assembly.watch.disturbed else 4
-    limited = scenario.controller.torque_limit is not None and scenario.controller.control_period is None
+    limited = scenario.controller.torque_limit is not None or any(scenario.joints.motor.stall_torque)
+    limited = limited and scenario.controller.control_period is None
     step = min(world.step, LIMITED_STEP if limited else math.inf) / finer
     pace = seconds_per_second(world.integrator, world.beam, max(step, SHORTEST_STEP))
     ticks = max(20, int(min(DURATION, longest_reference / pace) / world.tick_period))
@@ -209,12 +239,13 @@ def main() -> None:
     asked.add_argument("numbers", type=int, nargs="*", default=[20])
     asked.add_argument("--wide", action="store_true")
     asked.add_argument("--axial", action="store_true")
+    asked.add_argument("--joints", action="store_true")
     asked.add_argument("--seconds", type=float, default=LONGEST_REFERENCE)
     given = asked.parse_args()
     first, last = (0, given.numbers[0]) if len(given.numbers) == 1 else given.numbers[:2]
     bad = 0
     for seed in range(first, last):
-        judged = judge(seed, given.seconds, given.wide, given.axial)
+        judged = judge(seed, given.seconds, given.wide, given.axial, given.joints)
         bad += bool(judged.complaints)
         mark = " | ".join([*judged.complaints, *(["slower than real time, unannounced"] if judged.crawls else [])])
         print(f"{seed}: {mark or 'fine'}   [{judged.text}]", flush=True)

@@ -58,7 +58,7 @@ def checks(runs: Runs) -> Iterator[Check]:
 
 def _coasting() -> Iterator[Check]:
     """The arm's moment of momentum about its base changes by the torque of the first joint alone."""
-    turned, fallen = _momentum({"joints.friction.viscous": (VISCOUS, 2.0, 1.0)})
+    turned, fallen, _ = moment_of_momentum({"joints.friction.viscous": (VISCOUS, 2.0, 1.0)})
     yield close(
         "one arm coasts with viscous friction B: its moment of momentum falls by B times the angle of its first joint, N·m·s",
         VISCOUS * turned,
@@ -66,16 +66,16 @@ def _coasting() -> Iterator[Check]:
         relative=1e-7,
     )
     dry = {"joints.friction.coulomb": (COULOMB, 0.05, 0.01), "joints.friction.smoothing_speed": CREEP}
-    _, fallen = _momentum(dry, 0.2)
+    _, fallen, _ = moment_of_momentum(dry, 0.2)
     yield close("the same with Coulomb friction C: by C times the time, N·m·s", COULOMB * 0.2, fallen, relative=1e-3)
     run = simulate(load_preset("single-arm").replace({**COASTING, **dry}), 0.2)
     idle = float(np.abs(run.input_work).max() / run.own["friction_loss"][-1])
     yield below("its motors, which are off, do no work, as a part of friction's loss", 1e-6, idle)
 
 
-def _momentum(friction: dict[str, object], duration: float = 0.5) -> tuple[float, float]:
-    """Angle that the first joint turns by, rad, and by how much the moment of momentum falls, N·m·s."""
-    world = World(load_preset("single-arm").replace({**COASTING, **friction}))
+def moment_of_momentum(joints: dict[str, object], duration: float = 0.5) -> tuple[float, float, float]:
+    """Of an arm that coasts: angle by which its first joint turns, rad, fall of its moment of momentum, N·m·s, and time, s."""
+    world = World(load_preset("single-arm").replace({**COASTING, **joints}))
     x, y = world.scenario.left_arm.base
 
     def moment() -> float:
@@ -85,7 +85,7 @@ def _momentum(friction: dict[str, object], duration: float = 0.5) -> tuple[float
     angle, before = world.observe().joint_angle[-1, 0, 0], moment()
     end = world.advance(round(duration / world.tick_period))
     sign = np.sign(end.joint_angle[-1, 0, 0] - angle)
-    return float(sign * (end.joint_angle[-1, 0, 0] - angle)), float(sign * (before - moment()))
+    return float(sign * (end.joint_angle[-1, 0, 0] - angle)), float(sign * (before - moment())), duration
 
 
 def _creeping() -> Iterator[Check]:

@@ -203,12 +203,15 @@ GROUPS = (
         "controller.model.axial_load",
         "controller.model.friction_factor",
     )),
-    Group("Friction of the joints", (
+    Group("Friction and motors of the joints", (
         "joints.friction.viscous",
         "joints.friction.coulomb",
         "joints.friction.static_factor",
         "joints.friction.stribeck_speed",
         "joints.friction.smoothing_speed",
+        "joints.motor.time_constant",
+        "joints.motor.stall_torque",
+        "joints.motor.no_load_speed",
     )),
     Group("Path, part by part", (PATH_NUMBERS,)),
     Group("Start of a run", ("initial.pose", "initial.pose_rate")),

@@ -24,7 +24,7 @@ def leaderboard(
     """Simulate control laws in the cases of the benchmark, and gather their scores in a table.
 
     `laws`: names, paths of Python files, or classes of `OwnLaw`; None: flexlab's own, and `more_laws` besides. `cases`: names,
-    B1 to B7; None: all, B7 only with `long`. `folder` keeps every row under a hash of scenario, law and engine, so that only
+    B1 to B8; None: all, B7 only with `long`. `folder` keeps every row under a hash of scenario, law and engine, so that only
     what changed is computed again. `workers`: threads, None: one per core; or `cluster`: the
     address of a Dask scheduler. A law that fails says why in its row. Raises
     `StudyError` for unusable arguments and `ScenarioError` for a law's file that cannot be used.

@@ -33,7 +33,7 @@ def command(
     ] = (),
     case: Annotated[
         tyro.conf.UseAppendAction[tuple[str, ...]],
-        tyro.conf.arg(metavar="B1…B7", help="Only this case; repeat it.", help_behavior_hint=""),
+        tyro.conf.arg(metavar="B1…B8", help="Only this case; repeat it.", help_behavior_hint=""),
     ] = (),
     long: Annotated[bool, tyro.conf.arg(help="B7, too: ten minutes of each law.", help_behavior_hint="")] = False,
     seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of the sensors' noise.")] = 0,
@@ -52,7 +52,7 @@ def command(
     workers: Threads = None,
     cluster: Cluster = None,
 ) -> int:
-    """Compare control laws in the cases B1 to B7. What was computed before, in the folder leaderboard, is not computed again.
+    """Compare control laws in the cases B1 to B8. What was computed before, in the folder leaderboard, is not computed again.
 
     A law that fails says why. Exits with 1 if --verify finds a difference.
     """

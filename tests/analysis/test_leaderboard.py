@@ -163,8 +163,8 @@ def test_every_law_of_flexlab_enters_every_case_and_only_learners_leak():
 
 
 def test_the_cases_are_those_of_the_benchmark_and_the_long_one_is_asked_for():
-    assert list(cases()) == ["B1", "B2", "B3", "B4", "B5", "B6", "B7"]
-    assert [case.name for case in chosen_cases(None, long=False)] == ["B1", "B2", "B3", "B4", "B5", "B6"]
+    assert list(cases()) == ["B1", "B2", "B3", "B4", "B5", "B6", "B7", "B8"]
+    assert [case.name for case in chosen_cases(None, long=False)] == ["B1", "B2", "B3", "B4", "B5", "B6", "B8"]
     for case in cases().values():
         assert len({score.name for score in case.scores}) == len(case.scores)
         assert all(score.formula and score.column.unit for score in case.scores)
@@ -204,3 +204,13 @@ def test_the_files_hold_every_score_with_formula_unit_and_hashes(board: Leaderbo
 def test_bad_input_is_a_sentence(tmp_path: Path, words: dict, says: str):
     with pytest.raises(StudyError, match=says):
         flexlab.leaderboard(**words, folder=tmp_path, progress=False)
+
+
+def test_joints_of_machines_are_known_or_not():
+    case = cases()["B8"]
+    unknown, known = (case.plain_scenario(variant, 0) for variant in case.variants)
+    assert (unknown.controller.model.friction_factor, known.controller.model.friction_factor) == (0.0, 1.0)
+    assert unknown.joints == known.joints
+    assert unknown.joints.friction.active
+    assert unknown.joints.motor.active
+    assert unknown.joints.encoders.active

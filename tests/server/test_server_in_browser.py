@@ -1,5 +1,6 @@
 """What a person sees who opens the server in a real browser."""
 
+import hashlib
 import io
 import re
 import shutil
@@ -14,10 +15,14 @@ from browser_window import PICTURES, open_window
 from get_browser import find_browser
 from http_client import ARTIFACTS, PATIENCE, wait_until
 from PIL import Image
-from playwright.sync_api import Browser, Locator, Page
+from playwright.sync_api import Browser, Locator, Page, Response
 
+from flexlab.presets import load_preset
+from flexlab.recording.headless import write_run
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import state_of
+from flexlab.server.pages.runs_pages import FETCHING
+from flexlab.sim.simulate import simulate
 from flexlab.views import GREEN, VERMILION
 
 SCENE = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
@@ -31,6 +36,10 @@ WORD_IS_FREE = """() => {
 MILLI = 1e3
 NEAR, SHARE = 24, 0.0005
 """Colours that count as a curve's, and which share of the plots' place curves and legends have at least."""
+
+
+PART = 8_000_000
+"""Bytes of a recording that the viewer asks for at once."""
 
 
 @contextmanager
@@ -188,6 +197,33 @@ def test_the_library_finds_and_sorts(plain_chromium: Browser, open_another: Call
         page.get_by_role("button", name="Delete").click()
         page.get_by_role("searchbox").wait_for()
     assert not (front_server.settings.logs / "2026-01-02T00-00-00-beta.rrd").exists()
+
+
+def test_a_long_recording_comes_part_by_part(chromium: Browser, front_server: FrontServer):
+    """Proxies that hold an answer until it is complete, as a hub's, pass on no long one."""
+    file = write_run(simulate(load_preset("paper"), 20.0), front_server.settings.logs, "long")
+    whole = hashlib.sha256(file.read_bytes()).hexdigest()
+    script = FETCHING.removeprefix("<script>").removesuffix("</script>")
+    with window(chromium, front_server.address("/runs")) as page:
+        answers: list[int] = []
+
+        def note(answer: Response) -> None:
+            if answer.url.endswith(file.name):
+                answers.append(int(answer.headers["content-length"]))
+
+        page.on("response", note)
+        found = page.evaluate(
+            f"""async (address) => {{ {script}
+                const answer = await fetch(address), bytes = await answer.arrayBuffer();
+                const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
+                return [answer.status, Array.from(digest, (x) => x.toString(16).padStart(2, "0")).join("")]; }}""",
+            front_server.address(f"/runs/{file.stem}.rrd"),
+        )
+        assert found == [200, whole]
+        assert sum(answers) == file.stat().st_size
+        assert len(answers) == 1 + file.stat().st_size // PART
+        assert max(answers) <= PART
+    file.unlink()
 
 
 def test_a_run_opens_in_the_viewer_without_a_call_to_anybody_else(

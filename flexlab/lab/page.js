@@ -196,7 +196,7 @@
     const text = found > LASTING ? `The picture is ${Math.round(age / 1000)} s old: the line to the lab is slow, or cut.` : "";
     if (old.textContent !== text) old.textContent = text;
     old.hidden = !text;
-    if (!old.isConnected) document.body.append(old);
+    if (!old.isConnected) document.body?.append(old); // The page may still be on its way.
   }
 
   function look() {

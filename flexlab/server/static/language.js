@@ -7,6 +7,7 @@
   const KEPT = "flexlab-language";
   const LONGEST_WAIT = 1500; // ms for which a page shows nothing rather than English
   const MOST_KEPT = 4000; // translations of sentences with numbers, and untranslated texts
+  const LONGEST = 1000; // characters of a text that is compared with patterns: what is longer, a person wrote
   const ATTRIBUTES = ["title", "aria-label", "placeholder", "alt", "aria-valuetext", "value"];
   const MARKS = { CODE: ["`", "`"], KBD: ["`", "`"], B: ["**", "**"], STRONG: ["**", "**"], EM: ["*", "*"], I: ["*", "*"], A: ["[", "]"],
     SUB: ["<sub>", "</sub>"], WBR: ["", ""] };
@@ -43,6 +44,7 @@
   const fill = ({ names, shown }, values) => shown.replace(/\{(\w+)\}/g, (whole, name) => values[names.indexOf(name)] ?? whole);
 
   function byPattern(text, bare) {
+    if (text.length > LONGEST) return undefined;
     let partly;
     for (const first of [text.split(" ", 1)[0], ""]) {
       for (const pattern of patterns.get(first) ?? []) {
@@ -64,7 +66,7 @@
   }
 
   function bySentence(text) {
-    const sentences = text.split(SENTENCE);
+    const sentences = text.length > 4 * LONGEST ? [] : text.split(SENTENCE);
     if (sentences.length < 2) return undefined;
     const shown = [], missed = [];
     for (let first = 0, last; first < sentences.length; first = last) {

@@ -268,6 +268,31 @@ PLANTED = (
     PlantedError(
         "arm whose encoders are read", "physics/encoders.py", "arm.l2 * s2 - arm.reach", "arm.l2 * s2 + arm.reach"
     ),
+    PlantedError(
+        "time constant of a motor",
+        "physics/joints.py",
+        "hurry=1 / motor.time_constant",
+        "hurry=1.1 / motor.time_constant",
+    ),
+    PlantedError(
+        "torque that falls with speed",
+        "physics/joints.py",
+        "max(min(torque, numbers[STALL, joint] - fall)",
+        "max(min(torque, numbers[STALL, joint] + fall)",
+    ),
+    PlantedError(
+        "torque of a late motor that turns the links",
+        "physics/joints.py",
+        "given = states[place]",
+        "given = 0.9 * states[place]",
+    ),
+    PlantedError("no-load speed", "physics/joints.py", "stall / np.array(motor", "0.9 * stall / np.array(motor"),
+    PlantedError(
+        "late motors in linear models",
+        "analysis/loop_poles.py",
+        "np.eye(count) / time_constant",
+        "np.eye(count) / (1.1 * time_constant)",
+    ),
     PlantedError("rate of two readings", "physics/encoders.py", "/ period\n", "/ (1.1 * period)\n"),
     PlantedError(
         "lag of the rate in the linear model",

@@ -21,7 +21,6 @@ from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import state_of
-from flexlab.server.pages.runs_pages import FETCHING
 from flexlab.sim.simulate import simulate
 from flexlab.views import GREEN, VERMILION
 
@@ -199,11 +198,11 @@ def test_the_library_finds_and_sorts(plain_chromium: Browser, open_another: Call
     assert not (front_server.settings.logs / "2026-01-02T00-00-00-beta.rrd").exists()
 
 
-def test_a_long_recording_comes_part_by_part(chromium: Browser, front_server: FrontServer):
+def test_a_long_recording_comes_part_by_part(chromium: Browser, front_server: FrontServer, root: Path):
     """Proxies that hold an answer until it is complete, as a hub's, pass on no long one."""
     file = write_run(simulate(load_preset("paper"), 20.0), front_server.settings.logs, "long")
     whole = hashlib.sha256(file.read_bytes()).hexdigest()
-    script = FETCHING.removeprefix("<script>").removesuffix("</script>")
+    script = (root / "flexlab" / "server" / "static" / "fetch_recordings.js").read_text(encoding="utf-8")
     with window(chromium, front_server.address("/runs")) as page:
         answers: list[int] = []
 

@@ -10,7 +10,7 @@ def test_the_viewer_asks_for_recordings_as_its_visitor(plain_chromium: Browser, 
     window.add_cookies([{"name": "hub", "value": "ann", "url": front_server.url}])
     page = window.new_page()
     page.route("**/re_viewer*", lambda route: route.abort())  # Nobody looks at what it draws.
-    page.goto(f"{front_server.url}viewer/", wait_until="commit")
+    page.goto(f"{front_server.url}viewer/", wait_until="domcontentloaded")
     with page.expect_request("**/runs/one.rrd") as asked:
         page.evaluate("fetch(new Request('/runs/one.rrd', { credentials: 'omit' }))")
     assert "hub=ann" in asked.value.all_headers()["cookie"]

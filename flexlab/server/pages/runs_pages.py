@@ -207,31 +207,8 @@ VIEWER_POLICY = (
     "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
 """Left alone, the viewer would fetch fonts, look for updates and report its use: it may talk to this address only."""
-FETCHING = """<script>
-{ const plain = fetch, PART = 8e6;
-  const ask = (what, options) => plain(new Request(new Request(what, options), { credentials: "same-origin" }));
-  fetch = async (what, options) => {
-    const asked = new Request(what, options);
-    if (asked.method !== "GET" || !new URL(asked.url).pathname.endsWith(".rrd")) return ask(asked);
-    const part = from => ask(new Request(asked, { headers: { Range: `bytes=${from}-${from + PART - 1}` } }));
-    const first = await part(0), size = +(first.headers.get("Content-Range") ?? "").split("/")[1];
-    if (first.status !== 206 || !size) return first;
-    let reader = first.body.getReader(), got = 0;
-    const body = new ReadableStream({ async pull(sink) {
-      for (;;) {
-        const { done, value } = await reader.read();
-        if (!done) { got += value.length; return sink.enqueue(value); }
-        if (got >= size) return sink.close();
-        const next = await part(got);
-        if (next.status !== 206) throw new Error(`the server answers ${next.status}`);
-        reader = next.body.getReader();
-      }
-    } });
-    return new Response(body, { headers: { "Content-Type": first.headers.get("Content-Type"), "Content-Length": size } });
-  }; }
-</script>"""
-"""By itself the viewer asks for recordings without cookies: then a hub's login keeps it out. And it asks for them whole: then
-proxies that hold an answer until it is complete pass on no long ones."""
+FETCHING = '<script src="../static/fetch_recordings.js"></script>'
+"""How the viewer asks for recordings."""
 NO_FILE_NAME = r"[^\w.-]+"
 """What is left out of the name under which a recording is downloaded."""
 

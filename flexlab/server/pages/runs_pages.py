@@ -17,7 +17,6 @@ from flexlab.plain_text import visible
 from flexlab.recording.importing import IMPORTED
 from flexlab.recording.overlay import MOST_RUNS
 from flexlab.recording.repair import finish
-from flexlab.recording.rerun_internals.chunks import TIMELINE
 from flexlab.recording.store.run_files import SUFFIX, file_word
 from flexlab.recording.store.run_index import (
     RunRow,
@@ -275,7 +274,6 @@ async def review(request: web.Request) -> web.Response:
         row=row,
         address=recording_address(context_of(request), row.id),
         replay=context_of(request).replays.get(replay_key(row)) or IDLE,
-        timeline=TIMELINE,
         begin=f"{row.begins:.10g}",
         end=end,
         span=f"{row.begins:.10g} to {end}" if end else f"from {row.begins:.10g} on",

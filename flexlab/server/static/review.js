@@ -7,14 +7,17 @@ viewer.src = `${base}/viewer/?url=${encodeURIComponent(recording)}&hide_welcome_
 // Continue goes on from the viewer's cursor, unless somebody has typed another time.
 const time = document.querySelector('form[action$="/continue"] [name="time"]');
 const LONGEST = 1e15; // ns: later ones are of the clock
-let timeline = viewer.dataset.timeline; // that the viewer shows; it does not always tell of the first
+const end = +viewer.dataset.end || Infinity; // s: playing, the viewer goes a little past it before it stops
+let counting = false; // The viewer shows a count instead of a time; it does not always tell of the first timeline.
 let typed = false;
 time?.addEventListener("input", () => { typed = time.value !== ""; });
 addEventListener("message", (message) => {
   if (message.source !== viewer.contentWindow || message.origin !== location.origin || !time || typed) return;
   let event;
   try { event = JSON.parse(message.data); } catch { return; } // "READY", which the viewer says first
-  if (event?.type === "timeline_change") timeline = event.timeline;
+  if (event?.type === "timeline_change") counting = event.timeline === "log_tick";
   else if (event?.type !== "time_update") return;
-  if (timeline === viewer.dataset.timeline && event.time < LONGEST) time.value = (Math.round(event.time / 1e6) / 1e3).toFixed(3);
+  if (counting || event.time > LONGEST) return;
+  const told = (event.time / 1e9).toFixed(3);
+  time.value = +told < end ? told : viewer.dataset.end;
 });

@@ -16,12 +16,12 @@ from flexlab.numerics.elementary import exponentials
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.plant import ETA, G, H
 from flexlab.scenario import Scenario
-from flexlab.sim import row_layout
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
 from flexlab.sim.row_survey import Survey, survey_rows
-from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, SATURATED, SPIN_SHARE
+from flexlab.sim.run_warnings import COUNTED, amplified, bounds, inaccurate, unled
+from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, POSE, SATURATED, SPIN_SHARE
 from flexlab.sim.step_rates import ring_decay
 from flexlab.sim.world_state import WorldState
 
@@ -42,12 +42,6 @@ FIRST_VERDICT, STEADY = 8, 1.1
 """Ticks after a disturbance before which nothing is judged, and up to the last of `LOOKS` nothing but what is at a force that
 has not grown by more than this factor since the look before: of a run that starts at rest, the peak is still to come."""
 
-POSE_BOUND = 1e-8
-"""Estimated error of the pose, m or rad, up to which a run is called accurate that was not asked to be coarser."""
-
-FORCE_BOUND = 1e-4
-"""The same of the internal force, over its peak so far; of one arm alone, of the force that moves the beam."""
-
 FINER = 2
 """Levels between a tick and the same redone: of modes that are faster than the step, half of it tells little."""
 
@@ -57,14 +51,8 @@ GROWN = 2.0
 AMPLIFIED = 1e-12
 """Error of the pose, m or rad, from which on such a loop is said to make more of it."""
 
-COUNTED = (
-    "Results are certain up to a count of the encoders: next to its edge, errors of the steps that are too small to be seen "
-    "decide which one is told."
-)
-"""The sentence of a run whose encoders count."""
-
-LEAST_PEAK = 0.5
-"""N or N·m: errors are judged against at least this force, so that what is next to nothing is not."""
+MOTION = 6
+"""Errors of the pose and its rate, before those of modes."""
 
 RINGING_SHARE = 0.5
 """What an internal force has at most of the force that a mode puts on both grips: half of how they differ."""
@@ -90,6 +78,10 @@ def _parts(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     n = len(errors) // 2 - 1
     return errors[:3], errors[3 : 3 + n], errors[3 + n :]
+
+
+def _no_errors(assembly: Assembly) -> np.ndarray:
+    return np.zeros(3 + 2 * len(assembly.beam.modes.omega))
 
 
 def _sizes(errors: np.ndarray) -> tuple[float, float]:
@@ -137,15 +129,15 @@ def _ticks_kept(decay: np.ndarray, ticks: int, tick_period: float) -> np.ndarray
 
 def nothing_yet(assembly: Assembly, tick: int) -> Estimate:
     """The estimate before tick number `tick` of a run that is accurate so far."""
-    none = np.zeros(3 + 2 * len(assembly.beam.modes.omega))
+    none = _no_errors(assembly)
     return Estimate(none, none, tick - 1, tick)
 
 
 def disturbed(estimate: Estimate, assembly: Assembly, tick: int) -> Estimate:
     """The estimate after a tap or a change at `tick`: looks begin anew, but not before those of the last one have ended."""
-    if 3 + 2 * len(assembly.beam.modes.omega) != len(estimate.left):
+    fresh = nothing_yet(assembly, tick)
+    if len(fresh.left) != len(estimate.left):
         # Modes have another meaning. The peak is the run's.
-        fresh = nothing_yet(assembly, tick)
         estimate = estimate._replace(left=fresh.left, rate=fresh.rate, looked=fresh.looked)
     return estimate._replace(disturbed=tick) if tick - estimate.disturbed > LOOKS[-1] else estimate
 
@@ -237,13 +229,13 @@ def note(
     old: Estimate, assembly: Assembly, tick: int, row: np.ndarray, y: np.ndarray, again: Redone, tick_period: float
 ) -> Estimate:
     """The estimate after the tick from number `tick` on, redone as `again`; `row`: its sample, `y`: the state after it."""
-    n, now = len(assembly.beam.modes.omega), _tick_errors(assembly, row, y, again)
-    decay = np.empty(3 + 2 * n)
-    limited = row[SATURATED] > 0
-    decay[:3] = 0.0 if limited or assembly.scenario.controller.kind == "none" else LOOP_DECAY
-    decay[3 : 3 + n] = decay[3 + n :] = ring_decay(assembly.beam)
+    now, limited = _tick_errors(assembly, row, y, again), row[SATURATED] > 0
+    led = not limited and assembly.scenario.controller.kind != "none"
+    fades = ring_decay(assembly.beam)
+    decay = np.concatenate([np.full(3, LOOP_DECAY if led else 0.0), fades, fades])
     # The sample shows what the tick has done itself; in those to come, its phase is not known.
-    now[3 + n :] *= exponentials(-decay[3 + n :] * tick_period)
+    ringing = _parts(now)[2]
+    ringing *= exponentials(-fades * tick_period)
     since, ticks = tick - old.disturbed, tick - old.looked
     # Ticks between two looks did, on average, what the two did; but what a disturbance does, none before it did.
     between = old.rate if since == 0 else (old.rate + now) / 2
@@ -258,43 +250,45 @@ def note(
         return seen
     time = (tick + 1) * tick_period
     if assembly.amplifies and pose > AMPLIFIED:
-        return seen._replace(warning=_amplified(assembly.scenario))
+        return seen._replace(warning=amplified(assembly.scenario))
     if assembly.scenario.joints.encoders.active and pose > AMPLIFIED:
         return seen._replace(warning=COUNTED)
     # Motors that were overloaded a look before as well are so for longer than a moment.
     if limited and old.wait == CLOSEST_TICKS and any(assembly.scenario.joints.motor.stall_torque):
-        return seen._replace(warning=_unled(time, "stronger motors (joints.motor)"))
+        return seen._replace(warning=unled(time, "stronger motors (joints.motor)"))
     said, told = "", (pose, force)
     if since >= LOOKS[-1]:
         for wait in (CHECK_TICKS, CLOSE_TICKS, CLOSEST_TICKS):
             ahead = left * exponentials(-decay * (wait * tick_period)) + now * _ticks_kept(decay, wait, tick_period)
             told = tuple(map(max, (pose, force), _sizes(ahead)))
-            said, seen = _warning(*told, seen, assembly.scenario, time), seen._replace(wait=wait)
+            said, seen = (
+                inaccurate(assembly.scenario, time, told, (pose, force), seen.seen.peak),
+                seen._replace(wait=wait),
+            )
             if not said and (wait == CLOSEST_TICKS or not limited):
                 break
     elif old.seen.peak <= STEADY * old.peak_before:
-        said = _warning(*told, seen, assembly.scenario, time)
-    if said and limited and pose > max(POSE_BOUND, assembly.scenario.simulation.accuracy):
-        return seen._replace(warning=_unled(time, "a higher controller.torque_limit"))
+        said = inaccurate(assembly.scenario, time, told, (pose, force), seen.seen.peak)
+    if said and limited and pose > bounds(assembly.scenario, seen.seen.peak)[0]:
+        return seen._replace(warning=unled(time, "a higher controller.torque_limit"))
     return seen._replace(warning=said, told=(time, *told)) if said else seen
 
 
 def _told_anew(estimate: Estimate, scenario: Scenario, told: tuple[float, float, float]) -> Estimate:
     """The estimate with a warning of the sizes that its errors have grown to, if what it says of them is too little."""
-    time, pose, force = told
-    bound = max(POSE_BOUND, scenario.simulation.accuracy)
-    least = FORCE_BOUND * max(estimate.seen.peak, LEAST_PEAK)
-    if estimate.pose <= GROWN * max(pose, bound) and estimate.force <= GROWN * max(force, least):
+    (time, *sizes), found = told, (estimate.pose, estimate.force)
+    least = bounds(scenario, estimate.seen.peak)
+    if all(now <= GROWN * max(said, bound) for now, said, bound in zip(found, sizes, least, strict=True)):
         return estimate
-    said = _warning(estimate.pose, estimate.force, estimate, scenario, time)
+    said = inaccurate(scenario, time, found, found, estimate.seen.peak)
     return estimate._replace(warning=said or estimate.warning, told=(time, estimate.pose, estimate.force))
 
 
 def _tick_errors(assembly: Assembly, row: np.ndarray, y: np.ndarray, again: Redone) -> np.ndarray:
     """How a tick and the same tick redone differ, as `_parts` has it."""
-    errors = np.zeros(3 + 2 * len(assembly.beam.modes.omega))
+    errors = _no_errors(assembly)
     pose, force, ringing = _parts(errors)
-    pose[:] = row[row_layout.POSE : row_layout.POSE + 3] - again.row[row_layout.POSE : row_layout.POSE + 3]
+    pose[:] = row[POSE : POSE + 3] - again.row[POSE : POSE + 3]
     difference = float(np.abs(forces(row[None], assembly) - forces(again.row[None], assembly)).max())
     if difference > 0:
         weights = mode_forces(assembly, y - again.y)
@@ -332,46 +326,3 @@ def forces(rows: np.ndarray, assembly: Assembly) -> np.ndarray:
         return rows[:, None, MOVING : MOVING + 3]
     own = rows[:, ARMS : ARMS + PER_ARM * arms].reshape(len(rows), arms, PER_ARM)
     return own[:, :, INTERNAL : INTERNAL + 3]
-
-
-def _amplified(scenario: Scenario) -> str:
-    """The sentence of a sampled loop in which errors of any size grow."""
-    period = scenario.controller.control_period
-    return (
-        f"Results depend on rounding: with a control period of {period:g} s this controller answers each error with a larger "
-        "one, whatever the step. Choose a shorter control period or lower gains."
-    )
-
-
-def _unled(time: float, cure: str) -> str:
-    """The sentence of errors that grow as torques are at their limits."""
-    return (
-        f"Results are no longer accurate since about t = {time:.3f} s: a torque is at its limit, so that nothing leads errors of "
-        f"the steps back, and they grow. Reset with {cure}, lower gains or a slower path."
-    )
-
-
-def _warning(pose: float, force: float, estimate: Estimate, scenario: Scenario, time: float) -> str:
-    """A sentence once the errors found until `time`, s, are beyond their bounds, else empty."""
-    found = []
-    bound = max(POSE_BOUND, scenario.simulation.accuracy)
-    if pose > bound:
-        found.append(f"the pose may be off by {pose:.1g} m or rad")
-    peak = max(estimate.seen.peak, LEAST_PEAK)
-    if force > FORCE_BOUND * peak:
-        share = f"{force / peak:.1g} of its peak" if estimate.seen.peak > LEAST_PEAK else f"{force:.1g} N"
-        name = "internal" if len(scenario.arms) > 1 else "moving"
-        found.append(f"the {name} force may be off by {share}")
-    if not found:
-        return ""
-    cause, cure = "errors of the steps add up in modes that ring on", "more damping, fewer elements"
-    smaller = " or a smaller simulation.accuracy"
-    if estimate.pose > bound or estimate.force > FORCE_BOUND * peak:
-        cause = "the start or a change excites modes that are faster than the steps, or errors of the steps add up"
-        cure = "a smooth start, more damping, fewer elements"
-    if scenario.simulation.step is not None:
-        cure, smaller = "a shorter simulation.step or null", ""
-    return (
-        f"Results are no longer accurate since about t = {time:.3f} s: {' and '.join(found)}, as {cause}. "
-        f"Reset with {cure}{smaller}."
-    )

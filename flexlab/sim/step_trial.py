@@ -12,13 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.numerics.elementary import exponentials
+from flexlab.numerics.linear_algebra import solve
 from flexlab.own.law import OwnController
-from flexlab.physics.plant import ETA
+from flexlab.physics.dynamics import set_momenta
+from flexlab.physics.plant import ETA, P
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.assembly import Assembly, Unprepared
+from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.motion import start_at
 from flexlab.sim.pace import SLOWEST_PACE, seconds_per_second
+from flexlab.sim.run_warnings import bounds
 from flexlab.sim.step_levels import DISTURBED_TICKS
 from flexlab.sim.step_rates import ring_decay
 from flexlab.sim.step_size import SHORTEST_CHOSEN, Count
@@ -39,6 +43,9 @@ ENOUGH = 0.3
 SLOWEST_TRIED = 8.0
 """Processor seconds per simulated second up to which accuracy comes before real time, as `pace` estimates them; where even
 that is not enough, the step is as short as real time allows."""
+
+RATE_DECAY = 20.0
+"""How fast a law leads errors of the pose's rate back, 1/s, about; until then they move the pose."""
 
 MOST_ORDER = 4.5
 """A halving leaves no less than 2 to the minus this of an error."""
@@ -153,16 +160,27 @@ def halved(assembly: Assembly, times: int) -> Assembly:
     )
 
 
+def _rate_error(assembly: Assembly, coarse: Trial, fine: Trial) -> np.ndarray:
+    """How the pose's rates differ at the ends of two trials (3,) but for the beam's ring, which moves it to and fro."""
+    system, y, rest = assembly.system, fine.y.copy(), np.zeros(len(assembly.beam.modes.omega))
+    workspace, inertia = scratch_workspace(system), np.empty((3, 3))
+    for axis, rate in enumerate(np.eye(3)):
+        set_momenta(system.plant, y, rate, rest, workspace)
+        inertia[:, axis] = y[P : P + 3]
+    return solve(inertia, coarse.y[P : P + 3] - fine.y[P : P + 3])
+
+
 def _excess(assembly: Assembly, tick_period: float, coarse: Trial, fine: Trial) -> float:
     """By how much two trials differ more than they may, 1."""
     forces, finer_forces = (accuracy.forces(trial.rows, assembly) for trial in (coarse, fine))
     peak = float(np.abs(finer_forces).max())
     force = float(np.abs(forces - finer_forces).max())
-    pose = float(np.abs(coarse.rows[:, POSE] - fine.rows[:, POSE]).max())
+    poses = np.abs(coarse.rows[:, POSE] - fine.rows[:, POSE])
+    pose = max(float(poses.max()), float((poses[-1] + np.abs(_rate_error(assembly, coarse, fine)) / RATE_DECAY).max()))
     ringing = np.where(accuracy.rings(assembly), accuracy.mode_forces(assembly, coarse.y - fine.y), 0.0)
     # Where a mode rings on, each such stretch adds as much.
     decay = np.maximum(ring_decay(assembly.beam), 1e-6 / HORIZON)
     faded, faded_here = (1 - exponentials(-decay * span) for span in (HORIZON, len(coarse.rows) * tick_period))
     coming = math.sqrt(math.fsum((ringing * faded / faded_here) ** 2))
-    bound = max(accuracy.POSE_BOUND, assembly.scenario.simulation.accuracy)
-    return max(max(force, coming) / (accuracy.FORCE_BOUND * max(peak, accuracy.LEAST_PEAK)), pose / bound) / ENOUGH
+    pose_bound, force_bound = bounds(assembly.scenario, peak)
+    return max(max(force, coming) / force_bound, pose / pose_bound) / ENOUGH

@@ -11,7 +11,6 @@ from flexlab.physics.plant import ETA
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.axial_warning import AxialWarning, axial_warning
 from flexlab.sim.build import Beam
 from flexlab.sim.carry_over import take_on
 from flexlab.sim.closed_loop import System
@@ -20,6 +19,7 @@ from flexlab.sim.disturbance import apply_axial_impulse, apply_pull, apply_tap
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.motion import begin_motion, restore, state_of
 from flexlab.sim.pace import pace_warning
+from flexlab.sim.run_warnings import AxialWarning, axial_warning
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK

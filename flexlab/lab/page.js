@@ -207,8 +207,9 @@
     watchRun();
     tellNewest();
     measurePicture();
-    keepOpenPanels();
     const way = document.querySelector(".fl-reports")?.dataset.way;
+    if (way !== connection) someoneActed = false; // A line that is lost takes the panels along, and a new one brings them folded.
+    keepOpenPanels();
     watchAge(way ?? connection);
     if (!way || !window.__viserMutable?.sendMessage) return;
     const report = JSON.stringify({ run: drawnRun, charts: openCharts(), dark: darkSystem.matches, width: innerWidth,

@@ -10,7 +10,8 @@ import pytest
 from rich.console import Console
 
 from flexlab import benchmarks
-from flexlab.benchmarks import many_worlds, precision
+from flexlab.benchmarks import live_costs, many_worlds, precision
+from flexlab.benchmarks import report as report_of_bench
 from flexlab.benchmarks.fresh_process import Memory, run_probe
 from flexlab.benchmarks.many_worlds import Round, ThreadWatch, WorkerScaling, locked_share, time_in_queue
 from flexlab.benchmarks.measure import deflection_error, pose_error, this_machine, try_out, version_of
@@ -180,6 +181,8 @@ def measured() -> tuple[Report, str]:
         smaller.setattr(many_worlds, "DURATION", 0.2)
         smaller.setattr(precision, "LEAST_TIME", 0.0)
         smaller.setattr(many_worlds, "STEPS", 20)
+        for module in (live_costs, report_of_bench):  # A change on 64 elements takes a second.
+            smaller.setattr(module, "MESHES", (2, 8))
         report = benchmarks.measure(plan, False, Console(file=tables, width=160, highlight=False))
     return report, tables.getvalue()
 

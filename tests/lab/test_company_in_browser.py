@@ -1,7 +1,7 @@
 """Several browsers on one lab, windows of every size, light and dark."""
 
 import numpy as np
-from lab_page import EI, LabPage, LastingWindow, wait_until
+from lab_page import EI, GUIDE_OPEN, PLOTS_OPEN, LabPage, LastingWindow, wait_until
 from playwright.sync_api import Browser, Locator
 
 from flexlab.lab.session import Session
@@ -17,6 +17,8 @@ OVERFLOWING = """() => {
 
 TABS = ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events")
 SCHEME = "document.documentElement.dataset.mantineColorScheme"
+WAY = "() => document.querySelector('.fl-reports')?.dataset.way"
+"""Where a page reports what it has drawn: another one in each lab."""
 BACKGROUND, WHITE = "getComputedStyle(document.body).backgroundColor", "rgb(255, 255, 255)"
 
 
@@ -44,6 +46,18 @@ def test_a_lost_connection_comes_back_to_the_running_lab(page: LabPage) -> None:
     wait_until(lambda: float(page.snapshot.latest.time[0]) > before, "nothing was lost meanwhile")
     page.enter(EI, "25")
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 25.0, "it can be used as before")
+
+
+def test_what_was_open_is_open_in_a_lab_that_is_started_again(window: LastingWindow) -> None:
+    page = window.lab()
+    page.press("Pause")
+    way = page.page.evaluate(WAY)
+    page.session.stop()
+    with Session(load_preset("paper"), "paper", port=window.port, shadows=False):
+        wait_until(lambda: page.page.evaluate(WAY) not in (None, way), "the page is in the new lab")
+        for is_open in (PLOTS_OPEN, GUIDE_OPEN):
+            page.page.wait_for_function(is_open)
+        window.rest()
 
 
 def all_is_on_the_screen(page: LabPage, size: str, looks: tuple[str, ...]) -> None:

@@ -263,6 +263,33 @@ def test_an_instance_goes_on_from_a_state_bit_for_bit(export: Export, tmp_path: 
         np.testing.assert_array_equal(outputs(two), there)
 
 
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")
+def test_a_thousand_instances_and_their_states_leave_no_memory_behind(export: Export, tmp_path: Path):
+    def resident() -> int:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    with instance(export(load_preset("paper")), tmp_path) as unit:
+        first, before = unit.component, 0
+        for number in range(1100):
+            unit.instantiate()
+            unit.enterInitializationMode()
+            unit.exitInitializationMode()
+            unit.doStep(0.0, 0.01)
+            for _ in range(10):
+                state = unit.getFMUState()
+                copy = unit.deserializeFMUState(unit.serializeFMUState(state))
+                unit.setFMUState(copy)
+                unit.freeFMUState(copy)
+                unit.freeFMUState(state)
+            unit.terminate()
+            unit.fmi3FreeInstance(unit.component)
+            if number == 99:
+                before = resident()
+        # An instance takes 2 kB, a state more than 1 kB.
+        assert resident() - before < 1_000_000
+        unit.component = first
+
+
 @pytest.mark.parametrize(
     ("time", "step", "says"),
     [

@@ -94,7 +94,9 @@ def _whole_number(value: Any) -> int:
 
 
 def _numbers(value: Any) -> tuple[float, ...]:
-    if isinstance(value, (str, bytes)) or not (isinstance(value, Sequence) or hasattr(value, "__array__")):
+    # NumPy's single numbers have `__array__` and no items.
+    listed = isinstance(value, Sequence) or (hasattr(value, "__array__") and getattr(value, "ndim", 1) > 0)
+    if isinstance(value, (str, bytes)) or not listed:
         raise PydanticCustomError("numbers", "needs a list of numbers")
     return tuple(_number(item) for item in value)
 

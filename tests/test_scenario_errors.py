@@ -3,6 +3,7 @@
 import json
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -94,9 +95,22 @@ def test_not_a_number_is_refused_everywhere(path):
         ("payload.bending_stiffness", -1.0, "payload.bending_stiffness = -1 N·m²"),
         ("payload.bending_stiffness", math.nan, "finite number"),
         ("payload.element_count", 1e9, "1 to 64"),
-        ("controller.feedback_gain", 1e9, "range"),
+        (
+            "controller.feedback_gain",
+            1e9,
+            "controller.feedback_gain = 10⁹ N·s/m, N·m·s/rad is outside the allowed range",
+        ),
         ("payload.boundary", "glued", "pinned-pinned"),
-        ("controller.kind", "magic", "adaptive-sliding-mode"),
+        ("controller.kind", "magic", "controller.kind = 'magic' is not one of 'adaptive-sliding-mode'"),
+        ("controller", {}, "controller.kind is missing"),
+        ("controller", 5, "it has fields of its own"),
+        ("payload", "abc", "payload = 'abc' is not usable: it has fields of its own"),
+        ("title", 5, "give a text"),
+        ("joints.encoders.counts", np.float64(4096), "needs a list of numbers"),
+        ("controller.torque_limit", np.float32(50), "needs a list of numbers"),
+        ("controller.feedback_gain", np.array(50.0), "needs a list of numbers"),
+        ("controller.kind", np.array([1, 2]), "is not one of"),
+        ("trajectory.kind", [1], "is not one of"),
         ("left_arm.elbow", 0, "-1 or 1"),
     ],
 )
@@ -105,3 +119,9 @@ def test_the_sentence_names_field_value_and_range(path: str, value: object, says
         load_preset("paper").replace({path: value})
     assert says in str(caught.value)
     assert path in str(caught.value)
+
+
+@pytest.mark.parametrize("changes", [None, 5, "gravity=9.81", [("gravity", 9.81)], {5: 1.0}, {None: 1.0}])
+def test_changes_are_values_by_path(changes: object):
+    with pytest.raises(ScenarioError, match="give values by dotted path, as in"):
+        load_preset("paper").replace(changes)  # type: ignore[arg-type]  # As somebody may.

@@ -63,9 +63,9 @@ def test_a_run_that_is_compared_to_itself_is_said(recorded: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--sample-period", "nan"), "--sample-period nan is not usable: give a number of seconds from 1e-06 to 1."),
+        (("--sample-period", "nan"), "--sample-period nan is not usable: give a number of seconds from 10⁻⁶ to 1."),
         (("--sample-period", "inf"), "--sample-period inf is not usable"),
-        (("--duration", "nan"), "--duration nan is not usable: give a number of seconds from 0.001 to 1e+06."),
+        (("--duration", "nan"), "--duration nan is not usable: give a number of seconds from 0.001 to 1000000."),
         (("--duration", "-1"), "--duration -1 is not usable"),
     ],
 )

@@ -13,6 +13,7 @@ from flexlab.analysis.linearization import Linearization, linearize_loop
 from flexlab.analysis.loop_poles import NEUTRAL, find_poles
 from flexlab.analysis.rest_point import LoopProbe, find_rest
 from flexlab.errors import StudyError
+from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
@@ -98,7 +99,7 @@ def _pole_lines(modes: "Modes") -> list[str]:
     if len(everything) > MOST_ROWS:
         lines.append(f"… and {len(everything) - MOST_ROWS} faster ones, none of which grows")
     if modes.unstable:
-        lines += ["", f"UNSTABLE: small motions grow at {modes.growth:.3g} 1/s."]
+        lines += ["", f"UNSTABLE: small motions grow at {number_text(modes.growth, 3)} 1/s."]
     return lines
 
 

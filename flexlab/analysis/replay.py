@@ -14,6 +14,7 @@ import pyarrow as pa
 
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.resume import BLOCK_TICKS, Repetition
+from flexlab.number_text import number_text
 from flexlab.own.elsewhere import address_in
 from flexlab.own.law import OwnController
 from flexlab.own.path import OwnTrajectory
@@ -118,7 +119,7 @@ def _replayed(recording: Recording, blocks: Iterable[Samples] | None) -> Replay:
         return Replay(done, difference, _difference_text(recording, difference, why), rounding.deviation)
     text = (
         f"All {done} samples came out again within a tolerance of {TOLERANCE:g} of each signal's largest value, by at most "
-        f"{rounding.deviation:.1g} of it, and not bit for bit: {why}. It was recorded {_maker(recording)}; "
+        f"{number_text(rounding.deviation, 1)} of it, and not bit for bit: {why}. It was recorded {_maker(recording)}; "
         f"this is {_this_machine()}.{left_out}"
     )
     return Replay(done, None, text, rounding.deviation)

@@ -9,6 +9,7 @@ from flexlab.cli.console import print_json
 from flexlab.cli.loading import loading
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Presets, Seed, Settings
 from flexlab.errors import StudyError
+from flexlab.number_text import number_text
 
 LONGEST_DURATION = 1e6
 """s."""
@@ -54,4 +55,5 @@ def command(
 
 def _check(option: str, value: float, low: float, high: float) -> None:
     if not low <= value <= high:
-        raise StudyError(f"--{option} {value:g} is not usable: give a number of seconds from {low:g} to {high:g}.")
+        allowed = f"from {number_text(low)} to {number_text(high)}"
+        raise StudyError(f"--{option} {value:g} is not usable: give a number of seconds {allowed}.")

@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlab.number_text import number_text
+
 SEPARATION = 3.0
 """How many times slower than the beam's first mode an observer must be, so that it follows the beam's ring by a tenth only."""
 
@@ -64,7 +66,7 @@ class Circumstances:
 
 def n(value: float) -> str:
     """A number in a sentence."""
-    return f"{value:.3g}"
+    return number_text(value, 3)
 
 
 def within_layer(around: Circumstances) -> Condition:

@@ -151,6 +151,12 @@ class Scenario(Part):
 
         A changed `kind` (damping, controller, trajectory) drops the fields that the new kind does not have.
         """
+        if not isinstance(changes, Mapping) or not all(isinstance(path, str) for path in changes):
+            example = 'as in {"payload.bending_stiffness": 50.0}'
+            sentence = (
+                f"changes = {visible(repr(changes), LONGEST)} is not usable: give values by dotted path, {example}."
+            )
+            raise ScenarioError([("", sentence)])
         changed = self._with_parts(changes)
         if changed is not None:
             return changed
@@ -313,7 +319,7 @@ def _set(data: dict[str, Any], path: str, value: Any) -> bool:
         # A copy, one level deep: what the caller or the old scenario holds stays as it is.
         inner = data[parent] = dict(inner)
         data = inner
-    if name == "kind" and data.get("kind") != value:
+    if name == "kind" and not (isinstance(value, str) and data.get("kind") == value):
         common = COMMON_FIELDS.get(path, frozenset())
         for field in [key for key in data if key not in common]:
             del data[field]

@@ -5,6 +5,7 @@ import reprlib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from flexlab.number_text import number_text
 from flexlab.plain_text import visible
 from flexlab.quantities import Part, Quantity, describe, parts_of
 from flexlab.scenario.field_names import close_paths, did_you_mean, field_paths
@@ -62,11 +63,15 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
         return path, f"{path} = {shown} {text}{allowed}."
     if kind == "literal_error":
         return path, f"{path} = {shown} is not one of {item['ctx']['expected']}: choose one of them."
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        return (
-            path,
-            f"{path}.kind is not one of {item['ctx'].get('expected_tags', 'the known kinds')}: choose one of them.",
-        )
+    if kind == "union_tag_invalid":
+        tag, known = _shown(item["ctx"]["tag"]), item["ctx"]["expected_tags"]
+        return path, f"{path}.kind = {tag} is not one of {known}: choose one of them."
+    if kind == "union_tag_not_found":
+        return path, f"{path}.kind is missing: give it a value."
+    if kind in ("model_type", "model_attributes_type"):
+        return path, f"{path} = {shown} is not usable: it has fields of its own, so give a dictionary of them."
+    if kind == "string_type":
+        return path, f"{path} = {shown} is not usable: give a text."
     if kind in ("mesh", "arms", "inertia", "sampling", "path"):
         return path, f"{path + ': ' if path else ''}{text}."
     return path, f"{path} = {shown}: {text}."
@@ -86,5 +91,10 @@ class _Brief(reprlib.Repr):
 
 
 def _shown(value: Any) -> str:
-    text = f"{value:g}" if isinstance(value, float) else visible(_Brief().repr(value))
+    text = _number(value) if isinstance(value, float) else visible(_Brief().repr(value))
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+def _number(value: float) -> str:
+    text = f"{value:g}"
+    return number_text(value) if "e" in text else text

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlab.number_text import number_text
 from flexlab.sim.build import Beam
 
 SLOWEST_PACE = 0.8
@@ -46,16 +47,17 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str) -> str:
     pace = seconds_per_second(integrator, beam, step)
     if pace < SLOWEST_PACE:
         return ""
+    size = number_text(1e6 * step, 3)
     causes = {
-        "given": f"simulation.step = {step:g} s",
-        "beam": f"the modes of this beam in these arms need steps of {1e6 * step:.3g} µs with {integrator}",
-        "creep": f"the modes of this beam, strongly damped and heavy for these arms, need steps of {1e6 * step:.3g} µs",
-        "growth": f"modes that next to nothing damps need steps of {1e6 * step:.3g} µs, for their errors not to grow",
-        "accuracy": f"what the start or the path's kinks excite needs steps of {1e6 * step:.3g} µs with {integrator}",
-        "joints": f"the joints' friction needs steps of {1e6 * step:.3g} µs",
-        "motors": f"the motors' time constant needs steps of {1e6 * step:.3g} µs",
-        "law": f"the controller needs steps of {1e6 * step:.3g} µs with {integrator}",
-        "period": f"sample and control period leave steps of {1e6 * step:.3g} µs",
+        "given": f"simulation.step = {number_text(step)} s",
+        "beam": f"the modes of this beam in these arms need steps of {size} µs with {integrator}",
+        "creep": f"the modes of this beam, strongly damped and heavy for these arms, need steps of {size} µs",
+        "growth": f"modes that next to nothing damps need steps of {size} µs, for their errors not to grow",
+        "accuracy": f"what the start or the path's kinks excite needs steps of {size} µs with {integrator}",
+        "joints": f"the joints' friction needs steps of {size} µs",
+        "motors": f"the motors' time constant needs steps of {size} µs",
+        "law": f"the controller needs steps of {size} µs with {integrator}",
+        "period": f"sample and control period leave steps of {size} µs",
     }
     cures = {
         "given": ["a longer simulation.step, or null"],
@@ -77,7 +79,7 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str) -> str:
     if integrator != "etdrk4" and bound != "given":
         cures = ["the integrator auto", *cures]
     return (
-        f"Slower than real time: a simulated second takes about {pace:.2g} s on a common processor, as {cause}. "
+        f"Slower than real time: a simulated second takes about {number_text(pace, 2)} s on a common processor, as {cause}. "
         f"To keep up, choose {_either(cures)}."
     )
 

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from flexlab.number_text import number_text
 from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.row_survey import Survey
@@ -44,16 +45,16 @@ def axial_warning(payload: Payload, seen: Survey) -> AxialWarning:
     """Of all samples so far: at `NOTABLE` and at `WHOLE`, of the paper's beam; of one that feels the force, at `WHOLE`."""
     critical = buckling_load(payload.length, payload.bending_stiffness, payload.boundary)
     share, spin, felt = seen.load_share, seen.spin_share, payload.axial_load != "none"
-    force = f"up to {share * critical:.3g} N along it"
+    force, limit = f"up to {number_text(share * critical, 3)} N along it", f"{number_text(critical, 3)} N"
     said = []
     if felt and share >= WHOLE:
         said.append(
-            f"The beam is pressed with {force}, more than the {critical:.3g} N that buckle it: it buckles, and where it bends "
+            f"The beam is pressed with {force}, more than the {limit} that buckle it: it buckles, and where it bends "
             "far the model ends."
         )
     elif not felt and share >= WHOLE:
         said.append(
-            f"The beam is pressed with {force}, more than the {critical:.3g} N that buckle it: a real beam would have buckled. "
+            f"The beam is pressed with {force}, more than the {limit} that buckle it: a real beam would have buckled. "
             f"{CURE}"
         )
     elif not felt and share >= NOTABLE:
@@ -107,9 +108,9 @@ def inaccurate(scenario: Scenario, time: float, coming: Sizes, found: Sizes, pea
     (pose, force), said = coming, []
     bound, least = bounds(scenario, peak)
     if pose > bound:
-        said.append(f"the pose may be off by {pose:.1g} m or rad")
+        said.append(f"the pose may be off by {number_text(pose, 1)} m or rad")
     if force > least:
-        share = f"{force / peak:.1g} of its peak" if peak > LEAST_PEAK else f"{force:.1g} N"
+        share = f"{number_text(force / peak, 1)} of its peak" if peak > LEAST_PEAK else f"{number_text(force, 1)} N"
         name = "internal" if len(scenario.arms) > 1 else "moving"
         said.append(f"the {name} force may be off by {share}")
     if not said:

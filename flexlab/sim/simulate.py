@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import get_args
 
 from flexlab.errors import StudyError
+from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
 from flexlab.sim.carry_over import same_motion
 from flexlab.sim.commands import WorldCommand
@@ -98,12 +99,13 @@ def sample_count(duration: float, sample_period: float) -> int:
     ):
         usable = isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
         if not usable or not low <= value <= high:
-            limit = f"from {low:g} to {high:g}" if math.isfinite(high) else f"of at least {low:g}"
-            raise StudyError(f"{name} = {value!r} s is not usable: give a number of seconds {limit}.")
+            limit = f"from {number_text(low)} to {number_text(high)}" if math.isfinite(high) else f"of at least {low:g}"
+            raise StudyError(f"{name} = {value!r:.60} s is not usable: give a number of seconds {limit}.")
     count = math.floor(duration / sample_period * (1 + 1e-12) + 1e-9)
     if count > LONGEST_RUN:
         raise StudyError(
-            f"duration = {duration:g} s at sample_period = {sample_period:g} s makes {count} samples, over {LONGEST_RUN}: "
+            f"duration = {number_text(duration)} s at sample_period = {number_text(sample_period)} s makes "
+            f"{number_text(count)} samples, over {number_text(LONGEST_RUN)}: "
             "choose a shorter duration or a longer sample period."
         )
     return count

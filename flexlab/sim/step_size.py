@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.errors import ScenarioError
+from flexlab.number_text import number_text
 from flexlab.numerics.linear_algebra import product
 from flexlab.numerics.matrix_functions import Functions
 from flexlab.scenario import Scenario
@@ -116,7 +117,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
                 (
                     "simulation.step",
                     f"simulation.step = {simulation.step:g} s is unstable with rk4: the stiffest mode of this beam allows "
-                    f"at most {stable:.3g} s. Choose a shorter step, etdrk4, or null for an automatic step.",
+                    f"at most {number_text(stable, 3)} s. Choose a shorter step, etdrk4, or null for an automatic step.",
                 )
             ]
         )
@@ -127,11 +128,12 @@ def _refuse_tiny(step: float, integrator: str, bound: str) -> None:
     """Raise `ScenarioError` for a step that nobody would live to see the end of; `bound`: as of `Choice`."""
     if step >= SHORTEST_CHOSEN:
         return
-    need = f"would need a step of {step:.2g} s with {integrator}, below the {SHORTEST_CHOSEN:g} s that is allowed"
+    least = number_text(SHORTEST_CHOSEN)
+    need = f"would need a step of {number_text(step, 2)} s with {integrator}, below the {least} s that is allowed"
     auto = "" if integrator == "etdrk4" else "or the integrator auto, "
     if bound == "creep":
         # How short it would have to be was not looked for, and nobody can set one.
-        need = f"would need steps below the {SHORTEST_CHOSEN:g} s that are allowed with {integrator}"
+        need = f"would need steps below the {least} s that are allowed with {integrator}"
         cause = "this beam, strongly damped and heavy for arms that give way to it,"
         cure = "Choose a softer, lighter or less damped beam, fewer elements, or heavier links"
     elif bound == "beam":

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from flexlab.control.law import laws
+from flexlab.number_text import number_text
 from flexlab.own.elsewhere import address_in
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
 from flexlab.physics.encoders import told_pose
@@ -210,7 +211,7 @@ def _what_grew(assembly: Assembly, time: float) -> tuple[str, str]:
     step, given = assembly.levels.step, assembly.scenario.simulation.step is not None
     if _is_too_long(assembly):
         return (
-            f"steps of {step:.2g} s are too long for the modes of this beam, in arms that give way to them",
+            f"steps of {number_text(step, 2)} s are too long for the modes of this beam, in arms that give way to them",
             "simulation.step = null, a softer, lighter or less damped beam, or fewer elements",
         )
     if _grew(assembly, time):

@@ -269,3 +269,17 @@ def test_in_python_a_run_explains_itself():
     assert run.explanations == flexlab.explain(run)
     assert str(run.explanations[0]).endswith("Active damping ends it sooner. [Mid-span deflection; "
                                              "w ~ exp(-ζωt) cos(ωt): the pole -ζω ± iω of the closed loop]")  # fmt: skip
+
+
+def test_a_run_that_could_not_start_explains_nothing():
+    run = flexlab.simulate(load_preset("paper").replace({"payload.length": 10.0}), 0.05)
+    assert run.status.failed
+    assert run.explanations == ()
+
+
+def test_large_numbers_are_written_as_people_write_them():
+    """Of a heavy beam on a fast path: forces of more than 1000 N."""
+    run = flexlab.simulate(load_preset("paper").replace({"payload.linear_density": 1000.0}), 0.05)
+    said = "\n".join(map(str, run.explanations))
+    assert "The beam is pressed with up to 15900 N along it, more than the 3950 N that buckle it" in said
+    assert not re.search(r"\de[+-]\d", said)

@@ -53,7 +53,7 @@ def test_settings_change_fields_by_path_and_kinds_come_first():
         (("a" * 10_000 + "=4",), "is not a scenario field: check the spelling"),
         (("payload.bending_stiffness=-3",), "payload.bending_stiffness = -3 N·m² is outside the allowed range 0.001"),
         (("payload.bending_stiffness=soft",), "payload.bending_stiffness = 'soft' needs a finite number"),
-        (("controller.kind=pdd",), "controller.kind is not one of"),
+        (("controller.kind=pdd",), "is not one of 'adaptive-sliding-mode'"),
         (("gravity=NaN",), "gravity = nan needs a finite number"),
         (("gravity",), "'gravity' is no setting: write PATH=VALUE, as in controller.feedback_gain=400."),
         (("=3",), "'=3' is no setting"),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlab.analysis.explanations.evidence import Background, Evidence
+from flexlab.errors import FlexlabError
 from flexlab.number_text import fixed_text, number_text
 
 if TYPE_CHECKING:
@@ -90,5 +91,12 @@ def explain(evidence: Evidence) -> tuple[Explained, ...]:
 
 
 def explain_run(run: "Run") -> tuple[Explained, ...]:
-    """What can be said of a run's newest `LONGEST_LOOK` s, as if nothing had changed since its first sample's scenario."""
-    return explain(Evidence.of_run(run, Background.of(run.scenario)))
+    """What can be said of a run's newest `LONGEST_LOOK` s, as if nothing had changed since its first sample's scenario.
+
+    Nothing of one whose scenario has no modes, as where an arm cannot reach: the run's status says why.
+    """
+    try:
+        background = Background.of(run.scenario)
+    except FlexlabError:
+        return ()
+    return explain(Evidence.of_run(run, background))

@@ -18,7 +18,8 @@ from flexlab.scenario.settings import parse_value
 from flexlab.scenario.validation_errors import LONGEST, unknown_field
 
 LINEAR, LOGARITHMIC = "lin", "log"
-EXAMPLE = "payload.bending_stiffness=1:1000:log:25, or controller.kind=pd,computed-torque"
+ONE = "payload.bending_stiffness=1:1000:log:25"
+EXAMPLE = f"{ONE}, or controller.kind=pd,computed-torque"
 DEFAULT_COUNT = 10
 """Values of a range that does not say how many."""
 
@@ -74,7 +75,7 @@ def parse_axes(vary: Mapping[str, Any] | Sequence[str], scenario: Scenario) -> t
     elif isinstance(vary, Sequence) and not isinstance(vary, str) and all(isinstance(text, str) for text in vary):
         items = [_split(text) for text in vary]
     else:
-        raise StudyError(f"vary = {_shown(vary)} is not usable: give a dictionary or a list, as in [{EXAMPLE!r}].")
+        raise StudyError(f"vary = {_shown(vary)} is not usable: give a dictionary or a list, as in [{ONE!r}].")
     if not items:
         raise StudyError(f"Nothing is varied: say what, as in {EXAMPLE}.")
     paths = [path for path, _ in items]

@@ -208,4 +208,4 @@ def _margin_text(margin: Margin) -> str:
         return '<span class="fl-bad">none: unstable</span>'
     if not math.isfinite(high):
         return "any"
-    return f"× {number(low, 2)} to × {number(high, 2)}, ±{margin.phase:.0f}°"
+    return f"× {number(low, 2)} – {number(high, 2)}, ±{margin.phase:.0f}°"

@@ -1,7 +1,11 @@
 """A few of the random scenarios; `random_scenarios` itself judges as many as one has time for."""
 
+import math
+
 import pytest
-from random_scenarios import judge
+from random_scenarios import judge, stated_size
+
+from flexlab.number_text import number_text
 
 LONGEST_REFERENCE = 2.0
 """s of processor time: the start's jerk, where errors are largest."""
@@ -25,3 +29,10 @@ def test_a_law_whose_slope_jumps_at_its_layer_is_followed_across_it():
     """Super-twisting leads errors beyond its boundary layer back slowly: the pose was off by 3e-8 m, without a word."""
     judged = judge(30, axial=True)
     assert not judged.complaints, judged.text
+
+
+@pytest.mark.parametrize("size", [3e-9, 1e-6, 2e-4, 0.3, 7.0, 2e8])
+def test_a_stated_error_is_read_as_it_was_written(size: float):
+    warning = f"Results are no longer accurate: the pose may be off by {number_text(size, 1)} m or rad, as"
+    assert stated_size("pose", warning) == pytest.approx(size, rel=1e-12)
+    assert stated_size("force", warning) == math.inf

@@ -17,6 +17,9 @@ MOST = 4
 BROWSER = "browser"
 """What the scheduler calls all files of browsers."""
 
+FEW_AND_LONG = ("test_same_bits.py", "test_cluster.py", "test_bench.py", "test_documented.py", "test_plain_python.py")
+"""Files of few tests that take long: as the last ones they would leave a processor without work."""
+
 
 def is_of_browser(test: str) -> bool:
     """Whether a test's file drives a browser, by its name: the process that deals out the tests knows no more of them."""
@@ -57,7 +60,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log):
 
 def _turn(unit: str) -> int:
     """Which turn a file has among others; within one the order stays."""
-    return 0 if unit == BROWSER else 1 if "/server/" in unit else 2
+    return 0 if unit == BROWSER else 1 if "/server/" in unit or unit.endswith(FEW_AND_LONG) else 2
 
 
 def _processors() -> int:

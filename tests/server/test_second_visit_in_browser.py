@@ -9,7 +9,7 @@ from typing import Any, cast
 from urllib.parse import urlencode, urlsplit
 
 import pytest
-from browser_window import open_window
+from browser_window import UNDRAWN, open_window
 from http_client import PATIENCE, ask, wait_until
 from playwright.sync_api import Browser, Locator
 
@@ -101,6 +101,7 @@ def test_not_modified_leaves_the_headers_of_what_is_kept_alone(server: FrontServ
 
 def test_every_page_shows_its_content_at_each_visit(plain_chromium: Browser, server: FrontServer, study: str):
     context = open_window(plain_chromium, 1280, 800)
+    context.add_init_script(UNDRAWN)
     page = context.new_page()
     broken: list[str] = []
     page.on("pageerror", lambda error: broken.append(str(error)))

@@ -152,9 +152,18 @@
     style.setProperty("--fl-picture-width", `${Math.round(box.width)}px`);
   }
 
+  // What a curve lacks at an instant, as a level outside the picture, is no number; and nothing is less than nothing.
+  function tellPlainly(series) {
+    if (series.isPlain) return;
+    const told = series.value;
+    series.isPlain = true;
+    series.value = (chart, value, ...place) => Number.isFinite(value) ? told(chart, value, ...place).replace(/^-0$/, "0") : "–";
+  }
+
   // Where no cursor points into a chart its legend tells the newest values.
   function tellNewest() {
     for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
+      chart.series.slice(1).forEach(tellPlainly);
       if (chart.root.offsetParent === null || !(chart.cursor.left < 0)) continue;
       let last = chart.data[0].length - 1;
       while (last > 0 && !Number.isFinite(chart.data[1]?.[last])) last -= 1;

@@ -4,7 +4,7 @@ Everything here stands as `flexlab.<name>`; the rooms below do the work. What on
 simulation should not wait for the libraries of recordings and figures.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -84,7 +84,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         from flexlab.analysis.run_summary import run_notes
         from flexlab.recording.headless import write_run
 
-        return write_run(self, Path(folder), self.name, start_notes=run_notes)
+        return write_run(self, file_path("folder", folder), self.name, start_notes=run_notes)
 
     def plot(self, *signals: str) -> "Figure":
         """Curves of signals by name, `run.plot("joint_torque", "vibration")`, in SI; without a name those of the lab.
@@ -180,6 +180,8 @@ def explain(run: Run) -> tuple["Explained", ...]:
     They are computed from its samples and from the poles and conditions of the scenario that it started from; one whose
     check fails is left out. Of a run whose scenario was changed on its way, those speak of the first one.
     """
+    if not isinstance(run, samples.Run):
+        raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
     from flexlab.analysis.explanations import explain_run
 
     return explain_run(run)
@@ -211,6 +213,8 @@ def simulate_many(
     on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `PresetError` for a name that is none and
     `StudyError` for unusable arguments.
     """
+    if not isinstance(scenarios, Iterable) or isinstance(scenarios, (str, bytes, Mapping)):
+        raise StudyError(f"scenarios = {scenarios!r:.60} is no list: give scenarios, as in ['paper', 'soft-beam'].")
     pairs = [("run", scenario) if isinstance(scenario, Mapping) else named_scenario(scenario) for scenario in scenarios]
     choose = _choice(law, path)
     runs = batch.simulate_many(
@@ -252,7 +256,7 @@ def sweep(
     if plan.cell_count > most_cells:
         raise StudyError(f"The sweep has {plan.cell_count} cells: say most_cells={plan.cell_count} if you mean it.")
     known = chosen_workers(workers, cluster)
-    place = sweep_folder(name, plan) if folder is None else Path(folder)
+    place = sweep_folder(name, plan) if folder is None else file_path("folder", folder)
     with progress_bar(progress) as told:
         run_sweep(plan, place, known, told)
     return Sweep(plan, place)
@@ -268,7 +272,7 @@ def read(run: str | Path, logs: str | Path = LOGS) -> Run:
     from flexlab.recording.reader import read_recording
     from flexlab.recording.store.run_files import find_run
 
-    recording = read_recording(find_run(str(run), Path(logs)))
+    recording = read_recording(find_run(str(run), file_path("logs", logs)))
     return _run(recording.run, recording.name)
 
 
@@ -284,9 +288,17 @@ def export_fmu(
     """
     from flexlab.fmi.export import write_fmu
 
+    target = file_path("file", file)
     name, known = named_scenario(scenario)
-    write_fmu(known, Path(file), name, part, version, sample_period)
-    return Path(file)
+    write_fmu(known, target, name, part, version, sample_period)
+    return target
+
+
+def file_path(name: str, value: str | Path) -> Path:
+    """The path that the argument `name` says; raises `StudyError` for what is none."""
+    if not isinstance(value, (str, Path)) or not str(value):
+        raise StudyError(f"{name} = {value!r:.60} is no path: give one as text, as in 'study/first'.")
+    return Path(value)
 
 
 def named_scenario(scenario: AnyScenario, law: AnyLaw = None, path: AnyPath = None) -> tuple[str, Scenario]:

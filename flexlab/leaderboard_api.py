@@ -8,6 +8,7 @@ from flexlab.analysis.leaderboard.case import Case, chosen_cases
 from flexlab.analysis.leaderboard.entrants import AnyLaw, chosen_entrants
 from flexlab.analysis.leaderboard.store import FOLDER, RowStore
 from flexlab.analysis.workers import chosen_workers, progress_bar
+from flexlab.api import file_path
 
 
 def leaderboard(
@@ -32,4 +33,4 @@ def leaderboard(
     known = chosen_workers(workers, cluster)
     tasks = make_tasks(chosen_cases(cases, long), chosen_entrants(laws, more_laws), seed)
     with progress_bar(progress, "rows") as told:
-        return run_board(tasks, RowStore(Path(folder)), known, told)
+        return run_board(tasks, RowStore(file_path("folder", folder)), known, told)

@@ -19,7 +19,7 @@ from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.tuning import Tuning, parse_cost
 from flexlab.analysis.validation import Validation
 from flexlab.analysis.workers import chosen_workers, progress_bar
-from flexlab.api import LOGS, AnyLaw, AnyPath, AnyScenario, Run, export_fmu, named_scenario
+from flexlab.api import LOGS, AnyLaw, AnyPath, AnyScenario, Run, export_fmu, file_path, named_scenario
 from flexlab.errors import StudyError
 from flexlab.own import hosts
 from flexlab.recording.export import export_recording
@@ -128,7 +128,7 @@ def export(
     Or a scenario for other simulators: .fmu (`options` as for `export_fmu`), .urdf, .xml or .mjcf. `start`, `end`: of a table, s.
     Raises `RecordingError`, `StudyError` and, of a scenario, `PresetError` or `ScenarioError`.
     """
-    target = Path(to)
+    target = file_path("to", to)
     kind = target.suffix.lower()
     if kind == UNIT or kind in BODIES:
         if isinstance(what, Run):

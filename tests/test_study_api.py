@@ -1,10 +1,12 @@
 """Studies for Python users: one way of naming a metric, tables that say where they come from, and metrics of one's own."""
 
 import importlib
+import math
 import os
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -135,3 +137,31 @@ def test_bad_arguments_are_one_sentence(tmp_path: Path):
         flexlab.export(run.scenario, tmp_path / "a.csv")
     with pytest.raises(StudyError, match='of = \'mean\' is not usable: give "run", "peak" or "rms"'):
         flexlab.metric("m", of="mean")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("given", [None, 5, math.nan, 1e300, b"x", np.array([1.0]), object()])
+def test_what_no_argument_can_be_is_one_sentence(given: Any):
+    run = flexlab.simulate("paper", 0.01)
+    asked: dict[str, Callable[[], object]] = {
+        "is no path": lambda: run.save(given),
+        "to = ": lambda: flexlab.export(run, given),
+        "file = ": lambda: flexlab.export_fmu("paper", given),
+        "logs = ": lambda: flexlab.read("newest", given),
+        "inputs": lambda: flexlab.linearize("paper", inputs=given),
+        "outputs": lambda: flexlab.linearize("paper", outputs=given),
+        "cost": lambda: flexlab.tune("paper", {EI: "50:60"}, cost=given),
+        "is no run": lambda: flexlab.explain(given),
+        "is no run: ": lambda: flexlab.internal_force_eq_26(given),
+        "no signal": lambda: run.plot([given]),  # type: ignore[arg-type]
+    }
+    for says, ask in asked.items():
+        with pytest.raises(StudyError) as caught:
+            ask()
+        assert says in str(caught.value), says
+        assert "\n" not in str(caught.value), says
+
+
+@pytest.mark.parametrize("given", [None, 5, "paper", b"paper", {"gravity": 9.81}])
+def test_scenarios_are_a_list(given: Any):
+    with pytest.raises(StudyError, match=r"scenarios = .* is no list: give scenarios, as in"):
+        flexlab.simulate_many(given, 0.01)

@@ -185,7 +185,7 @@ def draw_signals(run: Run, names: Sequence[str] = ()) -> Figure:
     """
     known = {**known_signals(), **DERIVED}
     for name in names:
-        if name not in known or (name in run.absent and name not in DERIVED):
+        if not isinstance(name, str) or name not in known or (name in run.absent and name not in DERIVED):
             there = [name for name in known if name in DERIVED or name in run.signals()]
             raise StudyError(f"{name!r:.60} is no signal of this run: choose from {', '.join(there)}.")
     if len(run) == 0:

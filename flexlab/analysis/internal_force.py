@@ -19,6 +19,8 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
     started from, which nothing changes or pulls, with all modes of the mesh. Raises `StudyError` for one arm, modes left out,
     or no samples.
     """
+    if not isinstance(run, Run):
+        raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
     scenario = run.scenario
     if len(scenario.arms) != 2:
         raise StudyError("Eq. (26) needs two arms: a single one has nobody to press against.")

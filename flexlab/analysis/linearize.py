@@ -53,7 +53,7 @@ def linearize(
     """
     scenario = scenario.replace({})
     driven = _names(inputs)
-    shown = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+    shown = _listed("outputs", outputs)
     acts = any(name in DESIRED for name in driven)
     if closed is False and acts:
         raise StudyError(f"{driven} drive the control law: with closed=False choose {TORQUE} or {TASK} as inputs.")
@@ -66,7 +66,7 @@ def linearize(
 
 
 def _names(inputs: str | Sequence[str]) -> tuple[str, ...]:
-    names = (inputs,) if isinstance(inputs, str) else tuple(inputs)
+    names = _listed("inputs", inputs)
     for name in names:
         if name not in INPUTS:
             near = difflib.get_close_matches(str(name), INPUTS) or INPUTS
@@ -74,6 +74,14 @@ def _names(inputs: str | Sequence[str]) -> tuple[str, ...]:
     if not names:
         raise StudyError(f"inputs is empty: name one or more of {', '.join(INPUTS)}.")
     return names
+
+
+def _listed(what: str, names: str | Sequence[str]) -> tuple[str, ...]:
+    if isinstance(names, str):
+        return (names,)
+    if not isinstance(names, Sequence):
+        raise StudyError(f"{what} = {names!r:.60} is not usable: give a name, or a list of names.")
+    return tuple(names)
 
 
 class _Drive(NamedTuple):

@@ -87,6 +87,10 @@ def parse_cost(weights: Sequence[str] | Mapping[str, float], limits: Sequence[st
 
 
 def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: float | None) -> dict[str, float]:
+    named_ones = isinstance(given, (Mapping, str))
+    if not named_ones and not (isinstance(given, Sequence) and all(isinstance(text, str) for text in given)):
+        example = '{"rms_error.y": 1.0} or ["rms_error.y=1"]'
+        raise StudyError(f"{what} = {given!r:.60} is not usable: give metrics by name, as in {example}.")
     if isinstance(given, Mapping):
         pairs = [(str(name), value) for name, value in given.items()]
     else:

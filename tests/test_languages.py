@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from flexlab.errors import LabError
 from flexlab.presets import load_preset, preset_names
 from flexlab.server.languages import catalogues, read_catalogue
+from flexlab.server.visitors import checked_name
 
 COMPLETE = ("de", "zh")
 """Languages that come with flexlab. A text that is new may lack in all of them: it is shown in English."""
@@ -104,3 +106,11 @@ def test_every_text_of_the_catalogues_is_still_said(root: Path) -> None:
     assert not stale, (
         "flexlab says these no more: take them out of web_assets/languages/*.json, or write what it says now"
     )
+
+
+@pytest.mark.parametrize("code", COMPLETE)
+@pytest.mark.parametrize("name", ["Ann\x07", "\u202eAnn"])
+def test_a_refused_name_is_refused_in_the_visitors_language(code: str, name: str) -> None:
+    with pytest.raises(LabError) as caught:
+        checked_name(name)
+    assert {"This is no name", str(caught.value)} <= set(read_catalogue(catalogues()[code]))

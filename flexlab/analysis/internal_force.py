@@ -6,6 +6,7 @@ from flexlab.errors import StudyError
 from flexlab.physics.arm import arm_velocity_terms
 from flexlab.physics.dynamics import configure_arms
 from flexlab.physics.internal_force import internal_force_by_eq_26
+from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import make_workspace
 from flexlab.sim.build import build_beam, build_plant, nodal_damping_matrix
 from flexlab.sim.samples import Run
@@ -16,7 +17,8 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
 
     `run.internal_force` is the same by Eqs. (13)-(15), from the grips' forces and the simulated ẍ; Eq. (26) finds ẍ anew from
     dense matrices in nodal coordinates. Signs as in `run.internal_force`, opposite to the print. Of the scenario that the run
-    started from, which nothing changes or pulls, with all modes of the mesh. Raises `StudyError` for one arm, modes left out,
+    started from, which nothing changes or pulls, with all modes of the mesh; of a payload that is filled or emptied with the mass
+    of each instant. Raises `StudyError` for one arm, modes left out,
     or no samples.
     """
     if not isinstance(run, Run):
@@ -39,6 +41,7 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
         c, s = terms.trig
         for i in range(2):
             arm_velocity_terms(plant.arms[i], c, s, *map(float, rate), terms.J[i], terms.direction[i], terms.C[i])
+        own = beam.matrices.with_mass(find_mass_at(plant, run.time[k], workspace))
         motion = (run.arm_input[k], pose, rate, run.beam_coordinates[k], run.beam_rates[k])
-        found.append(internal_force_by_eq_26(beam.matrices, D, terms.M, terms.C, terms.G, *motion, scenario.gravity))
+        found.append(internal_force_by_eq_26(own, D, terms.M, terms.C, terms.G, *motion, scenario.gravity))
     return np.array(found)

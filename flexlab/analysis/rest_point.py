@@ -12,6 +12,7 @@ from flexlab.control.path import build_motion, paths
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import set_momenta
+from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, FELT, P, X, forget_rates
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import build_strains, build_system
@@ -199,6 +200,7 @@ class LoopProbe:
     def _set(self, motion: Motion) -> None:
         n = self.mode_count
         self._y[X : X + 3], self._y[ETA : ETA + n] = motion.x, motion.eta
+        find_mass_at(self.system.plant, 0.0, self._workspace)
         self._check(set_momenta(self.system.plant, self._y, motion.v, motion.eta_dot, self._workspace))
 
     def _check(self, code: int) -> None:

@@ -20,6 +20,7 @@ from flexlab.fmi.description import Variable, inputs, law_signals, parameters, s
 from flexlab.fmi.machine_code import result_at
 from flexlab.fmi.memory import CLOCK, Memory, arrays_of, lay_out, schemes_of
 from flexlab.physics.encoders import begin_reading
+from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
 from flexlab.quantities import own_numbers
 from flexlab.scenario import Scenario
@@ -168,6 +169,7 @@ def _law(motion: Motion) -> Part:
     system.held_torque[:] = sampling.line[:] = 0.0
     memory_end = memory_slice(system).stop
     y[memory_slice(system).start :] = 0.0
+    find_mass_at(system.plant, motion.time, motion.workspace)
     begin_reading(system.plant, sampling.period, y, motion.workspace)
     start_memory(scenario, system, outlook_of(motion, True), y)
     values = (system, sampling, 0, 0.0, felt, y, motion.workspace)

@@ -21,6 +21,7 @@ from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.closed_loop import new_workspace, state_length
 from flexlab.sim.integrators.scheme import Etdrk4
 from flexlab.sim.row_layout import row_length, rows_to_samples
+from flexlab.sim.sampled_control import loop_form
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import MIDSPAN
 from flexlab.sim.target import desired_at
@@ -187,7 +188,7 @@ class WorldBatch:
         self._move = self._move_alone = lambda: [kernel(*part) for part in parts]
         self._end_threads = lambda: None
         if threads > 1 and not PLAIN_PYTHON:
-            standing = StandingThreads(step_worlds, parts, first.system.plant.joints is None)
+            standing = StandingThreads(step_worlds, parts, loop_form(first.system.plant))
             self._move, self._end_threads = standing.run, weakref.finalize(self, standing.close)
 
     @property
@@ -241,6 +242,11 @@ def _base(settings: Settings) -> Scenario:
         raise StudyError(
             "joints.encoders are not in the environment, which tells exact poses with its own noise: "
             "choose a scenario whose joints.encoders.counts are 0."
+        )
+    if scenario.payload.mass_change.active:
+        raise StudyError(
+            f"payload.mass_change.factor = {scenario.payload.mass_change.factor:g} is not in the environment, whose integrator "
+            "needs a mass that stays: choose a scenario whose factor is 1."
         )
     changes = {"controller.kind": "none", "controller.control_period": settings.control_period}
     scenario = scenario.anew().replace({"controller.kind": "none"}).replace(changes)

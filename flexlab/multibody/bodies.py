@@ -124,6 +124,7 @@ class Bodies:
             + ("upright, its y along z" if self.upright else "level: weight does nothing")
             + f"; the scenario's gravity is {self.scenario.gravity:g} m/s^2. Control law, path, motors, sensors and the force "
             "along the beam are left out."
+            + (" So is the change of the payload's mass." if self.scenario.payload.mass_change.active else "")
         )
 
 

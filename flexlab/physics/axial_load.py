@@ -20,6 +20,7 @@ from flexlab.numerics.linear_algebra import product
 from flexlab.physics.beam import GAUSS_POINTS, free_coordinates, gauss_rule
 from flexlab.physics.dynamics import hand_load, pose_load, solve_symmetric
 from flexlab.physics.internal_force import grip_force
+from flexlab.physics.mass_change import mass_factor
 from flexlab.physics.plant import (
     ETA,
     FELT,
@@ -158,7 +159,7 @@ def axial_terms(plant, x_ddot, along, grip, ws, terms):
     terms[ALONG] = c * x_ddot[0] + s * x_ddot[1] + plant.gravity * s
     terms[SPIN], terms[HAND] = v[2] * v[2], along
     if len(plant.arms) == 1:
-        terms[N_LEFT] = along - plant.m * terms[ALONG]
+        terms[N_LEFT] = along - mass_factor(plant.mass_change, ws) * (plant.m * terms[ALONG])
         return
     total = 0.0
     for a in range(2):
@@ -167,9 +168,9 @@ def axial_terms(plant, x_ddot, along, grip, ws, terms):
 
 
 @inlined
-def axial_load_at(plant, terms, s):
-    """N(s), N, for `axial_terms`; at a hand's own place the force on its left."""
-    density, half = plant.m / plant.length, plant.length / 2
+def axial_load_at(plant, terms, factor, s):
+    """N(s), N, for `axial_terms`; at a hand's own place the force on its left. `factor`: s of `mass_change`, 1."""
+    density, half = factor * (plant.m / plant.length), plant.length / 2
     load = terms[N_LEFT] + density * terms[ALONG] * (s + half) + density / 2 * terms[SPIN] * (half - s) * (half + s)
     if terms[HAND] != 0 and s > hand_of(plant.pull).position:
         load -= terms[HAND]
@@ -177,12 +178,12 @@ def axial_load_at(plant, terms, s):
 
 
 @inlined
-def largest_compression(plant, terms):
+def largest_compression(plant, terms, factor):
     """-min N(s) over the beam, N, 0 where all of it is in tension: N is a hollow curve, so that it is at an end or a hand."""
     half = plant.length / 2
-    least = min(axial_load_at(plant, terms, -half), axial_load_at(plant, terms, half))
+    least = min(axial_load_at(plant, terms, factor, -half), axial_load_at(plant, terms, factor, half))
     if terms[HAND] != 0:
-        at = axial_load_at(plant, terms, hand_of(plant.pull).position)
+        at = axial_load_at(plant, terms, factor, hand_of(plant.pull).position)
         least = min(least, at, at - terms[HAND])
     return max(0.0, -least)
 
@@ -220,7 +221,8 @@ def geometric_force(plant, terms, y, ws):
     for k in range(felt_count):
         force[k] = 0.0
     G0, G1, G2 = plant.axial[0], plant.axial[1], plant.axial[2]
-    add_stiffness(G0, G1, G2, terms[N_LEFT], terms[ALONG], terms[SPIN], eta, force)
+    factor = mass_factor(plant.mass_change, ws)
+    add_stiffness(G0, G1, G2, terms[N_LEFT], factor * terms[ALONG], factor * terms[SPIN], eta, force)
     if terms[HAND] != 0:
         for j in range(felt_count):
             pulled, G_F = terms[HAND] * eta[j], plant.axial[HAND, j]
@@ -241,7 +243,8 @@ def find_axial_load(plant, y, ws):
     c, s, w = ws.arm.trig[0], ws.arm.trig[1], ws.velocity[2]
     f1, f2, pull_turn = hand_load(plant, y, ws)
     h_force = g_force = eta_eta_dot = hh = hg = gg = 0.0
-    weight, softer = plant.gravity * c, w * w
+    weight, softer, factor = plant.gravity * c, w * w, mass_factor(plant.mass_change, ws)
+    ease = 1 / factor
     for k in range(plant.modal.shape[1]):
         h, g, own_h, own_g = (
             plant.modal[H, k],
@@ -251,11 +254,12 @@ def find_axial_load(plant, y, ws):
         )
         eta, rate = y[ETA + k], ws.eta_dot[k]
         eta_eta_dot += eta * rate
-        force = (plant.modal[OMEGA2, k] - softer) * eta - plant.modal[PULL, k] * f2 + h * weight
-        h_force += own_h * force + plant.modal[FOLLOWED_DH, k] * rate
-        g_force += own_g * force + plant.modal[FOLLOWED_DG, k] * rate
+        force = (ease * plant.modal[OMEGA2, k] - softer) * eta - ease * (plant.modal[PULL, k] * f2) + h * weight
+        h_force += own_h * force + ease * (plant.modal[FOLLOWED_DH, k] * rate)
+        g_force += own_g * force + ease * (plant.modal[FOLLOWED_DG, k] * rate)
         h, g = h - own_h, g - own_g
         hh, hg, gg = hh + h * h, hg + h * g, gg + g * g
+    hh, hg, gg = factor * hh, factor * hg, factor * gg
     S, x_ddot = ws.axial_inertia, ws.axial_acceleration
     for a in range(3):
         for b in range(3):

@@ -44,6 +44,11 @@ class BeamMatrices(NamedTuple):
     unit_shapes: np.ndarray
     """Entries of a mass-normalised shape over those of that mesh, (n_q,)."""
 
+    def with_mass(self, factor: float) -> "BeamMatrices":
+        """The integrals that grow with ρ times a factor, 1; those of the mesh and of its modes stay."""
+        m, I, M_q, h, g = (factor * value for value in (self.m, self.I, self.M_q, self.h, self.g))  # noqa: E741
+        return self._replace(m=m, I=I, M_q=M_q, h=h, g=g)
+
 
 class BeamModes(NamedTuple):
     """Undamped modes of the beam with its grips held, n_m of them, grouped in blocks that damping couples."""

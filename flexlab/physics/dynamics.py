@@ -6,7 +6,23 @@ Read beside the module docstring of `physics.plant`, which defines the state and
 from flexlab.compiled import compiled, disjoint, inlined
 from flexlab.numerics.elementary import sin_cos
 from flexlab.physics.arm import arm_configuration
-from flexlab.physics.plant import AXIAL_WORK, DG, DH, DISSIPATED, ETA, OMEGA2, PULL, WORK, G, H, P, X, hand_of
+from flexlab.physics.mass_change import FACTOR, RATE, mass_factor
+from flexlab.physics.plant import (
+    AXIAL_WORK,
+    DG,
+    DH,
+    DISSIPATED,
+    ETA,
+    OMEGA2,
+    PULL,
+    WORK,
+    G,
+    H,
+    P,
+    X,
+    hand_of,
+    material_start,
+)
 
 
 @inlined
@@ -54,13 +70,17 @@ def configure_arms(plant, pose, terms, fault):
 
 
 @inlined
-def rigid_inertia(plant, terms, c, s, w_bar, eta_norm2, S):
-    """S = ΣM̄_i + A11 - A12 A21 (3, 3), the inertia that the pose feels with the beam's momenta held."""
+def rigid_inertia(plant, factor, terms, c, s, w_bar, eta_norm2, S):
+    """S = ΣM̄_i + A11 - A12 A21 (3, 3), the inertia that the pose feels with the beam's momenta held.
+
+    `factor`: what the payload's mass is over its mass at the start, 1.
+    """
     hh, hg, gg = plant.kappa[0], plant.kappa[1], plant.kappa[2]
     # Sums grow in registers: through memory, each arm would wait for the one before.
     xx, yy, tt = plant.m - s * s * hh, plant.m - c * c * hh, plant.I + eta_norm2 - gg
     xy = s * c * hh
     xt, yt = -c * w_bar + s * hg, -s * w_bar - c * hg
+    xx, xy, yy, xt, yt, tt = factor * xx, factor * xy, factor * yy, factor * xt, factor * yt, factor * tt
     for i in range(len(terms.M)):
         M = terms.M[i]
         xx, xy, yy = xx + M[0, 0], xy + M[1, 0], yy + M[1, 1]
@@ -74,9 +94,9 @@ def rigid_inertia(plant, terms, c, s, w_bar, eta_norm2, S):
 def find_velocities(plant, y, ws):
     """Configure the arms and turn momenta into ẋ and η̇ (ws.velocity, ws.eta_dot); returns a fault code and h·η, h·η̇.
 
-    Leaves the Schur complement in ws.S.
+    Leaves the Schur complement in ws.S. Of a payload whose mass changes it is asked after `find_mass`.
     """
-    n = plant.modal.shape[1]
+    n, factor = plant.modal.shape[1], mass_factor(plant.mass_change, ws)
     code = configure_arms(plant, y[X : X + 3], ws.arm, ws.fault)
     if code != 0:
         return code, 0.0, 0.0
@@ -88,9 +108,9 @@ def find_velocities(plant, y, ws):
         eta_norm2 += eta * eta
         h_pi += plant.modal[H, k] * pi
         g_pi += plant.modal[G, k] * pi
-    rigid_inertia(plant, ws.arm, c, s, w_bar, eta_norm2, ws.S)
+    rigid_inertia(plant, factor, ws.arm, c, s, w_bar, eta_norm2, ws.S)
     v = ws.velocity
-    v[0], v[1], v[2] = y[P] + s * h_pi, y[P + 1] - c * h_pi, y[P + 2] - g_pi
+    v[0], v[1], v[2] = y[P] + factor * (s * h_pi), y[P + 1] - factor * (c * h_pi), y[P + 2] - factor * g_pi
     solve_symmetric(ws.S, v)
     v2 = c * v[1] - s * v[0]
     for k in range(n):
@@ -106,8 +126,8 @@ def velocities_at(plant, y, ws):
 
 @compiled
 def set_momenta(plant, y, velocity, eta_dot, ws):
-    """Set P and π of y from ẋ (3,) and η̇ (n_m,) at y's coordinates; returns a fault code."""
-    n = plant.modal.shape[1]
+    """Set P and π of y from ẋ (3,) and η̇ (n_m,) at y's coordinates, after `find_mass`; returns a fault code."""
+    n, factor = plant.modal.shape[1], mass_factor(plant.mass_change, ws)
     code = configure_arms(plant, y[X : X + 3], ws.arm, ws.fault)
     if code != 0:
         return code
@@ -122,12 +142,12 @@ def set_momenta(plant, y, velocity, eta_dot, ws):
         eta_norm2 += eta * eta
         h_pi += plant.modal[H, k] * pi
         g_pi += plant.modal[G, k] * pi
-    rigid_inertia(plant, ws.arm, c, s, w_bar, eta_norm2, ws.S)
+    rigid_inertia(plant, factor, ws.arm, c, s, w_bar, eta_norm2, ws.S)
     for a in range(3):
         y[P + a] = ws.S[a, 0] * velocity[0] + ws.S[a, 1] * velocity[1] + ws.S[a, 2] * velocity[2]
-    y[P] -= s * h_pi
-    y[P + 1] += c * h_pi
-    y[P + 2] += g_pi
+    y[P] -= factor * (s * h_pi)
+    y[P + 1] += factor * (c * h_pi)
+    y[P + 2] += factor * g_pi
     return code
 
 
@@ -181,9 +201,10 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     """Fill ẋ, Ṗ, η̇, π̇ and the powers of dy, after `find_velocities`, C̄_i and the inputs u (arms, 3) are known.
 
     `whole`: the complete derivative. Otherwise without the beam's linear part, (η̇, π̇) - (π, -Ω²η - Dπ), and without the
-    loss, which no sum over stages tells of modes that are damped faster than the step.
+    loss, which no sum over stages tells of modes that are damped faster than the step: that is for a mass that stays.
     """
-    n = plant.modal.shape[1]
+    n, factor = plant.modal.shape[1], mass_factor(plant.mass_change, ws)
+    ease = 1 / factor
     c, s = ws.arm.trig[0], ws.arm.trig[1]
     v, g = ws.velocity, plant.gravity
     w = v[2]
@@ -197,8 +218,8 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
                 rate += ws.arm.C[i, b, a] * v[b]
             power += u[i, a] * v[a]
         dy[X + a], dy[P + a] = v[a], rate
-    dy[P + 1] -= plant.m * g
-    dy[P + 2] += g * s * w_bar - w * w_bar * v2 - w_bar_rate * v1
+    dy[P + 1] -= factor * (plant.m * g)
+    dy[P + 2] += factor * (g * s * w_bar - w * w_bar * v2 - w_bar_rate * v1)
 
     lift = w * v1 + g * c
     dissipation = 0.0
@@ -210,7 +231,9 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
         for k in range(n):
             dy[ETA + k] = ws.eta_dot[k]
             dy[ETA + n + k] = (
-                (w * w - plant.modal[OMEGA2, k]) * y[ETA + k] - ws.damping_force[k] - plant.modal[H, k] * lift
+                (w * w - ease * plant.modal[OMEGA2, k]) * y[ETA + k]
+                - ease * ws.damping_force[k]
+                - plant.modal[H, k] * lift
             )
     else:
         for k in range(n):
@@ -232,15 +255,36 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
         dy[P + 2] += at * f2 - deflection * f1
         power += fx * v[0] + fy * v[1] + (at * f2 - deflection * f1) * w
         for k in range(n):
-            dy[ETA + n + k] += plant.modal[PULL, k] * f2
+            dy[ETA + n + k] += ease * (plant.modal[PULL, k] * f2)
             power += plant.modal[PULL, k] * f2 * ws.eta_dot[k]
     dy[WORK], dy[DISSIPATED], dy[AXIAL_WORK] = power, dissipation, 0.0
     if plant.axial.shape[1] > 0:
         given = 0.0
         for k in range(n):
-            dy[ETA + n + k] -= ws.axial_force[0, k]
+            dy[ETA + n + k] -= ease * ws.axial_force[0, k]
             given -= ws.eta_dot[k] * ws.axial_force[0, k]
         dy[AXIAL_WORK] = given
+    bring_material(plant.mass_change, plant, y, w_bar, ws, dy)
+
+
+@inlined
+def bring_material(change, plant, y, w_bar, ws, dy):
+    """Add to Ṗ the momentum that material brings, ṡ (A11 ẋ + A12 η̇), and fill the rate of the energy that it brings."""
+    if change is None:
+        return
+    n, v, factor, rate = plant.modal.shape[1], ws.velocity, ws.mass_factor[FACTOR], ws.mass_factor[RATE]
+    twice = 0.0
+    for a in range(3):
+        own = y[P + a]
+        for i in range(len(ws.arm.M)):
+            for b in range(3):
+                own -= ws.arm.M[i, a, b] * v[b]
+        dy[P + a] += rate / factor * own
+        twice += own / factor * v[a]
+    for k in range(n):
+        twice += y[ETA + n + k] * ws.eta_dot[k]
+    height = plant.gravity * (plant.m * y[1] + ws.arm.trig[0] * w_bar)
+    dy[material_start(plant)] = rate * (twice / 2 + height)
 
 
 @inlined
@@ -265,7 +309,7 @@ def hand_load(plant, y, ws):
 def pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, pull_turn, u, ws, result):
     """Fill S ẍ (3,): inputs, arms, -(B11 ẋ + B12 q̇), weight, the pull of `hand_load`, and A12 times what restores the beam."""
     c, s, v, g = ws.arm.trig[0], ws.arm.trig[1], ws.velocity, plant.gravity
-    w = v[2]
+    w, factor = v[2], mass_factor(plant.mass_change, ws)
     for a in range(3):
         total = 0.0
         for i in range(len(u)):
@@ -273,10 +317,10 @@ def pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, p
             for b in range(3):
                 total -= ws.arm.C[i, a, b] * v[b]
         result[a] = total
-    inward, sideways = 2 * w * w_bar_rate + f1, w * w * w_bar + h_force + f2
+    inward, sideways = factor * (2 * w * w_bar_rate) + f1, factor * (w * w * w_bar + h_force) + f2
     result[0] += c * inward - s * sideways
-    result[1] += s * inward + c * sideways - plant.m * g
-    result[2] += g * s * w_bar - 2 * w * eta_eta_dot + g_force + pull_turn
+    result[1] += s * inward + c * sideways - factor * (plant.m * g)
+    result[2] += factor * (g * s * w_bar - 2 * w * eta_eta_dot + g_force) + pull_turn
 
 
 @inlined
@@ -286,13 +330,14 @@ def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
     `beam_rate` (n_m,): the η̇ that damping acts on. Leaves in ws.restoring what gives η̈ = -restoring - A21 ẍ, and in ws.hand
     what a hand on a link does. Returns what one at the beam does along e1, N.
     """
-    n = plant.modal.shape[1]
+    n, ease = plant.modal.shape[1], 1 / mass_factor(plant.mass_change, ws)
     c, w, g = ws.arm.trig[0], ws.velocity[2], plant.gravity
     block_product(plant.block_start, plant.damping, beam_rate, ws.damping_force)
     f1, f2, pull_turn = hand_load(plant, y, ws)
     h_force = g_force = eta_eta_dot = 0.0
     for k in range(n):
-        force = (plant.modal[OMEGA2, k] - w * w) * y[ETA + k] + ws.damping_force[k] - plant.modal[PULL, k] * f2
+        force = (ease * plant.modal[OMEGA2, k] - w * w) * y[ETA + k] + ease * ws.damping_force[k]
+        force -= ease * (plant.modal[PULL, k] * f2)
         force += plant.modal[H, k] * g * c
         ws.restoring[k] = force
         h_force += plant.modal[H, k] * force
@@ -300,7 +345,7 @@ def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
         eta_eta_dot += y[ETA + k] * ws.eta_dot[k]
     if plant.axial.shape[1] > 0:
         for k in range(n):
-            force = ws.axial_force[0, k]
+            force = ease * ws.axial_force[0, k]
             ws.restoring[k] += force
             h_force += plant.modal[H, k] * force
             g_force += plant.modal[G, k] * force

@@ -5,14 +5,14 @@ from flexlab.physics.plant import ETA, OMEGA2, P
 
 
 @inlined
-def kinetic_energy(y, velocity, eta_dot):
-    """T = ½(Pᵀẋ + πᵀη̇), J, of arms and payload, after `find_velocities`."""
+def kinetic_energy(y, velocity, eta_dot, factor):
+    """T = ½(Pᵀẋ + s πᵀη̇), J, of arms and payload, after `find_velocities`; `factor`: s of `mass_change`, 1."""
     total = 0.0
     for a in range(3):
         total += y[P + a] * velocity[a]
     n = len(eta_dot)
     for k in range(n):
-        total += y[ETA + n + k] * eta_dot[k]
+        total += factor * (y[ETA + n + k] * eta_dot[k])
     return total / 2
 
 
@@ -26,9 +26,9 @@ def elastic_energy(plant, y):
 
 
 @inlined
-def gravity_energy(plant, terms, y, w_bar):
-    """Potential energy of all weights, J, zero where y = 0."""
-    moment = plant.m * y[1] + terms.trig[0] * w_bar
+def gravity_energy(plant, terms, y, w_bar, factor):
+    """Potential energy of all weights, J, zero where y = 0; `factor`: s of `mass_change`, 1."""
+    moment = factor * (plant.m * y[1] + terms.trig[0] * w_bar)
     for i in range(len(plant.arms)):
         arm = plant.arms[i]
         moment += arm.mass * arm.base_y + arm.gamma_1 * terms.direction[i, 1] + arm.gamma_2 * terms.direction[i, 3]

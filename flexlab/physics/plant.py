@@ -2,9 +2,9 @@
 
 State `y` of n_m modes, in this order: pose x (3), its momentum P = ∂T/∂ẋ (3), work done on the system, energy dissipated,
 work of the axial load, modal coordinates η (n_m), their momenta π = ∂T/∂η̇ (n_m), the algorithmic accelerations of
-generalized-alpha (3 + n_m), the joints' states (`joints`, none of ideal ones), the control law's memory (any length), and the
-law's own signals as it last gave them (any number). With e1, e2 the axes of the virtual link, v = (ẋ0, ẏ0), v1 = v·e1,
-v2 = v·e2, ω = θ̇:
+generalized-alpha (3 + n_m), the joints' states (`joints`, none of ideal ones), the energy that material brought (`mass_change`,
+none where the mass stays), the control law's memory (any length), and the law's own signals as it last gave them (any number).
+With e1, e2 the axes of the virtual link, v = (ẋ0, ẏ0), v1 = v·e1, v2 = v·e2, ω = θ̇:
 
     π = η̇ + h v2 + g ω            P = S ẋ + A12 π,   S = M̄1 + M̄2 + A11 - A12 A21   (Schur complement, 3 x 3)
     π̇ = -Ω²η - Dη̇ + ω²η - K_G η - h (ω v1 + gravity cos θ)      (K_G: `axial_load`, none of the paper's beam)
@@ -21,6 +21,7 @@ import numpy as np
 from flexlab.compiled import inlined
 from flexlab.physics.arm import ArmTerms
 from flexlab.physics.law_input import make_law_input
+from flexlab.physics.mass_change import MassChange, mass_states
 
 X, P, WORK, DISSIPATED, AXIAL_WORK, ETA = 0, 3, 6, 7, 8, 9
 """First indices of the parts of the state y; π follows η."""
@@ -62,9 +63,15 @@ def joints_start(plant):
 
 
 @inlined
+def material_start(plant):
+    """Index in y of the energy that material brought, J."""
+    return joints_start(plant) + joint_states(plant.joints)
+
+
+@inlined
 def memory_start(plant):
     """Index in y of the law's memory."""
-    return joints_start(plant) + joint_states(plant.joints)
+    return material_start(plant) + mass_states(plant.mass_change)
 
 
 H, G, DH, DG, OMEGA2, MID, BEND, PULL, FELT, FOLLOWED_H, FOLLOWED_G, FOLLOWED_DH, FOLLOWED_DG = range(13)
@@ -139,11 +146,18 @@ class Plant(NamedTuple):
     (4, 0, 0): the paper's beam, which does not feel the force along it."""
     joints: Joints | None
     """None: ideal ones."""
+    mass_change: MassChange | None
+    """None: the mass stays."""
 
     @property
     def joint_size(self) -> int:
         """Numbers of y that are the joints'."""
         return 0 if self.joints is None else self.joints.size
+
+    @property
+    def own_size(self) -> int:
+        """Numbers of y that are the joints' and the material's."""
+        return self.joint_size + (self.mass_change is not None)
 
 
 class Workspace(NamedTuple):
@@ -202,7 +216,9 @@ class Workspace(NamedTuple):
     joint_friction: np.ndarray
     """Their τ_f, N·m, (arms, 3)."""
     joint_rate: np.ndarray
-    """Of their states, (joint_size,)."""
+    """Of their states, (own_size,)."""
+    mass_factor: np.ndarray
+    """s and ṡ of `mass_change` at the instant looked at last, 1 and 1/s, (2,)."""
     memory_rate: np.ndarray
     """Of the law's memory, as long as that."""
     fault: np.ndarray
@@ -213,9 +229,9 @@ class Workspace(NamedTuple):
     """Set by another thread to make the kernels return early, (1,)."""
 
 
-def state_size(mode_count: int, memory_size: int = 3, signal_count: int = 0, joint_size: int = 0) -> int:
-    """Length of y."""
-    return ETA + 3 * mode_count + 3 + joint_size + memory_size + signal_count
+def state_size(mode_count: int, memory_size: int = 3, signal_count: int = 0, own_size: int = 0) -> int:
+    """Length of y; `own_size`: of the plant."""
+    return ETA + 3 * mode_count + 3 + own_size + memory_size + signal_count
 
 
 def noted_rates(y: np.ndarray, mode_count: int) -> np.ndarray:
@@ -229,9 +245,12 @@ def forget_rates(y: np.ndarray, mode_count: int) -> None:
 
 
 def make_workspace(
-    arm_count: int, mode_count: int, memory_size: int = 3, signal_count: int = 0, joint_size: int = 0
+    arm_count: int, mode_count: int, memory_size: int = 3, signal_count: int = 0, own_size: int = 0
 ) -> Workspace:
-    """Scratch memory for `arm_count` arms, `mode_count` modes, a law with so much memory and so many signals, and joints."""
+    """Scratch memory for `arm_count` arms, `mode_count` modes, a law with so much memory and so many signals.
+
+    `own_size`: of the plant.
+    """
     truth, measured = make_law_input(arm_count), make_law_input(arm_count)
 
     def terms(record: np.ndarray) -> ArmTerms:
@@ -266,9 +285,10 @@ def make_workspace(
         joint_asked=np.zeros((arm_count, 3)),
         joint_wanted=np.zeros((arm_count, 3)),
         joint_friction=np.zeros((arm_count, 3)),
-        joint_rate=np.zeros(joint_size),
+        joint_rate=np.zeros(own_size),
+        mass_factor=np.full(2, np.nan),
         memory_rate=np.zeros(memory_size),
         fault=np.zeros(1, np.int64),
-        stage=np.zeros((10, state_size(mode_count, memory_size, signal_count, joint_size))),
+        stage=np.zeros((10, state_size(mode_count, memory_size, signal_count, own_size))),
         interrupt=np.zeros(1, np.int64),
     )

@@ -15,6 +15,32 @@ FIXED_COORDINATES = {boundary: len(held) for boundary, held in HELD_COORDINATES.
 """How many of the 2 (n + 1) nodal coordinates each boundary holds at zero."""
 
 
+class MassChange(Part):
+    """A payload that is filled or emptied: its whole mass goes smoothly to another one (`physics.mass_change`)."""
+
+    factor: Number = quantity(
+        1.0, title="Mass afterwards over mass before (1: it stays)", symbol="μ", unit="1", low=0.05, high=20,
+        slider=(0.2, 5), logarithmic=True,
+    )  # fmt: skip
+    """Bending stiffness and damping stay: as of a tube, which what is in it does not stiffen."""
+    begin: Number = quantity(
+        1.0, title="Start of the change of mass", symbol="t_μ", unit="s", low=0, high=1e4, slider=(0, 10)
+    )
+    duration: Number = quantity(
+        1.0, title="Duration of the change of mass", symbol="T_μ", unit="s", low=0.01, high=1e4, slider=(0.1, 10)
+    )
+
+    @property
+    def active(self) -> bool:
+        """Whether the mass changes."""
+        return self.factor != 1
+
+    @property
+    def lightest(self) -> float:
+        """Least mass over mass at the start, 1."""
+        return min(1.0, self.factor)
+
+
 class Payload(Part):
     """The flexible beam between the grips (Euler-Bernoulli, Hermite finite elements)."""
 
@@ -43,6 +69,7 @@ class Payload(Part):
     damping: Damping = quantity(NodalDamping(), title="Damping")
     axial_load: AxialLoad = quantity("none", title="Force along the beam")
     """Whether the beam feels the force along it: "none", as in the paper, or "first-order" (`physics.axial_load`)."""
+    mass_change: MassChange = MassChange()
     mode_count: Count | None = quantity(
         None, title="Modes kept (null: all)", symbol="n_m", unit="1", low=1, high=130, live="projected"
     )

@@ -144,6 +144,14 @@ class Scenario(Part):
                 "joints.encoders belong to sampled control: give controller.control_period a value in s, "
                 "or joints.encoders.counts 0",
             )
+        change, integrator = self.payload.mass_change, self.simulation.integrator
+        if change.active and integrator in ("etdrk4", "generalized-alpha"):
+            raise PydanticCustomError(
+                "integrator",
+                "simulation.integrator = {integrator} needs a mass that stays, and payload.mass_change.factor is {factor}: "
+                "choose auto or rk4, or payload.mass_change.factor 1",
+                {"integrator": integrator, "factor": f"{change.factor:g}"},
+            )
         return self
 
     def replace(self, changes: Mapping[str, Any]) -> "Scenario":

@@ -6,6 +6,7 @@ from flexlab.compiled import compiled, inlined
 from flexlab.physics.arm import NOT_A_NUMBER
 from flexlab.physics.dynamics import beam_is_held
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
+from flexlab.physics.mass_change import mass_factor
 from flexlab.physics.plant import AXIAL_WORK, BEND, DISSIPATED, ETA, WORK
 from flexlab.sim.closed_loop import law_places, rates
 from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration, note_beginning
@@ -45,8 +46,9 @@ def diverged(system, y):
 @inlined
 def energy_beyond_work(plant, y, ws):
     """Energy of arms and payload less the work done on them, J, after `find_state` of y: what it loses is dissipated."""
-    stored = kinetic_energy(y, ws.velocity, ws.eta_dot) + elastic_energy(plant, y)
-    return stored + gravity_energy(plant, ws.arm, y, ws.w_bar[0]) - y[WORK] - y[AXIAL_WORK]
+    factor = mass_factor(plant.mass_change, ws)
+    stored = kinetic_energy(y, ws.velocity, ws.eta_dot, factor) + elastic_energy(plant, y)
+    return stored + gravity_energy(plant, ws.arm, y, ws.w_bar[0], factor) - y[WORK] - y[AXIAL_WORK]
 
 
 @inlined

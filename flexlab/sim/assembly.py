@@ -19,7 +19,7 @@ from flexlab.sim.advance import advance
 from flexlab.sim.build import Beam, build_beam, build_control, build_plant
 from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.integrators.scheme import Scheme
-from flexlab.sim.sampled_control import Sampling, is_loaded, with_kernel
+from flexlab.sim.sampled_control import LoopForm, Sampling, form_of, is_loaded, loop_form, with_kernel
 from flexlab.sim.step_growth import may_grow, steadiest
 from flexlab.sim.step_levels import StepLevels, StepWatch
 from flexlab.sim.step_rates import Rates, amplifies_errors, find_rates, free_beam_rate
@@ -104,7 +104,7 @@ def _derive(
         raise Unprepared(scenario)
     else:
         beam = build_beam(scenario.payload)
-        free_rate = free_beam_rate(beam)
+        free_rate = free_beam_rate(beam, scenario.payload.mass_change.lightest)
     system, rates = _close_loop(scenario, beam, free_rate, same_beam[:1] or known[:1])
     integrator, step, bound = choose_step(scenario, system, beam, rates)
     asked = steps = steps_per_tick(scenario, tick_period, step)
@@ -119,7 +119,7 @@ def _derive(
     if asked.step < FORCED * step and asked.per_tick > 1:
         bound = "period"
     fitting = [old.levels for old in same_beam if (old.levels.integrator, old.levels.step) == (integrator, dt)]
-    if (at_once and not fitting) or (must_wait and (integrator, system.plant.joints is None) not in _loaded):
+    if (at_once and not fitting) or (must_wait and (integrator, loop_form(system.plant)) not in _loaded):
         raise Unprepared(scenario)
     levels = fitting[0] if fitting else StepLevels(integrator, beam, dt)
     watch = levels.watch(scenario.simulation.step is not None, scenario.simulation.accuracy)
@@ -128,9 +128,9 @@ def _derive(
     sampling = _build_sampling(scenario, beam, steps.per_control)
     if system.control.sampled:
         sampling = with_kernel(sampling, system)
-    if (integrator, system.plant.joints is None) not in _loaded:
+    if (integrator, loop_form(system.plant)) not in _loaded:
         load_loop(system, sampling, levels.scheme(0), watch, tick_period, steps.per_tick)
-        _loaded.add((integrator, system.plant.joints is None))
+        _loaded.add((integrator, loop_form(system.plant)))
     amplifies = amplifies_errors(system, rates.poses, sampling.period, sampling.delay)
     return Assembly(scenario, beam, free_rate, system, rates, sampling, levels, watch, steps, asked, bound, amplifies)
 
@@ -168,17 +168,17 @@ def _grows_alike(old: Assembly, scenario: Scenario, asked: Count) -> bool:
     )
 
 
-_loaded: set[tuple[str, bool]] = set()
-"""Integrators whose loop is in memory, and whether that is the one for ideal joints."""
+_loaded: set[tuple[str, LoopForm]] = set()
+"""Integrators whose loop is in memory, each with the `loop_form` that it is for."""
 
 
 def knows_kernels(scenario: Scenario) -> bool:
-    """Whether the scenario's law and path, kind of joints and, if it wants it, sampled control have been compiled or loaded."""
+    """Whether the scenario's law and path, kind of plant and, if it wants it, sampled control have been compiled or loaded."""
     parts = law_of(scenario.controller), paths()[scenario.trajectory.kind]
-    ideal = not scenario.joints.active
-    if not ideal and all(of_ideal for _, of_ideal in _loaded):
+    form = form_of(not scenario.joints.active, not scenario.payload.mass_change.active)
+    if form is not True and all(loaded != form for _, loaded in _loaded):
         return False
-    return all(part.is_loaded for part in parts) and (scenario.controller.control_period is None or is_loaded(ideal))
+    return all(part.is_loaded for part in parts) and (scenario.controller.control_period is None or is_loaded(form))
 
 
 def load_loop(

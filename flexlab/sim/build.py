@@ -21,6 +21,7 @@ from flexlab.physics.beam import (
 )
 from flexlab.physics.joints import build_joints
 from flexlab.physics.law_input import MOST_ARMS
+from flexlab.physics.mass_change import build_mass_change
 from flexlab.physics.plant import NO_HAND, Plant
 from flexlab.scenario import Payload, Scenario
 
@@ -105,6 +106,7 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
         buckling_load=buckling_load(payload.length, payload.bending_stiffness, payload.boundary),
         axial=beam.axial.copy(),
         joints=build_joints(scenario.joints, scenario.controller.model, len(scenario.arms)),
+        mass_change=build_mass_change(payload.mass_change),
     )
 
 

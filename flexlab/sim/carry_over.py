@@ -9,12 +9,12 @@ from flexlab.errors import ScenarioError
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.encoders import begin_reading
-from flexlab.physics.joints import joint_parts
+from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, noted_rates
 from flexlab.scenario import Scenario
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.assembly import Assembly, build_assembly
-from flexlab.sim.closed_loop import joint_states_of, new_workspace, state_length
+from flexlab.sim.closed_loop import joint_states_of, new_workspace, own_parts, state_length
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.disturbance import set_pull_row
 from flexlab.sim.law_memory import adjust_memory, carry_memory, same_law, start_memory
@@ -65,7 +65,7 @@ def _carried_over(motion: Motion, assembly: Assembly) -> Motion:
     rate, eta, eta_dot = _coordinates_in(motion, assembly)
     starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
     law_before = outlook_of(motion, False)
-    parts, parts_before = (joint_parts(system.plant.joints) for system in (assembly.system, old.system))
+    parts, parts_before = (own_parts(system.plant) for system in (assembly.system, old.system))
     starts_lag = "torque" in parts and "torque" not in parts_before
     torques = _torques_at_work(motion) if starts_sampling or starts_lag else motion.assembly.system.held_torque
     _carry_torques(motion, assembly, torques if starts_sampling else None)
@@ -78,9 +78,9 @@ def _carried_over(motion: Motion, assembly: Assembly) -> Motion:
     if another_beam or another_law or parts != parts_before:
         y = np.zeros(state_length(assembly.system))
         y[:ETA] = motion.y[:ETA]
-        joints_before = joint_states_of(old.system, motion.y)
+        states_before = joint_states_of(old.system, motion.y)
         for name, states in joint_states_of(assembly.system, y).items():
-            states[:] = joints_before.get(name, torques.ravel() if name == "torque" else 0.0)
+            states[:] = states_before.get(name, torques.ravel() if name == "torque" else 0.0)
         kept = carry_memory(before, old.system, motion.y, scenario, assembly.system, y)
         motion.y, motion.workspace = y, new_workspace(assembly.system)
     motion.workspace.desired_time[0] = np.nan
@@ -101,6 +101,7 @@ def _coordinates_in(motion: Motion, assembly: Assembly) -> tuple[np.ndarray, np.
     """Pose rate (3,), and modal coordinates and their rates in the beam of a new assembly."""
     old, plant = motion.assembly, motion.assembly.system.plant
     n = plant.modal.shape[1]
+    find_mass_at(plant, motion.time, motion.workspace)
     velocities_at(plant, motion.y, motion.workspace)
     rate, eta_dot = motion.workspace.velocity.copy(), motion.workspace.eta_dot.copy()
     if old.levels.scheme(0).notes_rates and np.isfinite(noted_rates(motion.y, n)[-1]):

@@ -13,6 +13,7 @@ from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
 from flexlab.physics.axial_load import find_axial_load, has_axial_load
 from flexlab.physics.dynamics import find_velocities, momentum_rates
 from flexlab.physics.joints import compensate_friction, joint_parts, turn_joints
+from flexlab.physics.mass_change import find_mass
 from flexlab.physics.plant import (
     G,
     Plant,
@@ -39,7 +40,7 @@ def new_workspace(system: System) -> Workspace:
     """Scratch memory for the kernels of a system."""
     plant, control = system.plant, system.control
     return make_workspace(
-        len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count, plant.joint_size
+        len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count, plant.own_size
     )
 
 
@@ -49,7 +50,7 @@ _scratch = threading.local()
 def scratch_workspace(system: System) -> Workspace:
     """A workspace of this thread's own for a call that ends before the next one is asked for: making one takes 50 µs."""
     plant, control = system.plant, system.control
-    sizes = (len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count, plant.joint_size)
+    sizes = (len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count, plant.own_size)
     if getattr(_scratch, "sizes", None) != sizes:
         _scratch.workspace, _scratch.sizes = new_workspace(system), sizes
     _scratch.workspace.desired_time[0] = np.nan
@@ -59,20 +60,26 @@ def scratch_workspace(system: System) -> Workspace:
 def state_length(system: System) -> int:
     """Length of the state y of a system."""
     plant, control = system.plant, system.control
-    return state_size(plant.modal.shape[1], control.memory_size, control.signal_count, plant.joint_size)
+    return state_size(plant.modal.shape[1], control.memory_size, control.signal_count, plant.own_size)
 
 
 def memory_slice(system: System) -> slice:
     """Where in y the law's memory stands."""
-    start = state_size(system.plant.modal.shape[1], 0, 0, system.plant.joint_size)
+    start = state_size(system.plant.modal.shape[1], 0, 0, system.plant.own_size)
     return slice(start, start + system.control.memory_size)
 
 
+def own_parts(plant: Plant) -> dict[str, slice]:
+    """Where among the joints' and the material's states each part of them stands, by name."""
+    parts, end = joint_parts(plant.joints), plant.joint_size
+    return parts if plant.mass_change is None else {**parts, "material": slice(end, end + 1)}
+
+
 def joint_states_of(system: System, y: np.ndarray) -> dict[str, np.ndarray]:
-    """Views of the named parts of the joints' states in y."""
+    """Views of the named parts of the joints' states in y, and of the energy that material brought."""
     start = state_size(system.plant.modal.shape[1], 0)
-    own = y[start : start + system.plant.joint_size]
-    return {name: own[part] for name, part in joint_parts(system.plant.joints).items()}
+    own = y[start : start + system.plant.own_size]
+    return {name: own[part] for name, part in own_parts(system.plant).items()}
 
 
 @inlined
@@ -144,6 +151,7 @@ def find_asked_inputs(system, t, y, ws):
 def find_state(system, t, y, ws):
     """Velocities, arm terms, inputs and w̄ of state y at time t, in ws; returns a fault code."""
     plant = system.plant
+    find_mass(plant.mass_change, t, ws)
     code, ws.w_bar[0], w_bar_rate = find_velocities(plant, y, ws)
     if code != 0:
         return code

@@ -41,6 +41,7 @@ def compile_everything() -> None:
     for path in paths().values():
         _ = path.address
     _compile_loops(scenario.replace({"joints.friction.viscous": (1.0, 1.0, 1.0)}))
+    World(scenario.replace({"payload.mass_change.factor": 2.0})).run(1)
     (cache_folder() / DONE).touch()
 
 

@@ -82,8 +82,11 @@ def beyond(payload: Payload, beam: Beam, s: float) -> np.ndarray:
     return in_felt_modes(whole, beam.modes.omega, beam.modes.V)
 
 
-def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None:
-    """Add an impulse to the momenta of state y, in place: (P, π) += (∂R/∂p)ᵀ impulse. Raises `ScenarioError`."""
+def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap, factor: float = 1.0) -> None:
+    """Add an impulse to the momenta of state y, in place: (P, s π) += (∂R/∂p)ᵀ impulse. Raises `ScenarioError`.
+
+    `factor`: s of `mass_change`, 1.
+    """
     _check_point(payload, command.beam_position)
     for axis, value in zip("xy", command.impulse, strict=True):
         _refuse(f"tap {axis}", value, "N·s", -MAX_IMPULSE, MAX_IMPULSE)
@@ -95,17 +98,24 @@ def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap) -> None
     deflection = float(product(shape, y[ETA : ETA + n]))
     y[P : P + 2] += command.impulse
     y[P + 2] += command.beam_position * across - deflection * along
-    y[ETA + n : ETA + 2 * n] += shape * across
+    y[ETA + n : ETA + 2 * n] += shape * across / factor
     forget_rates(y, n)
 
 
 def apply_axial_impulse(
-    plant: Plant, payload: Payload, beam: Beam, before: np.ndarray, y: np.ndarray, ws: Workspace, command: Tap
+    plant: Plant,
+    payload: Payload,
+    beam: Beam,
+    before: np.ndarray,
+    y: np.ndarray,
+    ws: Workspace,
+    command: Tap,
+    factor: float = 1.0,
 ) -> None:
     """Let the beam feel the part of a tap along it: π -= ∫K_G dt η, in place. `before`: the state y before the tap.
 
     The impulse's own ∫N dt is J_L + ρ Δv₁ (s + L/2) - J₁ [s > s_tap], with Δv₁ what the link's middle gained along e₁ and J_L
-    what the left arm's inertia took; of a single arm J_L = J₁ - m Δv₁.
+    what the left arm's inertia took; of a single arm J_L = J₁ - m Δv₁. `factor`: s of `mass_change`, which ws has noted.
     """
     velocities_at(plant, before, ws)
     gained = -ws.velocity.copy()
@@ -113,11 +123,11 @@ def apply_axial_impulse(
     gained += ws.velocity
     n, (c, s) = len(beam.modes.omega), ws.arm.trig
     along, tapped = c * gained[0] + s * gained[1], c * command.impulse[0] + s * command.impulse[1]
-    left = tapped - plant.m * along
+    left = tapped - factor * plant.m * along
     if len(plant.arms) > 1:
         by_arm = [sum(ws.arm.M[0, a, b] * gained[b] for b in range(3)) for a in range(2)]
         left = c * by_arm[0] + s * by_arm[1]
     G0, G1, _, _ = plant.axial
-    impulse = left * G0 + along * G1 - tapped * beyond(payload, beam, command.beam_position)
+    impulse = left * G0 + factor * along * G1 - tapped * beyond(payload, beam, command.beam_position)
     feels = plant.modal[FELT] > 0
-    y[ETA + n : ETA + 2 * n][feels] -= product(impulse, y[ETA : ETA + n][feels])
+    y[ETA + n : ETA + 2 * n][feels] -= product(impulse, y[ETA : ETA + n][feels]) / factor

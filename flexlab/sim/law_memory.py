@@ -10,6 +10,7 @@ from flexlab.compiled import attributes
 from flexlab.control.law import Start, law_of
 from flexlab.physics.arm import arm_velocity_terms, task_input
 from flexlab.physics.dynamics import velocities_at
+from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import Workspace
 from flexlab.quantities import Part, parts_of
 from flexlab.scenario import Scenario
@@ -71,6 +72,7 @@ def outlook(
     if law.start is None and law.carry is None:
         return None
     control, period = system.control, scenario.controller.control_period
+    find_mass_at(system.plant, time, ws)
     velocities_at(system.plant, y, ws)
     for i in range(len(system.plant.arms)):
         task_input(ws.arm.J[i], system.held_torque[i], ws.u[i])

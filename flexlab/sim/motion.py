@@ -11,6 +11,7 @@ from flexlab.errors import StudyError
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.encoders import begin_reading
+from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, Workspace, forget_rates
 from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import Initial
@@ -126,6 +127,7 @@ def set_coordinates(motion: Motion, pose: np.ndarray, rate: np.ndarray, eta: np.
     motion.y[:3] = pose
     motion.y[ETA : ETA + n] = eta
     forget_rates(motion.y, n)
+    find_mass_at(motion.assembly.system.plant, motion.time, motion.workspace)
     set_momenta(motion.assembly.system.plant, motion.y, rate, eta_dot, motion.workspace)
 
 
@@ -138,6 +140,7 @@ def act_at_start(motion: Motion) -> None:
     """Let a sampled controller act at its instant 0."""
     assembly = motion.assembly
     if assembly.system.control.sampled:
+        find_mass_at(assembly.system.plant, motion.time, motion.workspace)
         begin_reading(assembly.system.plant, assembly.sampling.period, motion.y, motion.workspace)
         control_instant(assembly.system, assembly.sampling, 0, motion.time, motion.y, motion.workspace)
 

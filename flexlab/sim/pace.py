@@ -39,10 +39,10 @@ def seconds_per_second(integrator: str, beam: Beam, step: float) -> float:
     return (cost.fixed + cost.per_mode * float(np.sum(sizes)) + cost.per_product * products) / step
 
 
-def pace_warning(integrator: str, beam: Beam, step: float, bound: str) -> str:
+def pace_warning(integrator: str, beam: Beam, step: float, bound: str, mass_changes: bool = False) -> str:
     """A sentence if a run is estimated to be slower than real time, what makes it so and what to change; else empty.
 
-    bound: what the step was chosen by, as `step_size.Choice.bound`.
+    bound: what the step was chosen by, as `step_size.Choice.bound`; mass_changes: whether only rk4 goes such a payload.
     """
     pace = seconds_per_second(integrator, beam, step)
     if pace < SLOWEST_PACE:
@@ -76,7 +76,9 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str) -> str:
         cures = ["damping of kind modal or stiffness, which couples none", *cures]
     if modes > COUPLED_MODES:
         cures = [*cures, "fewer elements or modes (payload.mode_count)"]
-    if integrator != "etdrk4" and bound != "given":
+    if mass_changes:
+        cures = [*cures, "a mass that stays (payload.mass_change.factor = 1)"]
+    elif integrator != "etdrk4" and bound != "given":
         cures = ["the integrator auto", *cures]
     return (
         f"Slower than real time: a simulated second takes about {number_text(pace, 2)} s on a common processor, as {cause}. "

@@ -18,8 +18,11 @@ from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
 from flexlab.physics.encoders import read_encoders
 from flexlab.physics.joints import compensate_friction
-from flexlab.physics.plant import ETA, joints_start
+from flexlab.physics.plant import ETA, Plant, joints_start
 from flexlab.sim.closed_loop import System, find_state, law_places, limit_torques, new_workspace, state_length
+
+LoopForm = bool | tuple[bool, None]
+"""As `form_of` has it."""
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
 """First channels of the random numbers of hᵀq̇, gᵀq̇ and of the strain gauges; pose and pose rate have those before."""
@@ -56,7 +59,17 @@ def with_kernel(sampling: Sampling, system: System) -> Sampling:
     def arguments():
         return system, sampling, 0, 0.0, np.zeros(state_length(system)), new_workspace(system)
 
-    return sampling._replace(kernel=whole_address(control_instant, arguments, system.plant.joints is None))
+    return sampling._replace(kernel=whole_address(control_instant, arguments, loop_form(system.plant)))
+
+
+def form_of(ideal_joints: bool, mass_stays: bool) -> LoopForm:
+    """What kernels of a plant are compiled for: whether its joints are ideal; with None, of a payload whose mass changes."""
+    return ideal_joints if mass_stays else (ideal_joints, None)
+
+
+def loop_form(plant: Plant) -> LoopForm:
+    """`form_of` a plant."""
+    return form_of(plant.joints is None, plant.mass_change is None)
 
 
 @inlined
@@ -203,9 +216,9 @@ def answer_sensors(system, sampling, instant, t, sensors, y, ws):
     return answer(system, sampling, t, y, ws)
 
 
-def is_loaded(ideal_joints: bool) -> bool:
-    """Whether `with_kernel` need not compile or load."""
-    return has_address(control_instant, ideal_joints)
+def is_loaded(form: LoopForm) -> bool:
+    """Whether `with_kernel` need not compile or load for plants of this `loop_form`."""
+    return has_address(control_instant, form)
 
 
 @inlined

@@ -22,7 +22,8 @@ from flexlab.physics.dynamics import acceleration
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
 from flexlab.physics.internal_force import grip_force
 from flexlab.physics.joints import LOSS, is_limited, motor_torques
-from flexlab.physics.plant import AXIAL_WORK, DISSIPATED, ETA, MID, WORK, joints_start, memory_start
+from flexlab.physics.mass_change import mass_factor
+from flexlab.physics.plant import AXIAL_WORK, DISSIPATED, ETA, MID, WORK, joints_start, material_start, memory_start
 from flexlab.physics.quasi_static import quasi_static_deflection
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Axis, Signal, numbered
@@ -167,6 +168,18 @@ JOINT_SIGNALS = (*FRICTION, FRICTION_LOSS, *ASKED)
 """Of joints that are not ideal, behind the law's own in rows."""
 
 
+MATERIAL_SIGNALS = (
+    Signal("payload_mass", "s m", ("kg",), "mass of the payload"),
+    Signal(
+        "material_energy",
+        "∫ ½ṡ vᵀA v + ṡ U dt",
+        ("J",),
+        "energy that material brought to the payload, less what it took",
+    ),
+)
+"""Of a payload whose mass changes, before the law's own in rows."""
+
+
 def joint_signals(scenario: Scenario) -> tuple[Signal, ...]:
     """The signals that a scenario's joints add to the table's: none of ideal ones."""
     joints, arms = scenario.joints, len(scenario.arms)
@@ -175,14 +188,15 @@ def joint_signals(scenario: Scenario) -> tuple[Signal, ...]:
 
 
 def own_signals(scenario: Scenario) -> tuple[Signal, ...]:
-    """The signals that the law and the joints of a scenario add to the table's."""
-    return (*law_of(scenario.controller).signals, *joint_signals(scenario))
+    """The signals that the payload, the law and the joints of a scenario add to the table's."""
+    material = MATERIAL_SIGNALS if scenario.payload.mass_change.active else ()
+    return (*material, *law_of(scenario.controller).signals, *joint_signals(scenario))
 
 
 def known_signals() -> Mapping[str, Signal]:
-    """Every signal that any law, joints or the table have, by name."""
+    """Every signal that any law, joints, payload or the table have, by name."""
     of_laws = {signal.name: signal for law in laws().values() for signal in law.signals}
-    return {**TABLE, **of_laws, **{signal.name: signal for signal in JOINT_SIGNALS}}
+    return {**TABLE, **of_laws, **{signal.name: signal for signal in (*JOINT_SIGNALS, *MATERIAL_SIGNALS)}}
 
 
 def _offsets(signals: list[Signal]) -> dict[str, int]:
@@ -234,7 +248,7 @@ AT_LIMIT = 1e-9
 def write_sample(system, t, y, beam_rate, ws, row):
     """Write the sample of state y at time t into `row`, after `rates` at the same instant; beam_rate (n_m,): η̇."""
     plant = system.plant
-    x_ddot = row[ACCELERATION : ACCELERATION + 3]
+    x_ddot, factor = row[ACCELERATION : ACCELERATION + 3], mass_factor(plant.mass_change, ws)
     along = acceleration(plant, y, beam_rate, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, x_ddot)
     row[TIME] = t
     estimates = memory_start(plant) + system.control.estimates
@@ -244,16 +258,25 @@ def write_sample(system, t, y, beam_rate, ws, row):
         row[DESIRED + a], row[ERROR + a] = ws.desired[0, a], y[a] - ws.desired[0, a]
         row[ESTIMATES + a] = y[estimates + a] if system.control.estimates >= 0 else np.nan
     _write_arms(system, y, x_ddot, along, ws, row)
-    row[QUASI_STATIC] = quasi_static_deflection(plant.compliance, plant.gravity, ws.desired)
-    row[KINETIC] = kinetic_energy(y, ws.velocity, ws.eta_dot)
+    row[QUASI_STATIC] = factor * quasi_static_deflection(plant.compliance, plant.gravity, ws.desired)
+    row[KINETIC] = kinetic_energy(y, ws.velocity, ws.eta_dot, factor)
     row[ELASTIC] = elastic_energy(plant, y)
-    row[GRAVITY] = gravity_energy(plant, ws.arm, y, ws.w_bar[0])
+    row[GRAVITY] = gravity_energy(plant, ws.arm, y, ws.w_bar[0], factor)
     row[INPUT_WORK], row[DISSIPATION], row[WORK_ALONG] = y[WORK], y[DISSIPATED], y[AXIAL_WORK]
     _write_beam(plant, y, beam_rate, row)
     own, first = memory_start(plant) + system.control.memory_size, len(row) - system.control.signal_count
     first -= _write_joints(plant.joints, y[joints_start(plant) :], ws, row)
     for k in range(system.control.signal_count):
         row[first + k] = y[own + k]
+    _write_material(plant.mass_change, plant, y, first, ws, row)
+
+
+@inlined
+def _write_material(change, plant, y, end, ws, row):
+    """Write what a payload shows whose mass changes, up to the column `end` of the row."""
+    if change is None:
+        return
+    row[end - 2], row[end - 1] = mass_factor(change, ws) * plant.m, y[material_start(plant)]
 
 
 @inlined
@@ -307,12 +330,12 @@ def _write_arms(system, y, x_ddot, along, ws, row):
 @inlined
 def _write_axial_load(plant, x_ddot, along, grip, ws, row):
     """Write N at its places and what it and the spin are beside what the beam bears; grip (3,): `grip_force` of arm 0."""
-    terms = ws.axial
+    terms, factor = ws.axial, mass_factor(plant.mass_change, ws)
     axial_terms(plant, x_ddot, along, grip, ws, terms)
     for j in range(GAUGES):
-        row[LOAD + j] = axial_load_at(plant, terms, PLACES[j] * plant.length)
-    row[LOAD_SHARE] = largest_compression(plant, terms) / plant.buckling_load
-    row[SPIN_SHARE] = terms[SPIN] / first_stiffness(plant)
+        row[LOAD + j] = axial_load_at(plant, terms, factor, PLACES[j] * plant.length)
+    row[LOAD_SHARE] = largest_compression(plant, terms, factor) / plant.buckling_load
+    row[SPIN_SHARE] = factor * terms[SPIN] / first_stiffness(plant)
 
 
 @inlined

@@ -14,7 +14,8 @@ from flexlab.numerics.elementary import each, exponentials, sin
 from flexlab.numerics.linear_algebra import product, spectral_radius
 from flexlab.physics.dynamics import configure_arms, rigid_inertia
 from flexlab.physics.joints import friction_form
-from flexlab.physics.plant import G
+from flexlab.physics.mass_change import mass_factor, note_lightest
+from flexlab.physics.plant import G, Workspace
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import System, scratch_workspace
 
@@ -60,7 +61,9 @@ def find_rates(
     desired, forms = desired_poses(system, trajectory), coupling_forms(system, beam) if forms is None else forms
     gives, coupling, lasting = giving_way(system, desired, forms)
     creeping = longest_creeping_step(system, desired, beam, gives)
-    return Rates(desired, free_rate * math.sqrt(1 + gives), coupling, lasting, creeping, forms)
+    # In units of the beam's own inverse mass 1/s at its lightest.
+    eased = note_lightest(system.plant, scratch_workspace(system)) * gives
+    return Rates(desired, free_rate * math.sqrt(1 + eased), coupling, lasting, creeping, forms)
 
 
 def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
@@ -75,14 +78,21 @@ def control_rate(system: System, desired: np.ndarray) -> float:
     As the law says it, at rest at desired poses (k, 3) and with an empty memory.
     """
     memory = np.zeros(system.control.memory_size)
-    return fastest_rate_at(system.plant, system.control, desired, memory, scratch_workspace(system))
+    return fastest_rate_at(system.plant, system.control, desired, memory, _lightest_workspace(system))
+
+
+def _lightest_workspace(system: System) -> Workspace:
+    """Scratch memory in which the payload is as light as it gets: with all rates at their fastest."""
+    ws = scratch_workspace(system)
+    note_lightest(system.plant, ws)
+    return ws
 
 
 def joint_rate(system: System, desired: np.ndarray) -> float:
     """Fastest rate at which friction, or motors at their limits, slow joints at desired poses (k, 3), 1/s; 0 of ideal ones."""
     if system.plant.joints is None:
         return 0.0
-    return fastest_joint_rate_at(system.plant, desired, scratch_workspace(system))
+    return fastest_joint_rate_at(system.plant, desired, _lightest_workspace(system))
 
 
 def motor_rate(system: System) -> float:
@@ -96,7 +106,9 @@ def fastest_joint_rate_at(plant, desired, ws):
     fastest, scratch = 0.0, ws.truth[0].scratch
     for k in range(len(desired)):
         if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
-            rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
+            rigid_inertia(
+                plant, mass_factor(plant.mass_change, ws), ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S
+            )
             friction_form(plant.joints, ws.arm, scratch)
             fastest = max(fastest, largest_form_ratio(ws.S, scratch[0:3], scratch[3:6]))
     return fastest
@@ -119,7 +131,9 @@ def fastest_rate_at(plant, control, desired, memory, ws):
     now.gravity = plant.gravity
     for k in range(len(desired)):
         if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
-            rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
+            rigid_inertia(
+                plant, mass_factor(plant.mass_change, ws), ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S
+            )
             for a in range(3):
                 now.x[a] = now.desired[0, a] = desired[k, a]
                 now.v[a] = now.desired[1, a] = 0.0
@@ -127,9 +141,12 @@ def fastest_rate_at(plant, control, desired, memory, ws):
     return fastest
 
 
-def free_beam_rate(beam: Beam) -> float:
-    """Fastest rate of the beam with its grips held, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ)."""
-    omega, D, starts = beam.modes.omega, beam.modes.D, beam.modes.block_start
+def free_beam_rate(beam: Beam, factor: float = 1.0) -> float:
+    """Fastest rate of the beam with its grips held, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ).
+
+    `factor`: what its mass is over the one that its modes are of, 1.
+    """
+    omega, D, starts = beam.modes.omega / math.sqrt(factor), beam.modes.D / factor, beam.modes.block_start
     alone = D.diagonal() / 2
     creeping = np.sqrt(np.maximum(alone * alone - omega * omega, 0.0))
     fastest = float(
@@ -150,7 +167,7 @@ def giving_way(system: System, desired: np.ndarray, forms: np.ndarray) -> tuple[
     norm of the largest eigenvalue of S⁻¹(CᵀΩC): of all modes, and of those that ring on. `forms`: of `coupling_forms`.
     """
     found = np.zeros(len(forms))
-    largest_ratios_at(system.plant, desired, forms, scratch_workspace(system), found)
+    largest_ratios_at(system.plant, desired, forms, _lightest_workspace(system), found)
     gives, coupling, lasting = map(float, found)
     return gives, coupling, lasting
 
@@ -169,7 +186,7 @@ def longest_creeping_step(system: System, desired: np.ndarray, beam: Beam, gives
         (hh, hg), (_, gg) = product(loads * (creeps * np.minimum(step * D, 1.0)), loads.T)
         forms.append(_in_pose(hh, hg, gg))
     found = np.zeros(len(forms))
-    largest_ratios_at(system.plant, desired, np.stack(forms), scratch_workspace(system), found)
+    largest_ratios_at(system.plant, desired, np.stack(forms), _lightest_workspace(system), found)
     allowed = STEPS_TRIED[found <= STABLE_CREEP]
     return math.inf if len(allowed) == len(STEPS_TRIED) else float(max(allowed, default=STEPS_TRIED[-1]))
 
@@ -199,7 +216,9 @@ def largest_ratios_at(plant, desired, forms, ws, largest):
     scratch = ws.truth[0].scratch
     for k in range(len(desired)):
         if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
-            rigid_inertia(plant, ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S)
+            rigid_inertia(
+                plant, mass_factor(plant.mass_change, ws), ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S
+            )
             for m in range(len(forms)):
                 for a in range(3):
                     for b in range(3):

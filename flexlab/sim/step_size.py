@@ -88,8 +88,10 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     simulation, beam_speed, joint_speed = scenario.simulation, rates.beam, joint_rate(system, rates.poses)
     law_speed, motor_speed = control_rate(system, rates.poses), motor_rate(system)
     control_speed = law_speed + joint_speed + motor_speed
-    integrator = simulation.integrator
-    if integrator == "auto":
+    integrator, mass_change = simulation.integrator, scenario.payload.mass_change
+    if integrator == "auto" and mass_change.active:
+        integrator = "rk4"  # The others propagate the modes of a mass that stays.
+    elif integrator == "auto":
         # Only a beam so slow that rk4 resolves all its modes saves by not propagating them exactly.
         step = simulation.step or _accurate_step("rk4", simulation.accuracy, control_speed)
         integrator = "rk4" if step * beam_speed < SOFT_BEAM else "etdrk4"
@@ -103,34 +105,41 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
             accurate = max(COUPLED_STEP, ease * min(lasting, FADING_LIMIT / coupling))
             coupled = min(STABLE_COUPLING / coupling, accurate)
         if integrator == "rk4":
-            stable = min(RESOLVED * stable, RESOLVED_ANGLE / float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]))
+            third = float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]) / math.sqrt(mass_change.lightest)
+            stable = min(RESOLVED * stable, RESOLVED_ANGLE / third)
         creeping = rates.overdamped if integrator == "etdrk4" else math.inf
         step = min(creeping, stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
         bound = "joints" if joint_speed > law_speed else "law"
         bound = "motors" if motor_speed > max(joint_speed, law_speed) else bound
         bound = "creep" if step == creeping else "beam" if step == min(stable, coupled) else bound
-        _refuse_tiny(step, integrator, bound)
+        _refuse_tiny(step, integrator, bound, mass_change.active)
         return Choice(integrator, step, bound)
+    etdrk4 = "" if mass_change.active else "etdrk4, "
     if simulation.step > stable:
         raise ScenarioError(
             [
                 (
                     "simulation.step",
                     f"simulation.step = {simulation.step:g} s is unstable with rk4: the stiffest mode of this beam allows "
-                    f"at most {number_text(stable, 3)} s. Choose a shorter step, etdrk4, or null for an automatic step.",
+                    f"at most {number_text(stable, 3)} s. Choose a shorter step, {etdrk4}or null for an automatic step.",
                 )
             ]
         )
     return Choice(integrator, simulation.step, "given")
 
 
-def _refuse_tiny(step: float, integrator: str, bound: str) -> None:
-    """Raise `ScenarioError` for a step that nobody would live to see the end of; `bound`: as of `Choice`."""
+def _refuse_tiny(step: float, integrator: str, bound: str, mass_changes: bool) -> None:
+    """Raise `ScenarioError` for a step that nobody would live to see the end of; `bound`: as of `Choice`.
+
+    `mass_changes`: whether no other integrator goes such a payload.
+    """
     if step >= SHORTEST_CHOSEN:
         return
     least = number_text(SHORTEST_CHOSEN)
     need = f"would need a step of {number_text(step, 2)} s with {integrator}, below the {least} s that is allowed"
     auto = "" if integrator == "etdrk4" else "or the integrator auto, "
+    if mass_changes:
+        auto = "or payload.mass_change.factor 1, "
     if bound == "creep":
         # How short it would have to be was not looked for, and nobody can set one.
         need = f"would need steps below the {least} s that are allowed with {integrator}"

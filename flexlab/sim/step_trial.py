@@ -15,6 +15,7 @@ from flexlab.numerics.elementary import exponentials
 from flexlab.numerics.linear_algebra import solve
 from flexlab.own.law import OwnController
 from flexlab.physics.dynamics import set_momenta
+from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, P
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.assembly import Assembly, Unprepared
@@ -91,13 +92,15 @@ def _doublings(ratio: float) -> int:
 
 
 def _instants(assembly: Assembly, tick_period: float) -> list[int]:
-    """Numbers of the ticks from which a trial goes: the start, and those with the first kinks."""
+    """Numbers of the ticks from which a trial goes: the start, those with the first kinks, and where a payload is lightest."""
     found, apart = [0], TRIED // 2
     for kink in assembly.system.trajectory.kinks:
         tick = math.floor(kink / tick_period - 1e-9)
         if tick > found[-1] + apart:
             found.append(tick)
-    return found[: 1 + KINKS_TRIED]
+    mass_change = assembly.scenario.payload.mass_change
+    lighter = [math.ceil((mass_change.begin + mass_change.duration) / tick_period)] if mass_change.lightest < 1 else []
+    return found[: 1 + KINKS_TRIED] + lighter
 
 
 def _needed(assembly: Assembly, tick_period: float, tick: int, least: int, most: int, at_once: bool) -> int:
@@ -164,6 +167,7 @@ def _rate_error(assembly: Assembly, coarse: Trial, fine: Trial) -> np.ndarray:
     """How the pose's rates differ at the ends of two trials (3,) but for the beam's ring, which moves it to and fro."""
     system, y, rest = assembly.system, fine.y.copy(), np.zeros(len(assembly.beam.modes.omega))
     workspace, inertia = scratch_workspace(system), np.empty((3, 3))
+    find_mass_at(system.plant, fine.rows[-1, row_layout.TIME], workspace)
     for axis, rate in enumerate(np.eye(3)):
         set_momenta(system.plant, y, rate, rest, workspace)
         inertia[:, axis] = y[P : P + 3]

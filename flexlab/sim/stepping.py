@@ -4,6 +4,7 @@ import numpy as np
 
 from flexlab.compiled import entry_point
 from flexlab.physics.dynamics import velocities_at
+from flexlab.physics.mass_change import find_mass_at
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, advance
 from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
@@ -48,6 +49,7 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
         if looks:
             _look(motion, part[ticks - 1], start)
     if code != 0:
+        find_mass_at(motion.assembly.system.plant, motion.time, motion.workspace)
         velocities_at(motion.assembly.system.plant, motion.y, motion.workspace)
         rate = motion.workspace.velocity
         motion.status = runtime_fault(motion.assembly, code, motion.y[:3], rate, motion.time, motion.tick_period)

@@ -3,17 +3,19 @@
 Same scenario and same commands at the same ticks give the same bits, whatever the sizes of the blocks it is advanced by.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import accuracy, row_layout
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.build import Beam
 from flexlab.sim.carry_over import take_on
-from flexlab.sim.closed_loop import System
+from flexlab.sim.closed_loop import System, scratch_workspace
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_axial_impulse, apply_pull, apply_tap
 from flexlab.sim.integrators.beam_flow import TICKS
@@ -95,7 +97,8 @@ class World:
         growing = self._motion.level > 0 and settled
         bound = "law" if growing else assembly.bound
         level = self._motion.level if growing else 0
-        return pace_warning(self.integrator, assembly.beam, assembly.levels.step / 2**level, bound)
+        changes = self.scenario.payload.mass_change.active
+        return pace_warning(self.integrator, assembly.beam, assembly.levels.step / 2**level, bound, changes)
 
     @property
     def integrator(self) -> str:
@@ -119,8 +122,11 @@ class World:
 
     @property
     def first_frequency(self) -> float:
-        """f1 of the payload with its grips held, Hz."""
-        return float(np.min(self.beam.modes.omega)) / (2 * np.pi)
+        """f1 of the payload with its grips held and the mass that it has now, Hz."""
+        plant, omega = self.system.plant, float(np.min(self.beam.modes.omega))
+        if plant.mass_change is not None:
+            omega /= math.sqrt(find_mass_at(plant, self.time, scratch_workspace(self.system)))
+        return omega / (2 * np.pi)
 
     @property
     def row_length(self) -> int:
@@ -190,10 +196,11 @@ class World:
             apply_pull(assembly.system.plant, motion.scenario, assembly.beam, command)
         else:
             plant, before = assembly.system.plant, motion.y.copy()
-            apply_tap(motion.scenario.payload, assembly.beam, motion.y, command)
+            factor = find_mass_at(plant, motion.time, motion.workspace)
+            apply_tap(motion.scenario.payload, assembly.beam, motion.y, command, factor)
             if motion.scenario.payload.axial_load != "none":
                 apply_axial_impulse(
-                    plant, motion.scenario.payload, assembly.beam, before, motion.y, motion.workspace, command
+                    plant, motion.scenario.payload, assembly.beam, before, motion.y, motion.workspace, command, factor
                 )
         motion.estimate = accuracy.disturbed(motion.estimate, assembly, motion.tick)
         return False

@@ -47,7 +47,10 @@ PLANTED = (
     ),
     PlantedError("bent beam's inertia about θ", "physics/dynamics.py", "= -c * w_bar + s * hg", "= c * w_bar + s * hg"),
     PlantedError(
-        "weight of the payload", "physics/dynamics.py", "dy[P + 1] -= plant.m * g", "dy[P + 1] += plant.m * g"
+        "weight of the payload",
+        "physics/dynamics.py",
+        "dy[P + 1] -= factor * (plant.m * g)",
+        "dy[P + 1] += factor * (plant.m * g)",
     ),
     PlantedError(
         "Coriolis terms of an arm", "physics/arm.py", "C12, C13, C23 = -arm.mu_12", "C12, C13, C23 = arm.mu_12"
@@ -293,6 +296,31 @@ PLANTED = (
         "np.eye(count) / time_constant",
         "np.eye(count) / (1.1 * time_constant)",
     ),
+    PlantedError(
+        "momentum that material brings",
+        "physics/dynamics.py",
+        "dy[P + a] += rate / factor * own",
+        "dy[P + a] += 0.98 * rate / factor * own",
+    ),
+    PlantedError(
+        "energy that material brings",
+        "physics/dynamics.py",
+        "rate * (twice / 2 + height)",
+        "rate * (twice + height)",
+    ),
+    PlantedError(
+        "stiffness over a filled beam's mass",
+        "physics/dynamics.py",
+        "(w * w - ease * plant.modal[OMEGA2, k])",
+        "(w * w - plant.modal[OMEGA2, k])",
+    ),
+    PlantedError(
+        "mass in the beam's push on the arms",
+        "physics/dynamics.py",
+        "result[1] += s * inward + c * sideways - factor *",
+        "result[1] += s * inward + c * sideways - 1.01 * factor *",
+    ),
+    PlantedError("course of a change of mass", "physics/mass_change.py", "(15 - 6 * u)", "(15 - 5.9 * u)"),
     PlantedError("rate of two readings", "physics/encoders.py", "/ period\n", "/ (1.1 * period)\n"),
     PlantedError(
         "lag of the rate in the linear model",

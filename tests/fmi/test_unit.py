@@ -38,6 +38,7 @@ TICK = 0.001
 BANG_BANG = {"trajectory": {"kind": "bang-bang", "duration": 0.1513}}
 """A path whose acceleration jumps within ticks."""
 FRICTION = {"joints.friction.viscous": (5.0, 5.0, 2.0), "joints.friction.coulomb": (8.0, 6.0, 2.0)}
+FILLED = {"payload.mass_change.factor": 2.0, "payload.mass_change.begin": 0.05, "payload.mass_change.duration": 0.1}
 MOTORS = {"joints.motor.time_constant": 0.004, "joints.motor.stall_torque": (450.0, 250.0, 90.0)}
 ENCODERS = {"joints.encoders.counts": (2e5, 2e5, 1e5), "controller.control_period": 0.001}
 Export = Callable[..., Path]
@@ -132,6 +133,7 @@ def test_fmpy_finds_nothing_wrong(export: Export, part: str, version: int):
         ("paper", FRICTION, 3, 1),
         ("paper", ENCODERS, 3, 1),
         ("paper", MOTORS, 3, 1),
+        ("paper", FILLED, 3, 1),
     ],
 )
 def test_the_loop_gives_the_engines_bits(
@@ -174,6 +176,7 @@ def test_the_plant_with_the_engines_torques_moves_as_the_engine_does(export: Exp
         ("paper", FRICTION),
         ("paper", ENCODERS),
         ("paper", MOTORS),
+        ("paper", FILLED),
         ("gravity", {"controller.control_period": TICK, "controller.input_delay": 2}),
         ("composite", {"controller.control_period": TICK, "controller.observer.kind": "kalman"}),
         (

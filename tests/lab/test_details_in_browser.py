@@ -8,6 +8,7 @@ from flexlab.presets import load_preset, preset_names
 from flexlab.quantities import Part
 from flexlab.scenario import Scenario
 from flexlab.scenario.differences import ENGINE
+from flexlab.sim.world import World
 
 
 def shown_in_sections(path: str) -> bool:
@@ -83,4 +84,22 @@ def test_limits_sampling_and_arms_are_set_in_their_folders(page: LabPage) -> Non
         )
         wait_until(lambda left=left: back.count() == left, "its small button goes", 20)
     assert page.snapshot.scenario == load_preset("paper")
+    assert not page.errors
+
+
+def test_a_payload_is_filled_by_its_slider(page: LabPage) -> None:
+    World(page.snapshot.scenario.replace({"payload.mass_change.factor": 3.0})).advance(
+        2
+    )  # So that nobody waits for machine code.
+    page.enter("Duration of the change of mass T_μ (s)", "0.5")
+    page.enter("Mass afterwards over mass before (1: it stays) μ", "3")
+    wait_until(
+        lambda: page.snapshot.scenario.payload.mass_change.factor == 3, "the payload is to weigh three times as much"
+    )
+    wait_until(lambda: page.snapshot.latest.own["payload_mass"][-1] == 3, "it is filled")
+    page.wait_for_text("Start of the change of mass t_μ (s)")
+    page.picture("filled")
+    page.enter("Mass afterwards over mass before (1: it stays) μ", "90")
+    page.wait_for_text("0.05 to 20")
+    assert page.snapshot.scenario.payload.mass_change.factor == 3
     assert not page.errors

@@ -168,17 +168,41 @@ def with_joints(scenario: Scenario, seed: int) -> Scenario:
             continue
 
 
+def with_mass_change(scenario: Scenario, seed: int) -> Scenario:
+    """The scenario with a payload that is filled or emptied while it is judged."""
+    rng = np.random.default_rng([seed, 3])
+    names = {
+        "factor": 10 ** rng.uniform(-1, 1),
+        "begin": rng.uniform(0, 0.05),
+        "duration": 10 ** rng.uniform(-1.5, -0.3),
+    }
+    changes = {f"payload.mass_change.{name}": float(value) for name, value in names.items()}
+    filled = scenario.replace({"simulation.integrator": "auto"}).replace(changes)
+    try:
+        World(filled)
+    except ScenarioError:  # Too fine and stiff for rk4, the one integrator that goes it.
+        changes = {"payload.element_count": 2, "payload.mode_count": None, "payload.bending_stiffness": 100.0}
+        filled = filled.replace({**changes, "payload.damping": {"kind": "nodal", "coefficient": 0.1}})
+    return filled
+
+
 def judge(
     seed: int,
     longest_reference: float = LONGEST_REFERENCE,
     wide: bool = False,
     axial: bool = False,
     joints: bool = False,
+    mass: bool = False,
 ) -> Judgement:
-    """Run a scenario as it is and with finer steps; `axial`: its beam feels the force along it; `joints`: as `with_joints`."""
+    """Run a scenario as it is and with finer steps; `axial`: its beam feels the force along it.
+
+    `joints`, `mass`: as `with_joints`, `with_mass_change`.
+    """
     scenario = wide_scenario(seed) if wide else random_scenario(seed)
     if joints:
         scenario = with_joints(scenario, seed)
+    if mass:
+        scenario = with_mass_change(scenario, seed)
     if axial:
         scenario = scenario.replace({"payload.axial_load": "first-order"})
     world = World(scenario)
@@ -243,12 +267,13 @@ def main() -> None:
     asked.add_argument("--wide", action="store_true")
     asked.add_argument("--axial", action="store_true")
     asked.add_argument("--joints", action="store_true")
+    asked.add_argument("--mass", action="store_true")
     asked.add_argument("--seconds", type=float, default=LONGEST_REFERENCE)
     given = asked.parse_args()
     first, last = (0, given.numbers[0]) if len(given.numbers) == 1 else given.numbers[:2]
     bad = 0
     for seed in range(first, last):
-        judged = judge(seed, given.seconds, given.wide, given.axial, given.joints)
+        judged = judge(seed, given.seconds, given.wide, given.axial, given.joints, given.mass)
         bad += bool(judged.complaints)
         mark = " | ".join([*judged.complaints, *(["slower than real time, unannounced"] if judged.crawls else [])])
         print(f"{seed}: {mark or 'fine'}   [{judged.text}]", flush=True)

@@ -49,8 +49,8 @@ def checks(runs: Runs) -> Iterator[Check]:
 
 
 def imbalance(run: Run) -> float:
-    """Largest |ΔE - ∫(power in, that of the axial load too, - dissipation, that of friction too)|, J."""
-    gained, work = run.total_energy, run.input_work + run.axial_work
+    """Largest |ΔE - ∫(power in, that of the axial load and of material too, - dissipation, that of friction too)|, J."""
+    gained, work = run.total_energy, run.input_work + run.axial_work + run.own.get("material_energy", 0.0)
     lost = run.dissipated_energy + run.own.get("friction_loss", 0.0)
     return float(np.abs((gained - gained[0]) - (work - work[0]) + (lost - lost[0])).max())
 

@@ -77,6 +77,12 @@ class MassPoints:
         A = self.payload_inertia(np.concatenate([x, np.zeros(self._N.shape[1])]))
         return A[:3, :3] - A[:3, 3:] @ np.linalg.solve(A[3:, 3:], A[3:, :3])
 
+    def filled(self, factor: float) -> "MassPoints":
+        """The same with a payload whose density is `factor` times as large."""
+        other, density = copy(self), factor * self._payload.linear_density
+        other._payload = self._payload.model_copy(update={"linear_density": density})
+        return other
+
     def of_one_kilogram(self, index: int, link: int) -> "MassPoints":
         """The same with one link of one arm as all of its mass: 1 kg, with that link's radius of gyration."""
         alone = copy(self)

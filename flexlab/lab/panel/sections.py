@@ -32,8 +32,10 @@ CHOSEN = (
 """Fields that are a word from a menu."""
 FIRST = ("bending_stiffness", "damping")
 """Fields that stand before the others: what a student changes first."""
-LAST = ("load_share", "wanted_internal_force")
-"""Fields that stand after the others: what all laws share."""
+LAST = ("load_share", "wanted_internal_force", "mass_change")
+"""Fields that stand after the others: what all laws share, and what few payloads have."""
+SHOWN_PARTS = ("payload.mass_change",)
+"""Parts without a kind whose numbers stand among those of what they are a part of."""
 
 
 class Entry(NamedTuple):
@@ -64,7 +66,7 @@ def _walk(part: Part, path: str) -> Iterator[Entry]:
         value = getattr(part, name)
         inner = f"{path}.{name}" if path else name
         about = describe(type(part), name)
-        if path and isinstance(value, Part) and "kind" in type(value).model_fields:
+        if path and isinstance(value, Part) and ("kind" in type(value).model_fields or inner in SHOWN_PARTS):
             yield from _walk(value, inner)
         elif about.slider is not None:
             yield from _components(inner, about, value)

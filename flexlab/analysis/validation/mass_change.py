@@ -1,0 +1,153 @@
+"""A payload that is filled or emptied, against mass points as heavy as they are at each instant, and against closed forms."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlab.analysis.internal_force import internal_force_eq_26
+from flexlab.analysis.validation.check import FINE, Check, Runs, above, alike, below, close, general, run_of
+from flexlab.analysis.validation.invariants import imbalance
+from flexlab.analysis.validation.mass_points import MassPoints, slopes, time_derivative
+from flexlab.presets import load_preset
+from flexlab.sim.commands import ChangeScenario, Pull
+from flexlab.sim.samples import Samples
+from flexlab.sim.world import World
+
+SUBJECT, PLACE = "A payload that is filled or emptied", 13
+
+EVERY = 75
+"""Of the fine run, which instants are looked at."""
+DAMPING = 0.1
+"""The paper's, on q̇."""
+FILLED, EMPTIED, BEGIN, DURATION = 3.0, 0.3, 0.05, 0.2
+"""μ of two runs; s."""
+LIGHT = 1e-7
+"""kg: links that take part in nothing."""
+SPEED, STIFFNESS, AHEAD = 0.3, 2.0, 0.9
+"""m/s of a coasting payload; N/m and m of a hand that pulls one."""
+
+
+def checks(runs: Runs) -> Iterator[Check]:
+    """Lagrange's equations with the momentum that material brings, energy, what is left of the change, closed forms."""
+    yield from _along_a_motion()
+    for factor in (FILLED, EMPTIED):
+        run = run_of("the run with another mass", {**_change(factor), "gravity": 9.81}, 0.4, 0.001)
+        moved = float(np.abs(np.diff(run.input_work)).sum() + np.ptp(run.dissipated_energy))
+        yield below(
+            f"mass × {factor:g}: energy gained = work - energy damped + energy that material brought, as a part of what moved",
+            1e-6,
+            imbalance(run) / moved,
+        )
+        yield from _afterwards(factor)
+        yield from _free(factor)
+
+
+def _change(factor: float) -> dict[str, object]:
+    """A change of mass by this factor."""
+    names = {"factor": factor, "begin": BEGIN, "duration": DURATION}
+    return {f"payload.mass_change.{name}": value for name, value in names.items()}
+
+
+def mass_ratio(time: np.ndarray, factor: float, begin: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
+    """s and ṡ of 10u³ - 15u⁴ + 6u⁵, 1 and 1/s, (N,) each."""
+    ramp = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
+    u = np.clip((time - begin) / duration, 0.0, 1.0)
+    return 1 + (factor - 1) * ramp(u), (factor - 1) * ramp.deriv()(u) / duration
+
+
+def _along_a_motion() -> Iterator[Check]:
+    """3 ms of a fast, bent, heavy motion in the middle of a fast change: mass points that get heavier."""
+    begin, duration = 0.0, 0.01
+    changes = {"factor": FILLED, "begin": begin, "duration": duration}
+    run = general(
+        "the general run with another mass",
+        **{f"payload__mass_change__{name}": value for name, value in changes.items()},
+    )
+    points = MassPoints(run.scenario)
+    s, s_dot = mass_ratio(run.time, FILLED, begin, duration)
+    yield alike(
+        "the payload weighs ρL (1 + (μ - 1)(10u³ - 15u⁴ + 6u⁵)): relative error", 1e-14, run.own["payload_mass"], s
+    )
+    heavy = [points.filled(factor) for factor in s]
+    p, rate = np.hstack([run.pose, run.beam_coordinates]), np.hstack([run.pose_rate, run.beam_rates])
+    rows = range(2, len(run) - 2, EVERY)
+    yield above("mass that has joined by the end, as a part of that at the start", 0.2, s[-1] - 1)
+    energy = [0.5 * rate[k] @ heavy[k].inertia(p[k]) @ rate[k] + heavy[k].potential(p[k]) for k in rows]
+    yield alike(
+        "T + V is that of points as heavy as they are then: relative error", 1e-10, run.total_energy[rows], energy
+    )
+    change = time_derivative(np.array([heavy[k].inertia(p[k]) @ rate[k] for k in range(len(run))]), FINE)
+    residual = []
+    for k in rows:
+        kinetic = slopes(lambda at, v=rate[k], of=heavy[k]: np.array(0.5 * v @ of.inertia(at) @ v), p[k])
+        stored = slopes(lambda at, of=heavy[k]: np.array(of.potential(at)), p[k])
+        force = np.concatenate([run.arm_input[k].sum(axis=0), -DAMPING * rate[k, 3:]])
+        brought = s_dot[k] * points.payload_inertia(p[k]) @ rate[k]
+        residual.append(change[k - 2] - kinetic + stored - force - brought)
+    error = np.abs(residual).max(axis=0) / np.abs(change).max(axis=0)
+    yield below(
+        "Lagrange's equations with the momentum ṡ A v that material brings, for x0, y0, θ: relative residual",
+        1e-6,
+        error[:3].max(),
+    )
+    yield below("and for the beam's q: relative residual", 1e-6, error[3:].max())
+    changed, told = time_derivative(run.pose_rate, FINE), run.pose_acceleration
+    yield alike("the sampled ẍ is the change of ẋ: relative error", 1e-6, changed, told[2:-2], told)
+    away = float(np.abs(internal_force_eq_26(run) - run.internal_force).max() / np.abs(run.internal_force).max())
+    yield below("internal force, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part", 1e-9, away)
+
+
+def _afterwards(factor: float) -> Iterator[Check]:
+    """Once the mass has changed, a payload that always had that density goes on alike."""
+    still = {"simulation.integrator": "rk4", "simulation.step": 1e-5, "gravity": 9.81}
+    worlds = []
+    for _ in range(2):
+        world = World(load_preset("paper").replace({**_change(factor), **still}))
+        world.advance(300)
+        worlds.append(world)
+    one, other = worlds
+    other.apply(
+        ChangeScenario(
+            {
+                "payload.mass_change.factor": 1.0,
+                "payload.linear_density": factor * other.scenario.payload.linear_density,
+                "controller.model.linear_density_factor": 1 / factor,
+            }
+        )
+    )
+    changed, always = one.advance(300), other.advance(300)
+    yield below(
+        f"mass × {factor:g}, 0.3 s after its change: pose beside that of a payload of that density, m or rad",
+        1e-10,
+        float(np.abs(changed.pose - always.pose).max()),
+    )
+    yield alike("and the deflection, as a part", 1e-7, changed.midspan_deflection, always.midspan_deflection)
+
+
+def _free(factor: float) -> Iterator[Check]:
+    """Between arms that weigh nothing, with motors off."""
+    coasting, pulled = _light_run(factor, SPEED, 0.0), _light_run(factor, 0.0, STIFFNESS)
+    yield below(
+        f"mass × {factor:g}: a payload that coasts between weightless arms keeps its velocity, as a part",
+        1e-5,
+        np.abs(coasting.pose_rate[:, 0] / SPEED - 1).max(),
+    )
+    force = STIFFNESS * (AHEAD - pulled.pose[:, 0])
+    s, _ = mass_ratio(pulled.time, factor, BEGIN, DURATION)
+    rate = force / s
+    # Simpson's rule, of which the ends of the change lie on samples.
+    pairs = (rate[:-2:2] + 4 * rate[1:-1:2] + rate[2::2]) * (pulled.time[2::2] - pulled.time[:-2:2]) / 6
+    yield close(
+        f"mass × {factor:g}: pulled by F, it has gained v = ∫F/(s m) dt", float(pairs.sum()), float(pulled.pose_rate[-1, 0]),
+        "m/s", 1e-5,
+    )  # fmt: skip
+
+
+def _light_run(factor: float, speed: float, stiffness: float) -> Samples:
+    """0.4 s of the paper's payload in arms whose links weigh `LIGHT`, along x; `stiffness`: of a hand at its middle, N/m."""
+    arms = {f"{side}_arm.link_mass": (LIGHT,) * 3 for side in ("left", "right")}
+    still = {"controller.kind": "none", "initial.pose": (0.0, 0.75, 0.0), "initial.pose_rate": (speed, 0.0, 0.0)}
+    world = World(load_preset("paper").replace({**_change(factor), **arms, **still}))
+    if stiffness:
+        world.apply(Pull(0.0, (AHEAD, 0.75), stiffness))
+    return world.run(400)

@@ -1,0 +1,90 @@
+"""A payload that takes up or loses material: a vessel that is filled, a beam from which something flows, evenly all along it.
+
+Its density is ρ s(t), so that mass, inertia and weight all grow by s(t); what bends (EI) and what damps are the tube's and stay.
+Material joins and leaves with the velocity of the place where it does so. It brings the momentum that it has there, and nothing
+else pushes: with A, B, U of the payload at the start
+
+    d/dt(s A v) = F + ṡ A v      and so      s (A v̇ + B v + ∂U/∂p) + K_F q + D q̇ = F,
+
+the equations of a payload as heavy as it is at this instant, whatever ṡ (Meshchersky's without relative velocity). The energy
+grows by what motors do and by the ½ ṡ vᵀA v + ṡ U that material brings. In the state of `physics.plant` π stays the beam's
+momentum per unit of s, π = η̇ + h v2 + g ω, and P is the whole momentum, so that
+
+    P = (M̄1 + M̄2 + s (A11 - A12 A21)) ẋ + s A12 π,      Ṗ = … + ṡ (A11 ẋ + A12 η̇),      π̇ = -(Ω²η + Dη̇ + K_G η)/s + …
+
+s goes from 1 to `factor` by 10u³ - 15u⁴ + 6u⁵, u = (t - begin)/duration, which has no jump in its second derivative. Of a
+plant whose mass stays `Plant.mass_change` is None, and nothing of this is compiled into its loop.
+"""
+
+from typing import NamedTuple
+
+from flexlab.compiled import compiled, inlined
+
+FACTOR, RATE = 0, 1
+"""Places of s, 1, and ṡ, 1/s, in `Workspace.mass_factor`."""
+
+
+class MassChange(NamedTuple):
+    """How the payload's mass changes."""
+
+    factor: float
+    """Mass afterwards over mass at the start, 1."""
+    begin: float
+    """s."""
+    duration: float
+    """s."""
+
+
+@inlined
+def mass_states(change):
+    """How many numbers of the state y are the material's: the energy that it brought, J; none where the mass stays."""
+    return 0 if change is None else 1
+
+
+@inlined
+def mass_factor(change, ws):
+    """s, 1, of the instant for which `find_mass` was last asked."""
+    if change is None:
+        return 1.0
+    return ws.mass_factor[FACTOR]
+
+
+@inlined
+def find_mass(change, t, ws):
+    """Note s and ṡ of the instant t, s, in ws.mass_factor."""
+    if change is None:
+        return
+    u, more = (t - change.begin) / change.duration, change.factor - 1
+    if u <= 0:
+        ws.mass_factor[FACTOR], ws.mass_factor[RATE] = 1.0, 0.0
+    elif u >= 1:
+        ws.mass_factor[FACTOR], ws.mass_factor[RATE] = change.factor, 0.0
+    else:
+        ws.mass_factor[FACTOR] = 1 + more * (u * u * u * (10 - u * (15 - 6 * u)))
+        ws.mass_factor[RATE] = more * (30 * u * u * (1 - u) * (1 - u)) / change.duration
+
+
+@compiled
+def _find_mass_at(change, t, ws):
+    find_mass(change, t, ws)
+
+
+def find_mass_at(plant, t: float, ws) -> float:
+    """`find_mass` for Python, before kernels that take no time: momenta and velocities depend on s. Returns s, 1."""
+    if plant.mass_change is None:
+        return 1.0
+    _find_mass_at(plant.mass_change, float(t), ws)
+    return float(ws.mass_factor[FACTOR])
+
+
+def note_lightest(plant, ws) -> float:
+    """Note in ws the least s of a run, with which the beam's modes are fastest, as if it stayed; returns it, 1."""
+    if plant.mass_change is None:
+        return 1.0
+    ws.mass_factor[:] = min(1.0, plant.mass_change.factor), 0.0
+    return float(ws.mass_factor[FACTOR])
+
+
+def build_mass_change(change) -> MassChange | None:
+    """`Plant.mass_change` of a payload's `mass_change`."""
+    return MassChange(change.factor, change.begin, change.duration) if change.active else None

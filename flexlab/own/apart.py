@@ -72,13 +72,13 @@ class LawApart(OwnProcess):
         """Whether the answer came after all. Given up is a law that could work and is still at it, or anything after long."""
         begin, probes = time.monotonic(), 0
         while self._is_alive() and not self._problem:
-            before, heard = self._waited(), self._heard
+            before, heard = self._look(), self._heard
             if self._has_answer(PROBE):
                 return True
             self._listen(0.0)  # Who writes more reports than the socket holds is held up until they are read.
             if self._problem:
                 return False
-            is_held_up = self._heard > heard or self._waited() - before > STARVED * PROBE
+            is_held_up = self._heard > heard or self._waited(before) > STARVED * PROBE
             probes = 0 if is_held_up else probes + 1
             late = time.monotonic() - begin > (LONGEST_PATIENCE if is_held_up else PATIENCE)
             if probes < PROBES and not late:
@@ -125,14 +125,14 @@ class PathApart(OwnProcess):
     def _received(self, size: int) -> bytes:
         data, worked, end = b"", 0.0, time.monotonic() + POSES_PATIENCE
         while len(data) < size:
-            before, waited = time.monotonic(), self._waited()
+            before = self._look()
             if select.select([self._calls], [], [], PROBE)[0]:
                 part = self._calls.recv(size - len(data))
                 if not part:
                     raise self._over(self._how_it_ended())
                 data += part
                 continue
-            worked += max(0.0, time.monotonic() - before - (self._waited() - waited))
+            worked += max(0.0, time.monotonic() - before.time - self._waited(before))
             if worked > POSES_LIMIT or time.monotonic() > end:
                 problem = f"{self._name}{self._line()}: position took longer than {POSES_LIMIT:g} s for its poses."
                 raise self._over(problem)

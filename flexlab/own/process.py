@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 from flexlab.own.execution import TextProblem
 from flexlab.plain_text import visible
@@ -28,6 +29,19 @@ ENDING_LIMIT = 5.0
 """s for the process to end what its text started."""
 LINE_LIMIT = 0.3
 """s to wait for the line in which a late process is."""
+
+
+class Look(NamedTuple):
+    """What the system tells of a process at an instant."""
+
+    time: float
+    """s, of the monotonic clock."""
+    worked: float
+    """s on a processor so far."""
+    waited: float
+    """s in the queue for one so far, but for the wait that goes on."""
+    is_runnable: bool
+    """Whether it works, or would if a processor were free."""
 
 
 class OwnProcess:
@@ -198,12 +212,22 @@ class OwnProcess:
         self.close()
         return False
 
-    def _waited(self) -> float:
-        """s that the process has waited for a processor; 0 where the system does not tell."""
+    def _look(self) -> Look:
+        """How the process stands now; nothing is known where the system does not tell."""
         try:
-            return int(Path(f"/proc/{self._worker}/schedstat").read_text().split()[1]) / 1e9
+            work, wait = Path(f"/proc/{self._worker}/schedstat").read_text().split()[:2]
+            state = Path(f"/proc/{self._worker}/stat").read_text().rpartition(")")[2].split()[0]
         except (OSError, ValueError, IndexError):
-            return 0.0
+            return Look(time.monotonic(), 0.0, 0.0, False)
+        return Look(time.monotonic(), int(work) / 1e9, int(wait) / 1e9, state == "R")
+
+    def _waited(self, since: Look) -> float:
+        """s that the process has waited for a processor since a look."""
+        now = self._look()
+        # Linux counts a wait when it ends: one that goes on is seen by who could work and does not.
+        if now.is_runnable and since.is_runnable and now.worked == since.worked:
+            return now.time - since.time
+        return now.waited - since.waited
 
     def _line(self) -> str:
         """Where the text is now, as in ", line 12"; empty if it cannot be found out."""

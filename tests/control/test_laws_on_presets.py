@@ -108,5 +108,5 @@ def test_leakage_lets_the_bound_estimates_fade():
 def test_shares_and_forces_out_of_range_are_refused():
     with pytest.raises(ScenarioError, match=r"controller\.load_share = 1\.2 is outside .* 0 to 1"):
         load_preset("paper").replace({"controller.load_share": 1.2})
-    with pytest.raises(ScenarioError, match=r"controller\.wanted_internal_force = 1e\+06 N"):
+    with pytest.raises(ScenarioError, match=r"controller\.wanted_internal_force = 1000000 N"):
         load_preset("paper").replace({"controller.wanted_internal_force": 1e6})

@@ -118,9 +118,9 @@ def _replayed(recording: Recording, blocks: Iterable[Samples] | None) -> Replay:
     if difference is not None:
         return Replay(done, difference, _difference_text(recording, difference, why), rounding.deviation)
     text = (
-        f"All {done} samples came out again within a tolerance of {TOLERANCE:g} of each signal's largest value, by at most "
-        f"{number_text(rounding.deviation, 1)} of it, and not bit for bit: {why}. It was recorded {_maker(recording)}; "
-        f"this is {_this_machine()}.{left_out}"
+        f"All {done} samples came out again within a tolerance of {number_text(TOLERANCE)} of each signal's largest value, "
+        f"by at most {number_text(rounding.deviation, 1)} of it, and not bit for bit: {why}. It was recorded "
+        f"{_maker(recording)}; this is {_this_machine()}.{left_out}"
     )
     return Replay(done, None, text, rounding.deviation)
 
@@ -281,7 +281,7 @@ def _bits(signal: np.ndarray) -> np.ndarray:
 
 
 def _difference_text(recording: Recording, difference: Difference, why: str) -> str:
-    tolerance = f", beyond a tolerance of {TOLERANCE:g} of the signal's largest value" if why else ""
+    tolerance = f", beyond a tolerance of {number_text(TOLERANCE)} of the signal's largest value" if why else ""
     return (
         f"The replay differs first at t = {difference.time:g} s in {difference.signal}{tolerance}: recorded "
         f"{difference.recorded!r}, now {difference.replayed!r}. It was recorded {_maker(recording)}; this is {_this_machine()}."

@@ -7,6 +7,7 @@ import socket
 import sys
 import threading
 import time
+from itertools import pairwise
 
 import psutil
 import pytest
@@ -121,10 +122,13 @@ def test_many_sessions_leave_nothing_behind() -> None:
 
     for _ in range(5):
         live_shortly()
-    threads, sockets, memory = threading.active_count(), open_sockets(), kept_memory()
-    for _ in range(MANY):
-        live_shortly()
-    wait_until(lambda: threading.active_count() <= threads, "threads are back to where they were", 20)
-    wait_until(lambda: open_sockets() <= sockets, "sockets are back to where they were", 20)
-    grown = (kept_memory() - memory) / MANY
+    threads, sockets, memory = threading.active_count(), open_sockets(), [kept_memory()]
+    for _ in range(2):
+        for _ in range(MANY // 2):
+            live_shortly()
+        wait_until(lambda: threading.active_count() <= threads, "threads are back to where they were", 20)
+        wait_until(lambda: open_sockets() <= sockets, "sockets are back to where they were", 20)
+        memory.append(kept_memory())
+    # What sessions leave they leave each time; what something else in this process takes comes once.
+    grown = min(after - before for before, after in pairwise(memory)) / (MANY // 2)
     assert grown < 200_000, f"{grown:.0f} bytes per session stay behind"

@@ -12,6 +12,7 @@ from flexlab.analysis.comparison import compare_into
 from flexlab.analysis.replay import TOLERANCE, replay
 from flexlab.analysis.resume import Repetition, resume
 from flexlab.analysis.run_summary import note_metrics
+from flexlab.number_text import number_text
 from flexlab.recording.export import export_recording, import_run
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_blocks, read_range, read_recording, read_scenarios
@@ -86,7 +87,7 @@ def test_it_replays_and_says_what_wrote_it(number: int, path: Path) -> None:
         assert found.difference.signal in same_numbers(number)
     if not found.identical:
         assert f"{maker} (format {number})" in found.text
-        assert f"a tolerance of {TOLERANCE:g}" in found.text
+        assert f"a tolerance of {number_text(TOLERANCE)}" in found.text
 
 
 @every_recording

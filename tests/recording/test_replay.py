@@ -12,6 +12,7 @@ from flexlab.analysis.replay import TOLERANCE, replay
 from flexlab.analysis.resume import resume, state_at
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import StudyError
+from flexlab.number_text import number_text
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import Recording, read_recording
@@ -124,7 +125,10 @@ def test_an_older_recording_is_compared_with_a_tolerance_that_is_said(recording:
     found = replay(older(rounded))
     assert found.agrees
     assert not found.identical
-    assert f"within a tolerance of {TOLERANCE:g} of each signal's largest value, by at most 1e-15 of it" in found.text
+    assert (
+        f"within a tolerance of {number_text(TOLERANCE)} of each signal's largest value, by at most 10⁻¹⁵ of it"
+        in found.text
+    )
     assert "recorded before results were the same on every machine" in found.text
     assert "an unknown processor" in found.text
 
@@ -138,7 +142,7 @@ def test_an_older_recording_is_told_from_one_of_a_slightly_other_gain(tmp_path: 
         found = replay(other)
         assert not found.agrees
         assert found.difference is not None
-        assert f"beyond a tolerance of {TOLERANCE:g}" in found.text
+        assert f"beyond a tolerance of {number_text(TOLERANCE)}" in found.text
 
 
 def test_a_hole_in_an_older_recording_is_no_rounding(recording: Recording) -> None:

@@ -27,8 +27,8 @@ LONGEST_PROBLEM = 2000
 """Characters of a sentence from the process."""
 ENDING_LIMIT = 5.0
 """s for the process to end what its text started."""
-LINE_LIMIT = 0.3
-"""s to wait for the line in which a late process is."""
+LINE_LIMIT, LONGEST_LINE_LIMIT = 0.3, 3.0
+"""s to wait for the line in which a late process is, without and with its own waits for a processor."""
 
 
 class Look(NamedTuple):
@@ -236,11 +236,13 @@ class OwnProcess:
             return ""
         self._listen(0.0)
         process.send_signal(signal.SIGUSR1)
-        end, text = time.monotonic() + LINE_LIMIT, ""
-        while time.monotonic() < end and self._is_alive():
+        idle, text, end = 0.0, "", time.monotonic() + LONGEST_LINE_LIMIT
+        while idle < LINE_LIMIT and time.monotonic() < end and self._is_alive():
+            before = self._look()
             text += self._listen(PROBE)
             if found := self._line_in(text):
                 return found
+            idle += time.monotonic() - before.time - self._waited(before)
         return ""
 
     def _line_in(self, text: str) -> str:

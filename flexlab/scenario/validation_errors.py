@@ -72,7 +72,7 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
         return path, f"{path} = {shown} is not usable: it has fields of its own, so give a dictionary of them."
     if kind == "string_type":
         return path, f"{path} = {shown} is not usable: give a text."
-    if kind in ("mesh", "arms", "inertia", "sampling", "path"):
+    if kind in ("mesh", "arms", "inertia", "sampling", "integrator", "path"):
         return path, f"{path + ': ' if path else ''}{text}."
     return path, f"{path} = {shown}: {text}."
 

@@ -96,6 +96,12 @@ def test_a_preset_holds_what_differs_from_the_defaults_and_no_more(name: str):
             continue  # Not even valid without it.
 
 
+def test_a_format_of_thousands_of_digits_is_a_short_sentence():
+    with pytest.raises(ScenarioError, match="is not known here") as caught:
+        parse_scenario({"format": int("9" * 4000)})
+    assert len(str(caught.value)) < 200
+
+
 def test_a_file_of_a_later_format_is_refused_in_a_sentence(tmp_path: Path):
     file = tmp_path / "later.json"
     file.write_text('{"format": 99}')

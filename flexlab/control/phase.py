@@ -7,6 +7,9 @@ import numpy as np
 
 from flexlab.control.path import Trajectory
 
+SLOWEST = 1e-9
+"""Hz: at or below it a path counts as at rest, as a round takes over thirty years; its period may not even be a number."""
+
 
 def three(value: float | tuple[float, ...]) -> tuple[float, ...]:
     """One number as the three that it stands for."""
@@ -39,7 +42,7 @@ class RoundPath(Trajectory):
     @property
     def span(self) -> float:
         """A round, s."""
-        return 1 / self.frequency if self.frequency > 0 and any(self.reach) else 0.0
+        return 1 / self.frequency if self.frequency > SLOWEST and any(self.reach) else 0.0
 
     @property
     def shortest_time(self) -> float:

@@ -212,23 +212,23 @@ def _check_update(server: GuardedServer, client: int, message: GuiUpdateMessage)
     handle = find_input(server, client, message.uuid)
     if handle is None:
         raise Refused("it changes a control that is not there")
+    _, _, is_button, options = input_state(handle)
     problem = _problem(handle, message.updates)
     if problem:
-        if "value" in message.updates:
+        if "value" in message.updates and not is_button:
             show_true_value(handle)
         raise Refused("its value cannot be meant", problem)
-    _, _, is_button, options = input_state(handle)
     return PRESS_COST if is_button or options is not None else 0.0
 
 
 def _problem(handle: Any, updates: Any) -> str:
     """Why an update cannot be meant, as a sentence; empty if it can."""
-    label, present, is_button, options = input_state(handle)
+    label, present, _, options = input_state(handle)
     if not isinstance(updates, dict) or set(updates) != {"value"}:
         return f"{label}: the browser sent something that is not a value. Nothing was changed."
     new = updates["value"]
     kept = "Nothing was changed."
-    if isinstance(present, bool) or is_button:
+    if isinstance(present, bool):  # That of a button, too; that of one that takes files is a file.
         return "" if isinstance(new, bool) else f"{label}: needs on or off. {kept}"
     if isinstance(present, (int, float)):
         return _number_problem(label, new, kept)

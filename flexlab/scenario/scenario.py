@@ -310,7 +310,8 @@ def _without_file_fields(data: Mapping[str, Any]) -> Mapping[str, Any]:
     written = data.get(FORMAT_FIELD)
     if type(written) is int and not 1 <= written <= FORMAT:
         sentence = (
-            f"{FORMAT_FIELD} = {written} is not known here: flexlab reads 1 to {FORMAT}; a later version may read it."
+            f"{FORMAT_FIELD} = {visible(written, 20)} is not known here: flexlab reads 1 to {FORMAT}; "
+            "a later version may read it."
         )
         raise ScenarioError([(FORMAT_FIELD, sentence)])
     return {name: value for name, value in data.items() if type(value) is not FILE_FIELDS.get(name)}

@@ -18,6 +18,7 @@ from flexlab.sim.advance import advance
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.simulate import simulate
 from flexlab.sim.target import build_trajectory, desired_at
+from flexlab.sim.workspace_check import check_trajectory
 from flexlab.sim.world import World
 
 three = st.tuples(*[st.floats(-3, 3)] * 3)
@@ -118,6 +119,16 @@ def test_a_smooth_start_begins_at_rest_and_goes_the_same_way():
 def test_the_start_velocity_may_be_the_paths():
     run = simulate(on("circle").replace({"initial.pose_rate": None}), 0.01)
     np.testing.assert_allclose(run.pose_rate[0], desired_at(build_trajectory(on("circle")), 0.0)[1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["sine", "circle", "figure-eight"])
+@pytest.mark.parametrize("hertz", [5e-324, 1e-310, 1e-12])
+def test_a_path_too_slow_to_go_round_in_a_lifetime_rests(kind: str, hertz: float):
+    far = load_preset("paper").replace({"trajectory.kind": kind, "trajectory.center": (0.0, 5e-324, 0.0)})
+    slow = far.replace({"trajectory.frequency": hertz})
+    assert slow.trajectory.span == 0
+    assert slow.trajectory.slowest_period == 1.0
+    assert check_trajectory(slow) is not None, "a fault, as no arm reaches this centre"
 
 
 def test_a_path_that_names_no_kind_is_a_sine():

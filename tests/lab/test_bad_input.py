@@ -186,6 +186,22 @@ def test_no_way_out_through_the_share_tunnel(session: Session) -> None:
         assert session.server.request_share_url() is None
 
 
+@pytest.mark.parametrize(("goal", "said"), [(1e308, "go there in steps"), (-1e308, "has passed")])
+def test_a_time_beyond_every_run_is_a_sentence(
+    session: Session, caplog: pytest.LogCaptureFixture, goal: float, said: str
+) -> None:
+    box = widget(session, "Run to t (s)")
+    truth = box.value
+    with RawBrowser(session) as browser:
+        browser.update(box, {"value": goal})
+        browser.update(widget(session, "Run to it"), {"value": True})
+        wait_until(lambda: shown_notice(session), "a sentence", 20)
+        assert said in shown_notice(session)
+        browser.update(box, {"value": truth})
+        still_works(session, browser)
+    assert not [record for record in caplog.records if record.exc_info]
+
+
 def test_texts_of_a_scenario_cannot_become_part_of_the_page(session: Session) -> None:
     from flexlab.sim.commands import LoadScenario
 

@@ -177,6 +177,11 @@ UNHASHABLE: dict[str, Callable[[Session], dict[str, Any]]] = {
         "frequency": math.nan,
     },
     "upload": lambda session: start(session, []),
+    "press of the upload's button": lambda session: {
+        "type": "GuiUpdateMessage",
+        "uuid": upload_button(session),
+        "updates": {"value": True},
+    },
     "upload of bytes": lambda session: start(session, "t", size_bytes=-1),
     "click": lambda _: {"type": "SceneNodeClickMessage", "name": [], "instance_index": None},
     "type": lambda _: {"type": []},

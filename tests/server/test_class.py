@@ -96,7 +96,12 @@ def test_the_teacher_s_powers_need_the_token_and_the_teacher_s_own_page(teacher:
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("x" * 41, "at most 40 fit"), ("a\x07b", "control characters"), ("a\u202eb", "control characters")],
+    [
+        ("x" * 41, "at most 40 fit"),
+        ("e\u0301" * 300, "has 600 characters"),
+        ("a\x07b", "control characters"),
+        ("a\u202eb", "control characters"),
+    ],
 )
 def test_a_name_that_no_page_should_show_is_refused(ben: Person, name: str, said: str):
     answer = ben.post("/name", ("name", name))

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlab.compiled import pluggable
 from flexlab.control.path import Path, Trajectory
-from flexlab.control.phase import kept_phase, squared_rate, three
+from flexlab.control.phase import SLOWEST, kept_phase, squared_rate, three
 from flexlab.numerics.elementary import sin_cos
 from flexlab.quantities import OneOrThree, Triple, quantity
 
@@ -35,7 +35,7 @@ class SineTrajectory(Trajectory):
 
     def _moving(self) -> list[float]:
         """Frequencies that move something, Hz."""
-        return [f for f, a in zip(three(self.frequency), three(self.amplitude), strict=True) if a != 0 and f > 0]
+        return [f for f, a in zip(three(self.frequency), three(self.amplitude), strict=True) if a != 0 and f > SLOWEST]
 
     @property
     def span(self) -> float:

@@ -5,6 +5,7 @@ A law's own signals have a view each, without a row here. Views use the unit tha
 units, are in `flexlab.recording.codec`.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,7 +71,9 @@ class View:
         """(N, curves), in the units shown; NaN of another law's signals."""
         if self.entity.startswith(OWN) and self.signals[0].name not in samples.own:
             return np.full((len(samples), len(self.curves)), np.nan)
-        parts = [np.asarray(samples[signal.name]).reshape(len(samples), -1) for signal in self.signals]
+        # Not -1 for the width: it cannot be told of no samples, as of a run that could not start.
+        whole = [np.asarray(samples[signal.name]) for signal in self.signals]
+        parts = [values.reshape(len(samples), math.prod(values.shape[1:])) for values in whole]
         return self.scale * np.concatenate(parts, axis=1)[:, : len(self.curves)]
 
 

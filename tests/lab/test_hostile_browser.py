@@ -13,6 +13,8 @@ from lab_page import wait_until
 from raw_browser import CAMERA, RawBrowser, widget
 
 from flexlab.lab.session import Session
+from flexlab.presets import load_preset
+from flexlab.sim.commands import Play
 
 NESTED: Any = []
 for _ in range(600):
@@ -256,3 +258,16 @@ def test_a_lab_without_a_server_in_front_hears_its_own_page_only(session: Sessio
     connection.request("GET", "/", headers=headers)
     assert connection.getresponse().status == 403
     connection.close()
+
+
+def test_a_run_that_could_not_start_is_drawn(caplog: pytest.LogCaptureFixture) -> None:
+    """It has no sample, as a run has none in the instant in which it begins: a storm of presets met that."""
+    far = load_preset("paper").replace({"trajectory.center": (0.0, 9.0, 0.0)})
+    with Session(far, "far", port=0, shadows=False) as session, RawBrowser(session) as browser:
+        assert session.runner.snapshot.status.failed
+        assert browser.receive(20)
+        time.sleep(1.0)
+        session.lab_state.load(load_preset("paper"), "paper")
+        session.lab_state.submit(Play())
+        a_fresh_visitor_sees_a_moving_lab(session)
+    assert not [record for record in caplog.records if record.exc_info]

@@ -13,7 +13,7 @@ class ObservedLQR(OwnLaw):
 
     pose_weight = gain((1e6, 1e6, 2.5e5), "1/m², 1/m², 1/rad²", low=1e-6, high=1e12)
     rate_weight = gain((100.0, 100.0, 25.0), "s²/m², s²/m², s²/rad²", low=0, high=1e12)
-    vibration_weight = gain(1e3, "1/J", low=0, high=1e9, logarithmic=True)
+    vibration_weight = gain(1e3, "1/J", low=0, high=1e9, slider=(1.0, 1e6), logarithmic=True)
     force_weight = gain((1e-4, 1e-4, 1e-2), "1/N², 1/N², 1/(N·m)²", low=1e-12, high=1e6)
     unknown_force = gain((20.0, 20.0, 2.0), "N, N, N·m", low=1e-6, high=1e6)
     unknown_modal_force = gain(0.1, "N/kg^½", low=1e-9, high=1e6)

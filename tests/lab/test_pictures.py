@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 from flexlab.errors import LabError
-from flexlab.lab.plots.plot_signals import tracking_energy
+from flexlab.lab.panel.number_control import Scale
+from flexlab.lab.plots.plot_signals import tabs, tracking_energy
 from flexlab.lab.plots.plots import POINTS, amplitude_spectrum, thinned, unbroken
 from flexlab.lab.reference_run import ReferenceRun, common_metrics, differences, whole_run
 from flexlab.lab.scene.forces import held_point
 from flexlab.lab.scene.overlays import elbow_sines, shade
 from flexlab.lab.scene.strain import PIECES, axial_loads, curvature_functions, strain_colors
 from flexlab.presets import load_preset
+from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.geometry import arm_points, beam_points, deflection_at
@@ -102,6 +104,30 @@ def test_the_tracking_energy_is_the_kinetic_energy_of_a_rigid_motion(paper: Samp
     moved = Samples(**{**vars(run.slice(0, 40)), "sliding_variable": run.pose_rate[:40]})
     np.testing.assert_allclose(tracking_energy(scenario, moved), run.kinetic_energy[:40], rtol=1e-4)
     assert (tracking_energy(load_preset("paper"), paper) >= 0).all()
+
+
+def test_the_tracking_energy_counts_the_mass_that_the_payload_has() -> None:
+    begin = {"payload.mass_change": {"factor": 3.0, "begin": 0.0, "duration": 0.01}}
+    plain = load_preset("paper")
+    run = simulate(plain.replace(begin), 0.03).slice(20, 30)
+    assert run.own["payload_mass"] == pytest.approx(3.0)
+    heavy = tracking_energy(plain.replace({"payload.linear_density": 6.0}), Samples(**{**vars(run), "own": {}}))
+    np.testing.assert_allclose(tracking_energy(plain.replace(begin), run), heavy, rtol=1e-9)
+
+
+def test_the_plots_of_no_samples_have_no_values(paper: Samples) -> None:
+    """As of a run that has not begun, or that stopped before its mesh was changed."""
+    scenario, nothing = load_preset("paper"), paper.slice(0, 0)
+    for plot in (plot for plots in tabs(scenario).values() for plot in plots):
+        assert plot.values(scenario, nothing).shape == (len(plot.labels), 0), plot.title
+
+
+def test_a_slider_of_ratios_that_begins_at_zero_is_even() -> None:
+    """A person's own law may declare one; where it did, nothing was drawn any more."""
+    scale = Scale(Quantity("Weight", unit="1", low=0, high=1e9, logarithmic=True))
+    assert [scale.low, scale.high, scale.place(1000.0), scale.value(5e8)] == [0, 1e9, 1000.0, 5e8]
+    ratios = Scale(Quantity("Weight", unit="1", low=0, high=1e9, slider=(1.0, 1e6), logarithmic=True))
+    assert [ratios.low, ratios.high, ratios.value(3.0)] == [0, 6, 1000.0]
 
 
 def test_a_kept_run_is_found_by_its_time_and_compared_where_both_runs_are(paper: Samples) -> None:

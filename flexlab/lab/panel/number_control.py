@@ -32,11 +32,12 @@ def put(widget: Any, **values: Any) -> None:
 
 
 class Scale:
-    """The way between a value and its place on the slider: even or logarithmic, in whole numbers or not."""
+    """The way between a value and its place on the slider: even or, from above 0 on, logarithmic; in whole numbers or not."""
 
     def __init__(self, about: Quantity, whole: bool = False):
         low, high = about.slider or (about.low, about.high)
-        self._logarithmic, self._whole = about.logarithmic, whole
+        # A person's own law may ask for ratios from 0 on, where there are none.
+        self._logarithmic, self._whole = about.logarithmic and low > 0, whole
         self.low, self.high = self._place(low), self._place(high)
         self.step = 1.0 if whole else (self.high - self.low) / SLIDER_STEPS
         self.marks = ((self.low, number(low)), (self.high, number(high)))

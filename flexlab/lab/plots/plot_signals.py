@@ -18,6 +18,9 @@ from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
 from flexlab.views import MILLI, View
 
+MASS = "payload_mass"
+"""Signal of a payload whose mass changes."""
+
 
 def tracking_energy(scenario: Scenario, samples: Samples) -> np.ndarray:
     """½ sᵀ(M̄1 + M̄2 + A11 - A12 A22⁻¹A21)s with A at q = 0, J (N,)."""
@@ -25,6 +28,8 @@ def tracking_energy(scenario: Scenario, samples: Samples) -> np.ndarray:
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
     total = _payload(scenario, s, across)
+    if MASS in samples.own:  # All of the payload's part grows with it.
+        total *= samples.own[MASS] / _inertia(scenario.payload)[0]  # pyright: ignore[reportArgumentType]
     half = 0.5 * scenario.payload.length
     for index, arm in enumerate(scenario.arms):
         side = -1 if index == 0 else 1

@@ -14,8 +14,9 @@ from flexlab.recording.codec import larger_blocks
 from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
 from flexlab.recording.rerun_internals.chunks import scalars, send_columns
 from flexlab.recording.rerun_internals.message_layout import messages
+from flexlab.recording.rerun_internals.streams import new_stream, send_layout
 from flexlab.recording.rerun_internals.tool import Mending
-from flexlab.recording.run_stream import curves, new_stream
+from flexlab.recording.run_stream import curves
 from flexlab.recording.scene_log import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
 from flexlab.recording.store.notes import replacing
 from flexlab.sim.samples import MEASURED, Samples
@@ -48,7 +49,7 @@ def write_comparison(recordings: Sequence[Recording], target: Path, text: str = 
         stream.set_sinks(encoded)
         # Active, not only the default: a busy viewer makes a layout of its own for the first pieces, and keeps that.
         measured = {number for number, recording in enumerate(recordings) if recording.status == MEASURED}
-        stream.send_blueprint(comparison_blueprint(runs, measured), make_active=True, make_default=True)
+        send_layout(stream, comparison_blueprint(runs, measured))
         stream.send_recording_name(" and ".join(f"{run.name} {run.started:%H:%M:%S}" for run in recordings))
         texts = json.dumps([(name, scenario.model_dump_json()) for name, scenario in runs], ensure_ascii=False)
         stream.send_property(COMPARISON, rr.AnyValues(runs=texts))

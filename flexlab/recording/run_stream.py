@@ -20,6 +20,7 @@ from flexlab.recording.blueprint import measurement_blueprint, run_blueprint
 from flexlab.recording.codec import state_json
 from flexlab.recording.rerun_internals.chunks import Column, send_columns
 from flexlab.recording.rerun_internals.message_layout import messages
+from flexlab.recording.rerun_internals.streams import new_stream, send_layout
 from flexlab.recording.run_encoder import Kept
 from flexlab.recording.run_info import RunInfo, parameters_text, run_properties, signals_text
 from flexlab.recording.scene_log import fixed_shapes
@@ -270,21 +271,12 @@ def _open(target: Target, info: RunInfo, follow: bool = False) -> RunStream:
     layout = measurement_blueprint(info.scenario)
     if not info.measured:
         layout = run_blueprint(info.scenario, info.exaggeration, info.name, follow)
-    stream.send_blueprint(layout, make_active=True, make_default=True)
+    send_layout(stream, layout)
     try:
         return RunStream(stream, info, encoded, target)
     except RecordingError:
         stream.disconnect()
         raise
-
-
-def new_stream(application: str, run_id: str | None = None) -> rr.RecordingStream:
-    """A stream without properties of rerun's own; `application`: whose layouts a person's changes hold for."""
-    stream = rr.RecordingStream(application, recording_id=run_id, send_properties=False)
-    # Wall-clock axes would only be a second, jumpy time beside the simulation's own.
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
-    return stream
 
 
 def curves(names: Sequence[str], colors: Sequence[tuple[int, int, int]]) -> rr.SeriesLines:

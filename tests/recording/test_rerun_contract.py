@@ -4,11 +4,12 @@ import ast
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import rerun as rr
 import rerun.blueprint as rrb
 
-from flexlab.recording.rerun_internals import chunks, message_layout, tool
+from flexlab.recording.rerun_internals import chunks, message_layout, streams, tool
 from flexlab.recording.rerun_internals.chunks import TIMELINE, blobs, scalars, send_columns
 
 INTERNALS = Path("flexlab/recording/rerun_internals")
@@ -127,3 +128,19 @@ def test_the_viewers_page_takes_the_option_that_tells_of_its_cursor() -> None:
     page = (tool.viewer_folder() / "index.html").read_bytes()
     assert tool.TELLING in page
     assert b"on_viewer_event" in (tool.viewer_folder() / "re_viewer_bg.wasm").read_bytes()
+
+
+def test_streams_that_ended_leave_no_thread_behind() -> None:
+    """Two for each stream and two for its layout, unless rerun is asked to let go of them."""
+    threads = []
+    for number in range(8):
+        stream = streams.new_stream("contract", str(number))
+        encoded = stream.binary_stream()
+        stream.set_sinks(encoded)
+        streams.send_layout(stream, rrb.Blueprint(rrb.TimeSeriesView(origin="/curve")))
+        send_columns(stream, "curve", TIMES, [scalars(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))])
+        assert encoded.read(flush_timeout_sec=5.0)
+        stream.disconnect()
+        del stream, encoded
+        threads.append(psutil.Process().num_threads())
+    assert max(threads[4:]) <= threads[3]

@@ -132,37 +132,6 @@ def test_saves_leave_few_processes_and_files_behind():
     assert len(os.listdir("/proc/self/fd")) <= files
 
 
-BUSY = """
-import os, time
-os.sched_setaffinity(0, {processor})
-print("busy", flush=True)
-end = time.time() + 60
-while time.time() < end: pass
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell who waits for a processor")
-def test_a_law_that_waits_for_a_processor_is_not_late():
-    world = world_of(at_work("sum(range(300_000))"))
-    assert len(world.advance(1)) == 1
-    (host,) = hosts.LAW_HOSTS.known.values()
-    assert isinstance(host, LawApart)
-    processor = {min(os.sched_getaffinity(0))}
-    os.sched_setaffinity(host._worker, processor)
-    # Whoever else wants this processor goes first.
-    os.sched_setscheduler(host._worker, os.SCHED_IDLE, os.sched_param(0))
-    with contextlib.suppress(OSError):
-        Path(f"/proc/{host._worker}/autogroup").write_text("19")
-    command = [sys.executable, "-c", BUSY.format(processor=processor)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as busy:
-        try:
-            assert busy.stdout is not None
-            assert busy.stdout.readline() == b"busy\n"
-            assert len(world.advance(10)) == 10, world.status.text
-        finally:
-            busy.kill()
-
-
 REPORTS = {
     "deep lists": "b'[' * 100_000 + b'\\n'",
     "deep objects": "b'{\"a\":' * 50_000 + b'\\n'",

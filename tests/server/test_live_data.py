@@ -19,13 +19,12 @@ TOKEN = "a-token-for-tests"
 
 def listening() -> set[int]:
     """Ports of this process and its children."""
-    me = psutil.Process()
-    return {
-        connection.laddr.port
-        for process in (me, *me.children(recursive=True))
-        for connection in process.net_connections(kind="inet")
-        if connection.status == psutil.CONN_LISTEN
-    }
+    me, ports = psutil.Process(), set[int]()
+    for process in (me, *me.children(recursive=True)):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            known = process.net_connections(kind="inet")
+            ports |= {each.laddr.port for each in known if each.status == psutil.CONN_LISTEN}
+    return ports
 
 
 def watch(source: str, path: Path, wanted: set[str]) -> None:

@@ -19,7 +19,7 @@ from flexlab.lab.session import Session
 from flexlab.own import hosts
 from flexlab.own.apart import LawApart
 from flexlab.own.law import add_own_law
-from flexlab.own.process import MOST_READ
+from flexlab.own.process import MOST_READ, PROBE
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.world import World
@@ -130,6 +130,39 @@ def test_saves_leave_few_processes_and_files_behind():
             files = len(os.listdir("/proc/self/fd"))
     assert len(marked(file)) <= 2 * hosts.TEXTS_RUNNING
     assert len(os.listdir("/proc/self/fd")) <= files
+
+
+BUSY = "import os\nos.sched_setaffinity(0, {{{processor}}})\nprint('busy', flush=True)\nwhile True: pass"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell who waits for a processor")
+def test_a_wait_for_a_processor_counts_while_it_goes_on():
+    """Linux counts it when it ends: a law that waited was taken for one that works, and is late."""
+    world = world_of(PD)
+    assert len(world.advance(1)) == 1
+    (host,) = hosts.LAW_HOSTS.known.values()
+    assert isinstance(host, LawApart)
+    command = [sys.executable, "-c", BUSY.format(processor=min(os.sched_getaffinity(0)))]
+    crowd = [subprocess.Popen(command, stdout=subprocess.PIPE) for _ in range(2)]
+    try:
+        for one in crowd:
+            assert one.stdout is not None
+            assert one.stdout.readline() == b"busy\n"
+        host._worker = crowd[0].pid
+        os.sched_setscheduler(host._worker, os.SCHED_IDLE, os.sched_param(0))
+
+        def waits() -> bool:
+            before = host._look()
+            time.sleep(PROBE)
+            waited, after = host._waited(before), host._look()
+            has_not_ended = (after.worked, after.waited) == (before.worked, before.waited)
+            return has_not_ended and waited >= PROBE
+
+        wait_until(waits, "a wait is seen as it goes on")
+    finally:
+        for one in crowd:
+            one.kill()
+            one.communicate()
 
 
 REPORTS = {

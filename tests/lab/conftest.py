@@ -6,9 +6,10 @@ import pytest
 from browser_window import PAUSE
 from lab_page import LabPage, LastingWindow, wait_until
 from playwright.sync_api import Browser
+from waiting import PATIENCE
 
-from flexlab.lab import render_loop
-from flexlab.lab.panel import field, number_control
+from flexlab.lab import lab_state, render_loop
+from flexlab.lab.panel import field, number_control, panel
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
@@ -70,6 +71,9 @@ def window(_lasting_window: LastingWindow) -> Iterator[LastingWindow]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(render_loop, "FRAME_TIME", PAUSE / 1000)
         patch.setattr(render_loop, "READOUT_EVERY", 1)
+        patch.setattr(lab_state, "NOTICE_TIME", PATIENCE)  # A busy page may draw a sentence late.
+        for module in (field, number_control, panel):
+            patch.setattr(module, "READING_TIME", PATIENCE)
         yield _lasting_window
         _lasting_window.rest()
 

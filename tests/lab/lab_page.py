@@ -126,6 +126,7 @@ class LabPage:
         self.rest(False)
         run, paper = self.snapshot.run_number, load_preset("paper")
         self.session.lab_state.load(paper, "paper")
+        self.session.lab_state.say("")
         self.session.lab_state.submit(SetSpeed(1.0))
         self.session.lab_state.submit(Play())
 

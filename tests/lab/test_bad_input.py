@@ -13,6 +13,7 @@ from flexlab.lab.input_guard import LARGEST_UPLOAD, LONGEST_INPUT
 from flexlab.lab.render_loop import RenderLoop
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
 
 EI = "Bending stiffness EI (N·m²)"
 K_SLIDER = "Feedback gain K, slider"
@@ -141,6 +142,38 @@ def test_the_first_look_at_the_run_leaves_a_complaint_where_it_is(monkeypatch: p
         wait_until(lambda: any("mid-span deflection" in html.content for html in problems(session)), "an update", 20)
         time.sleep(0.3)
         assert said()
+
+
+@pytest.mark.parametrize(
+    ("label", "value", "path"),
+    [(EI, -1.0, "bending_stiffness"), ("Link lengths l (m)", [0.7, -0.6, 0.2], "left_arm.link_length")],
+)
+def test_a_sentence_outlives_a_new_run_as_long_as_it_is_true(
+    session: Session, label: str, value: Any, path: str
+) -> None:
+    """The panel may look at a new run only after a person has typed on: its first look took the sentence away."""
+
+    def said() -> bool:
+        return any(html.visible and path in html.content for html in problems(session))
+
+    def begin_run(scenario: Scenario) -> None:
+        before = session.runner.snapshot.run_number
+        session.lab_state.load(scenario, "paper")
+        wait_until(lambda: session.runner.snapshot.run_number > before, "a new run", 20)
+        wait_until(lambda: panel._run_number > before, "the panel looks at it", 20)
+        status = panel._status.content
+        wait_until(lambda: panel._status.content != status, "and has done so", 20)
+
+    panel: Any = session._drawing._panel
+    paper = load_preset("paper")
+    with RawBrowser(session) as browser:
+        begin_run(paper)
+        browser.update(widget(session, label), {"value": value})
+        wait_until(said, "a sentence", 20)
+        begin_run(paper)
+        assert said()
+        begin_run(paper.replace({"payload.bending_stiffness": 64.0, "left_arm.link_length": (0.7, 0.6, 0.3)}))
+        assert not said()
 
 
 def problems(session: Session) -> list[Any]:

@@ -177,8 +177,8 @@ class NumericField:
         components: int = 1,
     ):
         self._lab_state, self._path, self._given, self._components = lab_state, path, switch, components
-        self._touched = -math.inf
         scenario = lab_state.intended
+        self._touched, self._kept = -math.inf, self._read(scenario)
         about = scenario.about(path)
         value, fallback = self._read(scenario), switch[1](scenario) if switch else None
         shown = fallback if value is None else value
@@ -206,9 +206,10 @@ class NumericField:
                 self._complain("")
 
     def show(self, scenario: Scenario) -> None:
-        """Show the scenario's value at once: after a reset, a preset, an undo."""
+        """Show the scenario's value at once: after a reset, a preset, an undo. A sentence stays while what it says is true."""
+        if self._read(scenario) != self._kept:
+            self._complain("")
         self._show(scenario)
-        self._complain("")
 
     def remove(self) -> None:
         """Take the field off the screen."""
@@ -252,7 +253,8 @@ class NumericField:
         try:
             self._lab_state.change({self._path: value[0] if same and isinstance(value, tuple) else value})
         except FlexlabError as error:
-            self._complain(f"{error} It stays at {_text(self._read(self._lab_state.intended))}.")
+            self._kept = self._read(self._lab_state.intended)
+            self._complain(f"{error} It stays at {_text(self._kept)}.")
             return
         put(self._box, visible=value is not None)
         put(self._back, visible=value != self._usual())

@@ -15,7 +15,7 @@ from flexlab.quantities import Quantity
 
 SETTLE_TIME = 4.0
 """How long a box keeps what a person typed but the lab did not take, wall seconds; then it shows the true value again."""
-READING_TIME = 12.0
+READING_TIME = 30.0
 """How long the sentence about a value that was refused stays, wall seconds: it outlives the value itself."""
 SLIDER_STEPS = 200
 CROWDED = 0.12
@@ -119,9 +119,10 @@ class NumberControl:
             self._value = value
 
     def show(self, value: float) -> None:
-        """Show the true value at once: after a reset, a preset, an undo."""
+        """Show the true value at once: after a reset, a preset, an undo. A sentence stays while what it says is true."""
+        if value != self._value:
+            self._complain("")
         self._show(value)
-        self._complain("")
 
     def _show(self, value: float) -> None:
         self._value = value
@@ -168,7 +169,7 @@ class NumberControl:
     def _go_back(self) -> None:
         if self._usual is not None and self._accepted(self._usual()):
             self._touched = -math.inf
-            self.show(self._value)
+            self._show(self._value)
 
     def _offer_way_back(self) -> None:
         if self._usual is not None:

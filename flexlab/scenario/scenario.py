@@ -123,7 +123,8 @@ class Scenario(Part):
             raise PydanticCustomError(
                 "arms",
                 "a clamped-free beam is held by one arm and every other boundary by two: "
-                "set right_arm to null together with payload.boundary clamped-free",
+                "load the preset single-arm for one arm or paper for two; "
+                "in a file, set right_arm to null for clamped-free",
             )
         given, needed = self.initial.beam_coordinates, self.payload.coordinate_count
         if given is not None and len(given) != needed:

@@ -169,3 +169,14 @@ def test_the_viewer_is_served_with_a_policy_that_names_this_address_only(front_s
     assert policy["connect-src"] == "'self' data: blob:"
     assert "http" not in answer.headers["Content-Security-Policy"]
     assert ask(front_server.url, "/viewer/re_viewer_bg.wasm", "HEAD").headers["Content-Type"] == "application/wasm"
+
+
+def test_a_run_s_page_says_what_was_changed_by_the_fields_titles(
+    open_another: Callable[..., FrontServer], recorded: Path
+):
+    front_server = open_another()
+    logs = front_server.settings.logs
+    shutil.copy(recorded, logs / "2026-01-01T00-00-00-x.rrd")
+    (logs / "2026-01-01T00-00-00-x.json").write_text('{"changes": ["payload.bending_stiffness: 100 → 50"]}')
+    page = ask(front_server.url, "/runs/2026-01-01T00-00-00-x").text
+    assert "<li>Bending stiffness EI (N·m²): 100 → 50</li>" in page

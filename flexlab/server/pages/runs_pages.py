@@ -279,6 +279,7 @@ async def review(request: web.Request) -> web.Response:
         span=f"{row.begins:.10g} to {end}" if end else f"from {row.begins:.10g} on",
         exports=EXPORTS,
         noted_texts=noted_texts,
+        changes=[_in_words(change) for change in row.changes],
     )
 
 

@@ -9,6 +9,8 @@ SMALLEST, LARGEST = Decimal("1e-4"), Decimal("1e7")
 """Sizes between which all digits are written out; others get a power of ten."""
 ROUNDING = 1e-12
 """Share of the larger of two numbers below which their difference is nothing but rounding."""
+RESIDUE = 1e-14
+"""SI size below which a result is nothing but rounding of numbers of order one: poses in m, angles in rad, forces in N."""
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -40,6 +42,11 @@ def number_text(value: float, digits: int = 4, signed: bool = False) -> str:
     return sign + (power if mantissa == "1" else f"{mantissa} · {power}")
 
 
+def result_text(value: float, scale: float = 1.0) -> str:
+    """A computed number, `scale` times its size in SI, with four digits; 0 where it is nothing but rounding."""
+    return "0" if abs(value) < RESIDUE * scale else number_text(value)
+
+
 def fixed_text(value: float, decimals: int, signed: bool = False) -> str:
     """A number with as many decimals whatever its size, for columns and readouts: zero has no sign."""
     if not isfinite(value):
@@ -50,10 +57,10 @@ def fixed_text(value: float, decimals: int, signed: bool = False) -> str:
     return f"{'−' if value < 0 else '+' if signed else ''}{text}"
 
 
-def difference_text(value: float, other: float, digits: int = 3) -> str:
-    """How far `other` is from `value`, with its sign; 0 where only rounding tells them apart."""
+def difference_text(value: float, other: float, digits: int = 3, scale: float = 1.0) -> str:
+    """How far `other` is from `value`, both `scale` times SI, with its sign; 0 where only rounding tells them apart."""
     difference = other - value
-    if isfinite(difference) and abs(difference) <= ROUNDING * max(abs(value), abs(other)):
+    if isfinite(difference) and abs(difference) <= max(RESIDUE * scale, ROUNDING * max(abs(value), abs(other))):
         return "0"
     return number_text(difference, digits, signed=True)
 

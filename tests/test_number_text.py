@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexlab.number_text import difference_text, fixed_text, number_text
+from flexlab.number_text import difference_text, fixed_text, number_text, result_text
 from flexlab.presets import load_preset
 from flexlab.scenario.differences import differences
 from flexlab.scenario.field_text import field_title, told, value_text
@@ -26,6 +26,9 @@ def test_a_zero_has_no_sign_and_rounding_is_no_difference() -> None:
     assert difference_text(1.0, 1.0 - 9.44e-16) == "0"
     assert difference_text(2.0, 2.5) == "+0.5"
     assert difference_text(2.0, float("nan")) == "–"
+    assert result_text(2.019e-17, 1e3) == "0", "a tracking error in mm"
+    assert result_text(2.019e-9, 1e3) == "2.019 · 10⁻⁹"
+    assert difference_text(2.019e-17, 5e-18, scale=1e3) == "0"
 
 
 @given(st.floats())

@@ -104,7 +104,7 @@ class Comparison(Result):
             [rows[0].key, *(row.short for row in rows), *(difference_text(rows[0], row) for row in rows[1:])]
             for rows in self.metrics
         ]
-        return [["metric", *labels, *(f"{label} - A" for label in labels[1:])], *rows]
+        return [["metric", *labels, *(f"{label} − A" for label in labels[1:])], *rows]
 
     def setting_table(self) -> Table:
         """The settings that differ; only the heading if none does."""
@@ -161,7 +161,7 @@ def compare_into(paths: Sequence[Path], target: Path) -> Comparison:
 
 def difference_text(first: MetricRow, other: MetricRow) -> str:
     """How far a metric is from the first run's; "–" where one of them has no value."""
-    return number_difference(first.value, other.value)
+    return number_difference(first.value, other.value, scale=first.column.scale)
 
 
 def _metrics(path: Path, seconds: float = inf, finished: bool = True) -> RunMetrics:

@@ -21,6 +21,7 @@ from flexlab.analysis.result_hash import ResultHash
 from flexlab.analysis.run_summary import run_notes
 from flexlab.cli.console import complain, notes, output
 from flexlab.errors import FlexlabError
+from flexlab.number_text import MISSING, result_text
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
 from flexlab.scenario import Scenario
@@ -135,9 +136,9 @@ class Summary:
 
     def _cell(self, key: str, axis: int | None, scale: float) -> str:
         if key not in self._peaks:
-            return "-"
+            return MISSING
         peak = self._peaks[key]
-        return f"{scale * (peak.max() if axis is None else peak[axis]):.4g}"
+        return result_text(scale * float(peak.max() if axis is None else peak[axis]), scale)
 
 
 BLOCK = 1000

@@ -11,7 +11,7 @@ from axe_playwright_python.sync_playwright import Axe
 from browser_window import open_window
 from http_client import wait_until
 from person import TEACHER, TOKEN
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, ViewportSize
 
 from flexlab.analysis.leaderboard.board import make_tasks, run_board
 from flexlab.analysis.leaderboard.case import cases
@@ -36,6 +36,8 @@ PAGES = (
 TABS = ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events")
 OF_COLORS = ["color-contrast", "link-in-text-block"]
 """Rules whose findings depend on the scheme."""
+USUAL, SMALLEST = ViewportSize(width=1440, height=900), ViewportSize(width=320, height=640)
+"""px: of the window, and of the narrowest in which nothing is cut off."""
 CALM = 1100
 """ms until a page has named what has come."""
 PANEL = '[data-dock-region="right"]'
@@ -53,7 +55,7 @@ def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempP
     settings = Settings(logs, port=0, token=TOKEN, teacher_token=TEACHER, private=True, shadows=False)
     with open_front_server(settings, load_preset("paper"), "paper") as server:
         window = open_window(
-            plain_chromium, 1440, 900, base_url=f"http://127.0.0.1:{server.port}", reduced_motion="reduce"
+            plain_chromium, **USUAL, base_url=f"http://127.0.0.1:{server.port}", reduced_motion="reduce"
         )
         opened = window.new_page()
         # Rerun's viewer is a page of its own, of others, and all of it one canvas.
@@ -94,6 +96,10 @@ def test_the_servers_pages_have_no_grave_findings(page: Page) -> None:
         page.goto(path)
         page.locator("h1").wait_for()
         findings += light_and_dark(page)
+        page.set_viewport_size(SMALLEST)
+        if page.evaluate("document.documentElement.scrollWidth") > SMALLEST["width"]:
+            findings.append(f"{path}: scrolls sideways")
+        page.set_viewport_size(USUAL)
     assert findings == []
 
 

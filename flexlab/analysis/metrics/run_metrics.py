@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric
 from flexlab.analysis.metrics.names import named
 from flexlab.html_text import html_table
-from flexlab.number_text import number_text
+from flexlab.number_text import result_text
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -69,7 +69,7 @@ def value_text(column: Column, value: Any) -> str:
     """A number of a table with four digits; the column's word where it is NaN, "–" for what is no number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return "–"
-    return column.missing if isnan(value) else number_text(value)
+    return column.missing if isnan(value) else result_text(value, column.scale)
 
 
 class RunMetrics:

@@ -70,7 +70,7 @@ def _metrics(tables: ComparisonTables) -> list[tuple[str, list[str]]]:
     lines: list[tuple[str, list[str]]] = []
     for metric in tables.metrics:
         first = metric[0]
-        differences = [difference_text(first, row).replace("-", "−") for row in metric[1:]]
+        differences = [difference_text(first, row) for row in metric[1:]]
         lines.append((first.key, [*(row.short for row in metric), *differences]))
     return lines
 

@@ -10,14 +10,14 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexlab.analysis import batch
 from flexlab.analysis import modes as mode_study
 from flexlab.analysis.metrics import RunMetrics, run_metrics
-from flexlab.analysis.result_hash import result_hash
+from flexlab.analysis.result import result_hash
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
 from flexlab.analysis.sweep.result import Sweep, run_sweep, sweep_folder
 from flexlab.analysis.workers import chosen_workers, progress_bar
+from flexlab.analysis.workers import simulate_many as compute_many
 from flexlab.errors import StudyError
 from flexlab.own.declaration import OwnLaw, OwnPath
 from flexlab.own.files import law_kind, path_kind
@@ -128,7 +128,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
         Raises `StudyError` where xarray is not installed.
         """
-        from flexlab.recording.dataset import to_dataset
+        from flexlab.recording.export import to_dataset
 
         return to_dataset(self)
 
@@ -217,7 +217,7 @@ def simulate_many(
         raise StudyError(f"scenarios = {scenarios!r:.60} is no list: give scenarios, as in ['paper', 'soft-beam'].")
     pairs = [("run", scenario) if isinstance(scenario, Mapping) else named_scenario(scenario) for scenario in scenarios]
     choose = _choice(law, path)
-    runs = batch.simulate_many(
+    runs = compute_many(
         [scenario for _, scenario in pairs], duration, sample_period, workers, progress, choose, cluster
     )
     return [_run(run, name) for (name, _), run in zip(pairs, runs, strict=True)]

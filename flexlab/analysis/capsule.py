@@ -14,7 +14,7 @@ from typing import Any
 from flexlab.analysis.figures import paper_figures
 from flexlab.analysis.metrics import run_metrics
 from flexlab.analysis.replay import own_law_texts, own_path_texts
-from flexlab.analysis.result_hash import result_hash
+from flexlab.analysis.result import result_hash
 from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import scenario_text
 from flexlab.recording.codec import command_to_json

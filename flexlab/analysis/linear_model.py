@@ -8,7 +8,7 @@ from scipy.signal import StateSpace, dlti, lti
 from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
-    from flexlab.analysis.disk_margin import DiskMargin
+    from flexlab.analysis.stability import DiskMargin
 
 
 class Named(NamedTuple):

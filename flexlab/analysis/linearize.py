@@ -10,12 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.disk_margin import find_disk_margin
 from flexlab.analysis.linear_model import About, LinearModel, Named, make_model
 from flexlab.analysis.linearization import POSE_STEP, Linearization, central, first_order, fourth_order
-from flexlab.analysis.loop_poles import beam_scale, find_poles, kept_memory, with_lag
 from flexlab.analysis.modes import check_pose, drift_note, linearize_at
 from flexlab.analysis.rest_point import aim
+from flexlab.analysis.stability import beam_scale, find_disk_margin, find_poles, kept_memory, with_lag
 from flexlab.control.observers.believed_plant import hold
 from flexlab.errors import StudyError
 from flexlab.recording.table_columns import Column, table_columns

@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.disk_margin import DiskMargin, find_disk_margin
 from flexlab.analysis.linearization import Linearization, linearize_loop
-from flexlab.analysis.loop_poles import NEUTRAL, find_poles
 from flexlab.analysis.rest_point import LoopProbe, find_rest
+from flexlab.analysis.stability import NEUTRAL, DiskMargin, find_disk_margin, find_poles
 from flexlab.errors import StudyError
 from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
@@ -174,7 +173,7 @@ class Modes:
 
     @property
     def unstable(self) -> bool:
-        """Whether some pole grows by more than `loop_poles.NEUTRAL`."""
+        """Whether some pole grows by more than `stability.NEUTRAL`."""
         return bool(np.any(self.poles.real > NEUTRAL))
 
     @cached_property

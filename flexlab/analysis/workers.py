@@ -1,11 +1,11 @@
-"""Who computes many things at once: threads of this machine, or the workers of a Dask cluster. One way for all studies.
+"""Many things computed at once, by threads of this machine or the workers of a Dask cluster: one way for runs and all studies.
 
 Results are the same whoever computes: workers with another engine are refused, and what a worker had in hand when it died is
 computed again elsewhere. Laws and paths in Python travel along.
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
@@ -14,9 +14,66 @@ from typing import Any
 
 from flexlab.analysis.metrics.own import OwnMetric, know_own_metrics, own_metrics
 from flexlab.compiled import cache_folder
-from flexlab.errors import StudyError
+from flexlab.errors import ScenarioError, StudyError
 from flexlab.own.files import know_own_texts, own_texts
 from flexlab.plain_text import console
+from flexlab.scenario import Scenario, parse_scenario
+from flexlab.sim.blas import one_blas_thread
+from flexlab.sim.row_layout import empty_samples
+from flexlab.sim.samples import Run, Status
+from flexlab.sim.signals import own_signals
+from flexlab.sim.simulate import sample_count, simulate
+
+
+def simulate_many(
+    scenarios: Sequence[Scenario | Mapping[str, Any]],
+    duration: float = 3.0,
+    sample_period: float = 0.001,
+    workers: int | None = None,
+    progress: bool = True,
+    choose: Callable[[Scenario], Scenario] = lambda scenario: scenario,
+    cluster: str | None = None,
+) -> list[Run]:
+    """Simulate every scenario (or plain data of one), in order, on `workers` threads (None: one per core), or on a `cluster`.
+
+    A scenario that is not valid becomes a run without samples whose status is "invalid" and says why; one that cannot go
+    on ends early, as in `simulate`. `progress` draws a bar on a terminal. `choose` changes each scenario. Raises `StudyError`
+    for unusable arguments, and for a cluster that fails.
+    """
+    sample_count(duration, sample_period)
+    known = chosen_workers(workers, cluster)
+    chosen = [_chosen(scenario, choose) for scenario in scenarios]
+    valid = [number for number, scenario in enumerate(chosen) if isinstance(scenario, Scenario)]
+    found = {number: run for number, run in enumerate(chosen) if isinstance(run, Run)}
+    with progress_bar(progress, "runs") as told, known() as run:
+        for done, (number, one) in enumerate(
+            run(partial(_simulated, duration, sample_period), (chosen[k] for k in valid)), 1
+        ):
+            found[valid[number]] = one
+            told(done, len(valid))
+    return [found[number] for number in range(len(chosen))]
+
+
+def _chosen(scenario: Scenario | Mapping[str, Any], choose: Callable[[Scenario], Scenario]) -> Scenario | Run:
+    """A scenario, changed; a run that says why it is not valid."""
+    try:
+        return choose(scenario if isinstance(scenario, Scenario) else parse_scenario(scenario))
+    except ScenarioError as error:
+        return _invalid(scenario if isinstance(scenario, Scenario) else Scenario(), str(error))
+
+
+def _simulated(duration: float, sample_period: float, scenario: Scenario) -> Run:
+    try:
+        with one_blas_thread():
+            return simulate(scenario, duration, sample_period)
+    except ScenarioError as error:
+        return _invalid(scenario, str(error))
+
+
+def _invalid(scenario: Scenario, reason: str) -> Run:
+    nothing = empty_samples(len(scenario.arms), scenario.payload.coordinate_count, own_signals(scenario))
+    return Run(**nothing.signals(), scenario=scenario, status=Status("invalid", reason))
+
 
 MOST_WORKERS = 256
 """More threads than any machine of today has use for."""
@@ -27,9 +84,9 @@ AHEAD = 3
 
 Work = Callable[[Any], Any]
 """What is done with each thing. A cluster takes what can be pickled: a function of a module, or a `partial` of one."""
-Run = Callable[[Work, Iterable[Any]], Iterator[tuple[int, Any]]]
+Does = Callable[[Work, Iterable[Any]], Iterator[tuple[int, Any]]]
 """Does a work with some things; (a thing's number, its result) of each as it is done, in any order. Raises `StudyError`."""
-Workers = Callable[[], AbstractContextManager[Run]]
+Workers = Callable[[], AbstractContextManager[Does]]
 """Those who compute; they are there within the context."""
 
 
@@ -60,7 +117,7 @@ def thread_count(workers: int | None) -> int:
 
 
 @contextmanager
-def _on_threads(count: int) -> Iterator[Run]:
+def _on_threads(count: int) -> Iterator[Does]:
     """The kernels hold no lock, so threads are enough."""
     pool = ThreadPoolExecutor(count, thread_name_prefix="flexlab-workers")
 
@@ -79,7 +136,7 @@ def _on_threads(count: int) -> Iterator[Run]:
 
 
 @contextmanager
-def _on_cluster(distributed: Any, address: str) -> Iterator[Run]:
+def _on_cluster(distributed: Any, address: str) -> Iterator[Does]:
     with _connected(distributed, address) as client:
         threads = sum(_threads(client, address).values())
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlab.analysis.batch import simulate_many
+from flexlab.analysis.workers import simulate_many
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread

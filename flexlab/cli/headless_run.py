@@ -17,7 +17,7 @@ from flexlab.analysis.explanations import LONGEST_LOOK, Background, Evidence, ex
 from flexlab.analysis.metrics import MetricCollection, RunMetrics
 from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.metrics.settling_time import SettlingTime
-from flexlab.analysis.result_hash import ResultHash
+from flexlab.analysis.result import ResultHash
 from flexlab.analysis.run_summary import run_notes
 from flexlab.cli.console import complain, notes, output
 from flexlab.errors import FlexlabError

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from flexlab.analysis.explanations import explain_run
 from flexlab.analysis.figures import STYLE, draw_signals
 from flexlab.analysis.metrics import run_metrics
-from flexlab.analysis.result_hash import result_hash
+from flexlab.analysis.result import result_hash
 from flexlab.errors import StudyError
 from flexlab.guide import LessonProgress
 from flexlab.lab.input_guard import InputGuard

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlab.own import declaration
-from flexlab.own.believed import BELIEVED_SIZE, Believed
 from flexlab.own.declaration import (
     LASTING,
     LONGEST,
@@ -31,7 +30,7 @@ from flexlab.own.declaration import (
     read_path_declaration,
 )
 from flexlab.own.elsewhere import is_foreign
-from flexlab.own.measurement import Measurement
+from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement
 from flexlab.physics.law_input import LAW_INPUT
 
 TURN = 0

@@ -20,7 +20,6 @@ from flexlab.control.observers.believed_plant import believed_plant
 from flexlab.control.observers.kalman import padded
 from flexlab.numerics.linear_algebra import product
 from flexlab.own import hosts
-from flexlab.own.believed import BELIEVED, MOST_MODES, PLACES
 from flexlab.own.declaration import (
     LONGEST_PERIOD,
     SHORTEST_PERIOD,
@@ -44,6 +43,7 @@ from flexlab.own.execution import (
     Channel,
 )
 from flexlab.own.kinds import OWN_PLACE, OwnKinds, default_source, source_field
+from flexlab.own.measurement import BELIEVED, MOST_MODES, PLACES
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
 from flexlab.physics.law_input import LAW_INPUT, MOST_ARMS
 from flexlab.quantities import Number, quantity

@@ -1,7 +1,7 @@
 """A functional mock-up unit (FMI 2.0 or 3.0, co-simulation) as a control law: what it declares becomes the text of one.
 
 So it is declared, allowed, recorded and run as those are. The text names the file and its SHA-256; the file itself, machine code
-that nobody can read before it runs, stays where it is.
+that nobody can read before it runs, stays where it is. Its variables' units of measure are recognised whatever a tool calls them.
 """
 
 import hashlib
@@ -15,8 +15,48 @@ from typing import Any
 from flexlab.errors import ScenarioError
 from flexlab.own.declaration import DEFAULT_PERIOD, LONGEST_PERIOD, MOST_SETTINGS, MOST_SIGNALS, SHORTEST_PERIOD
 from flexlab.own.elsewhere import is_unit
-from flexlab.own.unit_units import problem_with_unit
 from flexlab.plain_text import visible
+
+_BASES = {
+    "1": {},
+    "m": {"m": 1},
+    "rad": {"rad": 1},
+    "s": {"s": 1},
+    "kg": {"kg": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+}
+_FMI_BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
+"""Besides rad, which is 1: tools leave it out as they like."""
+_SPELT = (("**", "^"), ("^2", "²"), ("2", "²"), ("*", "·"), (".", "·"), (" ", "·"), ("(", ""), (")", ""), ("Nm", "N·m"))
+
+
+def problem_with_unit(variable: Any, definitions: Iterable[Any], wanted: str) -> str:
+    """The unit of measure in which a variable is, where that is not `wanted`; empty: it is, or nothing is said of it."""
+    name = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+    if not name:
+        return ""
+    base = next((each.baseUnit for each in definitions if each.name == name), None)
+    if base is None:
+        return "" if _spelt(name) == wanted else name
+    found = {each: getattr(base, each) for each in _FMI_BASES if getattr(base, each)}
+    same = found == exponents(wanted) and base.factor == 1 and base.offset == 0
+    return "" if same else name
+
+
+def exponents(unit: str) -> dict[str, int]:
+    """Exponents of the base units of one of flexlab's units, as kg·m²/s, without rad."""
+    total: dict[str, int] = {}
+    for sign, name, power in re.findall(r"([·/]?)([^·/²]+)(²?)", unit):
+        for base, exponent in _BASES[name].items():
+            total[base] = total.get(base, 0) + exponent * (2 if power else 1) * (-1 if sign == "/" else 1)
+    return {base: exponent for base, exponent in total.items() if exponent and base != "rad"}
+
+
+def _spelt(name: str) -> str:
+    for other, ours in _SPELT:
+        name = name.replace(other, ours)
+    return name
+
 
 SIDES, AXES, JOINTS = ("left", "right"), ("x", "y", "theta"), ("1", "2", "3")
 MOST_STRAINS = 8

@@ -1,7 +1,8 @@
-"""Runs as CSV, Parquet or NPZ for other programs, and back: what is read again equals what was written, bit for bit.
+"""Runs as CSV, Parquet, NPZ or an xarray dataset for other programs, and back: what is read again equals what was written.
 
-Every column's name says its unit; SI throughout. Scenario, versions, seed, start and events (commands among them) go along
-as one JSON text: in CSV the first line (after "# "), in Parquet and NPZ the metadata named "flexlab".
+The files come back bit for bit. Every column's name says its unit; SI throughout. Scenario, versions, seed, start and events
+(commands among them) go along as one JSON text: in CSV the first line (after "# "), in Parquet and NPZ the metadata named
+"flexlab". A dataset has named axes, and units and meanings beside the numbers.
 """
 
 import csv
@@ -11,22 +12,24 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
-from flexlab.errors import RecordingError
+from flexlab.errors import RecordingError, StudyError
 from flexlab.plain_text import visible, writable
+from flexlab.presets import scenario_text
 from flexlab.recording.codec import command_from_json, command_to_json, larger_blocks, state_json
 from flexlab.recording.reader import Recording, within
-from flexlab.recording.run_info import these_versions
+from flexlab.recording.run_info import package_version, these_versions
 from flexlab.recording.store.formats import FORMAT, Changes, migrate
 from flexlab.recording.store.notes import replacing
 from flexlab.recording.table_columns import (
     Column,
+    axis_labels,
     check_events,
     check_times,
     check_units,
@@ -36,8 +39,55 @@ from flexlab.recording.table_columns import (
     to_columns,
 )
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Signal
 from flexlab.sim.samples import Run, Samples, Status
+from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import Event
+
+if TYPE_CHECKING:
+    import xarray
+
+
+NAMES = {ARM: "arm", AXIS: "axis", JOINT: "joint", COORDINATE: "coordinate"}
+"""Of axes that several signals have; any other is called after its signal."""
+
+
+def to_dataset(run: Run) -> "xarray.Dataset":
+    """All signals over time, with labels along their axes where these fit. Raises `StudyError` where xarray is not installed."""
+    try:
+        import xarray
+    except ImportError:
+        raise StudyError("xarray is not installed: pip install 'flexlab[xarray]' brings it.") from None
+    signals = dict(TABLE) | {signal.name: signal for signal in own_signals(run.scenario)}
+    arrays = {name: array for name, array in run.signals().items() if name in signals}
+    found = {name: _variable(signals[name], array, run.scenario) for name, array in arrays.items()}
+    about = {
+        "scenario": scenario_text(run.scenario),
+        "status": str(run.status),
+        "status_text": run.status.text,
+        "source": f"flexlab {package_version()}",
+    }
+    return xarray.Dataset(
+        {name: variable for name, (variable, _) in found.items()},
+        {name: names for _, labels in found.values() for name, names in labels.items()},
+        about,
+    )
+
+
+def _variable(signal: Signal, array: np.ndarray, scenario: Scenario) -> tuple[tuple, dict[str, list[str]]]:
+    """(dimensions, numbers, attributes) of a signal, and the labels along its dimensions."""
+    names, labels = ["time"], {}
+    for place, axis in enumerate(signal.axes, 1):
+        known = ["_".join(words) for words, _ in axis_labels(axis, scenario)]
+        # Where a command has changed the mesh on the way, the widest one's coordinates have no one name.
+        fits = len(known) == array.shape[place]
+        shared = NAMES.get(axis) if fits else None
+        names.append(shared or f"{signal.name}_{NAMES.get(axis, 'entry')}")
+        if shared:
+            labels[shared] = known
+    about = {"long_name": signal.meaning, "symbol": signal.symbol, "units": signal.unit_text}
+    return (tuple(names), array, about | ({"source": signal.equation} if signal.equation else {})), labels
+
 
 NAME = "flexlab"
 """Name of the metadata."""

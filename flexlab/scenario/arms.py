@@ -1,11 +1,11 @@
-"""The arms that carry it."""
+"""The arms that carry the beam, and their joints where they are more than ideal: what both arms have alike, joint by joint."""
 
 from typing import Literal
 
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
-from flexlab.quantities import Pair, Part, Triple, quantity
+from flexlab.quantities import Number, Pair, Part, Triple, quantity
 
 
 class Arm(Part):
@@ -53,3 +53,81 @@ class Arm(Part):
                     {"link": joint + 1},
                 )
         return self
+
+
+class JointFriction(Part):
+    """Friction of the joints, τ_f(θ̇): viscous, Coulomb's, and a static part that falls with speed (`physics.joints`)."""
+
+    viscous: Triple = quantity(
+        (0.0, 0.0, 0.0), title="Viscous friction of the joints", symbol="B_f", unit="N·m·s/rad", low=0, high=1e4
+    )
+    coulomb: Triple = quantity(
+        (0.0, 0.0, 0.0), title="Coulomb friction of the joints", symbol="C_f", unit="N·m", low=0, high=1e4
+    )
+    static_factor: Number = quantity(1.0, title="Static over Coulomb friction", symbol="σ_f", unit="1", low=1, high=10)
+    stribeck_speed: Number = quantity(
+        0.1, title="Speed at which static friction has fallen by half", symbol="v_s", unit="rad/s", low=1e-4, high=100
+    )
+    smoothing_speed: Number = quantity(
+        0.01, title="Speed within which friction turns over", symbol="v_0", unit="rad/s", low=1e-6, high=1
+    )
+    """A joint that sticks creeps by a part of it; the smaller it is, the shorter are the steps."""
+
+    @property
+    def active(self) -> bool:
+        """Whether there is any."""
+        return any(self.viscous) or any(self.coulomb)
+
+
+class JointEncoders(Part):
+    """What a sampled controller measures the pose with: joint angles in whole counts (`physics.encoders`)."""
+
+    counts: Triple = quantity(
+        (0.0, 0.0, 0.0),
+        title="Counts of the encoders per turn of the joint (0: exact)",
+        symbol="N_c",
+        unit="1",
+        low=0,
+        high=1e9,
+        slider=(0, 1e6),
+    )
+    """An encoder on the motor's side of a gear counts as often as the gear's ratio says."""
+
+    @property
+    def active(self) -> bool:
+        """Whether any joint counts."""
+        return any(self.counts)
+
+
+class JointMotor(Part):
+    """What a motor gives of the torque that it is asked for: late, and the less, the faster it turns (`physics.joints`)."""
+
+    time_constant: Number = quantity(
+        0.0, title="Time constant of the motors (0: none)", symbol="T_m", unit="s", low=0, high=1, slider=(0, 0.02)
+    )
+    stall_torque: Triple = quantity(
+        (0.0, 0.0, 0.0), title="Stall torque of the motors (0: any torque)", symbol="τ_s", unit="N·m", low=0, high=1e6,
+        slider=(0, 1000),
+    )  # fmt: skip
+    no_load_speed: Triple = quantity(
+        (10.0, 10.0, 10.0), title="No-load speed of the motors", symbol="ω_0", unit="rad/s", low=1e-2, high=1e4,
+        slider=(1, 20),
+    )  # fmt: skip
+
+    @property
+    def active(self) -> bool:
+        """Whether motors give another torque than they are asked for."""
+        return self.time_constant > 0 or any(self.stall_torque)
+
+
+class Joints(Part):
+    """What stands between motors and links, and what measures them; both arms' joints are alike, base first."""
+
+    friction: JointFriction = JointFriction()
+    motor: JointMotor = JointMotor()
+    encoders: JointEncoders = JointEncoders()
+
+    @property
+    def active(self) -> bool:
+        """Whether the joints are not ideal."""
+        return self.friction.active or self.motor.active or self.encoders.active

@@ -292,7 +292,7 @@ PLANTED = (
     PlantedError("no-load speed", "physics/joints.py", "stall / np.array(motor", "0.9 * stall / np.array(motor"),
     PlantedError(
         "late motors in linear models",
-        "analysis/loop_poles.py",
+        "analysis/stability.py",
         "np.eye(count) / time_constant",
         "np.eye(count) / (1.1 * time_constant)",
     ),

@@ -8,8 +8,8 @@ from reference.linear import open_loop_matrices
 from threadpoolctl import threadpool_limits
 
 from flexlab.analysis.linearization import Linearization
-from flexlab.analysis.loop_poles import NEUTRAL, find_poles, loop_map
 from flexlab.analysis.modes import Modes, modes
+from flexlab.analysis.stability import NEUTRAL, find_poles, loop_map
 from flexlab.errors import StudyError
 from flexlab.physics.plant import DISSIPATED, ETA, WORK
 from flexlab.presets import load_preset

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import flexlab
-from flexlab.analysis.result_hash import ResultHash, result_hash
+from flexlab.analysis.result import ResultHash, result_hash
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder

@@ -20,7 +20,7 @@ import flexlab
 from flexlab.analysis.replay import replay
 from flexlab.errors import ScenarioError
 from flexlab.own import hosts
-from flexlab.own.class_text import class_text
+from flexlab.own.files import class_text
 from flexlab.own.law import add_own_law
 from flexlab.own.path import add_own_path
 from flexlab.presets import load_preset

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flexlab.analysis.linearization import first_order
-from flexlab.analysis.loop_poles import NEUTRAL, loop_map
 from flexlab.analysis.modes import linearize_at, modes
+from flexlab.analysis.stability import NEUTRAL, loop_map
 from flexlab.control.law import law_of
 from flexlab.control.observers.believed_plant import believed_plant, hold
 from flexlab.physics.plant import ETA

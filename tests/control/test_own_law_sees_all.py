@@ -10,9 +10,9 @@ from own_law_text import forget_own_laws
 import flexlab
 from flexlab.control.law import USUAL_GAUGES
 from flexlab.own import hosts
-from flexlab.own.believed import Believed
 from flexlab.own.files import law_kind
 from flexlab.own.law import add_own_law
+from flexlab.own.measurement import Believed
 from flexlab.presets import load_preset
 from flexlab.sim.build import build_beam, payload_row
 

@@ -18,8 +18,7 @@ from flexlab.errors import ScenarioError
 from flexlab.fmi.export import write_fmu
 from flexlab.own import hosts
 from flexlab.own.files import LAW_FILES, law_kind
-from flexlab.own.unit import unit_in
-from flexlab.own.unit_units import exponents
+from flexlab.own.unit import exponents, unit_in
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario

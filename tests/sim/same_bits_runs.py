@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 
-from flexlab.analysis.result_hash import result_hash
+from flexlab.analysis.result import result_hash
 from flexlab.control.law import laws
 from flexlab.control.path import paths
 from flexlab.presets import load_preset, preset_names

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlab.analysis.explanations.evidence import Background, Evidence
 from flexlab.analysis.explanations.explanation import n, register
-from flexlab.analysis.loop_poles import NEUTRAL
+from flexlab.analysis.stability import NEUTRAL
 
 AGREES = 2.5
 """Factor within which the growth of one mode alone must agree with the loop's for the delay to be its cause."""

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from flexlab.analysis.metrics import Column, Metric
-from flexlab.analysis.metrics.averages import RmsInternalForce
+from flexlab.analysis.metrics.magnitudes import PeakTorque, PeakVibration, RmsInternalForce
 from flexlab.analysis.metrics.metric import Peak, RootMeanSquare
-from flexlab.analysis.metrics.peaks import PeakTorque, PeakVibration
 from flexlab.analysis.metrics.residual_vibration import LATER, ResidualVibration
 from flexlab.analysis.metrics.run_metrics import Window, between, value_text
 from flexlab.analysis.metrics.settling_time import SettlingTime

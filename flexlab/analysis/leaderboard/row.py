@@ -7,7 +7,7 @@ from typing import Any
 
 from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Tally, Variant
 from flexlab.analysis.leaderboard.entrants import Entrant
-from flexlab.analysis.result_hash import ResultHash
+from flexlab.analysis.result import ResultHash
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario
 from flexlab.sim.blas import one_blas_thread

@@ -1,7 +1,7 @@
 """What a metric is: a registered class in a file beside this one, with a state that takes in samples and merges.
 
 The same code serves a stream and a whole run: `update` takes any piece of it, in any order, `merge` another metric's
-pieces, `compute` gives the number. To add one, copy one of `peaks.py` into a file of its own: tables, lists, notes,
+pieces, `compute` gives the number. To add one, copy one of `magnitudes.py` into a file of its own: tables, lists, notes,
 comparisons and the Python interface follow from its columns.
 """
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import viser
 
-from flexlab.analysis.disk_margin import DiskMargin, Margin
 from flexlab.analysis.modes import Modes, PoleRow, sampling_text
+from flexlab.analysis.stability import DiskMargin, Margin
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.mode_computation import ModeStudy, peak_deflection

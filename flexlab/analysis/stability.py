@@ -1,0 +1,272 @@
+"""Whether a linearised loop is stable, and by how much: its poles, and the disk margin of its motors.
+
+Poles are those of the differential equations, or of one control period where the controller is sampled. A sampled loop is the
+map from one control instant to the next. Between instants the plant moves by the exact exponential of its equations under held
+joint torques; at an instant the law answers what it measures, and its torques join those on their way. An eigenvalue z of that
+map is the pole log(z)/T_c.
+
+The disk margin says how much the motors may deviate before the loop is lost. Seiler, Packard, Gahinet: An introduction to disk
+margins (IEEE Control Systems 40(5), 2020), symmetric disk (σ = 0): joint torques may be multiplied by complex factors
+(1 + δ/2)/(1 - δ/2), |δ| < α, and the loop stays stable. α = 1/max over ω of μ((S - T)/2), with μ the spectral radius where all
+motors have one factor, and bounded from above by diagonal scalings where each has its own, so that α is never too large.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from flexlab.analysis.linearization import Linearization, first_order
+from flexlab.control.observers.believed_plant import hold
+from flexlab.lapack import complex_schur, eigenvectors
+
+DEADBEAT = 1e-5
+"""|z| below which what a period leaves is rounding: such poles belong to torques that reach nothing any more."""
+NEUTRAL = 1e-3
+"""Growth, 1/s, below which a pole counts as standing still: less than 4 % in a minute, and above all rounding."""
+
+
+class LoopMap(NamedTuple):
+    """A linear loop over the state of `held_plant`, memory, torques held until now if the law looks at them, those on the way."""
+
+    matrix: np.ndarray
+    """Of dz/dt (1/s), or of z one control period later."""
+    period: float | None
+    """T_c, s; None: continuous."""
+    kept_memory: np.ndarray
+    """Which of the law's memory states are part of it: those that change in the first order."""
+
+
+class Poles(NamedTuple):
+    """Poles by magnitude."""
+
+    value: np.ndarray
+    """1/s, complex, (poles,)."""
+    share: np.ndarray
+    """How much pose, each beam mode, the law's memory and the torques on their way or late take part in each, columns in this
+    order, each row adds up to 1, (poles, n_m + 3)."""
+
+
+def beam_scale(linear: Linearization) -> np.ndarray:
+    """Factors on (x, η, ẋ, η̇) that make its parts alike in size: ωη beside η̇, (2 n,)."""
+    n = linear.probe.mode_count
+    return np.concatenate([np.ones(3), linear.omega, np.ones(3 + n)])
+
+
+def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """A and B of the scaled state under generalised forces on the pose (3,): of dz/dt, or over a period of held forces.
+
+    Of motors that are late, the forces that they give are part of the state, behind (x, Ωη, ẋ, η̇).
+    """
+    A, _ = first_order(linear.plant)
+    n = len(linear.plant.mass)
+    force = np.vstack([np.zeros((n, 3)), np.linalg.solve(linear.plant.mass, np.eye(n)[:, :3])])
+    scale = beam_scale(linear)
+    A, force = A * scale[:, None] / scale, force * scale[:, None]
+    A, force = with_lag(A, force, linear.probe.original.joints.motor.time_constant)
+    if period is None:
+        return A, force
+    return hold(A, force, period)
+
+
+def with_lag(A: np.ndarray, B: np.ndarray, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
+    """A and B whose inputs come late by a time constant, s: behind the state stands what has come of them."""
+    if time_constant == 0:
+        return A, B
+    count = B.shape[1]
+    late = np.eye(count) / time_constant
+    return np.block([[A, B], [np.zeros((count, len(A))), -late]]), np.vstack([np.zeros_like(B), late])
+
+
+def by_state(linear: Linearization, by_motion: np.ndarray) -> np.ndarray:
+    """What depends on (x, η, ẋ, η̇), (rows, 2 n), by the state of `held_plant`: the motors' forces are not measured."""
+    scaled = by_motion / beam_scale(linear)
+    return np.hstack([scaled, np.zeros((len(scaled), 3 * (linear.probe.original.joints.motor.time_constant > 0)))])
+
+
+def kept_memory(linear: Linearization) -> np.ndarray:
+    """Indices of memory states that change in the first order, without those that never rest.
+
+    b̂ at rest with s = 0 is the known case: ‖s‖ has no slope there, b̂ stays what it is, and its neutral poles are left out.
+    """
+    torques = linear.torque_count
+    rows = np.hstack([linear.law.motion, linear.law.memory])[torques:]
+    return np.flatnonzero(np.any(rows != 0, axis=1) & ~linear.rest.moving)
+
+
+def loop_map(linear: Linearization) -> LoopMap:
+    """Plant and law closed into one loop, with the scenario's control period and input delay."""
+    law, torques = linear.law, linear.torque_count
+    controller = linear.probe.original.controller
+    period, kept = controller.control_period, kept_memory(linear)
+    A, B = held_plant(linear, period)
+    # Torques reach the plant as the three forces on the pose; what arms press against one another reaches nothing.
+    to_pose = linear.plant.input[:3]
+    answer = np.hstack([by_state(linear, to_pose @ law.motion[:torques]), to_pose @ law.memory[:torques, kept]])
+    rows = torques + kept
+    memory = np.hstack([by_state(linear, law.motion[rows]), law.memory[np.ix_(rows, kept)]])
+    states, k = len(A), len(kept)
+    if period is None:
+        matrix = np.vstack([np.hstack([A, np.zeros((states, k))]) + B @ answer, memory])
+        return LoopMap(matrix, None, kept)
+    delay = controller.input_delay
+    # Of torques, too, only the forces on the pose count; a law that looks at them remembers those held until now.
+    line = np.kron(np.eye(delay + 1), np.linalg.pinv(to_pose)) if law.line.shape[1] else np.zeros((0, 3 * delay))
+    own, size = states + k, states + k + line.shape[1]
+    matrix = np.zeros((size, size), dtype=answer.dtype)
+    matrix[:states, :states] = A
+    matrix[states:own, :own] = memory + np.eye(k, own, states)
+    matrix[states:own, own:] = law.line[rows] @ line
+    asked = np.hstack([answer, to_pose @ law.line[:torques] @ line])
+    held = np.eye(3, size, size - 3 * delay) if delay else asked
+    matrix[:states] += B @ held
+    if size > own:
+        matrix[own:-3, own + 3 :] = np.eye(size - own - 3)
+        matrix[-3:] = asked
+    return LoopMap(matrix, period, kept)
+
+
+def find_poles(linear: Linearization) -> Poles:
+    """Poles of the loop; of a sampled one without those whose torques are gone within a period."""
+    loop = loop_map(linear)
+    value, left, right = eigenvectors(loop.matrix)
+    share = _participation(left, right)
+    groups = np.zeros((len(value), linear.probe.mode_count + 3))
+    n = linear.probe.mode_count
+    late = 6 + 2 * n + 3 * (linear.probe.original.joints.motor.time_constant > 0)
+    own = late + len(loop.kept_memory)
+    groups[:, 0] = share[:, :3].sum(axis=1) + share[:, 3 + n : 6 + n].sum(axis=1)
+    groups[:, 1 : 1 + n] = share[:, 3 : 3 + n] + share[:, 6 + n : 6 + 2 * n]
+    groups[:, 1 + n] = share[:, late:own].sum(axis=1)
+    groups[:, 2 + n] = share[:, 6 + 2 * n : late].sum(axis=1) + share[:, own:].sum(axis=1)
+    if loop.period is not None:
+        there = np.abs(value) > DEADBEAT
+        value, groups = np.log(value[there].astype(complex)) / loop.period, groups[there]
+    order = np.argsort(np.abs(value), kind="stable")
+    return Poles(value[order], groups[order])
+
+
+def _participation(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """|l_i r_i| of each eigenvalue (rows) and state, adding up to 1: independent of the states' units."""
+    product = np.abs(left.conj() * right).T
+    return product / np.maximum(product.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+
+
+GRID = 300
+"""Frequencies at which the loop is looked at, besides those around its poles."""
+AROUND = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
+"""Places around a pole's frequency, in its half-widths |Re|."""
+SCALINGS = 12
+"""Rounds of balancing the scaled matrix: each halves what is left, at least."""
+LARGEST = 2.0
+"""α of a loop that no gain and no phase can destroy."""
+
+
+class Margin(NamedTuple):
+    """Deviations that the loop survives."""
+
+    alpha: float
+    """α, 0 (unstable) to 2 (nothing destroys it)."""
+    frequency: float
+    """Where the loop is most easily lost, Hz; NaN of an unstable loop."""
+
+    @property
+    def gain(self) -> tuple[float, float]:
+        """Factors from and to which gains may change."""
+        if self.alpha >= LARGEST:
+            return 0.0, np.inf
+        return (2 - self.alpha) / (2 + self.alpha), (2 + self.alpha) / (2 - self.alpha)
+
+    @property
+    def phase(self) -> float:
+        """Phase by which torques may lead or lag, °."""
+        return float(np.degrees(2 * np.arctan(self.alpha / 2)))
+
+
+class DiskMargin(NamedTuple):
+    """Margins of the loop broken at its joint torques."""
+
+    alike: Margin
+    """All motors deviate by one factor: another gain, another delay."""
+    each: Margin
+    """Every motor deviates by a factor of its own, all at once in the worst way."""
+
+
+def find_disk_margin(linear: Linearization, poles: np.ndarray) -> DiskMargin:
+    """The disk margins of a loop with these poles (1/s)."""
+    if np.any(poles.real > NEUTRAL):
+        lost = Margin(0.0, np.nan)
+        return DiskMargin(lost, lost)
+    rates = _rates(linear, poles)
+    loop = _torque_loop(linear, rates)
+    identity = np.eye(linear.torque_count)
+    # With H the torques answered to those in force, L = -H: S = (1 - H)⁻¹ and S - T = S (1 + H).
+    deviation = np.linalg.solve(identity - loop, identity + loop) / 2
+    alike = np.abs(np.linalg.eigvals(deviation)).max(axis=1)
+    return DiskMargin(_margin(alike, rates), _margin(_structured_norm(deviation), rates))
+
+
+def _margin(size: np.ndarray, rates: np.ndarray) -> Margin:
+    worst = int(np.argmax(size))
+    return Margin(float(min(LARGEST, 1 / size[worst])), float(rates[worst] / (2 * np.pi)))
+
+
+def _rates(linear: Linearization, poles: np.ndarray) -> np.ndarray:
+    """Angular frequencies that show every peak, 1/s."""
+    period = linear.probe.original.controller.control_period
+    size = np.abs(poles)
+    size = size[size > NEUTRAL]
+    low, high = (1.0, 1e3) if len(size) == 0 else (size.min() / 30, 10 * size.max())
+    if period is not None:
+        high = np.pi / period
+    swinging = poles[poles.imag > 0]
+    near = (swinging.imag[:, None] + np.abs(swinging.real)[:, None] * AROUND).ravel()
+    rates = np.concatenate([np.geomspace(min(low, high / 10), high, GRID), near])
+    return np.unique(rates[(rates > 0) & (rates <= high)])
+
+
+def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
+    """H(ω), joint torques that the law asks for by those in force, (rates, arms · 3, arms · 3)."""
+    controller, law, torques = linear.probe.original.controller, linear.law, linear.torque_count
+    period, kept = controller.control_period, kept_memory(linear)
+    A, B = held_plant(linear, period)
+    triangle, basis = complex_schur(A)
+    force = basis.conj().T @ B
+    answer = by_state(linear, law.motion[:torques]) @ basis
+    memory_in = by_state(linear, law.motion[torques + kept]) @ basis
+    memory_out, memory_own = law.memory[:torques, kept], law.memory[np.ix_(torques + kept, kept)]
+    seen = law.line.reshape(len(law.line), -1, torques)
+    where = 1j * rates if period is None else np.exp(1j * rates * period)
+    result = np.empty((len(rates), torques, torques), dtype=complex)
+    shifted, diagonal = -triangle, np.diag_indices_from(triangle)
+    for k, z in enumerate(where):
+        shifted[diagonal] = z - triangle[diagonal]
+        motion = solve_triangular(shifted, force, check_finite=False)
+        # What the law asked for earlier is known to it: the torques in force deviate from that.
+        ago = np.tensordot(seen, z ** np.arange(-seen.shape[1], 0), (1, 0))
+        asked, known = answer @ motion, ago[:torques]
+        if len(kept):
+            slope = z if period is None else z - 1
+            told = np.hstack([memory_in @ motion, ago[torques + kept]])
+            through = memory_out @ np.linalg.solve(slope * np.eye(len(kept)) - memory_own, told)
+            asked, known = asked + through[:, :3], known + through[:, 3:]
+        if seen.shape[1]:
+            asked = np.linalg.solve(np.eye(torques) - known, asked)
+        late = 1.0 if period is None else z**-controller.input_delay
+        result[k] = late * asked @ linear.plant.input[:3]
+    return result
+
+
+def _structured_norm(matrices: np.ndarray) -> np.ndarray:
+    """Upper bound of μ for independent channels: σ_max(D M D⁻¹) with D that balances rows and columns, (rates,)."""
+    scale = np.ones(matrices.shape[:2])
+    power = np.abs(matrices) ** 2
+    power[:, *np.diag_indices(matrices.shape[1])] = 0
+    tiny = np.finfo(float).tiny
+    for _ in range(SCALINGS):
+        for channel in range(matrices.shape[1]):
+            row = (power[:, channel] / scale**2).sum(axis=1)
+            column = (power[:, :, channel] * scale**2).sum(axis=1)
+            able = (row > tiny) & (column > tiny)
+            scale[able, channel] = (column[able] / row[able]) ** 0.25
+    return np.linalg.norm(matrices * scale[:, :, None] / scale[:, None, :], ord=2, axis=(1, 2))

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -192,23 +192,18 @@ def model_description(version: int, model: Model, variables: Sequence[Variable])
     _add_variables(root, variables, third)
     structure = _element(root, "ModelStructure")
     outputs = [number for number, variable in enumerate(variables) if variable.causality == "output"]
-    if third:
-        for kind in ("Output", "InitialUnknown"):
-            _add_references(structure, kind, "valueReference", outputs)
-    else:
-        for kind in ("Outputs", "InitialUnknowns"):
-            _add_references(_element(structure, kind), "Unknown", "index", (number + 1 for number in outputs))
+    # An input acts from the next step on: two units that feed each other are no algebraic loop.
+    for name, known in (("Output", {"dependencies": ""}), ("InitialUnknown", {})):
+        parent = structure if third else _element(structure, f"{name}s")
+        for number in outputs:
+            place = {"valueReference": str(number)} if third else {"index": str(number + 1)}
+            _element(parent, name if third else "Unknown", **place, **known)
     ElementTree.indent(root)
     return ElementTree.tostring(root, "utf-8", xml_declaration=True)
 
 
 def _element(parent: Any, tag: str, **attributes: str) -> Any:
     return ElementTree.Element(tag, attributes) if parent is None else ElementTree.SubElement(parent, tag, attributes)
-
-
-def _add_references(parent: Any, tag: str, attribute: str, numbers: Iterable[int]) -> None:
-    for number in numbers:
-        _element(parent, tag, **{attribute: str(number)})
 
 
 def _add_units(root: Any, units: set[str]) -> None:

@@ -5,18 +5,16 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import fmpy
 import numpy as np
 import pytest
-from fmpy.fmi2 import FMU2Slave
-from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 from own_law_text import PD, forget_own_laws
+from units_in_fmpy import apart, get, instance
 
 import flexlab
 from flexlab.errors import StudyError
@@ -59,31 +57,8 @@ def export(tmp_path_factory: pytest.TempPathFactory) -> Export:
     return written
 
 
-@contextmanager
-def instance(file: Path, folder: Path, version: int = 3) -> Iterator[Any]:
-    """An instance of a unit that stands at t = 0."""
-    about = fmpy.read_model_description(str(file))
-    kind = FMU3Slave if version == 3 else FMU2Slave
-    unit = kind(
-        guid=about.guid,
-        unzipDirectory=fmpy.extract(str(file), str(folder)),
-        modelIdentifier=about.coSimulation.modelIdentifier,
-        instanceName="one",
-    )
-    unit.numbers = {variable.name: variable.valueReference for variable in about.modelVariables}
-    unit.instantiate()
-    if version == 2:
-        unit.setupExperiment()
-    unit.enterInitializationMode()
-    unit.exitInitializationMode()
-    yield unit
-    unit.terminate()
-    unit.freeInstance()
-
-
 def outputs(unit: Any) -> np.ndarray:
-    numbers = list(unit.numbers.values())
-    return np.array(unit.getFloat64(numbers))
+    return get(unit, list(unit.numbers))
 
 
 def assert_same_bits(result: np.ndarray, samples: Samples, scenario: Scenario, every: int = 1) -> None:
@@ -207,6 +182,14 @@ def test_plant_and_law_make_the_loop(export: Export, tmp_path: Path, preset: str
             assert pose == run.pose[tick + 1].tolist()
 
 
+@pytest.mark.parametrize("version", [2, 3])
+def test_plant_and_law_that_exchange_after_each_step_differ_by_the_step(export: Export, tmp_path: Path, version: int):
+    scenario = load_preset("paper")
+    files = export(scenario, "plant", version), export(scenario, "law", version)
+    worst = [apart(scenario, files, step, 1.0, tmp_path) for step in (4 * TICK, 2 * TICK, TICK)]
+    np.testing.assert_allclose(np.divide(worst[:-1], worst[1:]), 2.0, rtol=0.2)
+
+
 @pytest.mark.parametrize(
     ("preset", "changes", "start"),
     [
@@ -305,11 +288,30 @@ def test_a_thousand_instances_and_their_states_leave_no_memory_behind(export: Ex
 def test_a_step_that_cannot_be_is_refused_with_a_sentence(
     export: Export, tmp_path: Path, capfd: pytest.CaptureFixture[str], version: int, time: float, step: float, says: str
 ):
-    with instance(export(load_preset("paper"), "loop", version), tmp_path, version) as unit:
+    with instance(export(load_preset("paper"), "loop", version), tmp_path) as unit:
         with pytest.raises(fmpy.fmi1.FMICallException):
             unit.doStep(time, step)
         unit.doStep(0.0, TICK)
     assert says in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_what_rounding_leaves_of_a_step_is_no_step(export: Export, tmp_path: Path, version: int):
+    """OMSimulator adds up its steps, and asks at the end for what is left."""
+    with instance(export(load_preset("paper"), "plant", version), tmp_path) as unit:
+        unit.doStep(0.0, 3 * TICK)
+        before = outputs(unit)
+        unit.doStep(3 * TICK - 2.2e-13, 2.2e-13)
+        np.testing.assert_array_equal(outputs(unit), before)
+        unit.doStep(3 * TICK, TICK)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_units_that_feed_each_other_are_no_algebraic_loop(export: Export, version: int):
+    for part in ("plant", "law"):
+        about = fmpy.read_model_description(str(export(load_preset("paper"), part, version)))
+        assert about.outputs
+        assert all(output.dependencies == [] for output in about.outputs)
 
 
 def test_a_plant_without_torques_stops_with_a_sentence(

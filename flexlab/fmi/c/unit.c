@@ -91,7 +91,8 @@ int unit_step(Unit *unit, double time, double step, double *reached) {
     double ticks = floor(step / TICK_PERIOD + 0.5), now = unit_time(unit);
     *reached = now;
     if (state->stopped) return unit_refuse(unit, "This unit has stopped: reset it.");
-    if (!(ticks >= 1) || fabs(step - ticks * TICK_PERIOD) > 1e-6 * TICK_PERIOD) {
+    /* Importers that add up their steps end with one as short as what rounding has left: there is nothing to do in it. */
+    if (!(step > 0) || fabs(step - ticks * TICK_PERIOD) > 1e-6 * TICK_PERIOD) {
         snprintf(text, sizeof text, "The communication step %.12g s is no whole number of this unit's ticks of %.12g s: "
                  "choose a multiple of it.", step, (double)TICK_PERIOD);
         return unit_refuse(unit, text);

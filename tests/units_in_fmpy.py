@@ -1,0 +1,67 @@
+"""Functional mock-up units in FMPy, an importer that is not ours."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+
+from flexlab.scenario import Scenario
+from flexlab.sim.simulate import simulate
+
+
+@contextmanager
+def instance(file: Path, folder: Path) -> Iterator[Any]:
+    """An instance of a unit that stands at t = 0."""
+    about = fmpy.read_model_description(str(file))
+    kind = FMU3Slave if about.fmiVersion == "3.0" else FMU2Slave
+    unit = kind(
+        guid=about.guid,
+        unzipDirectory=fmpy.extract(str(file), str(folder)),
+        modelIdentifier=about.coSimulation.modelIdentifier,
+        instanceName="one",
+    )
+    unit.numbers = {variable.name: variable.valueReference for variable in about.modelVariables}
+    unit.instantiate()
+    if kind is FMU2Slave:
+        unit.setupExperiment()
+    unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    yield unit
+    unit.terminate()
+    unit.freeInstance()
+
+
+def get(unit: Any, names: Sequence[str]) -> np.ndarray:
+    """Values of variables of a unit of either version."""
+    read = unit.getFloat64 if isinstance(unit, FMU3Slave) else unit.getReal
+    return np.array(read([unit.numbers[name] for name in names]))
+
+
+def put(unit: Any, names: Sequence[str], values: Any) -> None:
+    """As `get`, the other way."""
+    write = unit.setFloat64 if isinstance(unit, FMU3Slave) else unit.setReal
+    write([unit.numbers[name] for name in names], list(values))
+
+
+def inputs_of(file: Path) -> set[str]:
+    return {each.name for each in fmpy.read_model_description(str(file)).modelVariables if each.causality == "input"}
+
+
+def apart(scenario: Scenario, files: tuple[Path, Path], step: float, duration: float, folder: Path) -> float:
+    """How far plant and law of a scenario, which exchange values after each step, get from `simulate`: of any axis, m or rad."""
+    run, names, worst = simulate(scenario, duration, step), [sorted(inputs_of(file)) for file in files], 0.0
+    with instance(files[0], folder / "plant") as plant, instance(files[1], folder / "law") as law:
+        for number in range(1, len(run)):
+            for unit in (plant, law):
+                unit.doStep((number - 1) * step, step)
+            torques, felt = get(law, names[0]), get(plant, names[1])
+            put(plant, names[0], torques)
+            put(law, names[1], felt)
+            pose = get(plant, ["pose_x", "pose_y", "pose_theta"])
+            worst = max(worst, float(np.abs(pose - run.pose[number]).max()))
+    return worst

@@ -282,8 +282,9 @@ def export_fmu(
     """Write a scenario as a functional mock-up unit (.fmu), which other tools simulate without Python; returns the file.
 
     `part`: "plant", arms and beam, whose motors' torques are inputs; "law", law and path, whose inputs are what is measured; or
-    "loop", both together, which gives the bits of `simulate`. `version` of FMI: 3 or 2. Importers look every `sample_period` s,
-    or at multiples of it. A C compiler is needed.
+    "loop", both together, which gives the bits of `simulate`; or "follower", the loop without its path, whose inputs are the
+    desired motion. `version` of FMI: 3 or 2. Importers look every `sample_period` s, or at multiples of it. A C compiler is
+    needed.
     Raises `PresetError`, `ScenarioError` or `StudyError`.
     """
     from flexlab.fmi.export import write_fmu

@@ -49,6 +49,7 @@ def put(unit: Any, names: Sequence[str], values: Any) -> None:
 
 
 def inputs_of(file: Path) -> set[str]:
+    """Names of a unit's inputs."""
     return {each.name for each in fmpy.read_model_description(str(file)).modelVariables if each.causality == "input"}
 
 

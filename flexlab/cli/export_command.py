@@ -39,8 +39,11 @@ def command(
         float | None, tyro.conf.arg(metavar="S", help="Leave out what is later, s.", help_behavior_hint="")
     ] = None,
     part: Annotated[
-        Literal["plant", "law", "loop"] | None,
-        tyro.conf.arg(help="Of an .fmu: arms and beam, law and path, or all of it.", help_behavior_hint="(plant)"),
+        Literal["plant", "law", "loop", "follower"] | None,
+        tyro.conf.arg(
+            help="Of an .fmu: arms and beam, law and path, all of it, or all but the path.",
+            help_behavior_hint="(plant)",
+        ),
     ] = None,
     fmi: Annotated[
         Literal[2, 3] | None, tyro.conf.arg(help="Of an .fmu: version of the standard.", help_behavior_hint="(3)")

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -14,7 +14,7 @@ from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario
 from flexlab.signal import AXIS
 from flexlab.sim.row_layout import rows_to_samples
-from flexlab.sim.signals import known_signals, own_signals
+from flexlab.sim.signals import ACCELERATION_UNITS, POSE_UNITS, RATE_UNITS, known_signals, own_signals
 
 BASE_UNITS = {
     "1": {},
@@ -42,6 +42,7 @@ class Variable(NamedTuple):
     start: float | None = None
     low: float = -math.inf
     high: float = math.inf
+    is_whole: bool = False
 
     @property
     def is_settable(self) -> bool:
@@ -123,14 +124,45 @@ def law_signals(scenario: Scenario, place: int) -> list[Variable]:
     return found
 
 
-def parameters(scenario: Scenario, gravity_place: int, gains_place: int, gains: Sequence[str]) -> list[Variable]:
-    """Gravity, and these gains of the law, whose record stands at `gains_place`: what can be tuned while a unit runs."""
-    about = describe(type(scenario), "gravity")
-    found = [
-        Variable(
-            "gravity", about.unit, about.title, "parameter", gravity_place, scenario.gravity, about.low, about.high
-        )
+def desired_motion(start: np.ndarray, place: int) -> list[Variable]:
+    """Where the payload should be, as inputs: x_d, ẋ_d and ẍ_d (3, 3), which stand at `place`."""
+    about = (
+        (
+            "pose",
+            POSE_UNITS,
+            "x_d, {}: desired pose, which moves on with its rate and acceleration until the next step",
+        ),
+        ("rate", RATE_UNITS, "ẋ_d, {}: its rate, which moves on with the acceleration"),
+        ("acceleration", ACCELERATION_UNITS, "ẍ_d, {}: its acceleration"),
+    )
+    return [
+        Variable(f"desired_{name}_{axis}", units[a], text.format(axis), "input", place + 8 * (3 * k + a), float(start[k, a]))
+        for k, (name, units, text) in enumerate(about)
+        for a, axis in enumerate(AXIS.labels)
     ]  # fmt: skip
+
+
+def parameters(
+    scenario: Scenario, places: Mapping[str, int], gains: Sequence[str], is_plant: bool = False
+) -> list[Variable]:
+    """Gravity, the seed of the noise and these gains of the law: what can be tuned while a unit runs, at its `places`.
+
+    Gravity is a law's, too: of one that takes no gains as they are, other things were made of it.
+    """
+    found = []
+    if gains or is_plant:
+        about = describe(type(scenario), "gravity")
+        title, low, high = about.title, about.low, about.high
+        found += [Variable("gravity", about.unit, title, "parameter", places["gravity"], scenario.gravity, low, high)]
+    noise = scenario.controller.sensor_noise
+    if noise.active and not is_plant:
+        about = describe(type(noise), "seed")
+        start, low, high = float(noise.seed), about.low, about.high
+        found += [
+            Variable(
+                "noise_seed", "1", "Seed of the sensors' noise", "parameter", places["seed"], start, low, high, True
+            )
+        ]
     law, record = scenario.controller, law_of(scenario.controller).gains_type
     for name in gains:
         about, size = describe(type(law), name), math.prod(record[name].shape)
@@ -138,7 +170,7 @@ def parameters(scenario: Scenario, gravity_place: int, gains_place: int, gains: 
         for k in range(size):
             # Of two units, the first is of both directions.
             unit = units[k] if len(units) == size else units[0] if k < 2 else units[-1]
-            place = gains_place + (record.fields or {})[name][1] + 8 * k
+            place = places["gains"] + (record.fields or {})[name][1] + 8 * k
             own_name = name if size == 1 else f"{name}_{k + 1}"
             found.append(
                 Variable(own_name, unit, about.title, "parameter", place, float(values[k]), about.low, about.high)

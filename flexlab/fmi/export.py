@@ -56,8 +56,8 @@ def write_fmu(
 ) -> None:
     """Write a unit, whole or not at all. Raises `StudyError` or `ScenarioError`.
 
-    `part`: "plant", whose motors' torques are inputs; "law", whose inputs are what it measures; or "loop", which is plant, law
-    and path as `flexlab.simulate` has them.
+    `part`: "plant", whose motors' torques are inputs; "law", whose inputs are what it measures; "loop", which is plant, law
+    and path as `flexlab.simulate` has them; or "follower", plant and law, whose input is the desired motion.
     `version` of FMI: 2 or 3. `tick_period`: time between two instants at which importers may look, s.
     """
     if version not in VERSIONS:
@@ -83,11 +83,11 @@ def _write(folder: Path, file: Path, part: Part, name: str, version: int, place:
     header, data = _layout(part, token)
     (folder / "layout.h").write_text(header, encoding="utf-8")
     (folder / "data.o").write_bytes(data_object(data, "flexlab_data"))
-    entry, result = part.kernel
-    write_object(result, entry, folder / f"{entry}.o", by_words=True)
+    for name, result in part.kernels.items():
+        write_object(result, name, folder / f"{name}.o", by_words=True)
     for each in part.called:
         write_object(each.result, each.name, folder / f"{each.name}.o")
-    objects = [folder / f"{each}.o" for each in (entry, "data", *(each.name for each in part.called))]
+    objects = [folder / f"{each}.o" for each in (*part.kernels, "data", *(each.name for each in part.called))]
     binary = folder / f"{IDENTIFIER}{place[2]}"
     link(binary, [*(SOURCES / each for each in ("unit.c", part.source, f"fmi{version}.c")), *objects], folder)
     licence = distribution("flexlab").read_text("licenses/LICENSE") or "MIT License: https://spdx.org/licenses/MIT\n"
@@ -121,10 +121,11 @@ def _layout(part: Part, token: str) -> tuple[str, bytes]:
         "SCHEMES": [value for scheme in memory.schemes for value in scheme],
         "PIECES": [value for piece in memory.pieces for value in piece.words],
         "CALLS": calls,
+        "FIRST": part.first_words,
         "VARIABLES": [
             value
             for each in part.variables
-            for value in (each.place, int(each.is_settable), bits(float(each.low)), bits(float(each.high)))
+            for value in (each.place, each.is_settable + each.is_whole, bits(float(each.low)), bits(float(each.high)))
         ],
     }
     blocks = {name: np.array(values, np.int64).tobytes() for name, values in tables.items()}
@@ -146,6 +147,9 @@ def _layout(part: Part, token: str) -> tuple[str, bytes]:
             "AT_Y": memory.places["y"],
             "AT_GRAVITY": memory.places["gravity"],
             "WORD_GRAVITY": memory.word("system.plant.gravity"),
+            "AT_SEED": memory.places["seed"],
+            "WORD_SEED": memory.word("sampling.seed"),
+            "FIRST_COUNT": len(part.first_words),
             "AT_DESIRED_TIME": memory.places["ws.desired_time.data"],
         }
     )

@@ -1,24 +1,35 @@
-"""What can be exported of a scenario: the plant, the law, or the loop that they make; of each its kernel, memory, variables.
+"""What can be exported of a scenario: plant, law, their loop, or the loop without its path; of each kernels, memory, variables.
 
 Plant and law meet at the instants of a sampled controller: what one has as outputs, the other has as inputs, under the same
 names. A law that acts continuously is exported as one that acts at every tick.
 """
 
 import inspect
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 
+from flexlab.compiled import MATRIX, kernel_address, pluggable
 from flexlab.control.controller import Controller
 from flexlab.control.law import law_of, laws, nothing_derived
+from flexlab.control.motion import NO_ROWS, DesiredMotion
 from flexlab.control.path import paths
 from flexlab.errors import StudyError
-from flexlab.fmi.description import Variable, inputs, law_signals, parameters, sample_variables, sensors, torques
+from flexlab.fmi.description import (
+    Variable,
+    desired_motion,
+    inputs,
+    law_signals,
+    parameters,
+    sample_variables,
+    sensors,
+    torques,
+)
 from flexlab.fmi.machine_code import result_at
-from flexlab.fmi.memory import CLOCK, Memory, arrays_of, lay_out, schemes_of
+from flexlab.fmi.memory import CLOCK, Memory, arrays_of, lay_out, schemes_of, words_of
 from flexlab.physics.encoders import begin_reading
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
@@ -32,6 +43,7 @@ from flexlab.sim.law_memory import start_memory
 from flexlab.sim.motion import Motion, begin_motion, outlook_of
 from flexlab.sim.sampled_control import answer_sensors, control_instant
 from flexlab.sim.stepping import observe
+from flexlab.sim.target import desired_at
 from flexlab.sim.termination import DEFLECTION_LIMIT
 
 NEVER = 1 << 40
@@ -62,13 +74,15 @@ class Part:
     about: str
     source: str
     """The file in C that moves it."""
-    kernel: tuple[str, Any]
-    """What that file calls: name, and what numba has compiled of it."""
+    kernels: dict[str, Any]
+    """What that file calls: what numba has compiled, by name."""
     called: list[Called]
     memory: Memory
     variables: list[Variable]
     numbers: dict[str, int]
     """What that file knows of it besides."""
+    first_words: list[int] = field(default_factory=list)
+    """Of the kernel by which a sampled law acts for the first time: which words of the other one it takes."""
 
 
 def make_part(scenario: Scenario, part: str, tick_period: float) -> Part:
@@ -80,7 +94,7 @@ def make_part(scenario: Scenario, part: str, tick_period: float) -> Part:
             f"The control law {scenario.controller.kind} runs in Python, which a unit does without: export --part plant."
         )
     scenario = scenario.anew()
-    if part != "loop" and scenario.controller.control_period is None:
+    if part in ("plant", "law") and scenario.controller.control_period is None:
         scenario = scenario.replace({"controller.control_period": tick_period})
     motion = begin_motion(scenario, tick_period, (), False)
     if motion.status.failed:
@@ -88,14 +102,40 @@ def make_part(scenario: Scenario, part: str, tick_period: float) -> Part:
     return PARTS[part](motion)
 
 
+@pluggable
+def given_motion(path, rows, t, desired):
+    """What an importer gave last, moved on with its rate and acceleration."""
+    since = t - path.time
+    for a in range(3):
+        desired[0, a] = path.pose[a] + since * (path.rate[a] + 0.5 * since * path.acceleration[a])
+        desired[1, a] = path.rate[a] + since * path.acceleration[a]
+        desired[2, a] = path.acceleration[a]
+
+
+GIVEN = np.dtype([("time", "f8"), ("pose", "f8", (3,)), ("rate", "f8", (3,)), ("acceleration", "f8", (3,))])
+"""Numbers of `given_motion`."""
+
+
 def _loop(motion: Motion) -> Part:
     """Plant, law and path."""
-    return _world(motion, "Arms, flexible beam, control law and path", _law_and_path(motion, with_rate=True))
+    return _world(motion, "Arms, flexible beam, control law and path", _law_and_path(motion, _path(motion)))
+
+
+def _follower(motion: Motion) -> Part:
+    """Plant and law; where the payload should be comes from outside, and begins where the scenario's path does."""
+    address = kernel_address(given_motion, GIVEN, MATRIX, numba.float64, MATRIX)
+    system, desired = motion.assembly.system, desired_at(motion.assembly.system.trajectory, 0.0)
+    numbers = np.array([0.0, *desired.ravel()])
+    given = DesiredMotion(address, numbers, NO_ROWS, bending=system.trajectory.bending)
+    motion.assembly = motion.assembly._replace(system=system._replace(trajectory=given))
+    motion.workspace.desired_time[0] = np.nan
+    path = Called("flexlab_path", result_at(given_motion, address), "system.trajectory.kernel")
+    return _world(motion, "Arms, flexible beam and control law", _law_and_path(motion, path))
 
 
 def _plant(motion: Motion) -> Part:
     """Arms and beam; the torques of its motors are held until others come: no law acts."""
-    called = _path(motion)
+    called = [_path(motion)]
     system, sampling = motion.assembly.system, motion.assembly.sampling
     control = system.control._replace(law=0, fastest_rate=0, gains=np.zeros_like(system.control.gains))
     sampling = sampling._replace(steps=NEVER, kernel=0)
@@ -106,6 +146,7 @@ def _plant(motion: Motion) -> Part:
 def _world(motion: Motion, about: str, called: list[Called]) -> Part:
     """What `advance` moves: a plant, if it calls no law, or a loop."""
     assembly, scenario, is_plant = motion.assembly, motion.scenario, len(called) == 1
+    is_follower = called[0].result.signature.args[0] == numba.from_dtype(GIVEN)
     system, sampling, row = assembly.system, assembly.sampling, np.zeros(motion.row_length)
     observe(motion, row)
     good, rows = np.zeros_like(motion.y), np.zeros((BLOCK, motion.row_length))
@@ -116,17 +157,20 @@ def _world(motion: Motion, about: str, called: list[Called]) -> Part:
     )  # fmt: skip
     arguments = _named(advance, values)
     felt = _sensors(motion)[6:]
-    state = {"row": row, "sensors": felt, "gravity": np.array([scenario.gravity]), **_of_control(motion)}
+    state = {"row": row, "sensors": felt, **_of_control(motion)}
+    if not is_plant and system.control.sampled:
+        _before_acting(motion)
     scratch = {"good": good, "rows": rows, **arrays_of(motion.workspace)}
     memory = lay_out(arguments, state, scratch, *schemes_of(assembly, motion.tick_period))
     variables = sample_variables(scenario, row, memory.places["row"], not is_plant)
     if is_plant:
         variables += sensors(scenario, felt, memory.places["sensors"], "output")
         variables += torques(scenario, system.held_torque, memory.places["torques"], "input")
-    if is_plant or (_follows_gains(scenario) and not system.control.sampled):
-        # Of what is shown, only the sliding variable would go on with the earlier slope.
-        gains = [] if is_plant else [name for name in _gains(scenario) if name != "sliding_slope"]
-        variables += parameters(scenario, memory.places["gravity"], memory.places["gains"], gains)
+    if is_follower:
+        variables = [each for each in variables if not each.name.startswith("desired_")]
+        variables += desired_motion(desired_at(system.trajectory, 0.0), memory.places["desired"] + 8)
+    # Of what is shown, only the sliding variable would go on with the earlier slope.
+    variables += parameters(scenario, memory.places, [] if is_plant else _gains(scenario, {"sliding_slope"}), is_plant)
     words = {
         "SAMPLING_STEPS": "sampling.steps", "MOST": "watch.most", "LEVEL": "level", "ORIGIN": "origin", "TICK": "tick",
         "PERIOD": "tick_period", "STEP_COUNT": "step_count", "PRESENT": "first_is_present", "ROWS_SIZE": "rows.size",
@@ -149,9 +193,17 @@ def _world(motion: Motion, about: str, called: list[Called]) -> Part:
         "AT_ROWS": memory.places["rows"],
         "AT_SENSORS": memory.places["sensors"],
         "AT_BEAM_RATE": memory.places["ws.beam_rate.data"],
+        "AT_GIVEN": memory.places["desired"] if is_follower else 0,
     }
-    kernel = "flexlab_advance", _compiled(advance, arguments)
-    return Part(scenario, motion.tick_period, about, "world.c", kernel, called, memory, variables, numbers)
+    kernels, first_words = {"flexlab_advance": _compiled(advance, arguments)}, []
+    if not is_plant and system.control.sampled:
+        first = _named(control_instant, (system, sampling, 0, 0.0, motion.y, motion.workspace))
+        kernels["flexlab_first"] = _compiled(control_instant, first)
+        at_start = {"instant": "tick", "t": "origin"}
+        labels = [name for key, value in first.items() for name, _ in words_of(value, key)]
+        first_words = [memory.word(at_start.get(name, name)) for name in labels]
+    tick = motion.tick_period
+    return Part(scenario, tick, about, "world.c", kernels, called, memory, variables, numbers, first_words)
 
 
 def _named(kernel: Any, values: tuple[Any, ...]) -> dict[str, Any]:
@@ -161,52 +213,56 @@ def _named(kernel: Any, values: tuple[Any, ...]) -> dict[str, Any]:
 
 def _law(motion: Motion) -> Part:
     """Law and path: it acts once as it begins, and at each of its instants."""
-    called, felt = _law_and_path(motion, with_rate=False), _sensors(motion)
+    called, felt = _law_and_path(motion, _path(motion), with_rate=False), _sensors(motion)
     assembly, scenario, y = motion.assembly, motion.scenario, motion.y
     control = assembly.system.control._replace(fastest_rate=0)
     system, sampling = assembly.system._replace(control=control), assembly.sampling._replace(kernel=0)
-    # As it was before it acted for the first time, in `begin_motion`.
-    system.held_torque[:] = sampling.line[:] = 0.0
-    memory_end = memory_slice(system).stop
-    y[memory_slice(system).start :] = 0.0
-    find_mass_at(system.plant, motion.time, motion.workspace)
-    begin_reading(system.plant, sampling.period, y, motion.workspace)
-    start_memory(scenario, system, outlook_of(motion, True), y)
+    _before_acting(motion)
     values = (system, sampling, 0, 0.0, felt, y, motion.workspace)
     arguments = _named(answer_sensors, values)
     now = motion.workspace.measured
-    state = {"sensors": felt, "gravity": np.array([scenario.gravity]), "measured": now, **_of_control(motion)}
+    state = {"sensors": felt, "measured": now, **_of_control(motion)}
     memory = lay_out(arguments, state, arrays_of(motion.workspace))
     period = scenario.controller.control_period
     variables = [Variable("time", "s", "t: instant of the unit", "independent", CLOCK)]
     variables += torques(scenario, system.held_torque, memory.places["torques"], "output")
     variables += inputs(scenario, memory.places["measured"] + (now.dtype.fields or {})["u"][1])
-    variables += law_signals(scenario, memory.places["y"] + 8 * memory_end)
+    variables += law_signals(scenario, memory.places["y"] + 8 * memory_slice(system).stop)
     variables += sensors(scenario, felt, memory.places["sensors"], "input")
-    if _follows_gains(scenario):
-        variables += parameters(scenario, memory.places["gravity"], memory.places["gains"], _gains(scenario))
+    variables += parameters(scenario, memory.places, _gains(scenario))
     numbers = {"WORD_NUMBER": memory.word("instant"), "WORD_TIME": memory.word("t")}
-    kernel = "flexlab_answer", _compiled(answer_sensors, arguments)
-    return Part(scenario, period, "Control law and path", "law.c", kernel, called, memory, variables, numbers)
+    kernels = {"flexlab_answer": _compiled(answer_sensors, arguments)}
+    return Part(scenario, period, "Control law and path", "law.c", kernels, called, memory, variables, numbers)
 
 
-PARTS = {"plant": _plant, "law": _law, "loop": _loop}
+PARTS = {"plant": _plant, "law": _law, "loop": _loop, "follower": _follower}
 
 
-def _gains(scenario: Scenario) -> list[str]:
-    return list(own_numbers(type(scenario.controller), Controller))
+def _before_acting(motion: Motion) -> None:
+    """Have a sampled law forget what it did in `begin_motion`: a unit acts when it begins, with its parameters of then."""
+    system, sampling, y = motion.assembly.system, motion.assembly.sampling, motion.y
+    system.held_torque[:] = sampling.line[:] = 0.0
+    y[memory_slice(system).start :] = 0.0
+    find_mass_at(system.plant, motion.time, motion.workspace)
+    begin_reading(system.plant, sampling.period, y, motion.workspace)
+    start_memory(motion.scenario, system, outlook_of(motion, True), y)
 
 
-def _follows_gains(scenario: Scenario) -> bool:
-    """Whether a law takes its gains and gravity as they are: nothing else, its memory included, was made of them before."""
+def _gains(scenario: Scenario, besides: Collection[str] = ()) -> list[str]:
+    """Gains that a law takes as they are: of no law of which anything, its memory included, was made of them before."""
     law = law_of(scenario.controller)
-    return law.derive is nothing_derived and law.start is None
+    if law.derive is not nothing_derived or law.start is not None:
+        return []
+    return [name for name in own_numbers(type(scenario.controller), Controller) if name not in besides]
 
 
 def _of_control(motion: Motion) -> dict[str, np.ndarray]:
-    """What changes with time besides a sample, and a law's gains, which may hold addresses."""
+    """What changes with time besides a sample, what an importer sets, and a law's gains, which may hold addresses."""
     system = motion.assembly.system
     return {
+        "gravity": np.array([motion.scenario.gravity]),
+        "seed": np.array([float(motion.assembly.sampling.seed)]),
+        "desired": system.trajectory.numbers,
         "y": motion.y,
         "torques": system.held_torque,
         "line": motion.assembly.sampling.line,
@@ -225,15 +281,15 @@ def _sensors(motion: Motion) -> np.ndarray:
     return np.array([*y[:3], *ws.velocity, *ws.beam_rate, *strains])
 
 
-def _path(motion: Motion) -> list[Called]:
+def _path(motion: Motion) -> Called:
     kernel, address = paths()[motion.scenario.trajectory.kind].kernel, motion.assembly.system.trajectory.kernel
-    return [Called("flexlab_path", result_at(kernel, address), "system.trajectory.kernel")]
+    return Called("flexlab_path", result_at(kernel, address), "system.trajectory.kernel")
 
 
-def _law_and_path(motion: Motion, with_rate: bool) -> list[Called]:
+def _law_and_path(motion: Motion, path: Called, with_rate: bool = True) -> list[Called]:
     """All kernels that the engine or the law calls by their addresses; `with_rate`: the engine, too."""
     control, law = motion.assembly.system.control, law_of(motion.scenario.controller)
-    found = [*_path(motion), Called("flexlab_law", result_at(law.kernel, control.law), "system.control.law")]
+    found = [path, Called("flexlab_law", result_at(law.kernel, control.law), "system.control.law")]
     if with_rate:
         rate = result_at(law.fastest_rate, control.fastest_rate)
         found.append(Called("flexlab_rate", rate, "system.control.fastest_rate"))

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 from own_law_text import PD, forget_own_laws
-from units_in_fmpy import apart, get, instance
+from units_in_fmpy import apart, get, instance, put
 
 import flexlab
 from flexlab.errors import StudyError
@@ -26,6 +26,7 @@ from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.simulate import simulate
+from flexlab.sim.target import build_trajectory, desired_at
 from flexlab.sim.world import World
 
 pytestmark = pytest.mark.skipif(
@@ -39,6 +40,8 @@ FRICTION = {"joints.friction.viscous": (5.0, 5.0, 2.0), "joints.friction.coulomb
 FILLED = {"payload.mass_change.factor": 2.0, "payload.mass_change.begin": 0.05, "payload.mass_change.duration": 0.1}
 MOTORS = {"joints.motor.time_constant": 0.004, "joints.motor.stall_torque": (450.0, 250.0, 90.0)}
 ENCODERS = {"joints.encoders.counts": (2e5, 2e5, 1e5), "controller.control_period": 0.001}
+GIVEN = [f"desired_{name}_{axis}" for name in ("pose", "rate", "acceleration") for axis in ("x", "y", "theta")]
+RESTING = {"trajectory": {"kind": "hold"}, "initial.pose": (0.02, 0.74, 0.05)}
 Export = Callable[..., Path]
 
 
@@ -72,7 +75,7 @@ def assert_same_bits(result: np.ndarray, samples: Samples, scenario: Scenario, e
 
 
 @pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("part", ["plant", "law", "loop"])
+@pytest.mark.parametrize("part", ["plant", "law", "loop", "follower"])
 def test_fmpy_finds_nothing_wrong(export: Export, part: str, version: int):
     file = export(load_preset("paper"), part, version)
     assert validate_fmu(str(file)) == []
@@ -82,6 +85,8 @@ def test_fmpy_finds_nothing_wrong(export: Export, part: str, version: int):
     inputs = [variable.name for variable in about.modelVariables if variable.causality == "input"]
     motors = [f"motor_torque_{side}_{joint}" for side in ("left", "right") for joint in (1, 2, 3)]
     assert inputs[:6] == {"plant": motors, "loop": []}.get(part, inputs[:6])
+    if part == "follower":
+        assert inputs == GIVEN
     outputs = {variable.name for variable in about.modelVariables if variable.causality == "output"}
     if part == "law":
         assert set(motors) <= outputs
@@ -190,6 +195,47 @@ def test_plant_and_law_that_exchange_after_each_step_differ_by_the_step(export: 
     np.testing.assert_allclose(np.divide(worst[:-1], worst[1:]), 2.0, rtol=0.2)
 
 
+@pytest.mark.parametrize("preset", ["paper", "fast-adaptation", "composite", "single-arm"])
+def test_a_follower_of_a_pose_that_rests_gives_the_engines_bits(export: Export, preset: str):
+    scenario = load_preset(preset).replace(RESTING)
+    file = str(export(scenario, "follower"))
+    names = [each.name for each in fmpy.read_model_description(file).modelVariables if each.causality == "output"]
+    result = fmpy.simulate_fmu(file, stop_time=0.2, step_size=TICK, output_interval=TICK, output=names)
+    assert_same_bits(result[names], simulate(scenario, 0.2, TICK), scenario)
+
+
+@pytest.mark.parametrize(
+    ("preset", "version", "period"), [("paper", 2, 0.0), ("paper", 3, 0.0), ("fast-adaptation", 3, 0.001)]
+)
+def test_a_follower_that_is_given_the_path_goes_as_the_loop_does(
+    export: Export, tmp_path: Path, preset: str, version: int, period: float
+):
+    """The given acceleration is held over a step, and a sampled law takes it at its instants: half a step old on average."""
+    scenario, worst = load_preset(preset), []
+    path, steps = build_trajectory(scenario), np.array([4 * TICK, 2 * TICK, TICK])
+    for step in steps:
+        run, apart = simulate(scenario, 0.4, step), 0.0
+        with instance(export(scenario, "follower", version), tmp_path) as unit:
+            for number in range(1, len(run)):
+                put(unit, GIVEN, desired_at(path, run.time[number - 1]).ravel())
+                unit.doStep(run.time[number - 1], step)
+                apart = max(apart, np.abs(get(unit, ["pose_x", "pose_y", "pose_theta"]) - run.pose[number]).max())
+        worst.append(apart)
+    age = 0.5 * (steps + period)
+    np.testing.assert_allclose(np.array(worst) / worst[-1], age / age[-1], rtol=0.1)
+    assert worst[-1] < 8e-5
+
+
+def test_a_follower_goes_where_it_is_told(export: Export):
+    given = np.zeros(2, [("time", float), *((name, float) for name in GIVEN)])
+    given["time"], given["desired_pose_x"], given["desired_pose_y"] = (0.0, 1.0), 0.05, 0.7
+    result = fmpy.simulate_fmu(
+        str(export(load_preset("smooth-start"), "follower")), stop_time=1.0, step_size=TICK, input=given,
+        output=["pose_x", "pose_y", "pose_theta"],
+    )  # fmt: skip
+    np.testing.assert_allclose([result[-1][k] for k in (1, 2, 3)], (0.05, 0.7, 0.0), atol=1e-4)
+
+
 @pytest.mark.parametrize(
     ("preset", "changes", "start"),
     [
@@ -199,6 +245,12 @@ def test_plant_and_law_that_exchange_after_each_step_differ_by_the_step(export: 
             {"controller.feedback_gain": (210.0, 205.0, 195.0)},
             {"feedback_gain_1": 210.0, "feedback_gain_2": 205.0, "feedback_gain_3": 195.0},
         ),
+        (
+            "fast-adaptation",
+            {"controller.boundary_layer": 0.05, "gravity": 1.0},
+            {"boundary_layer": 0.05, "gravity": 1.0},
+        ),
+        ("composite", {"controller.sensor_noise.seed": 7}, {"noise_seed": 7.0}),
     ],
 )
 def test_a_tuned_parameter_is_a_scenario_with_that_value(
@@ -216,11 +268,15 @@ def test_a_tuned_parameter_is_a_scenario_with_that_value(
 
 
 def test_a_parameter_out_of_range_is_refused(export: Export, tmp_path: Path, capfd: pytest.CaptureFixture[str]):
-    with instance(export(load_preset("paper"), "law"), tmp_path) as unit:
+    with instance(export(load_preset("paper"), "law"), tmp_path / "one") as unit:
         with pytest.raises(fmpy.fmi1.FMICallException):
-            unit.setFloat64([unit.numbers["boundary_layer"]], [-1.0])
-        unit.setFloat64([unit.numbers["boundary_layer"]], [0.2])
+            put(unit, ["boundary_layer"], [-1.0])
+        put(unit, ["boundary_layer"], [0.2])
     assert "out of its range: see min and max" in capfd.readouterr().out
+    with instance(export(load_preset("composite"), "law"), tmp_path / "two") as unit:
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            put(unit, ["noise_seed"], [0.5])
+    assert "A seed is a whole number." in capfd.readouterr().out
 
 
 def test_an_instance_goes_on_from_a_state_bit_for_bit(export: Export, tmp_path: Path):
@@ -355,7 +411,7 @@ def test_the_same_scenario_gives_the_same_bytes(tmp_path: Path):
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"part": "arms"}, "part = 'arms' is no part of a scenario: choose plant, law, loop."),
+        ({"part": "arms"}, "part = 'arms' is no part of a scenario: choose plant, law, loop, follower."),
         ({"version": 1}, "fmi = 1 is no version that can be written: choose 2 or 3."),
     ],
 )

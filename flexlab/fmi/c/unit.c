@@ -5,6 +5,7 @@
 #include <string.h>
 #include "unit.h"
 
+enum { WHOLE = 2 };
 typedef struct { int64_t place, settable; double low, high; } Variable;
 typedef struct { int64_t in_words, place, function; } Call;      /* Where the address of a function goes. */
 
@@ -58,13 +59,16 @@ static void place_functions(Unit *unit) {
     }
 }
 
-/* Among the words of a kernel gravity is a number; what an importer sets is part of the state. */
-static void take_gravity(Unit *unit) { memcpy(unit->words + WORD_GRAVITY, unit->memory + AT_GRAVITY, sizeof *unit->words); }
+/* Among the words of a kernel gravity and seed are numbers; what an importer sets is part of the state. */
+static void take_numbers(Unit *unit) {
+    memcpy(unit->words + WORD_GRAVITY, unit->memory + AT_GRAVITY, sizeof *unit->words);
+    unit->words[WORD_SEED] = (int64_t)*(double *)(unit->memory + AT_SEED);
+}
 
 void unit_reset(Unit *unit) {
     memcpy(unit->memory, flexlab_data + AT_OWN, OWN_SIZE);
     place_functions(unit);
-    take_gravity(unit);
+    take_numbers(unit);
 }
 
 int unit_observe(Unit *unit) {
@@ -124,9 +128,11 @@ int unit_set(Unit *unit, const uint32_t references[], size_t count, const double
         if (!isfinite(values[k])) return unit_refuse(unit, "An input is not a finite number.");
         if (values[k] < variables[references[k]].low || values[k] > variables[references[k]].high)
             return unit_refuse(unit, "A parameter is out of its range: see min and max in the model description.");
+        if (variables[references[k]].settable == WHOLE && values[k] != floor(values[k]))
+            return unit_refuse(unit, "A seed is a whole number.");
         memcpy(unit->memory + variables[references[k]].place, values + k, sizeof *values);
     }
-    take_gravity(unit);
+    take_numbers(unit);
     return DONE;
 }
 
@@ -138,7 +144,7 @@ int unit_set_state(Unit *unit, const void *state) {
     if (!state) return unit_refuse(unit, "There is no state to go back to.");
     memcpy(unit->memory, state, STATE_SIZE);
     place_functions(unit); /* Of another process, they were elsewhere. */
-    take_gravity(unit);
+    take_numbers(unit);
     *(double *)(unit->memory + AT_DESIRED_TIME) = NAN; /* The desired motion in the scratch arrays is another instant's. */
     return DONE;
 }

@@ -1,4 +1,5 @@
 /* A world that moves by whole ticks, as flexlab/sim/stepping.py moves it, by the same machine code. */
+#include <math.h>
 #include <string.h>
 #include "unit.h"
 
@@ -94,6 +95,10 @@ static int64_t go_in_pieces(Unit *unit, const Piece *piece) {
 int64_t go(Unit *unit, int64_t count) {
     State *state = state_of(unit);
     int64_t code = 0, goal = state->tick + count;
+    if (AT_GIVEN) { /* What was given is of this instant. */
+        *(double *)(unit->memory + AT_GIVEN) = unit_time(unit);
+        *(double *)(unit->memory + AT_DESIRED_TIME) = NAN;
+    }
     while (state->tick < goal) {
         const Piece *piece = next_piece(state->level, state->tick);
         if (piece && piece->tick == state->tick) {
@@ -110,9 +115,26 @@ int64_t go(Unit *unit, int64_t count) {
     return 0;
 }
 
+#if FIRST_COUNT
+extern int32_t flexlab_first(const int64_t *words, int64_t *returned);
+
+/* A sampled law acts as it begins. */
+static int64_t act_first(Unit *unit) {
+    const int64_t *numbers = (const int64_t *)(flexlab_data + AT_FIRST);
+    int64_t given[FIRST_COUNT], code = NOT_A_NUMBER;
+    for (int k = 0; k < FIRST_COUNT; k++) given[k] = unit->words[numbers[k]];
+    flexlab_first(given, &code);
+    return code;
+}
+#else
+static int64_t act_first(Unit *unit) { (void)unit; return 0; }
+#endif
+
 int64_t look(Unit *unit) {
-    int64_t code;
+    *(double *)(unit->memory + AT_DESIRED_TIME) = NAN; /* An importer may have given another one. */
     set_out(unit);
+    int64_t code = act_first(unit);
+    if (code != 0) return code;
     unit->words[WORD_PRESENT] = 1;
     advance(unit, 1, &code);
     return code >= OTHER_STEP ? 0 : code;

@@ -20,7 +20,8 @@ from flexlab.lab.viser_server import set_theme
 from flexlab.log_limits import limited
 
 PAGE_SCRIPT = "".join(
-    Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("page.js", "accessibility.js", "hear.js")
+    Path(__file__).with_name(name).read_text(encoding="utf-8")
+    for name in ("page.js", "accessibility.js", "hear.js", "number_boxes.js")
 )
 """What a page needs to tell it, and what viser's page lacks for keyboards and screen readers."""
 LONGEST_SILENCE = 10.0

@@ -29,7 +29,7 @@ NOTABLE, WHOLE = 0.1, 1.0
 """Share of the buckling load, or of the stiffness, from which on the paper's model leaves out what counts, and at which a beam
 has buckled or the linear beam has no stiffness left."""
 
-CURE = "Set payload.axial_load to first-order."
+CURE = "Set the force along the beam (payload.axial_load) to first-order."
 
 
 class AxialWarning(NamedTuple):

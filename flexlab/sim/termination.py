@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from flexlab.control.law import laws
-from flexlab.number_text import number_text
+from flexlab.number_text import fixed_text, number_text
 from flexlab.own.elsewhere import address_in
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
 from flexlab.physics.encoders import told_pose
@@ -55,13 +55,18 @@ def elbow_sine(distance: np.ndarray, l1: float, l2: float) -> np.ndarray:
     return np.sqrt(np.maximum(0.0, 1 - cosine**2))
 
 
+def _pose_text(pose: np.ndarray) -> str:
+    x, y, angle = (fixed_text(float(value), 3) for value in pose)
+    return f"x = {x} m, y = {y} m, θ = {angle} rad"
+
+
 def pose_fault(scenario: Scenario, pose: np.ndarray, time: float, what: str) -> Status | None:
     """The status of the first arm that cannot take a pose, or None. `what` names the pose ("the desired pose")."""
     for index in range(len(scenario.arms)):
         reach, shortest, longest = wrist_reach(scenario, index, pose)
         distance = float(reach)
         l1, l2, _ = scenario.arms[index].link_length
-        where = f"at x = {pose[0]:.3f} m, y = {pose[1]:.3f} m, θ = {pose[2]:.3f} rad (t = {time:.3f} s)"
+        where = f"at {_pose_text(pose)} (t = {time:.3f} s)"
         name = arm_name(scenario, index)
         if not shortest <= distance <= longest:
             limit, side = (longest, "beyond") if distance > longest else (shortest, "short of")
@@ -171,8 +176,8 @@ def runtime_fault(
         name = "unreachable" if code == UNREACHABLE else "singular"
         return Status(
             name,
-            f"The {arm_name(scenario, index)} left its workspace just after t = {time:.3f} s, near x = {pose[0]:.3f} m, "
-            f"y = {pose[1]:.3f} m, θ = {pose[2]:.3f} rad: its wrist is {distance:.3f} m from its base, {margin:.3f} m from "
+            f"The {arm_name(scenario, index)} left its workspace just after t = {time:.3f} s, near {_pose_text(pose)}: "
+            f"its wrist is {distance:.3f} m from its base, {margin:.3f} m from "
             f"the limit of what it spans (up to {longest:.3f} m). {kept} {_cure(law.kind)}",
             time,
         )

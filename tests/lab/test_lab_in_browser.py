@@ -117,6 +117,7 @@ def test_a_bad_number_is_answered_in_a_sentence_and_goes_no_further(page: LabPag
     for typed, true, good in (("-1", "100", "64"), ("1000000000000000", "64", "36")):
         page.enter(EI, typed)
         page.wait_for_text(f"It stays at {true}")
+        assert "Bending stiffness EI = " in page.text()
         assert "outside the allowed range" in page.text()
         assert page.snapshot.scenario.payload.bending_stiffness == float(true)
         wait_until(lambda true=true: page.box(EI).input_value() == true, "the box shows the true value again", 30)
@@ -125,6 +126,25 @@ def test_a_bad_number_is_answered_in_a_sentence_and_goes_no_further(page: LabPag
             lambda good=good: page.snapshot.scenario.payload.bending_stiffness == float(good),
             "the lab still takes good values",
         )
+
+
+@pytest.mark.usefixtures("soon_put_right")
+def test_a_box_takes_numbers_as_people_write_them(page: LabPage) -> None:
+    box = page.box(EI)
+    for typed, taken in (("1.5e2", 150.0), ("64", 64.0), ("2,5E+1", 25.0), ("9e-1", 0.9), ("90", 90.0)):
+        box.press("ControlOrMeta+a")
+        box.press_sequentially(typed)
+        wait_until(
+            lambda taken=taken: page.snapshot.scenario.payload.bending_stiffness == taken, f"{typed} is {taken:g}"
+        )
+        assert float(box.input_value()) == taken
+    box.press("ControlOrMeta+a")
+    box.press_sequentially("−3")
+    page.wait_for_text("Bending stiffness EI = −3 N·m² is outside the allowed range 0.001 to 10¹² N·m²")
+    page.enter(EI, "36")
+    box.fill("")
+    box.blur()
+    wait_until(lambda: box.input_value() == "36", "a box that was left empty shows its number again")
 
 
 def test_an_unreachable_path_is_explained(page: LabPage) -> None:

@@ -14,7 +14,15 @@ import viser
 from flexlab.control.law import laws
 from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.number_control import BOX_DIGITS, READING_TIME, SETTLE_TIME, NumberControl, Scale, put
+from flexlab.lab.panel.number_control import (
+    BOX_DIGITS,
+    READING_TIME,
+    SETTLE_TIME,
+    NumberControl,
+    Scale,
+    check_range,
+    put,
+)
 from flexlab.lab.panel.text import escaped, number
 from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Scenario
@@ -46,7 +54,7 @@ class Field:
     """
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState, path: str, component: int | None, name: str, unit: str):
-        self._lab_state, self._path, self._component = lab_state, path, component
+        self._lab_state, self._path, self._component, self._name = lab_state, path, component, name
         about = lab_state.intended.about(path)
         whole = isinstance(lab_state.intended.get(path), int)
         space = f" {unit}" if unit else ""
@@ -72,7 +80,10 @@ class Field:
         self._control.remove()
 
     def _ask(self, value: float) -> None:
-        self._lab_state.change({self._path: self._whole(value)})
+        try:
+            self._lab_state.change({self._path: self._whole(value)})
+        except FlexlabError as error:
+            raise LabError(_by_label(error, self._path, self._name)) from error
 
     def _usual(self) -> float:
         """The preset's value; where the preset has no such field (another control law), the present one."""
@@ -185,7 +196,8 @@ class NumericField:
         hint = f"Allowed: {about.range_text()}. {LIVE_HINTS[about.live]}"
         title = re.sub(r" \(null: .*\)", "", about.title)
         unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
-        label = f"{title} {about.symbol}".strip() + unit
+        self._about, self._name = about, f"{title} {about.symbol}".strip()
+        label = self._name + unit
         if switch is not None:
             self._switch = gui.add_checkbox(switch[0], value is not None, hint=LIVE_HINTS[about.live])
             self._switch.on_update(handler(lab_state, lambda _: self._turn(bool(self._switch.value))))
@@ -251,18 +263,35 @@ class NumericField:
         # One number for all keeps its slider simple.
         same = isinstance(value, tuple) and self._components > 1 and len(set(value)) == 1
         try:
+            self._check(value)
             self._lab_state.change({self._path: value[0] if same and isinstance(value, tuple) else value})
         except FlexlabError as error:
             self._kept = self._read(self._lab_state.intended)
-            self._complain(f"{error} It stays at {_text(self._kept)}.")
+            self._complain(f"{_by_label(error, self._path, self._name)} It stays at {_text(self._kept)}.")
             return
         put(self._box, visible=value is not None)
         put(self._back, visible=value != self._usual())
         self._complain("")
 
+    def _check(self, value: Numbers) -> None:
+        """Raises `LabError` for a number outside its range."""
+        items = value if isinstance(value, tuple) else () if value is None else (value,)
+        for place, item in enumerate(items, 1):
+            check_range(
+                self._about,
+                f"{self._name}, {place} of {len(items)}" if items[1:] else self._name,
+                self._about.unit,
+                item,
+            )
+
     def _complain(self, text: str) -> None:
         box = f'<div class="fl"><div class="fl-box fl-error">{escaped(text)}</div></div>' if text else ""
         put(self._problem, content=box, visible=bool(text))
+
+
+def _by_label(error: FlexlabError, path: str, name: str) -> str:
+    """What an error says of the field at `path`, which a person knows by its label."""
+    return str(error).replace(f"{path} = ", f"{name} = ", 1)
 
 
 def _box(gui: viser.GuiApi, label: str, value: Any, hint: str) -> Any:

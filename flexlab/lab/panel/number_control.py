@@ -7,7 +7,7 @@ from typing import Any
 
 import viser
 
-from flexlab.errors import FlexlabError
+from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.text import escaped, number
 from flexlab.lab.viser_internals import mark_slider
@@ -31,10 +31,21 @@ def put(widget: Any, **values: Any) -> None:
             setattr(widget, name, value)
 
 
+def check_range(about: Quantity, name: str, unit: str, value: float) -> None:
+    """Refuse a number outside the range of `about`, by the name and unit that its label has: raises `LabError`."""
+    if not about.low <= value <= about.high:
+        space = f" {unit}" if unit not in ("", "1") else ""
+        raise LabError(
+            f"{name} = {number(value, 6)}{space} is outside the allowed range {number(about.low)} to "
+            f"{number(about.high)}{space}: choose a value within it."
+        )
+
+
 class Scale:
     """The way between a value and its place on the slider: even or, from above 0 on, logarithmic; in whole numbers or not."""
 
     def __init__(self, about: Quantity, whole: bool = False):
+        self.about = about
         low, high = about.slider or (about.low, about.high)
         # A person's own law may ask for ratios from 0 on, where there are none.
         self._logarithmic, self._whole = about.logarithmic and low > 0, whole
@@ -95,6 +106,7 @@ class NumberControl:
         ask: Callable[[float], None],
         usual: Callable[[], float] | None = None,
     ):
+        self._name, self._unit = name, unit
         self._scale, self._ask, self._value, self._usual = scale, ask, value, usual
         self._touched, self._marked = -math.inf, []
         self._box = gui.add_number(f"{name} ({unit})" if unit else name, value, step=scale.box_step, hint=hint)
@@ -157,6 +169,7 @@ class NumberControl:
         """Ask for a value; if it is refused, say why below and leave what was typed to be mended."""
         self._touched = time.monotonic()
         try:
+            check_range(self._scale.about, self._name, self._unit, value)
             self._ask(value)
         except FlexlabError as error:
             self._complain(f"{error} It stays at {number(self._value, 6)}.")

@@ -5,7 +5,6 @@ from typing import Any
 
 import viser
 
-from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.number_control import NumberControl, Scale, put
 from flexlab.lab.scene.cameras import VIEWS
@@ -78,9 +77,4 @@ class ViewControls:
         self._lab_state.set_view(plot_window=window, follow_speed=False)
 
     def _exaggerate(self, value: float) -> None:
-        if not EXAGGERATION.low <= value <= EXAGGERATION.high:
-            allowed = EXAGGERATION.range_text()
-            raise LabError(
-                f"exaggeration = {value:g} is outside the allowed range {allowed}: choose a value within it."
-            )
         self._lab_state.set_view(exaggeration=float(value), follow_deflection=False)

@@ -1,0 +1,47 @@
+// Number boxes take 1.5e-3 and −3 as people write and copy them: viser's drop the letter and the sign, and go on with 1.53 and 3.
+// A box that is left without a number shows its last one again.
+(() => {
+  const POWER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)e([+-]?\d*)$/i;
+  const DIGITS = { useGrouping: false, maximumSignificantDigits: 15 };
+  const setValue = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set;
+  const isBox = (part) => part?.matches?.("input[inputmode=decimal], input[inputmode=numeric]");
+  const isNumber = (text) => text.trim() !== "" && Number.isFinite(Number(text));
+  const last = new WeakMap(); // box → its last number
+  let written = null; // a number with a power of ten, as far as somebody has written it
+
+  function show(box, text) {
+    setValue.call(box, text);
+    box.dispatchEvent(new Event("input", { bubbles: true }));
+  }
+
+  function write(event) {
+    const box = event.target;
+    if (!isBox(box)) return;
+    const before = written ?? box.value.slice(0, box.selectionStart);
+    const after = written === null ? box.value.slice(box.selectionEnd) : "";
+    written = null;
+    if (event.data === null || !event.inputType.startsWith("insert")) return;
+    const text = event.data.replaceAll("−", "-"), whole = (before + text + after).trim(), power = POWER.exec(whole);
+    if (power) {
+      event.preventDefault();
+      written = whole;
+      const number = Number(whole.replace(",", "."));
+      if (/\d$/.test(power[2]) && Number.isFinite(number)) show(box, number.toLocaleString("en-US", DIGITS));
+    } else if (text !== event.data) {
+      event.preventDefault();
+      document.execCommand("insertText", false, text);
+    }
+  }
+
+  const forget = () => { written = null; };
+  const keep = ({ target }) => { if (isBox(target) && isNumber(target.value)) last.set(target, target.value); };
+  addEventListener("beforeinput", write, true);
+  addEventListener("keydown", ({ key }) => { if (key.length > 1 && key !== "Shift") forget(); }, true);
+  addEventListener("pointerdown", forget, true);
+  addEventListener("focusin", keep, true);
+  addEventListener("input", keep, true);
+  addEventListener("focusout", ({ target: box }) => {
+    forget();
+    if (isBox(box) && !isNumber(box.value) && last.has(box)) show(box, last.get(box));
+  }, true);
+})();

@@ -208,8 +208,18 @@
     if (!old.isConnected) document.body?.append(old); // The page may still be on its way.
   }
 
+  // What is there to be touched, and not to be seen, hides nothing behind it: viser would keep its depth.
+  function showBehindUnseen() {
+    for (const name of ["/grab", "/arms/grab"]) {
+      window.__viserMutable?.nodeRefFromName?.[name]?.traverse(({ material }) => {
+        if (material?.opacity === 0) material.depthWrite = false;
+      });
+    }
+  }
+
   function look() {
     markPlayScreen();
+    showBehindUnseen();
     const name = document.querySelector(".fl-run")?.dataset.name;
     const title = document.querySelector("title");
     if (name && (!title || english(title) !== `${name} · flexlab`)) document.title = `${name} · flexlab`;

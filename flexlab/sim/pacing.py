@@ -86,8 +86,8 @@ class Pacing:
         return (last_time - first_time) / (last_wall - first_wall) if last_wall > first_wall else 0.0
 
     def too_slow(self, wall: float) -> bool:
-        """Whether backlog was dropped within the last second."""
-        return wall - self._dropped_at < SPEED_WINDOW
+        """Whether it plays, and backlog was dropped within the last second."""
+        return self.runs and wall - self._dropped_at < SPEED_WINDOW
 
 
 class BlockSize:

@@ -192,6 +192,21 @@ def test_a_plot_keeps_its_axis_where_it_is_empty(page: LabPage) -> None:
         assert low < 0 < high
 
 
+def test_the_numbers_at_the_axes_are_exact(page: LabPage) -> None:
+    """The chart writes three decimals: ticks 0.0025 apart would read 0.003, 0.005, 0.008."""
+    page.hold()
+    page.catch_up()
+    ask = """async () => { const plots = Object.values(window.__viserTestpoints.uplots).map((u) => u.chart), found = [];
+      for (const size of [10, 10.5, 11, 11.5, 12, 13, 14, 20, 50, 100, 20000]) {
+        plots.forEach((plot) => plot.setScale("y", { min: -size / 1000, max: 0 }));
+        await new Promise((done) => requestAnimationFrame(done));
+        found.push(...plots.map(({ axes }) => [axes[1]._splits, axes[1]._values])); }
+      return found; }"""
+    for places, written in page.page.evaluate(ask):
+        assert len(places) > 2
+        assert [float(text.replace("\u2212", "-")) for text in written] == pytest.approx(places, abs=1e-9)
+
+
 def test_a_law_that_takes_over_says_what_its_stability_needs(page: LabPage) -> None:
     """Conditions with their numbers below the gains follow law and sliders; time and motion go on."""
     page.wait_for_text("‖Ψ‖ ≤ K ε")

@@ -73,6 +73,16 @@ def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None
     assert page.snapshot.run_number == run
 
 
+def test_what_is_there_to_be_touched_hides_nothing(page: LabPage) -> None:
+    """The unseen tube around the beam left a white band in the floor, a black one in the dark, where grid and path ended."""
+    ask = """() => ['/grab', '/arms/grab'].map((name) => {
+      const kept = [];
+      window.__viserMutable.nodeRefFromName[name].traverse(({ material }) => {
+        if (material?.opacity === 0) kept.push(material.depthWrite); });
+      return kept; })"""
+    wait_until(lambda: page.page.evaluate(ask) == [[False], [False]], "neither keeps its depth")
+
+
 def test_every_switch_shows_its_part_and_its_scale(page: LabPage) -> None:
     page.open_tab("View")
     for label, node, words in (

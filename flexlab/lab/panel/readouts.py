@@ -119,16 +119,15 @@ def status_word(snapshot: Snapshot) -> str:
 
 def warnings(snapshot: Snapshot) -> list[str]:
     """What is wrong with the run now, a sentence each."""
-    found = []
-    if snapshot.status.failed:
-        found.append(snapshot.status.text)
+    failed = snapshot.status.failed
+    found = [snapshot.status.text] if failed else []
     if snapshot.accuracy_warning:
         found.append(snapshot.accuracy_warning)
     if snapshot.axial_warning:
         found.append(snapshot.axial_warning)
     payload = snapshot.scenario.payload
     bending = peak_deflection(payload, snapshot.latest.beam_coordinates[0]) / payload.length
-    if bending > LARGE_DEFLECTION:
+    if bending > LARGE_DEFLECTION and not failed:
         found.append(
             f"Large deflection: |w|/L = {100 * bending:.0f} %, above {100 * LARGE_DEFLECTION:.0f} %. "
             "The beam model is linear and no longer exact here."

@@ -140,9 +140,19 @@ RANGE_HOLDER = cast(
 EXACTLY_THE_DATA = {"min": {"pad": 0, "mode": 0}, "max": {"pad": 0, "mode": 0}}
 
 
+INCREMENTS = tuple(digit * 10.0**power for power in range(-3, 10) for digit in (1, 2, 5))
+"""Between ticks, in plot units: the chart writes three decimals at most, so that 0.0025 would read 0.003."""
+
+
 def axis(size: int, label: str = "") -> uplot.Axis:
     """An axis with short ticks and `size` px of room."""
-    made = uplot.Axis(size=size, gap=2, ticks=uplot.Axis_Ticks(size=4, width=1), grid=uplot.Axis_Grid(width=1))
+    made = uplot.Axis(
+        size=size,
+        gap=2,
+        incrs=INCREMENTS,
+        ticks=uplot.Axis_Ticks(size=4, width=1),
+        grid=uplot.Axis_Grid(width=1),
+    )
     return cast(uplot.Axis, made | {"label": label, "labelSize": UNIT_SIZE, "labelGap": 0}) if label else made
 
 

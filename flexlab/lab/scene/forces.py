@@ -8,13 +8,14 @@ from flexlab.lab.ranges import Range
 from flexlab.lab.scene import arms
 from flexlab.lab.scene.arms import scene_size
 from flexlab.lab.view_settings import ViewSettings
+from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.geometry import arm_points, deflection_at, link_points
 from flexlab.sim.samples import Samples
 
 LONGEST_ARROW = 0.4
-"""Length of an arrow at the limit of the present force range, m."""
+"""Length of an arrow at the limit of the present force range, over the beam's: arrows of two grips that press never meet."""
 WIDEST_ARC = np.pi
 """Angle of a bent arrow at the limit of the present moment range, rad."""
 ARC_RADIUS = 0.09
@@ -31,8 +32,16 @@ HIDDEN_BELOW = 0.03
 class StraightArrows:
     """Arrows for one force per grip."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: colors.Color, count: int, size: float, height: float):
-        self._height = height
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        name: str,
+        color: colors.Color,
+        scenario: Scenario,
+        height: float,
+    ):
+        count, size = len(scenario.arms), scene_size(scenario)
+        self._height, self._longest = height, LONGEST_ARROW * scenario.payload.length
         self._range = Range(LEAST_FORCE, FRAMES_BEFORE_SHRINKING)
         self._handle = scene.add_arrows(
             name,
@@ -47,7 +56,7 @@ class StraightArrows:
     @property
     def per_meter(self) -> float:
         """N that one metre of arrow stands for."""
-        return self._range.limit / LONGEST_ARROW
+        return self._range.limit / self._longest
 
     def update(self, starts: np.ndarray, force: np.ndarray, shown: bool) -> None:
         """Draw `force` (arms, 2) N at `starts` (arms, 2) m."""
@@ -108,8 +117,8 @@ class Forces:
         count, size = len(scenario.arms), scene_size(scenario)
         height = (arms.BEAM_HEIGHT + 0.05) * size
         self._root = scene.add_frame("/forces", show_axes=False)
-        self._internal = StraightArrows(scene, "/forces/internal", colors.INTERNAL_FORCE, count, size, height)
-        self._moving = StraightArrows(scene, "/forces/moving", colors.MOVING_FORCE, count, size, height + 0.01 * size)
+        self._internal = StraightArrows(scene, "/forces/internal", colors.INTERNAL_FORCE, scenario, height)
+        self._moving = StraightArrows(scene, "/forces/moving", colors.MOVING_FORCE, scenario, height + 0.01 * size)
         self._moment = BentArrows(scene, "/forces/moment", colors.INTERNAL_FORCE, count, size, height)
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
@@ -124,9 +133,9 @@ class Forces:
         """(what, how much) for every kind of arrow that is shown."""
         rows = []
         if view.forces:
-            rows.append(("internal force, 10 cm =", f"{0.1 * self._internal.per_meter:g} N"))
+            rows.append(("internal force, 10 cm =", f"{number_text(0.1 * self._internal.per_meter)} N"))
         if view.moving_force:
-            rows.append(("moving force, 10 cm =", f"{0.1 * self._moving.per_meter:g} N"))
+            rows.append(("moving force, 10 cm =", f"{number_text(0.1 * self._moving.per_meter)} N"))
         if view.moments:
             rows.append(("internal moment, ¼ turn =", f"{self._moment.per_quarter_turn:g} N·m"))
         return rows

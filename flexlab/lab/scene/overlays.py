@@ -32,8 +32,8 @@ TRAIL_POINTS = 91
 LABEL_OFFSET = 0.05
 """From the floor's far edge to the words above the picture, m."""
 GHOST_OPACITY = 0.3
-GHOST_RADIUS = 0.016
-"""Drawn radius of the desired pose for the paper's arms, m: a little wider than the beam, so that both are seen."""
+GHOST_RADIUS = 0.013
+"""Drawn radius of the desired pose for the paper's arms, m: a little narrower than the beam, whose colour it leaves alone."""
 
 
 def path_points(scenario: Scenario) -> np.ndarray:

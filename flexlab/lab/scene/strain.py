@@ -7,8 +7,7 @@ from flexlab.lab import colors
 from flexlab.lab.ranges import Range
 from flexlab.lab.scene import arms
 from flexlab.lab.scene.arms import scene_size, turn_about_z
-from flexlab.lab.scene.beam_mesh import TUBE_RADIUS
-from flexlab.lab.scene.solids import bar
+from flexlab.lab.scene.beam_mesh import SIDES, TUBE_RADIUS, tube_faces, tube_vertices
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.physics.beam import shape_row
 from flexlab.scenario import Payload, Scenario
@@ -67,16 +66,17 @@ class StrainBeam:
         self._curvature = np.zeros((PIECES, 0))
         self._range = Range(LEAST_STRAIN, FRAMES_BEFORE_SHRINKING)
         radius = TUBE_RADIUS * self._size
-        piece = bar(-0.5, 0.5, 2 * radius, 2 * radius, 0.9 * radius)
+        closed = tube_vertices(np.array([[-0.5, 0.0], [0.5, 0.0]]), radius, 0.0)
         self._pieces = scene.add_batched_meshes_simple(
             "/strain",
-            piece.vertices,
-            piece.faces,
+            closed[SIDES:-SIDES],
+            tube_faces(0),  # Open at its ends: a disc between two pieces would be seen as a dark stroke.
             batched_wxyzs=turn_about_z(np.zeros(PIECES)),
             batched_positions=np.zeros((PIECES, 3)),
             batched_scales=np.ones((PIECES, 3)),
             batched_colors=np.tile(np.array(NEUTRAL, np.uint8), (PIECES, 1)),
             lod="off",
+            side="double",
             receive_shadow=False,
             visible=False,
         )

@@ -8,40 +8,32 @@
 #include <string.h>
 #include <unistd.h>
 
-typedef const unsigned char *Bytes;
+typedef unsigned char *Bytes;
 static uint64_t number(Bytes p, int size) { uint64_t n = 0; while (size--) n = n << 8 | *p++; return n; }
 
-/* MessagePack: behind the value at p; its numbers go to *out, one after the other, if there is an out. */
+/* Behind the MessagePack value at p, of the kinds that flexlab sends; its numbers go to *out, if there is an out. */
 static Bytes value(Bytes p, double **out) {
-    int kind = *p++, wide = kind & 1 ? 4 : 2;
-    uint64_t count = 0, text = 0;
-    double x = 0;
-    if (kind < 0x80) x = kind;
-    else if (kind < 0x90) count = 2 * (kind & 15);
-    else if (kind < 0xa0) count = kind & 15;
-    else if (kind < 0xc0) text = kind & 31;
-    else if (kind == 0xcb) { uint64_t bits = number(p, 8); memcpy(&x, &bits, 8); p += 8; }
-    else if (kind >= 0xcc && kind <= 0xcf) { x = number(p, 1 << (kind - 0xcc)); p += 1 << (kind - 0xcc); }
-    else if (kind >= 0xd9 && kind <= 0xdb) { text = number(p, 1 << (kind - 0xd9)); p += 1 << (kind - 0xd9); }
-    else if (kind >= 0xdc && kind <= 0xdf) { count = number(p, wide) << (kind >= 0xde); p += wide; }
-    else fprintf(stderr, "what is 0x%x?\n", kind), exit(1);
-    if (out && !count && !text) *(*out)++ = x;
-    while (count--) p = value(p, out);
-    return p + text;
+    int kind = *p++, wide = kind == 0xdc || kind == 0xde, is_map = kind < 0x90 || kind == 0xde;
+    if (kind == 0xcb) { uint64_t bits = number(p, 8); if (out) memcpy((*out)++, &bits, 8); return p + 8; }
+    if (kind < 0x80) { if (out) *(*out)++ = kind; return p; }       /* A whole number. */
+    if (kind >= 0xa0 && kind < 0xc0) return p + (kind & 31);        /* A name. */
+    if (kind >= 0xc0 && !wide) fprintf(stderr, "what is 0x%x?\n", kind), exit(1);
+    uint64_t count = (wide ? number(p, 2) : kind & 15) << is_map;   /* A list or a map. */
+    for (p += wide ? 2 : 0; count--; ) p = value(p, out);
+    return p;
 }
 
-/* The numbers under a name, row by row; `found` has room for them. */
+/* The numbers under a name of a message, which has more than 15, row by row; `found` has room for them. */
 static void get(Bytes p, const char *name, double *found) {
-    uint64_t pairs = *p == 0xde ? number(p + 1, 2) : *p & 15;
-    for (p += *p == 0xde ? 3 : 1; pairs--; p = value(p, NULL)) {
-        size_t length = *p & 31;                                  /* Names are shorter than 32 bytes. */
-        int fits = length == strlen(name) && !memcmp(p + 1, name, length);
+    uint64_t pairs = number(p + 1, 2);
+    for (p += 3; pairs--; p = value(p, NULL)) {
+        Bytes word = p;
         p = value(p, NULL);
-        if (fits) value(p, &found);
+        if (p - word - 1 == (long)strlen(name) && !memcmp(word + 1, name, strlen(name))) value(p, &found);
     }
 }
 
-static int receive(int from, unsigned char *body, size_t room) {
+static int receive(int from, Bytes body, size_t room) {
     unsigned char head[4];
     if (recv(from, head, 4, MSG_WAITALL) != 4 || number(head, 4) > room) return 0;
     return recv(from, body, number(head, 4), MSG_WAITALL) == (ssize_t)number(head, 4);
@@ -64,19 +56,17 @@ int main(int count, char **words) {
             double arms, x[3], v[3], x_d[3], v_d[3], weights[6], share[2];
             get(in, "arm_count", &arms), get(in, "pose", x), get(in, "pose_rate", v), get(in, "desired_pose", x_d);
             get(in, "desired_rate", v_d), get(in, "weights", weights), get(in, "share", share);
-            unsigned char *end = out + 4;
-            memcpy(end, "\x81\xa6inputs", 8), end += 8, *end++ = 0x90 | (int)arms;
-            for (int i = 0; i < arms; i++) {
-                *end++ = 0x93;
-                for (int a = 0; a < 3; a++) {
-                    double u = weights[3 * i + a] + share[i] * (-2e4 * (x[a] - x_d[a]) - 800 * (v[a] - v_d[a]));
-                    uint64_t bits;
-                    memcpy(&bits, &u, 8), *end++ = 0xcb;
-                    for (int k = 56; k >= 0; k -= 8) *end++ = bits >> k;
-                }
+            Bytes end = (Bytes)memcpy(out + 4, "\x81\xa6inputs", 8) + 8;
+            *end++ = 0x90 | (int)arms;
+            for (int i = 0; i < 3 * arms; i++) {
+                int a = i % 3;
+                double u = weights[i] + share[i / 3] * (-2e4 * (x[a] - x_d[a]) - 800 * (v[a] - v_d[a]));
+                uint64_t bits;
+                if (a == 0) *end++ = 0x93;
+                memcpy(&bits, &u, 8), *end++ = 0xcb;
+                for (int k = 56; k >= 0; k -= 8) *end++ = bits >> k;
             }
-            uint32_t length = htonl(end - out - 4);
-            memcpy(out, &length, 4);
+            out[3] = end - out - 4;
             if (send(lab, out, end - out, 0) != end - out) break;
         }
     }

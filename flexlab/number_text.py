@@ -9,8 +9,8 @@ SMALLEST, LARGEST = Decimal("1e-4"), Decimal("1e7")
 """Sizes between which all digits are written out; others get a power of ten."""
 ROUNDING = 1e-12
 """Share of the larger of two numbers below which their difference is nothing but rounding."""
-RESIDUE = 1e-14
-"""SI size below which a result is nothing but rounding of numbers of order one: poses in m, angles in rad, forces in N."""
+RESIDUE = 1e-11
+"""SI size below which a result is nothing but rounding: of poses of 1 m, angles of 1 rad, forces up to 10 kN."""
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 

@@ -27,7 +27,7 @@ def test_a_zero_has_no_sign_and_rounding_is_no_difference() -> None:
     assert difference_text(2.0, 2.5) == "+0.5"
     assert difference_text(2.0, float("nan")) == "–"
     assert result_text(2.019e-17, 1e3) == "0", "a tracking error in mm"
-    assert result_text(2.019e-9, 1e3) == "2.019 · 10⁻⁹"
+    assert result_text(2.019e-6, 1e3) == "2.019 · 10⁻⁶"
     assert difference_text(2.019e-17, 5e-18, scale=1e3) == "0"
 
 

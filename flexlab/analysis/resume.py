@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from flexlab.errors import StudyError
+from flexlab.number_text import number_text
 from flexlab.recording.reader import Recording
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
@@ -53,7 +54,8 @@ def state_at(recording: Recording, time: float, span: tuple[float, float] | None
     first, last = span or recording_span(recording)
     # Half a sample's grace: a time that was typed is not the last bit of a time that was computed.
     if not first - recording.sample_period / 2 <= time <= last + recording.sample_period / 2:
-        raise StudyError(f"t = {time:g} s was not recorded: choose {first:.10g} to {last:.10g} s.")
+        asked, low, high = (number_text(value, 10) for value in (time, first, last))
+        raise StudyError(f"t = {asked} s was not recorded: choose {low} to {high} s.")
     world = start_world(recording)
     goal = round(time / recording.sample_period)
     for tick, command in world_commands(recording):

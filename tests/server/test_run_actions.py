@@ -203,7 +203,7 @@ def test_the_lab_goes_on_from_an_instant_and_what_it_records_replays(library: Fr
     ("time", "says"),
     [
         ("0.6", "t = 0.6 s was not recorded: choose 0 to 0.5 s."),
-        ("-1", "t = -1 s was not recorded"),
+        ("-1", "t = −1 s was not recorded"),
         ("soon", "time = &#x27;soon&#x27; is no time: give a number of seconds"),
         ("nan", "is no time"),
     ],

@@ -77,7 +77,9 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         return result_hash(self)
 
     def save(self, folder: str | Path = LOGS) -> Path:
-        """Record the run, with its metrics, as `<folder>/<time>-<name>.rrd`; returns that path. Raises `RecordingError`.
+        """Record the run, with its metrics, as `<folder>/<time>-<name>.rrd`, or as a file that you name; returns the path.
+
+        `run.save("squeezed.rrd")` names one. Raises `RecordingError`, where a file of that name is there, too.
 
         `flexlab review`, the lab's library and `flexlab.read` open it again.
         """

@@ -19,7 +19,7 @@ from flexlab.analysis.sweep.plan import make_plan
 from flexlab.analysis.sweep.result import run_sweep
 from flexlab.analysis.tuning import numbers_of, parse_cost
 from flexlab.analysis.workers import chosen_workers
-from flexlab.errors import StudyError
+from flexlab.errors import RecordingError, StudyError
 from flexlab.recording.headless import write_run
 from flexlab.recording.store.notes import read_notes
 
@@ -112,6 +112,17 @@ def test_runs_of_changed_scenarios_are_called_after_what_was_changed(tmp_path: P
     assert path.stem.endswith("-paper-bending_stiffness-50")
     assert read_notes(path)["changes"] == [f"{EI}: 100 → 50"]
     assert flexlab.simulate(paper.replace({"title": "Mine"}), 0.02).name == "run"
+
+
+def test_a_run_is_saved_as_the_file_that_was_named(tmp_path: Path):
+    """`run.save("squeezed.rrd")` made a folder of that name."""
+    run, named = flexlab.simulate("paper", 0.02), tmp_path / "new" / "squeezed.rrd"
+    assert run.save(named) == named
+    assert flexlab.read(named).result_hash == run.result_hash
+    assert read_notes(named)["metrics"]
+    with pytest.raises(RecordingError, match=r"squeezed\.rrd is there already: give another name, or a folder"):
+        run.save(named)
+    assert flexlab.read(named).result_hash == run.result_hash
 
 
 def test_newest_is_not_compared_with_what_was_made_of_it(flexlab_command: Command, tmp_path: Path):

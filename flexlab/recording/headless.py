@@ -12,7 +12,7 @@ from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo, StartNotes
 from flexlab.recording.run_stream import RunStream, open_file_stream
 from flexlab.recording.store.notes import write_notes
-from flexlab.recording.store.run_files import claim_run_file, remove_run
+from flexlab.recording.store.run_files import SUFFIX, claim_named_file, claim_run_file, remove_run
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 
@@ -30,8 +30,9 @@ class HeadlessRecording:
     """
 
     def __init__(self, logs: Path, info: RunInfo, start_notes: StartNotes | None = None):
-        """Create `logs/<time>-<name>.rrd`; `start_notes` as for `RunEncoder`."""
-        self._file = claim_run_file(logs, info.name, info.started)
+        """Create `logs/<time>-<name>.rrd`, or `logs` itself if it is called `….rrd`; `start_notes` as for `RunEncoder`."""
+        is_named = logs.suffix == SUFFIX and not logs.is_dir()
+        self._file = claim_named_file(logs) if is_named else claim_run_file(logs, info.name, info.started)
         self._status: Status | None = None
         self._safe: float | None = None
         self._blocks = 0
@@ -132,7 +133,7 @@ class HeadlessRecording:
 def write_run(
     run: Run, logs: Path, name: str, started: datetime | None = None, start_notes: StartNotes | None = None
 ) -> Path:
-    """Record a finished `Run` as `logs/<time>-<name>.rrd` and return that path; `start_notes` as for `RunEncoder`.
+    """Record a finished `Run` and return its path; `logs` and `start_notes` as for `HeadlessRecording`.
 
     Raises `RecordingError`.
     """

@@ -119,17 +119,29 @@ def left_out_text(names: Collection[str], scenario: Scenario) -> str:
     return f"Columns left out, of no signal that is known here and whole: {', '.join(left[:MOST_SHOWN])}{more}."
 
 
-def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
-    """The samples that `to_columns` was given, read-only. Raises KeyError if there is no column of times.
+NO_NUMBERS = {"c": "complex numbers", "S": "text", "U": "text", "M": "dates", "m": "durations"}
+"""NumPy's kinds of arrays that are no real numbers, though most would become some."""
 
-    A signal whose columns are not all there is absent.
+
+def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
+    """The samples that `to_columns` was given, read-only.
+
+    A signal whose columns are not all there is absent. Raises KeyError if there is no column of times, and `RecordingError` for
+    one that is not a real number per row.
     """
     signals: dict[str, np.ndarray] = {}
+    rows = len(values.get("time [s]", ()))
     for columns in _whole_signals(values, scenario):
         shape = tuple(1 + max(places) for places in zip(*(column.index for column in columns), strict=True))
-        array = np.empty((len(values[columns[0].name]), *shape))
+        array = np.empty((rows, *shape))
         for column in columns:
-            array[(slice(None), *column.index)] = values[column.name]
+            given = values[column.name]
+            if given.shape != (rows,) or given.dtype.kind in NO_NUMBERS:
+                kind = f"{NO_NUMBERS.get(given.dtype.kind, 'values')} of shape {given.shape}"
+                raise RecordingError(
+                    f"The column {column.name!r} holds {kind}: give {rows} real numbers, one per time."
+                )
+            array[(slice(None), *column.index)] = given
         array.flags.writeable = False
         signals[columns[0].signal] = array
     if "time" not in signals:

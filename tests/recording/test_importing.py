@@ -1,6 +1,7 @@
 """What was exported, or recorded elsewhere, becomes a run of the library again: the same bits, and it still replays."""
 
 import json
+from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -188,6 +189,32 @@ def test_a_column_of_an_unknown_unit_is_told_and_not_left_out(unit: str, origina
     export_recording(original, file)
     file.write_text(file.read_text(encoding="utf-8").replace("pose_x [m]", f"pose_x [{unit}]", 1), encoding="utf-8")
     with pytest.raises(RecordingError, match=r"has a unit that is not known for it: give pose_x \[m\]"):
+        import_into(file, tmp_path / "other")
+    assert not list(tmp_path.glob("other/*"))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda v: v + 1j, "complex numbers"),
+        (lambda v: v.astype(str), "text"),
+        (lambda v: v[1:], "values"),
+        (np.atleast_2d, "values"),
+    ],
+)
+def test_a_column_that_is_no_real_number_per_time_is_refused(
+    change: Callable[[np.ndarray], np.ndarray], says: str, original: Recording, tmp_path: Path
+) -> None:
+    """NumPy took the real part of complex ones."""
+    file = tmp_path / "mine.npz"
+    export_recording(original, file)
+    with np.load(file) as columns:
+        changed = dict(columns)
+    changed["pose_x [m]"] = change(changed["pose_x [m]"])
+    np.savez(file, **changed)
+    with pytest.raises(
+        RecordingError, match=rf"The column 'pose_x \[m\]' holds {says} .*: give \d+ real numbers, one per time"
+    ):
         import_into(file, tmp_path / "other")
     assert not list(tmp_path.glob("other/*"))
 

@@ -80,6 +80,17 @@ def check_folder(logs: Path) -> None:
         ) from None
 
 
+def claim_named_file(path: Path) -> RunFile:
+    """Create this very file. Raises `RecordingError`, where there is one of that name, too."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return claim(path, "xb")
+    except FileExistsError:
+        raise RecordingError(f"{path} is there already: give another name, or a folder.") from None
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be written ({error.strerror}): the run is not recorded.") from None
+
+
 def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> RunFile:
     """Create `<time>-<name>.rrd`, with a number behind it if that is taken. Raises `RecordingError`."""
     stem = f"{started.strftime(TIME_FORMAT)}-{file_word(name)}" + (f"-part{part}" if part > 1 else "")

@@ -46,7 +46,7 @@ div:has(> div > .uplot-container) { grid-template-columns: 1fr !important; }
 .fl-number { display: grid !important; }
 .fl-number, .fl-caption, .fl-float { visibility: visible; }
 .fl-caption, .fl-float { font-size: 1.6rem; }
-.fl-hear[aria-pressed="false"] { display: none; }
+.fl-hear[aria-pressed="false"], div:has(> .fl-scrub) + div:has(.mantine-Slider-root) { display: none; }
 """
 """Over that of the panel."""
 

@@ -115,6 +115,10 @@ def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, 
     wait_until(lambda: page.evaluate(shown) == 1, "one plot")
     wait_until(lambda: page.evaluate(SHARE) >= LEAST_SHARE, "the scene has its share", 30)
     assert not page.get_by_role("button", name="Reset").is_visible()
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.get_by_text("largest vibration").wait_for()
+    assert not page.get_by_text("Look back", exact=True).is_visible(), "it lay over the factor on a phone"
+    page.set_viewport_size({"width": 1920, "height": 1080})
     page.keyboard.press("b")
     page.get_by_role("button", name="Reset").wait_for()
 

@@ -40,7 +40,7 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
     rows = [
         ("simulation time t", f"{fixed_text(float(sample.time[0]), 3)} s"),
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
-        ("first beam frequency f<sub>1</sub>", f"{fixed_text(snapshot.first_frequency, 2)} Hz"),
+        ("first beam frequency f<sub>1</sub>, grips held", f"{fixed_text(snapshot.first_frequency, 2)} Hz"),
         ("mid-span deflection", f"{fixed_text(bending, 3, signed=True)} mm"),
         ("largest joint torque", _torque(sample)),
         ("drawn deflection", f"{number(view.exaggeration)} × true size"),

@@ -15,7 +15,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
 
-from flexlab.cli.console import complain, notes
+from flexlab.cli.console import EXIT_INTERRUPTED, complain, note, notes
 from flexlab.errors import FlexlabError
 from flexlab.plain_text import tell_failures_plainly
 
@@ -26,7 +26,7 @@ COMMANDS = tuple(
 )
 """`flexlab` without a command means `flexlab lab`."""
 
-EXIT_OK, EXIT_FAILED_RUN, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
+EXIT_OK, EXIT_FAILED_RUN, EXIT_BAD_INPUT = 0, 1, 2
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -42,6 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         complain(str(error))
         sys.exit(EXIT_BAD_INPUT)
     except KeyboardInterrupt:
+        note("Interrupted.")
         sys.exit(EXIT_INTERRUPTED)
     except BrokenPipeError:
         # Whoever read our output has left (as in `flexlab presets | head`): nobody is there to be told.

@@ -9,6 +9,8 @@ from flexlab.plain_text import console, visible_json
 if TYPE_CHECKING:
     from rich.console import Console
 
+EXIT_INTERRUPTED = 130
+
 
 @cache
 def output() -> "Console":

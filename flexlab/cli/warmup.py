@@ -1,11 +1,13 @@
 """The first start on a machine compiles the engine: say so, show that something happens."""
 
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Generator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 
-from flexlab.cli.console import note, notes
+from flexlab.cli.console import EXIT_INTERRUPTED, note, notes
 from flexlab.scenario import Scenario
 
 
@@ -14,7 +16,7 @@ def warm_up(scenario: Scenario, meanwhile: AbstractContextManager[object] | None
     from flexlab.compiled import COMPILATION, COMPILING
     from flexlab.sim.world import World
 
-    with ExitStack() as shown:
+    with ExitStack() as shown, _ending_at_once():
 
         def tell() -> None:
             note(COMPILING)
@@ -26,6 +28,23 @@ def warm_up(scenario: Scenario, meanwhile: AbstractContextManager[object] | None
         COMPILATION.tell = tell
         # One sample period of simulation goes through every kernel.
         World(scenario).run(1)
+
+
+@contextmanager
+def _ending_at_once() -> Generator[None]:
+    """Meanwhile, Ctrl-C ends the process, which has nothing to save: within the compiler, Python may lose an exception."""
+
+    def end(*_: object) -> None:
+        notes().show_cursor()
+        # Not by the console, which may be in the middle of a sentence.
+        os.write(2, b"Interrupted: the next start compiles what is missing.\n")
+        os._exit(EXIT_INTERRUPTED)
+
+    before = signal.signal(signal.SIGINT, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

@@ -15,6 +15,9 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 _ADDRESS = re.compile(rb'((?:href|src|action|formaction|data-address|data-recording|data-state)=")/(?!/)')
 """The beginning of an address of this server in an attribute of a page."""
 
+JUPYTER = "X-Forwarded-Context"
+"""What jupyter-server-proxy says of itself in a request's head."""
+
 
 def take_off(base: str, make_request: Callable[..., Any]) -> Callable[..., Any]:
     """How a web server makes its requests, without the prefix `base`."""
@@ -38,10 +41,10 @@ def put_before(base: str) -> Any:
         try:
             answer = await handler(request)
         except web.HTTPException as error:
-            _complete(base, error)
+            _complete(base, request, error)
             raise
         if not answer.prepared:
-            _complete(base, answer)
+            _complete(base, request, answer)
             if (
                 isinstance(answer, web.Response)
                 and answer.content_type == "text/html"
@@ -53,11 +56,13 @@ def put_before(base: str) -> Any:
     return with_base
 
 
-def _complete(base: str, answer: web.StreamResponse) -> None:
+def _complete(base: str, request: web.Request, answer: web.StreamResponse) -> None:
     """Redirects and cookies."""
     to = answer.headers.get(hdrs.LOCATION, "")
     if to.startswith("/"):
-        answer.headers[hdrs.LOCATION] = base + to
+        # From 4.6 on, jupyter-server-proxy puts the prefix before addresses itself, once more: but for relative ones.
+        up = "./" + "../" * (request.rel_url.raw_path.count("/") - 1)
+        answer.headers[hdrs.LOCATION] = up + to[1:] if JUPYTER in request.headers else base + to
     before, url, to = answer.headers.get("Refresh", "").partition("url=/")
     if url:
         answer.headers["Refresh"] = f"{before}url={base}/{to}"

@@ -104,6 +104,13 @@ async def look_around(proxy: web.Application, run: str) -> None:
                     assert not re.search(r"""["'`]/(?:lab|runs|viewer|teacher|studies|s)\b""", text), script
             async with browser.post(f"{BASE}/name", data={"name": "Ann"}, allow_redirects=False) as answer:
                 assert (answer.status, answer.headers["Location"]) == (303, f"{BASE}/")
+            jupyter = {"X-Forwarded-Context": BASE}
+            async with browser.post(
+                f"{BASE}/runs/{run}/notes", data={"note": "kept"}, allow_redirects=False, headers=jupyter
+            ) as answer:
+                assert answer.status == 303
+                assert not answer.headers["Location"].startswith("/"), "it would put the base before it once more"
+                assert urljoin(f"{BASE}/runs/{run}/notes", answer.headers["Location"]) == f"{BASE}/runs/{run}"
             async with browser.get(
                 f"{BASE}/live", allow_redirects=False, headers={"X-Forwarded-Proto": "https"}
             ) as answer:

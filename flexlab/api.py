@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexlab.analysis.explanations import Explained
-    from flexlab.html_text import Page
+    from flexlab.text import Page
 
 LOGS = "logs"
 """The folder of recordings where somebody works."""
@@ -105,9 +105,9 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         from contextlib import redirect_stdout
         from io import StringIO
 
-        from flexlab.html_text import Page
         from flexlab.lab.run_page import run_page
         from flexlab.recording.run_info import package_version
+        from flexlab.text import Page
 
         with redirect_stdout(StringIO()):  # viser says where it serves, which it does for a moment only.
             return Page(run_page(self, self.name, package_version()))

@@ -1,16 +1,50 @@
-"""LAPACK without Python's global lock: a fine mesh's decompositions, which take a tenth of a second, hold nothing up.
+"""LAPACK and BLAS beside a run: decompositions without Python's global lock, and small matrices on one thread.
 
-scipy's wrappers keep the lock while they compute. Its LAPACK is also there as plain C functions, and ctypes gives the lock back
-while one runs. Decompositions for which numpy is enough need none of this: it gives the lock back itself.
+scipy's wrappers keep the lock while they compute, on a fine mesh for a tenth of a second. Its LAPACK is also there as plain C
+functions, and ctypes gives the lock back while one runs. Decompositions for which numpy is enough need none of this: it gives
+the lock back itself. What is analysed or drawn beside runs has small matrices, for which idle threads would spin on busy cores.
 """
 
 import ctypes
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
 import numpy as np
 from scipy.linalg import cython_lapack
+from threadpoolctl import OpenBLASController, ThreadpoolController
+
+_lock = threading.Lock()
+_users = 0
+_limit: Any = None
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """The BLAS libraries of this process, looked for once (1 ms), when numpy and scipy have loaded theirs."""
+    return ThreadpoolController()
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Hold BLAS to one thread until the last of the concurrent users has left."""
+    global _users, _limit
+    with _lock:
+        if _users == 0:
+            OpenBLASController.clear_controlling_thread(force=True)
+            _limit = _libraries().limit(limits=1, user_api="blas")
+        _users += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _users -= 1
+            if _users == 0:
+                # The first thread to set a limit keeps the right to, and others' are ignored; `_lock` keeps order here.
+                OpenBLASController.clear_controlling_thread(force=True)
+                _limit.restore_original_limits()
 
 
 @cache

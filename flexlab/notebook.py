@@ -5,7 +5,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from flexlab import api
-from flexlab.html_text import CELL_HEIGHT
+from flexlab.text import CELL_HEIGHT
 
 if TYPE_CHECKING:
     from flexlab.lab.session import Session

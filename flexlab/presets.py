@@ -3,6 +3,8 @@
 A preset is a scenario file `<name>.json`: those of flexlab itself, and a person's own in a folder `presets` where they
 work. A name of flexlab's own always means flexlab's own file, so that "paper" is the paper everywhere. A file may leave out
 whatever has its default value, as flexlab's own do; `menu_order` says where a preset stands in menus.
+
+Editors complete, explain and check scenario files by their JSON schema while one types.
 """
 
 import difflib
@@ -16,12 +18,39 @@ from typing import Any
 
 from flexlab.assets import presets_folder
 from flexlab.errors import FlexlabError, PresetError, ScenarioError
-from flexlab.plain_text import visible
-from flexlab.scenario import Scenario, parse_scenario
-from flexlab.scenario.differences import differences
-from flexlab.scenario.field_text import told, value_text
-from flexlab.scenario.json_schema import REFERENCE
-from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD, MENU_FIELD, SCHEMA_FIELD
+from flexlab.scenario import parse_scenario
+from flexlab.scenario.field_text import differences, told, value_text
+from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD, MENU_FIELD, SCHEMA_FIELD, Scenario
+from flexlab.text import visible
+
+REFERENCE = "schema/scenario.json"
+"""Where the schema lies beside presets, as they name it."""
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def scenario_schema() -> dict[str, Any]:
+    """The schema, with the range of every number."""
+    schema = Scenario.model_json_schema()
+    schema["properties"] |= {
+        SCHEMA_FIELD: {"type": "string", "description": "Where this schema lies, for editors."},
+        FORMAT_FIELD: {"type": "integer", "minimum": 1, "maximum": FORMAT, "description": "Format of this file."},
+        MENU_FIELD: {
+            "type": "integer",
+            "description": "Place among the presets of its folder: a smaller number first.",
+        },
+    }
+    return {SCHEMA_FIELD: DIALECT, **schema}
+
+
+def write_schema(presets: Path) -> Path:
+    """Write the schema beside the files of a folder `presets`; returns its file. Raises OSError."""
+    file = presets / REFERENCE
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(
+        json.dumps(scenario_schema(), indent=1, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
+    return file
+
 
 OWN_FOLDER = Path("presets")
 """A person's own presets, relative to the working directory."""

@@ -23,7 +23,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from flexlab.number_text import number_text
+from flexlab.text import number_text
 
 
 @dataclass(frozen=True)

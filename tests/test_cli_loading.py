@@ -1,4 +1,4 @@
-"""What `flexlab.cli.loading` leaves out is there as soon as somebody asks for it."""
+"""What `flexlab.cli.warmup` leaves out is there as soon as somebody asks for it."""
 
 import gc
 import importlib
@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from flexlab.cli import loading
+from flexlab.cli import warmup
 
 
 @pytest.fixture
@@ -21,8 +21,8 @@ def module(tmp_path, monkeypatch):
 
 
 def test_a_module_that_nobody_asks_is_read_when_somebody_does(module, monkeypatch):
-    monkeypatch.setattr(loading, "UNASKED", frozenset({module}))
-    with loading.loading():
+    monkeypatch.setattr(warmup, "UNASKED", frozenset({module}))
+    with warmup.loading():
         found = importlib.import_module(module)
     assert not sys.read_at_last  # type: ignore[attr-defined]
     assert found.answer == 42
@@ -31,7 +31,7 @@ def test_a_module_that_nobody_asks_is_read_when_somebody_does(module, monkeypatc
 
 def test_other_modules_and_later_ones_are_read_at_once(module, monkeypatch):
     before = list(sys.meta_path)
-    with loading.loading():
+    with warmup.loading():
         importlib.import_module(module)
     assert sys.read_at_last  # type: ignore[attr-defined]
     assert sys.meta_path == before

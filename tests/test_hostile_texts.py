@@ -21,10 +21,10 @@ from flexlab.analysis.validation import Validation, beam_theory
 from flexlab.analysis.validation.check import Runs
 from flexlab.cli import COMMANDS
 from flexlab.own.law import add_own_law
-from flexlab.plain_text import console, visible, visible_json
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.sim.simulate import simulate
+from flexlab.text import console, visible, visible_json
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 

@@ -11,7 +11,7 @@ import pytest
 
 from flexlab.errors import LabError
 from flexlab.presets import load_preset, preset_names
-from flexlab.server.languages import catalogues, read_catalogue
+from flexlab.server.pages.templating import catalogues, read_catalogue
 from flexlab.server.visitors import checked_name
 
 COMPLETE = ("de", "zh")

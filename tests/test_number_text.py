@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexlab.number_text import difference_text, fixed_text, number_text, result_text
 from flexlab.presets import load_preset
-from flexlab.scenario.differences import differences
-from flexlab.scenario.field_text import field_title, told, value_text
+from flexlab.scenario.field_text import differences, field_title, told, value_text
+from flexlab.text import difference_text, fixed_text, number_text, result_text
 
 
 def test_numbers_have_no_letters_and_a_real_minus_sign() -> None:

@@ -13,10 +13,10 @@ from flexlab.analysis.metrics import MetricCollection, MetricRow, RunMetrics
 from flexlab.analysis.metrics.names import named, numbers
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.run_summary import scenario_differences
-from flexlab.number_text import difference_text as number_difference
 from flexlab.recording.overlay import run_label, write_comparison
 from flexlab.recording.reader import Recording, read_blocks, read_recording
 from flexlab.scenario.field_text import value_text
+from flexlab.text import difference_text as number_difference
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

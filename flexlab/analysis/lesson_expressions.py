@@ -17,9 +17,9 @@ from flexlab.analysis.lesson_measures import OF_A_PART, VALUES, Look
 from flexlab.analysis.metrics import METRICS, RunMetrics, run_metrics
 from flexlab.analysis.metrics.names import number_names
 from flexlab.errors import LabError
-from flexlab.plain_text import syntax_tree
 from flexlab.scenario import parse_scenario
 from flexlab.sim.signals import DERIVED, TABLE
+from flexlab.text import syntax_tree
 
 LONGEST = 400
 """Characters of an expression."""

@@ -11,9 +11,9 @@ import numpy as np
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.metrics.settling_time import settling_time
 from flexlab.analysis.modes import modes, rings_of
+from flexlab.lapack import one_blas_thread
 from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Payload, Scenario
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.first_mode import first_mode

@@ -17,9 +17,9 @@ from flexlab.analysis.rest_point import aim
 from flexlab.analysis.stability import beam_scale, find_disk_margin, find_poles, kept_memory, with_lag
 from flexlab.control.observers.believed_plant import hold
 from flexlab.errors import StudyError
+from flexlab.lapack import one_blas_thread
 from flexlab.recording.table_columns import Column, table_columns
 from flexlab.scenario import Scenario
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.world import World
 
 TORQUE, TASK = "joint_torque", "arm_input"

@@ -12,11 +12,11 @@ from flexlab.analysis.linearization import Linearization, linearize_loop
 from flexlab.analysis.rest_point import LoopProbe, find_rest
 from flexlab.analysis.stability import NEUTRAL, DiskMargin, find_disk_margin, find_poles
 from flexlab.errors import StudyError
-from flexlab.number_text import number_text
+from flexlab.lapack import one_blas_thread
 from flexlab.scenario import Scenario
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
 from flexlab.sim.termination import pose_fault
+from flexlab.text import number_text
 
 MOST_ROWS = 16
 """Rows of a printed table: what decays faster than the first sixteen poles is seen by nobody."""

@@ -14,7 +14,6 @@ import pyarrow as pa
 
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.resume import BLOCK_TICKS, Repetition
-from flexlab.number_text import number_text
 from flexlab.own.elsewhere import address_in
 from flexlab.own.law import OwnController
 from flexlab.own.path import OwnTrajectory
@@ -26,6 +25,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import TABLE, known_signals
+from flexlab.text import number_text
 
 TOLERANCE = 3e-7
 """Largest difference that is put down to rounding, over the largest value of the signal in the run. Other kernels of BLAS and

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from flexlab.errors import StudyError
-from flexlab.number_text import number_text
 from flexlab.recording.reader import Recording
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
@@ -13,6 +12,7 @@ from flexlab.sim.samples import MEASURED, Samples
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.world import World
 from flexlab.sim.world_state import Origin, WorldState
+from flexlab.text import number_text
 
 MILLI = 1e3
 BLOCK_TICKS = 1000

@@ -13,8 +13,7 @@ from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.scenario import Scenario
-from flexlab.scenario.differences import differences
-from flexlab.scenario.field_text import told, value_text
+from flexlab.scenario.field_text import differences, told, value_text
 from flexlab.sim.commands import ChangeScenario, LoadScenario
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event

@@ -28,10 +28,10 @@ from flexlab.analysis.sweep.figures import SIZE, pareto_front
 from flexlab.analysis.sweep.plan import measure
 from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.errors import FlexlabError, StudyError
+from flexlab.lapack import one_blas_thread
 from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import change_settings
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.simulate import sample_count
 from flexlab.sim.world import World
 

@@ -15,14 +15,13 @@ from typing import Any
 from flexlab.analysis.metrics.own import OwnMetric, know_own_metrics, own_metrics
 from flexlab.compiled import cache_folder
 from flexlab.errors import ScenarioError, StudyError
+from flexlab.lapack import one_blas_thread
 from flexlab.own.files import know_own_texts, own_texts
-from flexlab.plain_text import console
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.sim.blas import one_blas_thread
-from flexlab.sim.row_layout import empty_samples
-from flexlab.sim.samples import Run, Status
+from flexlab.sim.samples import Run, Status, empty_samples
 from flexlab.sim.signals import own_signals
 from flexlab.sim.simulate import sample_count, simulate
+from flexlab.text import console
 
 
 def simulate_many(

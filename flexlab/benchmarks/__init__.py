@@ -14,9 +14,9 @@ from flexlab.benchmarks.many_worlds import measure_environment, worker_scaling
 from flexlab.benchmarks.measure import this_machine
 from flexlab.benchmarks.precision import mesh_precision, mesh_scaling, paper_costs
 from flexlab.benchmarks.report import Report, plain
-from flexlab.plain_text import console
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
+from flexlab.text import console
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlab.analysis.workers import simulate_many
+from flexlab.lapack import one_blas_thread
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from flexlab.cli.console import EXIT_INTERRUPTED, complain, note, notes
 from flexlab.errors import FlexlabError
-from flexlab.plain_text import tell_failures_plainly
+from flexlab.text import tell_failures_plainly
 
 ENDING = "_command"
 """Of a command's module."""

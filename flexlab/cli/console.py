@@ -4,7 +4,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from flexlab.errors import StudyError
-from flexlab.plain_text import console, visible_json
+from flexlab.text import console, visible_json
 
 if TYPE_CHECKING:
     from rich.console import Console

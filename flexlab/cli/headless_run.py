@@ -21,13 +21,13 @@ from flexlab.analysis.result import ResultHash
 from flexlab.analysis.run_summary import run_notes
 from flexlab.cli.console import complain, notes, output
 from flexlab.errors import FlexlabError
-from flexlab.number_text import MISSING, result_text
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status, join_blocks
 from flexlab.sim.simulate import end_status
 from flexlab.sim.world import World
+from flexlab.text import MISSING, result_text
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, output
-from flexlab.cli.loading import loading
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Preset
 from flexlab.cli.showing import ending, open_browser, wait_for
+from flexlab.cli.warmup import loading
 
 if TYPE_CHECKING:
     from flexlab.server.front_server import FrontServer

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, output, print_json
-from flexlab.cli.loading import loading
 from flexlab.cli.options import Law, Seed, Settings, chosen_scenarios
+from flexlab.cli.warmup import loading
 from flexlab.errors import FlexlabError, StudyError
 
 if TYPE_CHECKING:
@@ -71,8 +71,7 @@ def command(
 
 def _write_schema() -> int:
     with loading():
-        from flexlab.presets import OWN_FOLDER
-        from flexlab.scenario.json_schema import write_schema
+        from flexlab.presets import OWN_FOLDER, write_schema
 
     try:
         output().out(f"{write_schema(OWN_FOLDER)} is written: editors find it through a scenario file's $schema.")

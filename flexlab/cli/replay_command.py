@@ -10,7 +10,7 @@ import tyro
 from flexlab.cli.console import agreed, complain, note, notes, output
 from flexlab.cli.options import LOGS, Logs, Run
 from flexlab.errors import StudyError
-from flexlab.plain_text import visible
+from flexlab.text import visible
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples

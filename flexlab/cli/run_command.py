@@ -6,10 +6,10 @@ from typing import Annotated
 import tyro
 
 from flexlab.cli.console import print_json
-from flexlab.cli.loading import loading
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Presets, Seed, Settings
+from flexlab.cli.warmup import loading
 from flexlab.errors import StudyError
-from flexlab.number_text import number_text
+from flexlab.text import number_text
 
 LONGEST_DURATION = 1e6
 """s."""

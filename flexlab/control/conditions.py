@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlab.number_text import number_text
+from flexlab.text import number_text
 
 SEPARATION = 3.0
 """How many times slower than the beam's first mode an observer must be, so that it follows the beam's ring by a tenth only."""

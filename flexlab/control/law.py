@@ -23,7 +23,7 @@ from flexlab.compiled import MATRIX, VECTOR, kernel_address
 from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.controller import Controller
 from flexlab.physics.law_input import LAW_INPUT
-from flexlab.physics.strain_gauges import gauge_places
+from flexlab.physics.sensors import gauge_places
 from flexlab.quantities import own_numbers
 from flexlab.registry import Registry
 from flexlab.signal import Signal
@@ -81,7 +81,7 @@ def nothing_derived(_: Any) -> dict[str, np.ndarray]:
 
 
 def usual_gauges(_: Any) -> tuple[float, ...]:
-    """s/L of the gauges where a law says nothing else: those of `physics.strain_gauges`."""
+    """s/L of the gauges where a law says nothing else: those of `physics.sensors`."""
     return USUAL_GAUGES
 
 

@@ -13,7 +13,7 @@ from flexlab.quantities import describe
 from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario
 from flexlab.signal import AXIS
-from flexlab.sim.row_layout import rows_to_samples
+from flexlab.sim.samples import rows_to_samples
 from flexlab.sim.signals import ACCELERATION_UNITS, POSE_UNITS, RATE_UNITS, known_signals, own_signals
 
 BASE_UNITS = {

@@ -30,9 +30,9 @@ from flexlab.fmi.description import (
 )
 from flexlab.fmi.machine_code import result_at
 from flexlab.fmi.memory import CLOCK, Memory, arrays_of, lay_out, schemes_of, words_of
-from flexlab.physics.encoders import begin_reading
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
+from flexlab.physics.sensors import begin_reading
 from flexlab.quantities import own_numbers
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import advance

@@ -20,9 +20,8 @@ from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.closed_loop import new_workspace, state_length
 from flexlab.sim.integrators.scheme import Etdrk4
-from flexlab.sim.row_layout import row_length, rows_to_samples
 from flexlab.sim.sampled_control import loop_form
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import Samples, row_length, rows_to_samples
 from flexlab.sim.signals import MIDSPAN
 from flexlab.sim.target import desired_at
 from flexlab.sim.termination import DEFLECTION_LIMIT

@@ -9,7 +9,7 @@ from typing import Any
 from flexlab.errors import FlexlabError
 from flexlab.log_limits import limited
 from flexlab.scenario import Scenario
-from flexlab.scenario.differences import changes_towards as changes_towards
+from flexlab.scenario.field_text import changes_towards as changes_towards
 from flexlab.sim.world_state import Origin
 
 LONGEST_HISTORY = 200

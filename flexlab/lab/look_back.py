@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState
-from flexlab.sim.checkpoints import state_from
 from flexlab.sim.commands import Pause, Play
-from flexlab.sim.history import HISTORY_SECONDS
+from flexlab.sim.history import HISTORY_SECONDS, state_from
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Snapshot

@@ -11,9 +11,9 @@ import viser
 
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import peak_deflection
+from flexlab.lapack import one_blas_thread
 from flexlab.numerics.linear_algebra import product
 from flexlab.scenario import Payload
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Snapshot

@@ -19,7 +19,7 @@ from flexlab.errors import StudyError
 from flexlab.guide import LessonProgress
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.scene.arms import Arms
-from flexlab.lab.scene.beam_mesh import Beam
+from flexlab.lab.scene.beam import Beam
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.forces import Forces
 from flexlab.lab.scene.overlays import Overlays

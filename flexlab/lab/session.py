@@ -27,8 +27,8 @@ from flexlab.lab.viser_internals import GuardedServer, fold_panel, set_panel_wid
 from flexlab.lab.viser_server import open_server
 from flexlab.own import hosts
 from flexlab.scenario import Scenario
-from flexlab.sim.consumer import Consumer
 from flexlab.sim.runner import Runner
+from flexlab.sim.snapshot import Consumer
 from flexlab.sim.world_state import Origin
 
 SHEET = """

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from flexlab.errors import ScenarioError
 from flexlab.own.reading import LONGEST_SOURCE, called
-from flexlab.plain_text import syntax_tree
+from flexlab.text import syntax_tree
 
 MOST_DATA = LONGEST_SOURCE * 5 // 8
 """Bytes of a file: as text they need a third more, and the law stands beside them."""

@@ -27,7 +27,7 @@ from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
 from flexlab.own.path import OWN_PATHS
 from flexlab.own.unit import text_of_unit
-from flexlab.plain_text import PARSER, syntax_tree
+from flexlab.text import PARSER, syntax_tree
 
 HEADER = (
     "import math",

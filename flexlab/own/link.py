@@ -25,7 +25,7 @@ import numpy as np
 from flexlab.own.elsewhere import MOST_KEPT, host_and_port
 from flexlab.own.execution import TextProblem
 from flexlab.own.measurement import Measurement
-from flexlab.plain_text import visible
+from flexlab.text import visible
 
 PROTOCOL, VERSION = "flexlab law", 1
 GREETING_LIMIT = 5.0

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from flexlab.own.execution import TextProblem
-from flexlab.plain_text import visible
+from flexlab.text import visible
 
 PROBE = 0.02
 """s over which a late process is looked at: whether it works, or waits for a processor that others have."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from flexlab.errors import ScenarioError
-from flexlab.plain_text import syntax_tree, visible
+from flexlab.text import syntax_tree, visible
 
 LONGEST_SOURCE = 200_000
 """Characters of a text."""

@@ -15,7 +15,7 @@ from typing import Any
 from flexlab.errors import ScenarioError
 from flexlab.own.declaration import DEFAULT_PERIOD, LONGEST_PERIOD, MOST_SETTINGS, MOST_SIGNALS, SHORTEST_PERIOD
 from flexlab.own.elsewhere import is_unit
-from flexlab.plain_text import visible
+from flexlab.text import visible
 
 _BASES = {
     "1": {},

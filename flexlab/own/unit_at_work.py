@@ -21,7 +21,7 @@ from flexlab.own.elsewhere import is_unit
 from flexlab.own.execution import TextProblem
 from flexlab.own.measurement import Measurement
 from flexlab.own.unit import AXES, GRIPS, JOINTS, MOTORS, SIDES
-from flexlab.plain_text import visible
+from flexlab.text import visible
 
 STATES_KEPT = 4096
 """Instants to which the unit may go back."""

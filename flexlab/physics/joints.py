@@ -24,8 +24,8 @@ import numpy as np
 
 from flexlab.compiled import inlined
 from flexlab.physics.arm import joint_torques, task_input
-from flexlab.physics.encoders import encoder_counts
 from flexlab.physics.plant import Joints
+from flexlab.physics.sensors import encoder_counts
 
 VISCOUS, COULOMB, STATIC, STRIBECK, SMOOTHING, BELIEVED, STALL, FALL = range(8)
 """Rows of `Joints.numbers`, by joint: B, N·m·s/rad; C, N·m; (σ - 1)C, N·m; 1/v_s², s²/rad²; v_0², rad²/s²; believed τ_f over

@@ -20,7 +20,6 @@ import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
 from flexlab.errors import RecordingError, StudyError
-from flexlab.plain_text import visible, writable
 from flexlab.presets import scenario_text
 from flexlab.recording.codec import command_from_json, command_to_json, larger_blocks, state_json
 from flexlab.recording.reader import Recording, within
@@ -43,6 +42,7 @@ from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Signal
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import Event
+from flexlab.text import visible, writable
 
 if TYPE_CHECKING:
     import xarray

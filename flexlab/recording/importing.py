@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from flexlab.errors import RecordingError
-from flexlab.plain_text import visible
 from flexlab.recording.codec import state_from_json
 from flexlab.recording.export import FORMATS, LONGEST_REASON, event_from_values, import_run
 from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
@@ -27,11 +26,11 @@ from flexlab.recording.store.run_files import SUFFIX, claim_run_file, file_word,
 from flexlab.recording.store.run_index import LONGEST_NAME
 from flexlab.recording.table_columns import check_events, check_period, checked_blocks
 from flexlab.scenario import Scenario
-from flexlab.sim.row_layout import row_length, rows_to_samples
-from flexlab.sim.samples import MEASURED, Run, Status
+from flexlab.sim.samples import MEASURED, Run, Status, row_length, rows_to_samples
 from flexlab.sim.signals import MIDSPAN, QUASI_STATIC, TIME, own_signals
 from flexlab.sim.snapshot import TICK, Event
 from flexlab.sim.world_state import WorldState
+from flexlab.text import visible
 
 IMPORTED = (SUFFIX, *FORMATS)
 """Endings of the files that can be taken in."""

@@ -20,8 +20,7 @@ from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.formats import Changes, migrate, readable, same_numbers
 from flexlab.recording.store.run_files import State, check_recording, run_state
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.sim.row_layout import empty_samples
-from flexlab.sim.samples import Run, Samples, Status, join_blocks
+from flexlab.sim.samples import Run, Samples, Status, empty_samples, join_blocks
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world_state import WorldState

@@ -45,7 +45,7 @@ QUEUE_ROWS = 20_000
 
 
 class Recorder:
-    """A consumer (see `sim.consumer`) that records every run into `logs`, and hands it to `live` if somebody watches."""
+    """A consumer (see `sim.snapshot`) that records every run into `logs`, and hands it to `live` if somebody watches."""
 
     def __init__(
         self,

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlab.errors import RecordingError
-from flexlab.plain_text import visible
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, COORDINATE, Axis, Signal
 from flexlab.sim.geometry import held_columns
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import TABLE, known_signals, own_signals
 from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD, Event
+from flexlab.text import visible
 
 LONGEST_SHOWN = 60
 """Characters of a column's name that a sentence repeats."""

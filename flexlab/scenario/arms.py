@@ -80,7 +80,7 @@ class JointFriction(Part):
 
 
 class JointEncoders(Part):
-    """What a sampled controller measures the pose with: joint angles in whole counts (`physics.encoders`)."""
+    """What a sampled controller measures the pose with: joint angles in whole counts (`physics.sensors`)."""
 
     counts: Triple = quantity(
         (0.0, 0.0, 0.0),

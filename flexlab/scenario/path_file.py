@@ -9,10 +9,9 @@ from typing import Any
 
 from flexlab.control.paths.table import MOST_ROWS
 from flexlab.errors import PresetError
-from flexlab.number_text import typed_number
 from flexlab.own.files import path_kind
-from flexlab.plain_text import visible
 from flexlab.scenario.scenario import Scenario, parse_scenario
+from flexlab.text import typed_number, visible
 
 COLUMNS = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
 """Column → what it measures."""

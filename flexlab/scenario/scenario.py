@@ -12,10 +12,8 @@ from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
 from flexlab.control.path import Trajectory, on_new_path
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
-from flexlab.html_text import html_table
 from flexlab.own.law import OwnController, with_known_law
 from flexlab.own.path import OwnTrajectory, with_known_path
-from flexlab.plain_text import visible
 from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, parts_of, quantity
 from flexlab.scenario.arms import Arm, Joints
 from flexlab.scenario.earlier_versions import in_present_terms
@@ -23,6 +21,7 @@ from flexlab.scenario.field_names import field_paths, value_paths
 from flexlab.scenario.kinds import any_law, any_path, law_models, path_models
 from flexlab.scenario.payload import Payload
 from flexlab.scenario.validation_errors import LONGEST, problem, unknown_field
+from flexlab.text import html_table, visible
 
 AnyLaw = Any
 AnyPath = Any

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flexlab.errors import ScenarioError
-from flexlab.plain_text import visible
 from flexlab.scenario.scenario import Scenario
+from flexlab.text import visible
 
 LONGEST = 60
 """Characters of a setting that a sentence repeats."""

@@ -5,10 +5,9 @@ import reprlib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from flexlab.number_text import number_text
-from flexlab.plain_text import visible
 from flexlab.quantities import Part, Quantity, describe, parts_of
 from flexlab.scenario.field_names import close_paths, did_you_mean, field_paths
+from flexlab.text import number_text, visible
 
 LONGEST = 60
 """Characters of a name or value that a sentence repeats."""

@@ -12,7 +12,7 @@ from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING
 
-from flexlab.plain_text import tell_failures_plainly
+from flexlab.text import tell_failures_plainly
 
 if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext

@@ -22,23 +22,21 @@ from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sente
 from flexlab.server.base_url import put_before, take_off
 from flexlab.server.connections import Connections, watch_patience
 from flexlab.server.labs.hub_labs import tell_class
-from flexlab.server.labs.kept_rules import kept_rules
 from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import RecordedLab
 from flexlab.server.labs.shared import SharedLabProvider
-from flexlab.server.languages import catalogues
-from flexlab.server.leaderboard_jobs import MOST_BOARDS
 from flexlab.server.limits import Limit
 from flexlab.server.pages.compare_page import add_compare_pages
 from flexlab.server.pages.lab_pages import add_lab_pages, add_live_pages
-from flexlab.server.pages.leaderboard_page import add_leaderboard_pages
+from flexlab.server.pages.leaderboard_page import MOST_BOARDS, add_leaderboard_pages
 from flexlab.server.pages.page_context import CONTEXT, Context
 from flexlab.server.pages.run_actions import add_bulk_actions, add_run_actions
 from flexlab.server.pages.runs_pages import add_runs_pages, add_upload
 from flexlab.server.pages.start_page import start_page
 from flexlab.server.pages.study_pages import add_study_pages
-from flexlab.server.pages.teacher_page import add_teacher_pages
+from flexlab.server.pages.teacher_page import add_teacher_pages, kept_rules
+from flexlab.server.pages.templating import catalogues
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
 from flexlab.server.run_jobs import MOST_COMPARISONS, MOST_REPLAYS, Measuring

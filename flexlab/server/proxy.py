@@ -13,8 +13,8 @@ from flexlab.lab.browser_messages import LARGEST_MESSAGE
 from flexlab.lab.viser_server import SECRET_HEADER
 from flexlab.log_limits import limited
 from flexlab.server.labs.lab_provider import Lab
-from flexlab.server.languages import language_script
 from flexlab.server.pages.page_context import context_of
+from flexlab.server.pages.templating import language_script
 from flexlab.server.visitors import asker_of
 
 SOCKET_BUFFER = 64 * 1024

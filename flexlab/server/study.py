@@ -16,12 +16,11 @@ from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.metric import Column
 from flexlab.analysis.sweep.axes import CHOSEN, Axis, parse_axes
 from flexlab.errors import FlexlabError, StudyError
-from flexlab.number_text import number_text, typed_number
-from flexlab.plain_text import visible
 from flexlab.registry import Registry
 from flexlab.scenario import Scenario
 from flexlab.scenario.choices import TITLES, options
 from flexlab.server.task_book import Outcome, Task
+from flexlab.text import number_text, typed_number, visible
 
 MOST_STUDIES = 30
 """Finished ones that are remembered."""

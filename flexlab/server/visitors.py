@@ -18,7 +18,7 @@ from flexlab.errors import LabError, RecordingError
 from flexlab.recording.store.notes import is_regular
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import RunRow, find_row, no_such_run, read_rows
-from flexlab.server.labs.run_owner import owner_word
+from flexlab.server.labs.quota import owner_word
 from flexlab.server.limits import Asker, network_of
 from flexlab.server.pages.page_context import Context, context_of
 

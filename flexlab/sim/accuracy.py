@@ -19,8 +19,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
-from flexlab.sim.row_survey import Survey, survey_rows
-from flexlab.sim.run_warnings import COUNTED, amplified, bounds, inaccurate, unled
+from flexlab.sim.run_warnings import COUNTED, Survey, amplified, bounds, inaccurate, survey_rows, unled
 from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, POSE, SATURATED, SPIN_SHARE
 from flexlab.sim.step_rates import ring_decay
 from flexlab.sim.world_state import WorldState

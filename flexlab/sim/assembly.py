@@ -13,7 +13,7 @@ from flexlab.control.law import law_of, laws, nothing_derived
 from flexlab.control.path import paths
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.joints import build_joints
-from flexlab.physics.strain_gauges import gauge_places, load_moments, strain_rows
+from flexlab.physics.sensors import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import advance
 from flexlab.sim.build import Beam, build_beam, build_control, build_plant

@@ -6,24 +6,46 @@ from dataclasses import replace
 import numpy as np
 
 from flexlab.errors import ScenarioError
-from flexlab.numerics.linear_algebra import product
+from flexlab.numerics.linear_algebra import product, solve
+from flexlab.physics.beam import GAUSS_POINTS, gauss_rule
 from flexlab.physics.dynamics import velocities_at
-from flexlab.physics.encoders import begin_reading
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, noted_rates
-from flexlab.scenario import Scenario
-from flexlab.sim import accuracy, row_layout
+from flexlab.physics.sensors import begin_reading
+from flexlab.scenario import Payload, Scenario
+from flexlab.sim import accuracy, samples
 from flexlab.sim.assembly import Assembly, build_assembly
+from flexlab.sim.build import payload_row
 from flexlab.sim.closed_loop import joint_states_of, new_workspace, own_parts, state_length
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.disturbance import set_pull_row
+from flexlab.sim.geometry import shape_functions
 from flexlab.sim.law_memory import adjust_memory, carry_memory, same_law, start_memory
 from flexlab.sim.motion import Motion, act_at_start, begin_motion, outlook_of, set_coordinates, to_modes
-from flexlab.sim.projection import project_beam
 from flexlab.sim.signals import own_signals
 from flexlab.sim.stepping import observe
 from flexlab.sim.target import change_path, equal_motions, go_on_from
 from flexlab.sim.workspace_check import check_trajectory, same_reach
+
+
+def project_beam(old: Payload, new: Payload, M_q: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """The new mesh's coordinates closest to the old shape in ∫ρ(w' - w)²ds, with the same mid-span value, (n_q',).
+
+    M_q: mass matrix of the new mesh. A mesh of one pinned element, whose shape cannot always meet that condition, gets it
+    as well where its mid-span can move at all.
+    """
+    cells = np.union1d(*(np.linspace(-p.length / 2, p.length / 2, p.element_count + 1) for p in (old, new)))
+    points, weights = gauss_rule(GAUSS_POINTS)
+    middles, halves = (cells[1:] + cells[:-1]) / 2, np.diff(cells) / 2
+    s = (middles[:, None] + np.outer(halves, points)).ravel()
+    w = product(shape_functions(old, s), q)
+    load = product(new.linear_density * np.outer(halves, weights).ravel() * w, shape_functions(new, s))
+    middle = payload_row(new, 0.0)
+    projected, correction = solve(M_q, np.stack([load, middle], axis=1)).T
+    give = product(middle, correction)
+    if give > 0:
+        projected += correction * (product(payload_row(old, 0.0), q) - product(middle, projected)) / give
+    return projected
 
 
 def take_on(motion: Motion, command: ChangeScenario, known: Sequence[Assembly], at_once: bool) -> tuple[Motion, bool]:
@@ -118,7 +140,7 @@ def _torques_at_work(motion: Motion) -> np.ndarray:
     """What the motors give at the present instant, N·m, (arms, 3)."""
     row = np.zeros((1, motion.row_length))
     observe(motion, row[0])
-    return row_layout.rows_to_samples(row, len(motion.scenario.arms), own_signals(motion.scenario)).joint_torque[0]
+    return samples.rows_to_samples(row, len(motion.scenario.arms), own_signals(motion.scenario)).joint_torque[0]
 
 
 def _carry_torques(motion: Motion, assembly: Assembly, started: np.ndarray | None) -> None:

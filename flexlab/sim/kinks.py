@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlab.physics.plant import ETA
-from flexlab.sim import row_layout
+from flexlab.sim import samples
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import System, Workspace
 from flexlab.sim.integrators.beam_flow import TICKS
@@ -88,5 +88,5 @@ def advance_in_pieces(
             return code
         # The step is that of the whole tick, as its beginning wanted it.
         watch, level = watch._replace(most=0), 0
-    row[0, row_layout.TIME] = cuts[-1]
+    row[0, samples.TIME] = cuts[-1]
     return 0

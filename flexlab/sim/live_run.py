@@ -5,15 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlab.sim.checkpoints import Checkpoints
-from flexlab.sim.command_text import command_text
-from flexlab.sim.commands import Command
-from flexlab.sim.consumer import Consumer
-from flexlab.sim.history import History
+from flexlab.sim.commands import Command, command_text
+from flexlab.sim.history import Checkpoints, History
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
 from flexlab.sim.simulate import failure
-from flexlab.sim.snapshot import Event
+from flexlab.sim.snapshot import Consumer, Event
 from flexlab.sim.world import World
 
 EVENTS_KEPT = 200

@@ -10,12 +10,12 @@ from flexlab.control.law import Start
 from flexlab.errors import StudyError
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.dynamics import set_momenta
-from flexlab.physics.encoders import begin_reading
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, Workspace, forget_rates
+from flexlab.physics.sensors import begin_reading
 from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import Initial
-from flexlab.sim import accuracy, row_layout
+from flexlab.sim import accuracy, samples
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import new_workspace, state_length
@@ -63,7 +63,7 @@ class Motion:
     def row_length(self) -> int:
         """Columns of a sample row."""
         coordinates = self.assembly.beam.modes.V.shape[0]
-        return row_layout.row_length(len(self.scenario.arms), coordinates, own_signals(self.scenario))
+        return samples.row_length(len(self.scenario.arms), coordinates, own_signals(self.scenario))
 
 
 def begin_motion(scenario: Scenario, tick_period: float, known: Sequence[Assembly], at_once: bool) -> Motion:

@@ -1,11 +1,161 @@
-"""What a run says of its own limits: the accuracy of its steps, and where the beam's model ends."""
+"""What a run says of its own limits: whether it keeps up with real time, how accurate it is, where the beam's model ends."""
 
 from typing import NamedTuple
 
-from flexlab.number_text import number_text
+import numpy as np
+
+from flexlab.compiled import compiled
 from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Payload, Scenario
-from flexlab.sim.row_survey import Survey
+from flexlab.sim.build import Beam
+from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, SPIN_SHARE, TORQUE
+from flexlab.text import number_text
+
+JUMP, LEAST_JUMP = 1.5, 0.05
+"""A tick in which a torque changes by more than the first times what it did in any tick that was looked at, and by more than
+the second times the largest torque, excites fast modes anew: a sampled law, or a path with a kink."""
+
+
+class Survey(NamedTuple):
+    """Of a run so far."""
+
+    peak: float = 0.0
+    """Largest internal force, N or N·m; of one arm alone, which has none, the moving force."""
+    strongest: float = 0.0
+    """Largest torque, N·m."""
+    torque: np.ndarray | None = None
+    """Joint torques of the newest sample, N·m, (3 arms,); None: of none yet."""
+    load_share: float = 0.0
+    """Largest compression of the beam beside its buckling load, 1."""
+    spin_share: float = 0.0
+    """Most that the spin took of the linear beam's stiffness, 1."""
+
+
+def survey_rows(before: Survey, arm_count: int, rows: np.ndarray, looked_at: float) -> tuple[Survey, float, int]:
+    """The survey after `rows` (N ≥ 1, row length), the largest change of a torque in one of them, N·m, and the first `JUMP`.
+
+    `looked_at`: the largest change in ticks looked at so far, N·m. The jump is the index of its row; -1: there is none.
+    """
+    torque = np.empty(3 * arm_count)
+    if before.torque is not None:
+        torque[:] = before.torque
+    peak, strongest, change, jump = _survey(
+        rows, arm_count, before.torque is not None, torque, before.peak, before.strongest, looked_at
+    )
+    pressed, spun = rows[:, LOAD_SHARE].max(), rows[:, SPIN_SHARE].max()
+    return (
+        Survey(peak, strongest, torque, max(before.load_share, float(pressed)), max(before.spin_share, float(spun))),
+        change,
+        jump,
+    )
+
+
+@compiled
+def _survey(rows, arm_count, follows, torque, peak, strongest, looked_at):
+    """(peak, strongest, change, jump); `torque`, that of the sample before if it `follows` one, becomes the newest."""
+    largest, jump = 0.0, -1
+    for k in range(len(rows)):
+        row, change = rows[k], 0.0
+        for i in range(arm_count):
+            first = ARMS + PER_ARM * i
+            for joint in range(3):
+                now = row[first + TORQUE + joint]
+                if follows:
+                    change = max(change, abs(now - torque[3 * i + joint]))
+                torque[3 * i + joint] = now
+                strongest = max(strongest, abs(now))
+                force = row[first + INTERNAL + joint] if arm_count > 1 else row[MOVING + joint]
+                peak = max(peak, abs(force))
+        follows = True
+        largest = max(largest, change)
+        if jump < 0 and change > JUMP * looked_at and change > LEAST_JUMP * strongest:
+            jump = k
+    return peak, strongest, largest, jump
+
+
+SLOWEST_PACE = 0.8
+"""Processor seconds per simulated second, on the machine of the costs below, from which on a run is announced as slow."""
+
+
+class StepCost(NamedTuple):
+    """Processor time of a step, measured on one core of a shared server in November 2026 (`flexlab bench` measures any)."""
+
+    fixed: float
+    """Of arms and law, s."""
+    per_mode: float
+    """s."""
+    per_product: float
+    """Of each number of the beam's matrices that couple modes, s."""
+
+
+STEP_COSTS = {
+    "etdrk4": StepCost(1.6e-6, 3.5e-8, 2.6e-9),
+    "rk4": StepCost(1.2e-6, 3.5e-8, 4e-10),
+    "generalized-alpha": StepCost(2.6e-6, 8.5e-8, 1.4e-9),
+}
+
+COUPLED_MODES = 8
+"""Modes that damping couples from which on they, and not the arms, are what a step costs."""
+
+
+def seconds_per_second(integrator: str, beam: Beam, step: float) -> float:
+    """Estimated processor time per simulated time with steps of `step` s, 1."""
+    cost, sizes = STEP_COSTS[integrator], np.diff(beam.modes.block_start)
+    products = float(np.sum(sizes[sizes > 1] ** 2))
+    return (cost.fixed + cost.per_mode * float(np.sum(sizes)) + cost.per_product * products) / step
+
+
+def pace_warning(integrator: str, beam: Beam, step: float, bound: str, mass_changes: bool = False) -> str:
+    """A sentence if a run is estimated to be slower than real time, what makes it so and what to change; else empty.
+
+    bound: what the step was chosen by, as `step_size.Choice.bound`; mass_changes: whether only rk4 goes such a payload.
+    """
+    pace = seconds_per_second(integrator, beam, step)
+    if pace < SLOWEST_PACE:
+        return ""
+    size = number_text(1e6 * step, 3)
+    causes = {
+        "given": f"simulation.step = {number_text(step)} s",
+        "beam": f"the modes of this beam in these arms need steps of {size} µs with {integrator}",
+        "creep": f"the modes of this beam, strongly damped and heavy for these arms, need steps of {size} µs",
+        "growth": f"modes that next to nothing damps need steps of {size} µs, for their errors not to grow",
+        "accuracy": f"what the start or the path's kinks excite needs steps of {size} µs with {integrator}",
+        "joints": f"the joints' friction needs steps of {size} µs",
+        "motors": f"the motors' time constant needs steps of {size} µs",
+        "law": f"the controller needs steps of {size} µs with {integrator}",
+        "period": f"sample and control period leave steps of {size} µs",
+    }
+    cures = {
+        "given": ["a longer simulation.step, or null"],
+        "beam": ["a softer beam", "a coarser simulation.accuracy"],
+        "creep": ["less damping", "a softer or lighter beam"],
+        "growth": ["some damping (payload.damping)", "a softer beam"],
+        "accuracy": ["a smooth start", "more damping", "a softer beam"],
+        "joints": ["a higher joints.friction.smoothing_speed", "a coarser simulation.accuracy"],
+        "motors": ["a longer joints.motor.time_constant, or 0", "a coarser simulation.accuracy"],
+        "law": ["lower gains", "a coarser simulation.accuracy"],
+        "period": ["a control period that is a multiple of the sample period"],
+    }[bound]
+    cause, modes = causes[bound], len(beam.modes.omega)
+    if np.max(np.diff(beam.modes.block_start)) > COUPLED_MODES:
+        cause += f" and the damping couples its {modes} modes"
+        cures = ["damping of kind modal or stiffness, which couples none", *cures]
+    if modes > COUPLED_MODES:
+        cures = [*cures, "fewer elements or modes (payload.mode_count)"]
+    if mass_changes:
+        cures = [*cures, "a mass that stays (payload.mass_change.factor = 1)"]
+    elif integrator != "etdrk4" and bound != "given":
+        cures = ["the integrator auto", *cures]
+    return (
+        f"Slower than real time: a simulated second takes about {number_text(pace, 2)} s on a common processor, as {cause}. "
+        f"To keep up, choose {_either(cures)}."
+    )
+
+
+def _either(choices: list[str]) -> str:
+    """The choices in a sentence, as in "a, b or c"."""
+    return " or ".join([", ".join(choices[:-1]), choices[-1]] if len(choices) > 1 else choices)
+
 
 POSE_BOUND = 1e-8
 """Estimated error of the pose, m or rad, up to which a run is called accurate that was not asked to be coarser."""

@@ -8,13 +8,11 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.lapack import one_blas_thread
 from flexlab.own.path import with_table
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, Unprepared
-from flexlab.sim.blas import one_blas_thread
-from flexlab.sim.checkpoints import Checkpoint
 from flexlab.sim.command_queue import MOST_WAITING, CommandQueue, merged_changes
-from flexlab.sim.command_text import command_text
 from flexlab.sim.commands import (
     ChangeScenario,
     Command,
@@ -25,12 +23,13 @@ from flexlab.sim.commands import (
     Reset,
     SetSpeed,
     Tap,
+    command_text,
 )
-from flexlab.sim.consumer import Consumer
+from flexlab.sim.history import Checkpoint
 from flexlab.sim.paced_run import PacedRun
 from flexlab.sim.preparation import ATTEMPTS, Preparation
 from flexlab.sim.samples import Samples
-from flexlab.sim.snapshot import TICK, Event, Snapshot
+from flexlab.sim.snapshot import TICK, Consumer, Event, Snapshot
 from flexlab.sim.world import World
 from flexlab.sim.world_state import Origin
 

@@ -16,9 +16,9 @@ from flexlab.control.motion import desired_motion
 from flexlab.numerics.elementary import cos, log
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
-from flexlab.physics.encoders import read_encoders
 from flexlab.physics.joints import compensate_friction
 from flexlab.physics.plant import ETA, Plant, joints_start
+from flexlab.physics.sensors import read_encoders
 from flexlab.sim.closed_loop import System, find_state, law_places, limit_torques, new_workspace, state_length
 
 LoopForm = bool | tuple[bool, None]
@@ -106,7 +106,7 @@ def measure_pose(plant, sampling, instant, pose, rate, y, ws, now):
 def measure_beam(sampling, instant, truth, measured):
     """hᵀq̇ and gᵀq̇ (2,) with their own noise and with that of strain gauges, which tell them by the change of their readings.
 
-    A reading is -½ t w''(s_j) plus white noise σ_ε. The moments hᵀq = Σ W_hj · reading_j (`physics.strain_gauges`), differenced
+    A reading is -½ t w''(s_j) plus white noise σ_ε. The moments hᵀq = Σ W_hj · reading_j (`physics.sensors`), differenced
     over T_c, have the noise Σ W_hj (n_j(k) - n_j(k-1)) / T_c: of standard deviation √2 σ_ε ‖W_h‖ / T_c, kg·m/s, and opposite
     from one instant to the next, since each reading enters twice. Only the noise is modelled; the readings' own lag of
     half a control period is not, so that without noise the law sees the true rates.

@@ -18,13 +18,13 @@ from flexlab.control.law import law_of, laws
 from flexlab.control.sliding_surface import sliding_variable
 from flexlab.physics.arm import joint_angles
 from flexlab.physics.axial_load import SPIN, axial_load_at, axial_terms, first_stiffness, largest_compression
+from flexlab.physics.beam import quasi_static_deflection
 from flexlab.physics.dynamics import acceleration
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
 from flexlab.physics.internal_force import grip_force
 from flexlab.physics.joints import LOSS, is_limited, motor_torques
 from flexlab.physics.mass_change import mass_factor
 from flexlab.physics.plant import AXIAL_WORK, DISSIPATED, ETA, MID, WORK, joints_start, material_start, memory_start
-from flexlab.physics.quasi_static import quasi_static_deflection
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Axis, Signal, numbered
 
@@ -107,7 +107,7 @@ class Signals:
     axial_load: np.ndarray = row(
         "N(s_j)",
         "N",
-        "force along the beam at four places, left to right, tension positive: the gauges' places of `physics.strain_gauges`",
+        "force along the beam at four places, left to right, tension positive: the gauges' places of `physics.sensors`",
         numbered(GAUGES),
         equation="N_L + ρ a₁ (s + L/2) + ½ρω²(L²/4 - s²)",
         since=2,
@@ -238,7 +238,7 @@ PLACES = (
     0.25 * (1 - 3**-0.5),
     0.25 * (1 + 3**-0.5),
 )
-"""s/L at which the axial load is told: `strain_gauges.gauge_places`, to the last bit on every machine."""
+"""s/L at which the axial load is told: `sensors.gauge_places`, to the last bit on every machine."""
 
 AT_LIMIT = 1e-9
 """Relative distance from its limit at which a torque counts as standing there: the rounding of turning τ into u and back."""

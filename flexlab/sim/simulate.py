@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import get_args
 
 from flexlab.errors import StudyError
-from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
 from flexlab.sim.carry_over import same_motion
 from flexlab.sim.commands import WorldCommand
 from flexlab.sim.samples import Run, Status, join_blocks
 from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD
 from flexlab.sim.world import World
+from flexlab.text import number_text
 
 LONGEST_RUN = 50_000_000
 """Most samples of one run: beyond that its arrays would fill the memory of an ordinary machine."""

@@ -1,9 +1,11 @@
-"""The runner's published picture of the running lab: immutable, replaced whole by one reference assignment."""
+"""The runner's published picture of the running lab, immutable, replaced by one reference assignment, and who is told of it."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status
+from flexlab.sim.world_state import WorldState
 
 TICK = 0.001
 """Sample period of the live engine, s: fine enough for the 44 Hz ring of the paper's beam and for a 1 kHz recording."""
@@ -60,3 +62,20 @@ class Snapshot:
     """As `World.pace_warning`: what makes the run slower than real time, and what to change."""
     answered: int = 0
     """The last command, by the number that `Runner.submit` gave it, that was carried out or refused; all before it were."""
+
+
+class Consumer(Protocol):
+    """Who gets every sample and event. Called on the simulation thread: must return at once (enqueue, never block)."""
+
+    def begin_run(self, run_number: int, name: str, scenario: Scenario, start: WorldState) -> None:
+        """A new run starts (reset, preset, or a change of structure, after which time goes on); `start`: its state."""
+
+    def take_samples(self, run_number: int, samples: Samples, actual_speed: float) -> int:
+        """The next block (N >= 1 rows, contiguous with the block before); returns how many rows it had to drop."""
+        ...
+
+    def take_event(self, run_number: int, event: Event) -> None:
+        """A command took effect, a status changed."""
+
+    def end_run(self, run_number: int, status: Status) -> None:
+        """The run is over; no more samples of this number follow."""

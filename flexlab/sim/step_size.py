@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.errors import ScenarioError
-from flexlab.number_text import number_text
 from flexlab.numerics.linear_algebra import product
 from flexlab.numerics.matrix_functions import Functions
 from flexlab.scenario import Scenario
@@ -17,9 +16,10 @@ from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import System
 from flexlab.sim.integrators.etdrk4 import beam_operators, block_functions
 from flexlab.sim.integrators.generalized_alpha import effective_inverse
-from flexlab.sim.integrators.rk4 import STABILITY_LIMIT
 from flexlab.sim.integrators.scheme import ORDER, GeneralizedAlpha, Scheme
+from flexlab.sim.integrators.step import STABILITY_LIMIT
 from flexlab.sim.step_rates import Rates, control_rate, joint_rate, motor_rate
+from flexlab.text import number_text
 
 REFERENCE_STEP = 1e-3
 REFERENCE_ERROR = {"rk4": 6e-8, "etdrk4": 3e-8, "generalized-alpha": 6e-6}

@@ -17,13 +17,12 @@ from flexlab.own.law import OwnController
 from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, P
-from flexlab.sim import accuracy, row_layout
+from flexlab.sim import accuracy, samples
 from flexlab.sim.assembly import Assembly, Unprepared
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.motion import start_at
-from flexlab.sim.pace import SLOWEST_PACE, seconds_per_second
-from flexlab.sim.run_warnings import bounds
+from flexlab.sim.run_warnings import SLOWEST_PACE, bounds, seconds_per_second
 from flexlab.sim.step_levels import DISTURBED_TICKS
 from flexlab.sim.step_rates import ring_decay
 from flexlab.sim.step_size import SHORTEST_CHOSEN, Count
@@ -42,8 +41,8 @@ ENOUGH = 0.3
 """Of the bounds of pose and force that `accuracy` keeps: what a trial may take of them."""
 
 SLOWEST_TRIED = 8.0
-"""Processor seconds per simulated second up to which accuracy comes before real time, as `pace` estimates them; where even
-that is not enough, the step is as short as real time allows."""
+"""Processor seconds per simulated second up to which accuracy comes before real time, by the estimate of `seconds_per_second`;
+where even that is not enough, the step is as short as real time allows."""
 
 RATE_DECAY = 20.0
 """How fast a law leads errors of the pose's rate back, 1/s, about; until then they move the pose."""
@@ -54,7 +53,7 @@ MOST_ORDER = 4.5
 KINKS_TRIED = 2
 """Kinks of the path that are tried besides the start."""
 
-POSE = slice(row_layout.POSE, row_layout.POSE + 3)
+POSE = slice(samples.POSE, samples.POSE + 3)
 
 
 class Trial(NamedTuple):
@@ -167,7 +166,7 @@ def _rate_error(assembly: Assembly, coarse: Trial, fine: Trial) -> np.ndarray:
     """How the pose's rates differ at the ends of two trials (3,) but for the beam's ring, which moves it to and fro."""
     system, y, rest = assembly.system, fine.y.copy(), np.zeros(len(assembly.beam.modes.omega))
     workspace, inertia = scratch_workspace(system), np.empty((3, 3))
-    find_mass_at(system.plant, fine.rows[-1, row_layout.TIME], workspace)
+    find_mass_at(system.plant, fine.rows[-1, samples.TIME], workspace)
     for axis, rate in enumerate(np.eye(3)):
         set_momenta(system.plant, y, rate, rest, workspace)
         inertia[:, axis] = y[P : P + 3]

@@ -5,7 +5,7 @@ import numpy as np
 from flexlab.compiled import entry_point
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.mass_change import find_mass_at
-from flexlab.sim import accuracy, row_layout
+from flexlab.sim import accuracy, samples
 from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, advance
 from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
 from flexlab.sim.motion import Motion, restore, state_of
@@ -16,8 +16,8 @@ from flexlab.sim.world_state import WorldState
 def observe(motion: Motion, row: np.ndarray) -> None:
     """Write the sample of the present instant; of a failed start the pose alone, the rest zero."""
     _advance(motion, row[None], first_is_present=True)
-    row[row_layout.TIME] = motion.time
-    row[row_layout.POSE : row_layout.POSE + 3] = motion.y[:3]
+    row[samples.TIME] = motion.time
+    row[samples.POSE : samples.POSE + 3] = motion.y[:3]
 
 
 def fill(motion: Motion, rows: np.ndarray) -> int:

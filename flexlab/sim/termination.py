@@ -5,10 +5,9 @@ import math
 import numpy as np
 
 from flexlab.control.law import laws
-from flexlab.number_text import fixed_text, number_text
 from flexlab.own.elsewhere import address_in
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
-from flexlab.physics.encoders import told_pose
+from flexlab.physics.sensors import told_pose
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import BENT
 from flexlab.sim.assembly import Assembly
@@ -18,6 +17,7 @@ from flexlab.sim.samples import Status
 from flexlab.sim.step_growth import growth_rate, may_grow
 from flexlab.sim.step_rates import control_rate
 from flexlab.sim.step_size import STABLE_COUPLING
+from flexlab.text import fixed_text, number_text
 
 DEFLECTION_LIMIT = 1.0
 """Deflection at mid-span, or of a free end, over length at which a run stops: the linear beam model has lost all meaning

@@ -11,7 +11,7 @@ import numpy as np
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.sim import accuracy, row_layout
+from flexlab.sim import accuracy, samples
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.build import Beam
 from flexlab.sim.carry_over import take_on
@@ -20,8 +20,7 @@ from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_axial_impulse, apply_pull, apply_tap
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.motion import begin_motion, restore, state_of
-from flexlab.sim.pace import pace_warning
-from flexlab.sim.run_warnings import AxialWarning, axial_warning
+from flexlab.sim.run_warnings import AxialWarning, axial_warning, pace_warning
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK
@@ -139,14 +138,14 @@ class World:
 
     def to_samples(self, rows: np.ndarray) -> Samples:
         """Views of the signals in rows (N, row length) of this world."""
-        return row_layout.rows_to_samples(rows, len(self.scenario.arms), own_signals(self.scenario))
+        return samples.rows_to_samples(rows, len(self.scenario.arms), own_signals(self.scenario))
 
     def observe(self) -> Samples:
         """The sample of the present instant (N = 1); of a failed start: the pose alone, the rest zero."""
         return self.to_samples(self.observe_rows())
 
     def observe_rows(self) -> np.ndarray:
-        """As `observe`, as a row (1, row length) in the layout of `sim.row_layout`."""
+        """As `observe`, as a row (1, row length) in the layout of `sim.samples`."""
         rows = self.new_rows(1)
         observe(self._motion, rows[0])
         return rows
@@ -159,7 +158,7 @@ class World:
         return self.to_samples(self.advance_rows(ticks))
 
     def advance_rows(self, ticks: int) -> np.ndarray:
-        """As `advance`, as rows (ticks done, row length) in the layout of `sim.row_layout`."""
+        """As `advance`, as rows (ticks done, row length) in the layout of `sim.samples`."""
         rows = self.new_rows(0 if self.status.failed else ticks)
         return rows[: self.fill(rows)]
 

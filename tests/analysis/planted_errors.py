@@ -227,7 +227,7 @@ PLANTED = (
         "tau[joint] = np.copysign(limit[joint]",
         "tau[joint] = np.copysign(1.01 * limit[joint]",
     ),
-    PlantedError("a gauge doubled", "physics/strain_gauges.py", "return -thickness / 2 *", "return -thickness *"),
+    PlantedError("a gauge doubled", "physics/sensors.py", "return -thickness / 2 *", "return -thickness *"),
     PlantedError(
         "observer's own torques",
         "control/observers/kalman.py",
@@ -266,10 +266,10 @@ PLANTED = (
         "0.9 * joints.numbers[BELIEVED, joint] * lost",
     ),
     PlantedError(
-        "rounding of a count", "physics/encoders.py", "np.floor(angle / count + 0.5)", "np.floor(angle / count)"
+        "rounding of a count", "physics/sensors.py", "np.floor(angle / count + 0.5)", "np.floor(angle / count)"
     ),
     PlantedError(
-        "arm whose encoders are read", "physics/encoders.py", "arm.l2 * s2 - arm.reach", "arm.l2 * s2 + arm.reach"
+        "arm whose encoders are read", "physics/sensors.py", "arm.l2 * s2 - arm.reach", "arm.l2 * s2 + arm.reach"
     ),
     PlantedError(
         "time constant of a motor",
@@ -321,7 +321,7 @@ PLANTED = (
         "result[1] += s * inward + c * sideways - 1.01 * factor *",
     ),
     PlantedError("course of a change of mass", "physics/mass_change.py", "(15 - 6 * u)", "(15 - 5.9 * u)"),
-    PlantedError("rate of two readings", "physics/encoders.py", "/ period\n", "/ (1.1 * period)\n"),
+    PlantedError("rate of two readings", "physics/sensors.py", "/ period\n", "/ (1.1 * period)\n"),
     PlantedError(
         "lag of the rate in the linear model",
         "analysis/linearization.py",

@@ -19,11 +19,11 @@ from peers.peer_comparison import PeerComparison, PeerRow, Setting, compare_peer
 from peers.tables import beam_table, chain_table, peers_table
 
 from flexlab.physics.plant import make_workspace
-from flexlab.plain_text import console
 from flexlab.presets import load_preset
 from flexlab.sim.build import build_beam
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
+from flexlab.text import console
 
 TICKS = 60
 """The start's jerk, where engines differ most."""

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Error, Locator, TimeoutError
 from waiting import ARTIFACTS, PATIENCE
 from waiting import wait_until as wait_until
 
-from flexlab.lab.scene.beam_mesh import GRAB_SIDES
+from flexlab.lab.scene.beam import GRAB_SIDES
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.scenario.choices import TITLES, in_words

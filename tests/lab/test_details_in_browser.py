@@ -7,7 +7,7 @@ from flexlab.lab.panel.sections import CHOSEN, GROUPS, SWITCHES, present
 from flexlab.presets import load_preset, preset_names
 from flexlab.quantities import Part
 from flexlab.scenario import Scenario
-from flexlab.scenario.differences import ENGINE
+from flexlab.scenario.field_text import ENGINE
 from flexlab.sim.world import World
 
 

@@ -8,7 +8,7 @@ from browser_window import open_window
 from lab_page import CLOSE_NOTIFICATIONS, GUIDE_OPEN, PLOTS_OPEN, READY, LabPage, address, wait_until
 from playwright.sync_api import Browser, Page
 
-from flexlab.lab.scene.beam_mesh import SIDES
+from flexlab.lab.scene.beam import SIDES
 from flexlab.lab.session import Session
 
 LEAST_SHARE, LEAST_BEAM = 0.6, 250

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexlab.lab.scene.arms import GRIPPER_LENGTH, MODELS, accent_ring, load_model, write_models
-from flexlab.lab.scene.beam_mesh import SIDES, STATIONS, tube_faces, tube_vertices
+from flexlab.lab.scene.beam import SIDES, STATIONS, tube_faces, tube_vertices
 from flexlab.lab.scene.solids import Solid, bar, drum
 
 

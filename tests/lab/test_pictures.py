@@ -8,9 +8,9 @@ from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.plots.plot_signals import tabs, tracking_energy
 from flexlab.lab.plots.plots import POINTS, amplitude_spectrum, thinned, unbroken
 from flexlab.lab.reference_run import ReferenceRun, common_metrics, differences, whole_run
+from flexlab.lab.scene.beam import PIECES, axial_loads, curvature_functions, strain_colors
 from flexlab.lab.scene.forces import held_point
 from flexlab.lab.scene.overlays import elbow_sines, shade
-from flexlab.lab.scene.strain import PIECES, axial_loads, curvature_functions, strain_colors
 from flexlab.presets import load_preset
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario

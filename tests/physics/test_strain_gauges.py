@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlab.physics.beam import beam_matrices, undamped_modes
-from flexlab.physics.strain_gauges import gauge_places, load_moments, strain_rows
+from flexlab.physics.sensors import gauge_places, load_moments, strain_rows
 
 LENGTH, RHO, EI, THICKNESS = 0.5, 2.0, 100.0, 0.004
 BOUNDARIES = ["pinned-pinned", "clamped-clamped", "clamped-pinned", "pinned-clamped", "clamped-free"]

@@ -12,8 +12,7 @@ from recording_helpers import assert_same_bits
 
 from flexlab.errors import RecordingError
 from flexlab.recording.codec import decode_block, encode_block
-from flexlab.sim.row_layout import row_length, rows_to_samples
-from flexlab.sim.samples import Run, Samples, join_blocks
+from flexlab.sim.samples import Run, Samples, join_blocks, row_length, rows_to_samples
 
 any_bits = st.integers(0, 2**64 - 1)
 

@@ -12,7 +12,6 @@ from flexlab.analysis.comparison import compare_into
 from flexlab.analysis.replay import TOLERANCE, replay
 from flexlab.analysis.resume import Repetition, resume
 from flexlab.analysis.run_summary import note_metrics
-from flexlab.number_text import number_text
 from flexlab.recording.export import export_recording, import_run
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_blocks, read_range, read_recording, read_scenarios
@@ -21,6 +20,7 @@ from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.sim.samples import join_blocks
 from flexlab.sim.signals import TABLE
 from flexlab.sim.world import World
+from flexlab.text import number_text
 
 AGREEMENT = 1e-4
 """Share of a signal's peak to which the engines of all formats agree: some damping was integrated less exactly before."""

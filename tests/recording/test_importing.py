@@ -11,7 +11,6 @@ from recording_helpers import assert_same_bits
 
 from flexlab.analysis.replay import replay
 from flexlab.errors import RecordingError
-from flexlab.plain_text import visible
 from flexlab.presets import load_preset
 from flexlab.recording.export import FORMATS, export_recording
 from flexlab.recording.headless import HeadlessRecording
@@ -26,6 +25,7 @@ from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world import World
 from flexlab.sim.world_state import WorldState
+from flexlab.text import visible
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ from flexlab.analysis.replay import TOLERANCE, replay
 from flexlab.analysis.resume import resume, state_at
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import StudyError
-from flexlab.number_text import number_text
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import Recording, read_recording
@@ -25,6 +24,7 @@ from flexlab.sim.runner import Runner
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 from flexlab.sim.world_state import Origin
+from flexlab.text import number_text
 
 OF_THE_PATH = (
     {"trajectory.frequency": (0.9, 0.8, 0.7)},

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
-from flexlab.scenario.differences import changes_towards, differences, part_differences
+from flexlab.scenario.field_text import changes_towards, differences, part_differences
 
 names = st.sampled_from(preset_names())
 PAPER = Scenario()

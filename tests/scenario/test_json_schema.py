@@ -9,9 +9,8 @@ import pytest
 
 from flexlab.assets import presets_folder
 from flexlab.errors import ScenarioError
-from flexlab.presets import load_scenario_file, preset_names, save_scenario
+from flexlab.presets import REFERENCE, load_scenario_file, preset_names, save_scenario
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.scenario.json_schema import REFERENCE
 
 
 def test_the_command_writes_the_schema_to_where_the_files_of_a_folder_look_for_it(flexlab_command, tmp_path: Path):

@@ -19,7 +19,6 @@ from test_private_labs import Visitor, state
 
 from flexlab.errors import LabError, PresetError, RecordingError
 from flexlab.lab.panel.scenario_files import MOST_PRESETS, save_preset
-from flexlab.plain_text import visible
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import run_state
@@ -30,6 +29,7 @@ from flexlab.server.labs import per_visitor
 from flexlab.server.limits import FREE
 from flexlab.server.settings import Settings
 from flexlab.server.workshop import Workshop, sweep
+from flexlab.text import visible
 
 TOKEN = "a-token-for-tests"
 FORM = "application/x-www-form-urlencoded"

@@ -4,8 +4,8 @@ import pytest
 from jinja2 import UndefinedError
 from markupsafe import Markup
 
-from flexlab.plain_text import with_units
 from flexlab.server.pages.templating import TEMPLATES, button, render
+from flexlab.text import with_units
 
 HOSTILE = "<script>alert('x')</script>\"&\ud800"
 

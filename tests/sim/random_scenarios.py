@@ -19,7 +19,7 @@ from flexlab.presets import load_preset
 from flexlab.quantities import describe
 from flexlab.scenario import Scenario
 from flexlab.scenario.payload import HELD_COORDINATES, Payload
-from flexlab.sim.pace import seconds_per_second
+from flexlab.sim.run_warnings import seconds_per_second
 from flexlab.sim.samples import Samples
 from flexlab.sim.step_levels import LIMITED_STEP
 from flexlab.sim.world import World

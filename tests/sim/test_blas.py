@@ -7,7 +7,7 @@ PROGRAM = """
 import threading
 from threadpoolctl import ThreadpoolController, threadpool_limits
 import scipy.linalg
-from flexlab.sim.blas import one_blas_thread
+from flexlab.lapack import one_blas_thread
 
 def threads():
     return {library["num_threads"] for library in ThreadpoolController().select(user_api="blas").info()}

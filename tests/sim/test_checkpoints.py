@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from flexlab.sim.checkpoints import MOST, state_from
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
-from flexlab.sim.history import HISTORY_SECONDS
+from flexlab.sim.history import HISTORY_SECONDS, MOST, state_from
 from flexlab.sim.world import World
 
 

@@ -9,8 +9,8 @@ from flexlab.presets import load_preset
 from flexlab.sim.assembly import build_assembly
 from flexlab.sim.closed_loop import new_workspace, state_length
 from flexlab.sim.integrators import etdrk4
+from flexlab.sim.integrators.beam_flow import STIFF_MODE, factor_rates
 from flexlab.sim.integrators.etdrk4 import HALF_EXP, add_rates, beam_operators, block_functions
-from flexlab.sim.integrators.forcing import STIFF_MODE, factor_rates
 
 
 @compiled

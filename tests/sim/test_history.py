@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from flexlab.sim import row_layout
+from flexlab.sim import samples
 from flexlab.sim.history import HISTORY_SECONDS, History
 
 SIZE = round(HISTORY_SECONDS / 0.001) + 1
@@ -14,13 +14,13 @@ SIZE = round(HISTORY_SECONDS / 0.001) + 1
 def rows(start: int, count: int) -> np.ndarray:
     """Sample rows of one arm and one coordinate, numbered in time and in every other column."""
     numbers = np.arange(start, start + count, dtype=float)
-    block = np.repeat(numbers[:, None], row_layout.row_length(1, 1), axis=1)
-    block[:, row_layout.TIME] = numbers * 0.001
+    block = np.repeat(numbers[:, None], samples.row_length(1, 1), axis=1)
+    block[:, samples.TIME] = numbers * 0.001
     return block
 
 
 def filled(total: int, block: int = 777) -> History:
-    history = History(row_layout.row_length(1, 1), 1)
+    history = History(samples.row_length(1, 1), 1)
     for start in range(0, total, block):
         history.append(rows(start, min(block, total - start)))
     return history
@@ -53,7 +53,7 @@ def test_a_block_longer_than_the_ring_leaves_its_end():
 
 def test_an_empty_history_has_no_samples():
     """Of a run that could not start."""
-    assert len(History(row_layout.row_length(1, 1), 1).recent(5.0)) == 0
+    assert len(History(samples.row_length(1, 1), 1).recent(5.0)) == 0
 
 
 def test_what_is_handed_out_is_a_copy():

@@ -4,7 +4,7 @@ import pytest
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.sim.commands import ChangeScenario
-from flexlab.sim.pace import SLOWEST_PACE, seconds_per_second
+from flexlab.sim.run_warnings import SLOWEST_PACE, seconds_per_second
 from flexlab.sim.runner import Runner
 from flexlab.sim.world import World
 

@@ -5,7 +5,7 @@ import math
 import pytest
 from random_scenarios import judge, stated_size
 
-from flexlab.number_text import number_text
+from flexlab.text import number_text
 
 LONGEST_REFERENCE = 2.0
 """s of processor time: the start's jerk, where errors are largest."""

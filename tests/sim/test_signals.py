@@ -14,8 +14,7 @@ from flexlab.recording.export import export_run, import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.signal import ARM, COORDINATE
-from flexlab.sim.row_layout import empty_samples
-from flexlab.sim.samples import Run, Samples, join_blocks
+from flexlab.sim.samples import Run, Samples, empty_samples, join_blocks
 from flexlab.sim.signals import DERIVED, TABLE
 from flexlab.sim.simulate import simulate
 

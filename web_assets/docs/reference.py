@@ -21,11 +21,11 @@ from flexlab.control.law import Law, laws
 from flexlab.control.path import Path as DesiredPath
 from flexlab.control.path import Trajectory, paths
 from flexlab.guide import chapters
-from flexlab.number_text import number_text
 from flexlab.quantities import Quantity, describe
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_names import value_paths
 from flexlab.sim.signals import known_signals
+from flexlab.text import number_text
 
 HOME = Path(__file__).parents[2]
 KEPT_ELSEWHERE = {

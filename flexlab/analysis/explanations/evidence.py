@@ -13,8 +13,8 @@ from flexlab.analysis.modes import Modes, Ring, modes, rings_of
 from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.law import law_of
 from flexlab.errors import FlexlabError
+from flexlab.lapack import one_blas_thread
 from flexlab.scenario import Scenario
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.samples import Samples
 from flexlab.sim.target import shaper_impulses
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from flexlab.analysis.explanations.evidence import Background, Evidence
 from flexlab.errors import FlexlabError
-from flexlab.number_text import fixed_text, number_text
+from flexlab.text import fixed_text, number_text
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Run

@@ -14,8 +14,8 @@ import numpy as np
 from flexlab.analysis.identification.ring import Estimate, RingFit
 from flexlab.analysis.modes import modes
 from flexlab.errors import FlexlabError, StudyError
-from flexlab.plain_text import visible
 from flexlab.scenario import Scenario
+from flexlab.text import visible
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
 """Unit → s."""

@@ -28,8 +28,8 @@ from flexlab.analysis.identification.evidence import (
     unevenness,
 )
 from flexlab.errors import StudyError
+from flexlab.lapack import one_blas_thread
 from flexlab.recording.reader import Recording
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import DERIVED, TABLE

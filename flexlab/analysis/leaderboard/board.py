@@ -14,9 +14,9 @@ from flexlab.analysis.leaderboard.store import RowStore, engine, machine, row_ke
 from flexlab.analysis.result import Result
 from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.errors import ScenarioError, StudyError
-from flexlab.html_text import html_table
 from flexlab.recording.run_info import package_version
 from flexlab.scenario import Scenario
+from flexlab.text import html_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

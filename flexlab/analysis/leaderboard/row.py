@@ -9,8 +9,8 @@ from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Tally, Varian
 from flexlab.analysis.leaderboard.entrants import Entrant
 from flexlab.analysis.result import ResultHash
 from flexlab.errors import FlexlabError
+from flexlab.lapack import one_blas_thread
 from flexlab.scenario import Scenario
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.samples import Samples
 from flexlab.sim.simulate import sample_count, tick_at
 from flexlab.sim.world import World

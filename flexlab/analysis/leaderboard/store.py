@@ -27,10 +27,10 @@ from flexlab.control.law import laws
 from flexlab.errors import StudyError
 from flexlab.own.elsewhere import address_in
 from flexlab.own.law import PythonLaw
-from flexlab.plain_text import syntax_tree
 from flexlab.recording.run_info import package_version
 from flexlab.recording.store.notes import is_regular, replacing
 from flexlab.scenario import Scenario
+from flexlab.text import syntax_tree
 
 DIGITS = 16
 """Of a key, hexadecimal."""

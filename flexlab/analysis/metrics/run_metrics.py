@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric
 from flexlab.analysis.metrics.names import named
-from flexlab.html_text import html_table
-from flexlab.number_text import result_text
+from flexlab.text import html_table, result_text
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples

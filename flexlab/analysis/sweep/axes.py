@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from flexlab.errors import ScenarioError, StudyError
-from flexlab.plain_text import visible
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.scenario.choices import TITLES, options
 from flexlab.scenario.field_names import field_paths, value_paths
 from flexlab.scenario.settings import parse_value
 from flexlab.scenario.validation_errors import LONGEST, unknown_field
+from flexlab.text import visible
 
 LINEAR, LOGARITHMIC = "lin", "log"
 ONE = "payload.bending_stiffness=1:1000:log:25"

@@ -22,10 +22,10 @@ from flexlab.analysis.result import scenario_hash
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.workers import engine
 from flexlab.errors import FlexlabError, StudyError
+from flexlab.lapack import one_blas_thread
 from flexlab.scenario import Payload, Scenario
 from flexlab.scenario.settings import change_settings
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.simulate import sample_count
 from flexlab.sim.world import World
 

@@ -23,10 +23,10 @@ from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Cell, Plan, run_part
 from flexlab.analysis.workers import Told, Workers
 from flexlab.errors import StudyError
-from flexlab.html_text import html_table
 from flexlab.recording.run_info import package_version
 from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
+from flexlab.text import html_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

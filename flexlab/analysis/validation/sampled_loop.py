@@ -10,7 +10,7 @@ from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.check import Check, Runs, above, alike, below, close, run_of
 from flexlab.analysis.validation.control_law import GAIN, LAYER, SLOPE, desired
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
-from flexlab.physics.strain_gauges import strain_rows
+from flexlab.physics.sensors import strain_rows
 from flexlab.presets import load_preset
 from flexlab.sim.samples import Run
 

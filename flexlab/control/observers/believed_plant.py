@@ -17,7 +17,7 @@ from flexlab.numerics.matrix_functions import exponential
 from flexlab.physics.arm import ARM, arm_configuration, arm_constants
 from flexlab.physics.axial_load import geometric_matrices, in_modes
 from flexlab.physics.beam import beam_matrices, undamped_modes
-from flexlab.physics.strain_gauges import strain_rows
+from flexlab.physics.sensors import strain_rows
 
 KNOWN_PLANTS = 8
 """Plants that are kept: a slider changes a law's gains many times a second, and its plant seldom."""

@@ -64,7 +64,7 @@ static const Piece *next_piece(int64_t level, int64_t tick) {
     return NULL;
 }
 
-/* Goes one tick in pieces, as flexlab/sim/kinks.py does; returns the code of `advance`. */
+/* Goes one tick in pieces, as flexlab/sim/step_levels.py does; returns the code of `advance`. */
 static int64_t go_in_pieces(Unit *unit, const Piece *piece) {
     double *y = (double *)(unit->memory + AT_Y), before = y[SINCE], start[STATE_LENGTH];
     int64_t code = 0, tick = piece->tick, level = piece->level;

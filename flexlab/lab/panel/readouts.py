@@ -13,12 +13,11 @@ from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.text import escaped, factor, number
 from flexlab.lab.view_settings import Legend, ViewSettings
-from flexlab.number_text import fixed_text
-from flexlab.plain_text import with_units
 from flexlab.sim.commands import Pull
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event, Snapshot
+from flexlab.text import fixed_text, with_units
 
 LARGE_DEFLECTION = 0.05
 """|w|/L, anywhere along the beam, above which the linear beam model is no longer trusted."""

@@ -2,11 +2,11 @@
 
 import html
 
-from flexlab.number_text import number_text as number
+from flexlab.text import number_text as number
 
 __all__ = ["escaped", "factor", "number"]
 
-from flexlab.plain_text import visible
+from flexlab.text import visible
 
 LONGEST_TEXT = 2000
 """Characters of somebody else's text that the page shows at most."""

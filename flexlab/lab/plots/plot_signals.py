@@ -12,8 +12,8 @@ import numpy as np
 from flexlab import views
 from flexlab.control.law import BOUND_ESTIMATES, law_of
 from flexlab.lab import colors
+from flexlab.lapack import one_blas_thread
 from flexlab.scenario import Arm, Payload, Scenario
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
 from flexlab.views import MILLI, View

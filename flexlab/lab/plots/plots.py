@@ -14,8 +14,8 @@ from flexlab.lab.ranges import Range
 from flexlab.lab.reference_run import ReferenceRun
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.lab.viser_internals import send_plot_data, widget_uuid
+from flexlab.lapack import one_blas_thread
 from flexlab.scenario import Scenario
-from flexlab.sim.blas import one_blas_thread
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Snapshot

@@ -8,11 +8,11 @@ from flexlab.lab.ranges import Range
 from flexlab.lab.scene import arms
 from flexlab.lab.scene.arms import scene_size
 from flexlab.lab.view_settings import ViewSettings
-from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.geometry import arm_points, deflection_at, link_points
 from flexlab.sim.samples import Samples
+from flexlab.text import number_text
 
 LONGEST_ARROW = 0.4
 """Length of an arrow at the limit of the present force range, over the beam's: arrows of two grips that press never meet."""

@@ -14,7 +14,7 @@ from flexlab.lab import colors
 from flexlab.lab.panel.number_control import put
 from flexlab.lab.scene import arms
 from flexlab.lab.scene.arms import scene_size
-from flexlab.lab.scene.beam_mesh import SIDES, tube_faces, tube_vertices
+from flexlab.lab.scene.beam import SIDES, tube_faces, tube_vertices
 from flexlab.lab.scene.stage import floor_extent
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.scenario import Scenario

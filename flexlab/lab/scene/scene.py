@@ -9,17 +9,16 @@ from flexlab.lab.mode_computation import ModeStudy, peak_deflection
 from flexlab.lab.picking import Picking
 from flexlab.lab.reference_run import ReferenceRun
 from flexlab.lab.scene.arms import Arms
-from flexlab.lab.scene.beam_mesh import Beam, ReferenceBeam
+from flexlab.lab.scene.beam import Beam, ReferenceBeam, StrainBeam
 from flexlab.lab.scene.forces import Forces, PullArrow
 from flexlab.lab.scene.overlays import Overlays, Reach
 from flexlab.lab.scene.stage import Stage, set_light
-from flexlab.lab.scene.strain import StrainBeam
 from flexlab.lab.view_settings import Legend, ViewSettings
-from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Snapshot
+from flexlab.text import number_text
 
 MODE_SHOWN_AT = 1.0
 """Wall frequency of an animated mode, Hz."""

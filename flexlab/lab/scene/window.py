@@ -6,13 +6,13 @@ import viser
 
 from flexlab.lab.scene import cameras
 from flexlab.lab.scene.arms import Arms
-from flexlab.lab.scene.beam_mesh import Beam
+from flexlab.lab.scene.beam import Beam
 from flexlab.lab.scene.stage import Stage, set_light
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
 from flexlab.lab.viser_server import set_theme
-from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
+from flexlab.text import number_text
 
 PICTURES_PER_SECOND = 25
 """Of simulated time, which passes as fast as a clock's."""

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexlab.errors import ScenarioError
-from flexlab.physics.quasi_static import quasi_static_deflection
+from flexlab.physics.beam import quasi_static_deflection
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam, build_plant
 from flexlab.sim.commands import ChangeScenario

@@ -14,7 +14,6 @@ from urllib.parse import quote
 
 from flexlab.errors import RecordingError
 from flexlab.guide import LessonProgress
-from flexlab.plain_text import visible
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import (
     SUFFIX,
@@ -24,6 +23,7 @@ from flexlab.recording.store.run_files import (
     remove_run,
     run_state,
 )
+from flexlab.text import visible
 
 LONGEST_NOTE = 2000
 """Characters of a person's note on a run."""

@@ -18,8 +18,8 @@ from flexlab.recording.live import LiveHub
 from flexlab.recording.repair import finish, finish_abandoned
 from flexlab.server.child_processes import prepare_lab_processes
 from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Hold, Lab, WaitingLine
+from flexlab.server.labs.quota import owner_word
 from flexlab.server.labs.recorded_lab import LabStatus
-from flexlab.server.labs.run_owner import owner_word
 from flexlab.server.labs.worker import STOP_TIME, Name, Order, Teacher, Worker
 from flexlab.server.settings import SECRET_BYTES, Settings
 

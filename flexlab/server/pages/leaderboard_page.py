@@ -1,19 +1,61 @@
-"""`/leaderboard`: control laws on the same cases, as last computed here, and a button that computes what is missing."""
+"""`/leaderboard`: control laws on the same cases, as last computed here, and a button that computes what is missing.
+
+Computing and drawing take a process each.
+"""
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 
 from aiohttp import web
 
-from flexlab.analysis.leaderboard.board import Leaderboard
-from flexlab.analysis.leaderboard.store import FOLDER
+from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board
+from flexlab.analysis.leaderboard.case import cases, chosen_cases
+from flexlab.analysis.leaderboard.entrants import chosen_entrants
+from flexlab.analysis.leaderboard.store import FOLDER, RowStore, digest, engine
 from flexlab.analysis.leaderboard.summary import OF_THE_BEST, SEVERAL, overview, provenance, sections, settings
 from flexlab.errors import FlexlabError
-from flexlab.server.leaderboard_jobs import compute_board, draw_board, is_of_today, newest_board
 from flexlab.server.pages.page_context import Context, context_of, told
 from flexlab.server.pages.templating import page
-from flexlab.server.task_book import IDLE
+from flexlab.server.task_book import IDLE, Outcome
 from flexlab.server.visitors import asker_of
+
+MOST_BOARDS = 4
+"""Computations that are remembered: the newest table's, and what drew the figures of it and some before."""
+
+
+def newest_board(folder: Path) -> tuple[Leaderboard, str]:
+    """(the newest table in a folder, what names it): its cases that are still known."""
+    known = cases()
+    rows = tuple(row for row in RowStore(folder).last() if _is_of(row.case, row.variant))
+    found = Leaderboard(tuple(known[name] for name in dict.fromkeys(row.case for row in rows)), rows)
+    return found, digest(row.key for row in rows) if rows else ""
+
+
+def _is_of(case: str, variant: str) -> bool:
+    known = cases().get(case)
+    return known is not None and any(each.name == variant for each in known.variants)
+
+
+def is_of_today(board: Leaderboard) -> bool:
+    """Whether all rows were computed by the engine as it is now."""
+    return all(row.engine == engine() for row in board.rows)
+
+
+def compute_board(kept: Path, report: Callable[[float], None]) -> Outcome:
+    """Compute what is missing of flexlab's own laws in all cases but the long ones."""
+    tasks = make_tasks(chosen_cases(None, long=False), chosen_entrants(None))
+    board = run_board(tasks, RowStore(kept), told=lambda done, total: report(done / total))
+    return Outcome(sentence=f"{len(board.rows)} rows, {board.computed} of them computed now.")
+
+
+def draw_board(kept: Path) -> Outcome:
+    """(What names the newest table, its figures by case as SVG)."""
+    from flexlab.analysis.leaderboard.report import svg_text
+
+    board, name = newest_board(kept)
+    return Outcome((name, {case.name: svg_text(board, case) for case in board.cases}))
+
 
 PLACE = "/leaderboard"
 TABLE = "table"

@@ -15,8 +15,6 @@ from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.log_limits import limited
-from flexlab.number_text import typed_number
-from flexlab.plain_text import shown
 from flexlab.recording.store.run_index import (
     RunRow,
     annotate_run,
@@ -38,6 +36,7 @@ from flexlab.server.run_jobs import (
     whole_into,
 )
 from flexlab.server.visitors import asker_of, run_for
+from flexlab.text import shown, typed_number
 
 TABLES = {"csv": "CSV: a table as text", "parquet": "Parquet: a packed table", "npz": "NPZ: NumPy arrays"}
 FIGURES = {"png": "Figures 2–5 as PNG", "svg": "Figures 2–5 as SVG"}

@@ -13,7 +13,6 @@ from aiohttp import BadContentDispositionHeader, BadContentDispositionParam, Bod
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.run_metrics import noted_text, noted_texts, noted_value
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.plain_text import visible
 from flexlab.recording.importing import IMPORTED
 from flexlab.recording.overlay import MOST_RUNS
 from flexlab.recording.repair import finish
@@ -43,6 +42,7 @@ from flexlab.server.pages.templating import button, message, page, render
 from flexlab.server.run_jobs import replay_key, take_in
 from flexlab.server.task_book import IDLE
 from flexlab.server.visitors import asker_of, is_teacher, runs_for, visitor_of
+from flexlab.text import visible
 
 
 @dataclass(frozen=True)

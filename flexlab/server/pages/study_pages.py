@@ -11,7 +11,6 @@ from aiohttp import hdrs, web
 
 from flexlab.analysis.sweep.axes import VariedField, varied_choices, varied_fields
 from flexlab.errors import FlexlabError, LabError
-from flexlab.plain_text import visible
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.server.auth import is_opened_by_person, refuse
@@ -21,6 +20,7 @@ from flexlab.server.scenario_links import decode_scenario, encode_scenario, scen
 from flexlab.server.study import MOST_VALUES, STUDIES, Found, Study, metric_columns, read_study
 from flexlab.server.task_book import Task
 from flexlab.server.visitors import asker_of, keep_visitor, known_visitor_of, visitor_of
+from flexlab.text import visible
 
 FROM_LAB = "lab"
 """What `?from=` says for the lab's present scenario."""

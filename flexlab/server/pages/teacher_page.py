@@ -1,24 +1,54 @@
-"""`/teacher`: all labs at a glance, for who has the teacher's token: join one, send a preset, pause, pace, lock."""
+"""`/teacher`: all labs at a glance, for who has the teacher's token: join one, send a preset, pause, pace, lock.
+
+What the teacher asks of the class is kept beside the runs: a server that is started again goes on with it.
+"""
 
 import asyncio
 from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
 from aiohttp import hdrs, web
+from pydantic import TypeAdapter, ValidationError
 
 from flexlab.errors import LabError
 from flexlab.guide import STEPS
 from flexlab.lab.class_rules import ClassRules, step_text
 from flexlab.lab.panel.guide_panel import lesson_menu, lesson_mistakes, own_lessons
 from flexlab.presets import load_preset, preset_names
+from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.server.auth import COOKIE_AGE, ask_for_token
-from flexlab.server.labs.kept_rules import keep_rules
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, state_of
 from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import page
 from flexlab.server.visitors import is_teacher
+
+FILE = Path(".class")
+"""In the folder of the runs; `notes` gives it its ending."""
+RULES = "rules"
+MOST_CHARACTERS = 200
+"""Of a lesson's name."""
+
+_RULES = TypeAdapter(ClassRules)
+
+
+def keep_rules(logs: Path, rules: ClassRules) -> None:
+    """Keep them for the next server of this folder. Raises OSError."""
+    logs.mkdir(parents=True, exist_ok=True)
+    write_notes(logs / FILE, **{RULES: asdict(rules)})
+
+
+def kept_rules(logs: Path) -> ClassRules:
+    """Those that were kept; none for a file that is not there or says something else."""
+    try:
+        rules = _RULES.validate_python(read_notes(logs / FILE).get(RULES, {}))
+    except ValidationError:
+        return ClassRules()
+    return rules if 1 <= rules.step <= len(STEPS) and len(rules.lesson) <= MOST_CHARACTERS else ClassRules()
+
 
 NOT_YOURS = (
     "This page is the teacher's: use the address that flexlab printed for the teacher, or enter the teacher's token."

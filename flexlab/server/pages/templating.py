@@ -1,17 +1,46 @@
-"""The pages' templates, in which every inserted text is escaped, unless it was made by a template itself."""
+"""The pages' templates, in which every inserted text is escaped, unless it was made by a template itself.
+
+Each language that pages can be shown in has a catalogue, `web_assets/languages/CODE.json`, which maps English texts to its own.
+`{name}` stands for any part of a sentence, and the marks of markdown for what a page shows in bold, as code or as a link.
+Its entry `English` is the language's own name. The page translates itself (`static/language.js`): the panel of a shared lab is
+the same for all who look at it.
+"""
 
 import html
+import json
 from collections.abc import Sequence
 from contextvars import ContextVar
+from functools import cache
 from pathlib import Path
 
 from aiohttp import web
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from flexlab.plain_text import visible, with_units
+from flexlab.assets import web_assets_folder
 from flexlab.recording.store.run_index import duration_text, size_text, state_word
-from flexlab.server.languages import language_script
+from flexlab.text import visible, with_units
+
+
+@cache
+def catalogues() -> dict[str, Path]:
+    """Code of the language, as in `<html lang>` → file."""
+    return {file.stem: file for file in sorted((web_assets_folder() / "languages").glob("*.json"))}
+
+
+def read_catalogue(file: Path) -> dict[str, str]:
+    """English text → text of the language."""
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+@cache
+def language_script() -> Markup:
+    """The element by which a page shows itself in the reader's language."""
+    names = {code: read_catalogue(file).get("English", code) for code, file in catalogues().items()}
+    return Markup('<script src="/static/language.js" data-languages="{}"></script>').format(
+        json.dumps(names, ensure_ascii=False)
+    )
+
 
 HAS_CLASS = ContextVar("HAS_CLASS", default=False)
 """Whether the page is for somebody who has a class to look after: set for each request, before any page is made."""

@@ -9,7 +9,6 @@ from flexlab.analysis.sweep.figures import metric_column
 from flexlab.analysis.tuning import Candidate, Cost, numbers_of, parse_cost, tune
 from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import StudyError
-from flexlab.number_text import number_text
 from flexlab.scenario import Scenario
 from flexlab.server.study import (
     ELSEWHERE,
@@ -27,6 +26,7 @@ from flexlab.server.study import (
     whole_of,
 )
 from flexlab.server.task_book import Outcome, Task
+from flexlab.text import number_text
 
 FEWEST_CANDIDATES, MOST_CANDIDATES = 16, 400
 FORCE = "force"

@@ -10,7 +10,7 @@ same formulas with φ_k(0) = 1/k!. With L the linear part and N the rest:
     y⁺ = e^{hL} y + h φ1(hL) N1 + h φ2(hL) (-3N1 + 2N2 + 2N3 - N4) + 4h φ3(hL) (N1 - N2 - N3 + N4)
 
 and e^{hL} y + h φ1(hL) N1 = e^{hL/2} a + ½h φ1(½hL) N1, which saves two matrix functions. Of a beam whose damping couples many
-modes only e^{hL/2} is a dense matrix; for the others see `forcing`.
+modes only e^{hL/2} is a dense matrix; for the others see `forced_columns`.
 """
 
 from collections.abc import Sequence
@@ -22,14 +22,17 @@ from flexlab.numerics.matrix_functions import Functions, doubled, phi_functions
 from flexlab.physics.axial_load import END, NOW, START, has_axial_load
 from flexlab.physics.dynamics import beam_is_held
 from flexlab.physics.plant import ETA, joints_start, memory_start
-from flexlab.sim.integrators.beam_flow import MIDDLE, begin_flow, flow_rows, note_grips
-from flexlab.sim.integrators.forcing import (
+from flexlab.sim.integrators.beam_flow import (
+    MIDDLE,
     add_forced,
     add_four,
     add_two,
+    begin_flow,
     factor_rates,
+    flow_rows,
     forced_columns,
     is_factored,
+    note_grips,
     soft_modes,
 )
 from flexlab.sim.integrators.scheme import STATE, Etdrk4

@@ -22,9 +22,9 @@ class Etdrk4(NamedTuple):
     """The five matrix functions of the beam's linear part, by row, block after block, (5, Σ 4k²); only the last, (1, Σ 4k²),
     where the others are `forced`."""
     forced: np.ndarray
-    """The first four as `forcing.forced_columns`, (4, Σ 2k (k + 3)); (4, 0) where few modes are coupled."""
+    """The first four as `beam_flow.forced_columns`, (4, Σ 2k (k + 3)); (4, 0) where few modes are coupled."""
     soft_modes: np.ndarray
-    """As `forcing.soft_modes`, (blocks,); none where few modes are coupled."""
+    """As `beam_flow.soft_modes`, (blocks,); none where few modes are coupled."""
     flow: np.ndarray
     """Of a damped beam the rows of `beam_flow`, (19, n_m); (19, 0) where nothing is damped."""
 

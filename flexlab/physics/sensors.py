@@ -1,18 +1,41 @@
-"""What encoders tell of the pose: joint angles in whole counts, and the pose to which they belong.
-
-An encoder of N counts per turn tells the nearest multiple of Δ = 2π/N: it is off by Δ/2 at most, and by Δ²/12 in the mean
-square where the joint turns through many counts (Widrow & Kollár, Quantization Noise, 2008, ch. 4). Each arm's forward
-kinematics make a pose of its three angles; what is measured is the mean of the arms' poses, and as its rate the difference of
-two readings over the control period T_c, which lags by T_c/2 and takes one count for Δ/T_c.
-"""
+"""What sensors tell: encoders the pose, by joint angles in whole counts, and strain gauges the load moments hᵀq and gᵀq."""
 
 import numpy as np
 
 from flexlab.compiled import compiled, inlined
 from flexlab.numerics.elementary import sin_cos
+from flexlab.numerics.linear_algebra import product, solve
 from flexlab.physics.arm import joint_angles
+from flexlab.physics.beam import BeamMatrices, gauss_rule, shape_row
 from flexlab.physics.dynamics import configure_arms, find_velocities
 from flexlab.physics.plant import joints_start
+
+GAUGES_PER_HALF = 2
+"""Exact for products of two linear functions on each half: for a mesh of one or two elements, hᵀq to the last digit."""
+
+
+def gauge_places(length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions s of the gauges, m, (4,), and the weights of their quadrature over the beam, m, (4,)."""
+    points, weights = gauss_rule(GAUGES_PER_HALF)
+    half = length / 2
+    places = np.concatenate([(points - 1) * half / 2, (points + 1) * half / 2])
+    return places, np.tile(weights * half / 2, 2)
+
+
+def strain_rows(places: np.ndarray, length: float, thickness: float, element_count: int, boundary: str) -> np.ndarray:
+    """Rows R with strains R q = -½ t w''(s_j), 1, for gauges at s_j = `places`, m; (gauges, n_q)."""
+    rows = [shape_row(s, length, element_count, boundary, derivative=2) for s in places]
+    return -thickness / 2 * np.array(rows)
+
+
+def load_moments(beam: BeamMatrices, EI: float, thickness: float, weights: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Weights W, kg·m and kg·m², (2, gauges), by which strains tell the load moments: W (R q) = (hᵀq, gᵀq).
+
+    hᵀq = (K_F⁻¹h)ᵀ K_F q = ∫ EI b''(s) w''(s) ds, where b = N K_F⁻¹h is the beam bent by the load h; the integral is the
+    quadrature with `weights` over the gauges, and strains stand for the curvatures b'' and w''.
+    """
+    bent = solve(beam.K_F, np.stack([beam.h, beam.g], axis=1))
+    return (4 * EI / (thickness * thickness)) * product(rows, bent).T * weights
 
 
 def encoder_counts(counts: tuple[float, ...]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Text from files and visitors as people may see it: every control character visible, none obeyed by a terminal or page."""
+"""Text as people may see it: numbers as they are written, texts of files and visitors, and HTML as notebooks show it."""
 
 import ast
 import logging
@@ -6,12 +6,84 @@ import re
 import sys
 import threading
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from decimal import Decimal
+from html import escape
+from math import isfinite, nan
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+MISSING = "–"
+"""What stands where there is no number."""
+SMALLEST, LARGEST = Decimal("1e-4"), Decimal("1e7")
+"""Sizes between which all digits are written out; others get a power of ten."""
+ROUNDING = 1e-12
+"""Share of the larger of two numbers below which their difference is nothing but rounding."""
+RESIDUE = 1e-11
+"""SI size below which a result is nothing but rounding: of poses of 1 m, angles of 1 rad, forces up to 10 kN."""
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def typed_number(text: str) -> float:
+    """The finite number that a text says; NaN for anything else."""
+    try:
+        number = float(text)
+    except ValueError:
+        return nan
+    return number if isfinite(number) else nan
+
+
+def number_text(value: float, digits: int = 4, signed: bool = False) -> str:
+    """A number with `digits` significant digits and a real minus sign, as in 1000, −0.5 and 2.5 · 10⁻⁹; "–" for none.
+
+    `signed`: with a plus sign too.
+    """
+    if not isfinite(value):
+        return MISSING
+    shown = Decimal(f"{value:.{digits}g}")
+    if not shown:
+        return "0"
+    sign = "−" if shown < 0 else "+" if signed else ""
+    size = abs(shown)
+    if SMALLEST <= size < LARGEST:
+        return sign + plain(size)
+    exponent = size.adjusted()
+    mantissa, power = plain(size.scaleb(-exponent)), f"10{str(exponent).translate(_RAISED)}"
+    return sign + (power if mantissa == "1" else f"{mantissa} · {power}")
+
+
+def result_text(value: float, scale: float = 1.0) -> str:
+    """A computed number, `scale` times its size in SI, with four digits; 0 where it is nothing but rounding."""
+    return "0" if abs(value) < RESIDUE * scale else number_text(value)
+
+
+def fixed_text(value: float, decimals: int, signed: bool = False) -> str:
+    """A number with as many decimals whatever its size, for columns and readouts: zero has no sign."""
+    if not isfinite(value):
+        return MISSING
+    text = f"{abs(value):.{decimals}f}"
+    if not float(text):
+        return text
+    return f"{'−' if value < 0 else '+' if signed else ''}{text}"
+
+
+def difference_text(value: float, other: float, digits: int = 3, scale: float = 1.0) -> str:
+    """How far `other` is from `value`, both `scale` times SI, with its sign; 0 where only rounding tells them apart."""
+    difference = other - value
+    if isfinite(difference) and abs(difference) <= max(RESIDUE * scale, ROUNDING * max(abs(value), abs(other))):
+        return "0"
+    return number_text(difference, digits, signed=True)
+
+
+def plain(size: Decimal) -> str:
+    """All digits of a number, without a power of ten and without zeros at the end of its decimals."""
+    text = f"{size:f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
 
 REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
 CONTROL_PICTURES = 0x2400
@@ -123,3 +195,33 @@ def writable(value: Any) -> Any:
 def shown(text: str, longest: int = 20) -> str:
     """What somebody typed as a sentence repeats it: in quotes, cut, nothing in it obeyed."""
     return f"'{visible(text, longest)}'"
+
+
+CELL_HEIGHT = 640
+"""px of a cell."""
+
+
+class Page:
+    """An HTML page that notebooks show in their cell; `html` is its text, to be saved as a file."""
+
+    def __init__(self, html: str, height: int = CELL_HEIGHT):
+        self.html, self._height = html, height
+
+    def __repr__(self) -> str:
+        return f"<Page of {len(self.html.encode()) / 1e6:.1f} MB: a notebook shows it; .html is its text>"
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{escape(self.html)}" width="100%" height="{self._height}" style="border:0"></iframe>'
+
+
+def html_table(rows: Iterable[Sequence[object]], heads: Sequence[str] = (), caption: str = "") -> str:
+    """An HTML table of plain texts; without `heads`, each row's first cell is its head."""
+    lines = []
+    if heads:
+        lines.append("".join(f"<th>{escape(head)}</th>" for head in heads))
+    for first, *others in rows:
+        mark = "td" if heads else "th"
+        cells = "".join(f"<td>{escape(str(cell))}</td>" for cell in others)
+        lines.append(f"<{mark}>{escape(str(first))}</{mark}>{cells}")
+    title = f"<caption>{escape(caption)}</caption>" if caption else ""
+    return f"<table>{title}{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"

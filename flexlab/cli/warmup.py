@@ -9,10 +9,12 @@ from collections.abc import Generator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexlab.cli.console import EXIT_INTERRUPTED, note, notes
-from flexlab.scenario import Scenario
+
+if TYPE_CHECKING:
+    from flexlab.scenario import Scenario
 
 UNASKED = frozenset({"numpy.f2py", "yaml", "rerun.experimental", "rerun.server", "rerun.urdf"})
 """Modules that scipy, numba and rerun load in case somebody asks something of them, a twelfth of a start: no command does."""
@@ -46,7 +48,7 @@ def loading() -> Generator[None, None, None]:
         sys.meta_path.remove(later)
 
 
-def warm_up(scenario: Scenario, meanwhile: AbstractContextManager[object] | None = None) -> None:
+def warm_up(scenario: "Scenario", meanwhile: AbstractContextManager[object] | None = None) -> None:
     """Have the engine compiled; if that takes long, tell the person and hold `meanwhile` open until it is done."""
     from flexlab.compiled import COMPILATION, COMPILING
     from flexlab.sim.world import World

@@ -64,8 +64,11 @@
     shaderSource.call(this, shader, text);
   };
 
-  // Charts write numbers as the browser's language does: a number looks the same in all.
+  // Charts write numbers as the browser's language does, and with a hyphen: a number looks the same in all languages and places.
   Object.defineProperty(navigator, "language", { value: "en-US" });
+  const format = Object.getOwnPropertyDescriptor(Intl.NumberFormat.prototype, "format");
+  Object.defineProperty(Intl.NumberFormat.prototype, "format", { ...format,
+    get() { const plain = format.get.call(this); return (value) => plain(value).replace("-", "−"); } });
 
   const darkSystem = matchMedia("(prefers-color-scheme: dark)");
   let seenRun = 0;

@@ -12,7 +12,7 @@ from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases
 from flexlab.analysis.leaderboard.entrants import chosen_entrants, entrants
 from flexlab.analysis.leaderboard.report import write_report
 from flexlab.analysis.leaderboard.row import Row
-from flexlab.analysis.leaderboard.store import RowStore, law_source
+from flexlab.analysis.leaderboard.store import RowStore, law_source, shipped_rows
 from flexlab.analysis.leaderboard.summary import overview, sections, settings
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
@@ -28,6 +28,7 @@ QUICK = Case(
     variants=(Variant("stiff"), Variant("soft", {"payload.bending_stiffness": 10.0})),
     commands=(TAP,),
 )
+FIFTH = 5
 LAWS = ("adaptive-sliding-mode", "pd", "lqr")
 OWN = '''from flexlab import OwnLaw
 
@@ -52,6 +53,15 @@ def board(folder: Path) -> Leaderboard:
 
 def verified(rows: tuple[Row, ...]) -> list[Finding]:
     return list(verify(rows, make_tasks([QUICK], chosen_entrants(LAWS))))
+
+
+def test_the_table_that_ships_is_what_the_engine_computes():
+    """A fifth of its rows, each case and each law; where it fails, `web_assets/make/leaderboard.py` makes the table anew."""
+    tasks = make_tasks(chosen_cases(None, long=False), chosen_entrants(None))
+    rows = shipped_rows()[::FIFTH]
+    assert {row.case for row in rows} == {task.case.name for task in tasks}
+    assert {row.law for row in rows} == {row.law for row in shipped_rows()}
+    assert [finding for finding in verify(rows, tasks) if finding.sentence] == []
 
 
 def test_a_row_is_the_run_that_simulate_gives(board: Leaderboard):

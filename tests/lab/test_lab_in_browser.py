@@ -204,6 +204,7 @@ def test_the_numbers_at_the_axes_are_exact(page: LabPage) -> None:
       return found; }"""
     for places, written in page.page.evaluate(ask):
         assert len(places) > 2
+        assert "-" not in "".join(written), "a minus sign is no hyphen"
         assert [float(text.replace("\u2212", "-")) for text in written] == pytest.approx(places, abs=1e-9)
 
 

@@ -17,11 +17,14 @@ def test_the_page_shows_the_newest_table_with_its_figures(open_another: Callable
     server = open_another()
     assert 'href="/leaderboard"' in ask(server.url).text
     page = ask(server.url, "/leaderboard").text
-    assert "Nothing has been computed here yet." in page
+    assert "This table came with flexlab." in page
+    assert "B8: " in page
+    assert "another version" not in page
     folder = server.settings.logs.parent / "leaderboard"
     quick = [replace(cases()[name], duration=0.012) for name in ("B1", "B2")]
     run_board(make_tasks(quick, chosen_entrants(["pd", "lqr"])), RowStore(folder))
     page = ask(server.url, "/leaderboard").text
+    assert "This table came with flexlab." not in page
     assert "B2: From rest to rest" in page
     assert "lqr: sampled, controller.control_period = 0.001 s" in page
     assert "max √(e_x² + e_y²)" in page

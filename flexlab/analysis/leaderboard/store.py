@@ -23,6 +23,7 @@ import scipy
 
 from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
 from flexlab.analysis.leaderboard.row import Row
+from flexlab.assets import web_assets_folder
 from flexlab.control.law import laws
 from flexlab.errors import StudyError
 from flexlab.own.elsewhere import address_in
@@ -35,6 +36,8 @@ from flexlab.text import syntax_tree
 DIGITS = 16
 """Of a key, hexadecimal."""
 LAWS, CASES = "flexlab.control.laws.", "flexlab.analysis.leaderboard.cases."
+COMMON = ("engine", "version", "machine", "seed")
+"""What all rows of a table have in common that one machine computed at once."""
 _THIS_PROCESS = secrets.token_hex()
 _PACKAGE = Path(__file__).resolve().parents[2]
 _ROOMS = ("physics", "control", "sim", "scenario", "own", "analysis/metrics")
@@ -129,6 +132,24 @@ FOLDER = Path("leaderboard")
 ROWS, LAST = "rows", "last.json"
 LARGEST = 1_000_000
 """Bytes of a file that is read."""
+SHIPPED = "leaderboard.json"
+"""In `web_assets`: the table that is shown before anything was computed; a test computes its rows again."""
+
+
+@cache
+def shipped_rows() -> tuple[Row, ...]:
+    """The rows that came with flexlab, of all its laws in all cases but the long ones."""
+    common, rows = _read(web_assets_folder() / SHIPPED)
+    return tuple(Row.from_data(common | row) for row in rows)
+
+
+def ship(rows: Sequence[Row]) -> None:
+    """Make these the rows that come with flexlab; all were computed by one engine."""
+    data = [row.as_data() for row in rows]
+    common = {name: data[0][name] for name in COMMON}
+    lines = [json.dumps({name: row[name] for name in row if name not in COMMON}, ensure_ascii=False) for row in data]
+    text = ",\n".join(lines)
+    (web_assets_folder() / SHIPPED).write_text(f"[{json.dumps(common)}, [\n{text}\n]]\n", encoding="utf-8")
 
 
 class RowStore:

@@ -12,7 +12,7 @@ from aiohttp import web
 from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board
 from flexlab.analysis.leaderboard.case import cases, chosen_cases
 from flexlab.analysis.leaderboard.entrants import chosen_entrants
-from flexlab.analysis.leaderboard.store import FOLDER, RowStore, digest, engine
+from flexlab.analysis.leaderboard.store import FOLDER, RowStore, digest, engine, shipped_rows
 from flexlab.analysis.leaderboard.summary import OF_THE_BEST, SEVERAL, overview, provenance, sections, settings
 from flexlab.errors import FlexlabError
 from flexlab.server.pages.page_context import Context, context_of, told
@@ -25,11 +25,16 @@ MOST_BOARDS = 4
 
 
 def newest_board(folder: Path) -> tuple[Leaderboard, str]:
-    """(the newest table in a folder, what names it): its cases that are still known."""
+    """(the newest table in a folder, or the one that came with flexlab; what names it): its cases that are still known."""
     known = cases()
-    rows = tuple(row for row in RowStore(folder).last() if _is_of(row.case, row.variant))
+    rows = tuple(row for row in RowStore(folder).last() if _is_of(row.case, row.variant)) or shipped_rows()
     found = Leaderboard(tuple(known[name] for name in dict.fromkeys(row.case for row in rows)), rows)
-    return found, digest(row.key for row in rows) if rows else ""
+    return found, digest(row.key for row in rows)
+
+
+def came_along(board: Leaderboard) -> bool:
+    """Whether nothing was computed here yet."""
+    return board.rows == shipped_rows()
 
 
 def _is_of(case: str, variant: str) -> bool:
@@ -77,7 +82,7 @@ def _folder(context: Context) -> Path:
 
 
 async def _newest(context: Context) -> tuple[Leaderboard, str]:
-    """(The newest table, what names it; empty if there is none)."""
+    """(The newest table, what names it)."""
     return await asyncio.to_thread(newest_board, _folder(context))
 
 
@@ -93,11 +98,12 @@ async def leaderboard(request: web.Request) -> web.Response:
         scripts=("progress",),
         name=name,
         task=context.boards.get(TABLE) or IDLE,
-        outdated=bool(name) and not await asyncio.to_thread(is_of_today, board),
+        came_along=came_along(board),
+        outdated=not came_along(board) and not await asyncio.to_thread(is_of_today, board),
         overview=overview(board),
         sections=sections(board),
         settings=settings(board),
-        provenance=provenance(board) if name else "",
+        provenance=provenance(board),
         of_the_best=OF_THE_BEST,
         several=SEVERAL,
     )

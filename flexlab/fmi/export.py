@@ -83,8 +83,8 @@ def _write(folder: Path, file: Path, part: Part, name: str, version: int, place:
     header, data = _layout(part, token)
     (folder / "layout.h").write_text(header, encoding="utf-8")
     (folder / "data.o").write_bytes(data_object(data, "flexlab_data"))
-    for name, result in part.kernels.items():
-        write_object(result, name, folder / f"{name}.o", by_words=True)
+    for kernel, result in part.kernels.items():
+        write_object(result, kernel, folder / f"{kernel}.o", by_words=True)
     for each in part.called:
         write_object(each.result, each.name, folder / f"{each.name}.o")
     objects = [folder / f"{each}.o" for each in (*part.kernels, "data", *(each.name for each in part.called))]

@@ -129,7 +129,7 @@ def test_a_tap_is_calibrated_and_its_place_can_be_chosen(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.scenario.trajectory.shaper == "zvd", "the path goes through the shaper")
     assert page.snapshot.scenario.trajectory.shaper_frequency == pytest.approx(45.5, rel=0.05)
     page.enter("Tap impulse (N·s)", "1000")
-    page.wait_for_text("outside 0.0001 to 100 N·s")
+    page.wait_for_text("outside the allowed range 0.0001 to 100 N·s")
     assert page.session.runner.snapshot.playing
 
 

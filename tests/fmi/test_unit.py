@@ -305,6 +305,34 @@ def test_an_instance_goes_on_from_a_state_bit_for_bit(export: Export, tmp_path: 
         np.testing.assert_array_equal(outputs(two), there)
 
 
+@pytest.mark.parametrize(("preset", "version"), [("paper", 2), ("paper", 3), ("fast-adaptation", 3)])
+def test_a_followers_state_has_what_it_was_given(export: Export, tmp_path: Path, preset: str, version: int):
+    """The desired motion is part of the state: after a return, or in another instance, nobody gives it again."""
+    scenario = load_preset(preset)
+    file, path = export(scenario, "follower", version), build_trajectory(scenario)
+    with instance(file, tmp_path / "one") as one, instance(file, tmp_path / "two") as two:
+        put(one, GIVEN, desired_at(path, 0.3).ravel())
+        one.doStep(0.0, 0.05)
+        state, there = one.getFMUState(), outputs(one)
+        kept = one.serializeFMUState(state)
+        one.doStep(0.05, 0.05)
+        after = outputs(one)
+        put(one, GIVEN, desired_at(path, 0.9).ravel())
+        one.doStep(0.1, 0.05)
+        one.setFMUState(state)
+        np.testing.assert_array_equal(get(one, GIVEN), desired_at(path, 0.3).ravel())
+        np.testing.assert_array_equal(outputs(one), there)
+        one.doStep(0.05, 0.05)
+        np.testing.assert_array_equal(outputs(one), after)
+        one.freeFMUState(state)
+        other = two.deserializeFMUState(kept)
+        two.setFMUState(other)
+        two.freeFMUState(other)
+        two.doStep(0.05, 0.05)
+        np.testing.assert_array_equal(outputs(two), after)
+        assert not np.array_equal(there, after)
+
+
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")
 def test_a_thousand_instances_and_their_states_leave_no_memory_behind(export: Export, tmp_path: Path):
     def resident() -> int:

@@ -21,7 +21,7 @@ sys.path[:0] = [str(TESTS), str(TESTS / "server")]
 
 from browser_window import SOFTWARE_RENDERING, open_window  # noqa: E402
 from get_browser import find_browser  # noqa: E402
-from playwright.sync_api import Browser, Page, sync_playwright  # noqa: E402
+from playwright.sync_api import Browser, Page, Response, sync_playwright  # noqa: E402
 from test_server_in_browser import SCENE, wait_for_plots  # noqa: E402
 
 from flexlab.presets import load_preset  # noqa: E402
@@ -32,6 +32,8 @@ HUB, PASSWORD = "http://127.0.0.1:8000", "choose-a-long-password"
 STUDENTS = ("ann", "ben", "cleo")
 PATIENCE = 900.0
 """s: each student's first lab compiles the engine, all at once."""
+SHORT, LONGEST = 5.0, 100.0
+"""s that a run goes on before its page is opened; and that it has at most when its file is read."""
 MILLI = 1e3
 
 
@@ -84,12 +86,19 @@ class Student:
     """One browser window with its own cookies, whose errors count."""
 
     def __init__(self, browser: Browser, name: str, drawn: bool):
-        self.name, self.errors = name, []
+        self.name, self.errors, self.redirects = name, [], []
+        self.note = f"by {name} at {time.time():.0f}"  # The homes may have runs of an earlier try.
         self.window = open_window(browser, 1280, 800, drawn=drawn)
+        self.window.on("response", self.note_redirect)
         self.window.set_default_timeout(MILLI * PATIENCE)
         self.jupyter = self.window.new_page()
         log_in(self.jupyter, name)
         say(name, "is in the launcher")
+
+    def note_redirect(self, answer: Response) -> None:
+        """Where flexlab's pages send the browser."""
+        if f"/user/{self.name}/flexlab" in answer.url and "location" in answer.headers:
+            self.redirects.append(answer.headers["location"])
 
     def open_lab(self) -> None:
         """A click in the launcher; the page may still wait for the engine."""
@@ -111,12 +120,15 @@ class Student:
         say(self.name, "moved the beam's stiffness from 45 Hz to 4.5 Hz")
 
     def keep_run(self, folder: Path) -> None:
-        """The run's page draws it, marks it as one to keep, and gives the file."""
+        """A new run's page draws it, marks it as one to keep, and gives the file."""
+        # The first run went on while the labs compiled: jupyter-server-proxy passes on no file above 100 MB.
+        self.lab.get_by_role("button", name="Reset", exact=True).click()
+        self.lab.wait_for_timeout(MILLI * SHORT)
         self.lab.locator("#server-bar").get_by_role("link", name="Runs").click()
         self.lab.locator("#runs tbody a").first.click()
         self.lab.locator("summary", has_text="Note and tags").click()
         self.lab.locator("input[name=keep]").check()
-        self.lab.locator("textarea[name=note]").fill(f"by {self.name}")
+        self.lab.locator("textarea[name=note]").fill(self.note)
         self.lab.get_by_role("button", name="Save").click()
         wait_for_plots(self.lab, f"hub-{self.name}", PATIENCE)
         with self.lab.expect_download() as download:
@@ -124,13 +136,22 @@ class Student:
         file = folder / f"{self.name}.rrd"
         download.value.save_as(file)
         time_span = read_recording(file).samples.time
+        assert time_span[-1] < LONGEST, f"{time_span[-1]} s: not the run that began anew"
         say(self.name, f"sees the run in the viewer and has its file: {time_span[-1]:.1f} s")
 
     def has_runs(self) -> None:
         """After coming back: the run that was kept is listed."""
         self.lab = self.window.new_page()
         self.lab.goto(f"{HUB}/user/{self.name}/flexlab/runs")
-        self.lab.locator("#runs tr", has_text=f"by {self.name}").locator(".kept").wait_for()
+        self.lab.locator("#runs tr", has_text=self.note).locator(".kept").wait_for()
+
+
+def check_redirects(student: Student) -> None:
+    """jupyter-server-proxy puts its prefix before some redirects itself: none has it twice."""
+    assert student.redirects, "saving a note leads back to the run"
+    twice = [address for address in student.redirects if address.count(f"/user/{student.name}/") > 1]
+    assert not twice, twice
+    say(f"{student.name} was redirected to", *sorted({address.partition("?")[0] for address in student.redirects}))
 
 
 def say(*words: str) -> None:
@@ -215,6 +236,7 @@ def main(folder: Path) -> None:
             log_in(each.jupyter, each.name)
             each.has_runs()
             assert each.errors == [], each.errors
+            check_redirects(each)
         say("after stopping their servers and logging in again all have their runs")
         browser.close()
 

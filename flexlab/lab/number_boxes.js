@@ -1,17 +1,36 @@
 // Number boxes take 1.5e-3 and −3 as people write and copy them: viser's drop the letter and the sign, and go on with 1.53 and 3.
-// A box that is left without a number shows its last one again.
+// A box that is left without a number shows its last one again. What is typed acts when the typing rests, or at once by Enter, by
+// an arrow or when the box is left: 600 would act as 6 and 60 on its way.
 (() => {
   const POWER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)e([+-]?\d*)$/i;
   const DIGITS = { useGrouping: false, maximumSignificantDigits: 15 };
   const setValue = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set;
   const isBox = (part) => part?.matches?.("input[inputmode=decimal], input[inputmode=numeric]");
   const isNumber = (text) => text.trim() !== "" && Number.isFinite(Number(text));
+  const REST = 400; // ms
   const last = new WeakMap(); // box → its last number
+  let held = null, timer = 0; // a box whose text has not acted yet
   let written = null; // a number with a power of ten, as far as somebody has written it
+
+  function hold(box) {
+    if (held !== box) act();
+    held = box;
+    clearTimeout(timer);
+    timer = setTimeout(act, REST);
+  }
+
+  function act() {
+    const box = held;
+    held = null;
+    clearTimeout(timer);
+    if (!box) return;
+    setValue.call(box, box.value.replace(/^([^,.]*),([^,]*)$/, "$1.$2")); // viser takes a comma for a point only by itself
+    box.dispatchEvent(new Event("input", { bubbles: true }));
+  }
 
   function show(box, text) {
     setValue.call(box, text);
-    box.dispatchEvent(new Event("input", { bubbles: true }));
+    hold(box);
   }
 
   function write(event) {
@@ -35,13 +54,23 @@
 
   const forget = () => { written = null; };
   const keep = ({ target }) => { if (isBox(target) && isNumber(target.value)) last.set(target, target.value); };
+  const typed = (event) => {
+    if (!event.isTrusted || !isBox(event.target)) return;
+    event.stopImmediatePropagation();
+    hold(event.target);
+  };
   addEventListener("beforeinput", write, true);
-  addEventListener("keydown", ({ key }) => { if (key.length > 1 && key !== "Shift") forget(); }, true);
-  addEventListener("pointerdown", forget, true);
+  addEventListener("keydown", ({ key }) => {
+    if (key.length > 1 && key !== "Shift") forget();
+    if (["Enter", "Tab", "ArrowUp", "ArrowDown"].includes(key)) act();
+  }, true);
+  addEventListener("pointerdown", () => { forget(); act(); }, true);
   addEventListener("focusin", keep, true);
   addEventListener("input", keep, true);
+  addEventListener("input", typed, true);
   addEventListener("focusout", ({ target: box }) => {
     forget();
     if (isBox(box) && !isNumber(box.value) && last.has(box)) show(box, last.get(box));
+    act();
   }, true);
 })();

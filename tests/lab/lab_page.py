@@ -183,6 +183,7 @@ class LabPage:
     def enter(self, label: str, value: str) -> None:
         """Type a number into a box."""
         self.box(label).fill(value)
+        self.box(label).press("Enter")
         self.page.evaluate(THROUGH_THE_GATE)
 
     def write(self, label: str, text: str) -> None:

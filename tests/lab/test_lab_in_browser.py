@@ -1,11 +1,14 @@
 """What a person does first in the lab, in a real browser, and what the simulation then does."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
 from lab_page import EI, LabPage, wait_until
 
+from flexlab.lab.lab_state import LabState
 from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.presets import load_preset
 
@@ -145,6 +148,32 @@ def test_a_box_takes_numbers_as_people_write_them(page: LabPage) -> None:
     box.fill("")
     box.blur()
     wait_until(lambda: box.input_value() == "36", "a box that was left empty shows its number again")
+
+
+def test_a_typed_number_acts_when_the_typing_rests(page: LabPage) -> None:
+    page.enter(EI, "100")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 100.0, "EI is 100")
+    taken: list[float] = []
+    change = LabState.change
+
+    def heard(lab_state: LabState, changes: Mapping[str, Any]) -> None:
+        taken.extend(value for path, value in changes.items() if path == "payload.bending_stiffness")
+        change(lab_state, changes)
+
+    box = page.box(EI)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(LabState, "change", heard)
+        for typed, key, value in (("600", "", 600.0), ("2,5", "", 2.5), ("70", "Enter", 70.0), ("80", "Tab", 80.0)):
+            box.press("ControlOrMeta+a")
+            box.press_sequentially(typed)
+            if key:
+                box.press(key)
+            wait_until(lambda value=value: taken[-1:] == [value], f"{typed} {key} acts")
+        box.press("ControlOrMeta+a")
+        box.press_sequentially("90")
+        box.press("ArrowUp")
+        wait_until(lambda: taken[-1:] == [91.0], "an arrow adds to what was typed")
+    assert [value for value in taken if value != 90.0] == [600.0, 2.5, 70.0, 80.0, 91.0]
 
 
 def test_an_unreachable_path_is_explained(page: LabPage) -> None:

@@ -46,6 +46,8 @@ def test_a_preset_link_loads_it_once_and_a_reload_leaves_it_alone(open_another: 
     ask(front_server.url, f"/lab/?scenario={encode_scenario(changed)}")
     wait_until(lambda: "Mine is paused" in ask(front_server.url).text, "the lab shows the scenario of the link")
     assert f"/lab/?scenario={encode_scenario(changed)}" in ask(front_server.url, "/state/lab").text
+    # Runs are recorded one after the other, a little behind the lab: with the third one's file all before it are made.
+    wait_until(lambda: any(logs.glob("*-shared-scenario.rrd")), "the linked run is recorded")
     assert len(list(logs.glob("*-soft-beam.rrd"))) == 1, "the same preset asked for again does not start anew"
 
 

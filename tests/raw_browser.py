@@ -30,6 +30,14 @@ def widget(session: Session, label: str) -> Any:
     return next(handle for handle in handles if getattr(handle._impl.props, "label", None) == label)
 
 
+def html_texts(session: Session) -> list[Any]:
+    """The handles of all HTML texts of the panel."""
+    found, queue = [], list(session.server.gui._container_handle_from_uuid.values())
+    for container in queue:
+        found += [child for child in container._children.values() if type(child).__name__ == "GuiHtmlHandle"]
+    return found
+
+
 def open_socket(address: str) -> ClientConnection:
     """A connection as the page opens it, to ws://…; it has said where it looks from."""
     protocol: Any = f"viser-v{viser.__version__}"

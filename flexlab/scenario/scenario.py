@@ -92,7 +92,7 @@ class Scenario(Part):
     trajectory: AnyPath = SineTrajectory()
     controller: AnyLaw = AdaptiveSlidingMode()
     initial: Initial = Initial()
-    gravity: Number = quantity(0.0, title="Gravity along -y", symbol="g", unit="m/s²", low=-50, high=50, slider=(0, 20))
+    gravity: Number = quantity(0.0, title="Gravity along −y", symbol="g", unit="m/s²", low=-50, high=50, slider=(0, 20))
     simulation: Simulation = Simulation()
 
     @property

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from lab_page import wait_until
-from raw_browser import RawBrowser, widget
+from raw_browser import RawBrowser, html_texts, widget
 
 from flexlab.lab.input_guard import LARGEST_UPLOAD, LONGEST_INPUT
 from flexlab.lab.render_loop import RenderLoop
@@ -108,7 +108,7 @@ def test_a_number_out_of_range_is_refused_and_put_right(
         browser.update(handle, {"value": value})
         if path:
             wait_until(
-                lambda: any(path in html.content for html in problems(session) if html.visible), "a sentence", 20
+                lambda: any(path in html.content for html in html_texts(session) if html.visible), "a sentence", 20
             )
         else:
             wait_until(lambda: handle.value == value, "the server has seen the value", 20)
@@ -134,12 +134,12 @@ def test_the_first_look_at_the_run_leaves_a_complaint_where_it_is(monkeypatch: p
     with Session(load_preset("paper"), "paper", port=0, shadows=False) as session, RawBrowser(session) as browser:
 
         def said() -> bool:
-            return any(html.visible and "Link lengths l, 2 of 3" in html.content for html in problems(session))
+            return any(html.visible and "Link lengths l, 2 of 3" in html.content for html in html_texts(session))
 
         browser.update(widget(session, "Link lengths l (m)"), {"value": [0.7, -0.6, 0.2]})
         wait_until(said, "a sentence", 20)
         begin(held[0])
-        wait_until(lambda: any("mid-span deflection" in html.content for html in problems(session)), "an update", 20)
+        wait_until(lambda: any("mid-span deflection" in html.content for html in html_texts(session)), "an update", 20)
         time.sleep(0.3)
         assert said()
 
@@ -154,7 +154,7 @@ def test_a_sentence_outlives_a_new_run_as_long_as_it_is_true(
     """The panel may look at a new run only after a person has typed on: its first look took the sentence away."""
 
     def said() -> bool:
-        return any(html.visible and path in html.content for html in problems(session))
+        return any(html.visible and path in html.content for html in html_texts(session))
 
     def begin_run(scenario: Scenario) -> None:
         before = session.runner.snapshot.run_number
@@ -174,14 +174,6 @@ def test_a_sentence_outlives_a_new_run_as_long_as_it_is_true(
         assert said()
         begin_run(paper.replace({"payload.bending_stiffness": 64.0, "left_arm.link_length": (0.7, 0.6, 0.3)}))
         wait_until(lambda: not said(), "the sentence goes, as it is no longer true", 20)
-
-
-def problems(session: Session) -> list[Any]:
-    """All HTML texts of the panel."""
-    found, queue = [], list(session.server.gui._container_handle_from_uuid.values())
-    for container in queue:
-        found += [child for child in container._children.values() if type(child).__name__ == "GuiHtmlHandle"]
-    return found
 
 
 def test_junk_on_the_wire_costs_only_its_own_connection(session: Session) -> None:
@@ -244,8 +236,8 @@ def test_texts_of_a_scenario_cannot_become_part_of_the_page(session: Session) ->
     with RawBrowser(session):
         session.runner.submit(LoadScenario(bad, "<i>name</i>"))
         wait_until(lambda: session.runner.snapshot.name == "<i>name</i>", "it runs", 20)
-        wait_until(lambda: any("&lt;script" in html.content for html in problems(session)), "it is shown escaped", 20)
-        for html in problems(session):
+        wait_until(lambda: any("&lt;script" in html.content for html in html_texts(session)), "it is shown escaped", 20)
+        for html in html_texts(session):
             assert "<script" not in html.content
             assert "<i>name" not in html.content
 

@@ -1,10 +1,13 @@
 """What the head of the panel, the notices over the picture and its text for screen readers say of a run."""
 
 import pytest
+from lab_page import wait_until
+from raw_browser import RawBrowser, html_texts
 
 from flexlab.analysis.explanations import Explained
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html, summary_text
+from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
@@ -48,3 +51,18 @@ def test_the_picture_is_told_in_sentences_with_what_is_wrong_and_what_the_plots_
     assert "first beam frequency" in told
     assert "Large deflection: |w|/L = 6 %" in told
     assert told.endswith(" Deflection: The beam rings.")
+
+
+def test_a_warning_is_shown_once_however_it_goes_on():
+    """It stood there as the event that it was, too, with the numbers of that instant."""
+    pressed = load_preset("squeeze-until-it-buckles").replace({"payload.axial_load": "none"})
+    with Session(pressed, port=0, shadows=False) as session, RawBrowser(session):
+
+        def boxes() -> str:
+            told = [html.content for html in html_texts(session) if 'class="fl fl-float"' in html.content]
+            return told[0] if told else ""
+
+        wait_until(lambda: any("The beam is pressed" in event.text for event in session.runner.snapshot.events), "it")
+        wait_until(lambda: "The beam is pressed" in boxes(), "the warning is shown")
+        assert session.lab_state.notice.text == ""
+        assert boxes().count("fl-caution") == boxes().count("fl-box") == 1

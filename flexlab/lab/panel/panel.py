@@ -161,12 +161,12 @@ class Panel:
         ]
 
     def _announce(self, snapshot: Snapshot) -> None:
-        """Show what the engine refused or stopped at since the last update."""
+        """Show what the engine refused or stopped at since the last update; a warning is shown as long as it holds."""
         events = snapshot.events
         if not events or events[-1] is self._last_event:
             return
         seen = next((index for index, event in enumerate(events) if event is self._last_event), -1)
         for event in events[seen + 1 :]:
-            if event.level != "info":
+            if event.level == "error":
                 self._lab_state.say(event.text, "error")
         self._last_event = events[-1]

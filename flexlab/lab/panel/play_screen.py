@@ -16,10 +16,10 @@ from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import SetSpeed
 
-SPEED = Quantity("Speed of time", unit="×", low=SPEEDS[-1], high=SPEEDS[0], slider=(0.01, 1), logarithmic=True)
+SPEED = Quantity("Simulation speed", unit="×", low=SPEEDS[-1], high=SPEEDS[0], slider=(0.01, 1), logarithmic=True)
 SENTENCE = (
-    "Tap the beam or drag it: a stiffer one rings faster, a damped one falls silent sooner, "
-    "and slow time shows how it bends."
+    "Tap the beam or drag it: a stiffer one rings faster, a damped one comes to rest sooner, "
+    "and slow motion shows how it bends."
 )
 
 

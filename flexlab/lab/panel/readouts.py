@@ -94,7 +94,8 @@ def notices_html(snapshot: Snapshot, notice: Notice, standing: Sequence[str] = (
     `standing`: what holds for as long as it is told.
     """
     boxes = [_box(text, "info") for text in standing]
-    boxes += [_box(text, "error") for text in warnings(snapshot)]
+    cautions = _cautions(snapshot)
+    boxes += [_box(text, "error", text in cautions) for text in warnings(snapshot)]
     if notice.text and not (snapshot.status.failed and notice.text == snapshot.status.text):
         boxes.append(_box(notice.text, notice.level))
     return f'<div class="fl fl-float">{"".join(boxes)}</div>' if boxes else ""
@@ -120,10 +121,7 @@ def warnings(snapshot: Snapshot) -> list[str]:
     """What is wrong with the run now, a sentence each."""
     failed = snapshot.status.failed
     found = [snapshot.status.text] if failed else []
-    if snapshot.accuracy_warning:
-        found.append(snapshot.accuracy_warning)
-    if snapshot.axial_warning:
-        found.append(snapshot.axial_warning)
+    found += _cautions(snapshot)
     payload = snapshot.scenario.payload
     bending = peak_deflection(payload, snapshot.latest.beam_coordinates[0]) / payload.length
     if bending > LARGE_DEFLECTION and not failed:
@@ -141,8 +139,14 @@ def warnings(snapshot: Snapshot) -> list[str]:
     return found
 
 
-def _box(text: str, level: str) -> str:
-    return f'<div class="fl-box fl-{"error" if level == "error" else "info"}">{escaped(text)}</div>'
+def _cautions(snapshot: Snapshot) -> list[str]:
+    """What the run's numbers are to be read with; the play screen, which has no numbers, leaves it to the lab."""
+    return [text for text in (snapshot.accuracy_warning, snapshot.axial_warning) if text]
+
+
+def _box(text: str, level: str, caution: bool = False) -> str:
+    kinds = f"fl-{'error' if level == 'error' else 'info'}{' fl-caution' if caution else ''}"
+    return f'<div class="fl-box {kinds}">{escaped(text)}</div>'
 
 
 def events_html(snapshot: Snapshot) -> str:

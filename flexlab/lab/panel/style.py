@@ -33,7 +33,7 @@ div:has(> .mantine-Slider-root) > .mantine-NumberInput-root { display: none; }
 div:has(.mantine-Slider-root) + div:has(> button[data-block]):not(:has(svg, img)) {
   display: block; position: relative; height: 0; margin: 0 !important; padding: 0 !important; }
 div:has(.mantine-Slider-root) + div > button[data-block]:not(:has(svg, img)) {
-  position: absolute; right: 0.7em; top: -1.85em; height: 1.5em; padding: 0 0.4em; }
+  position: absolute; right: 0.7em; top: -2em; height: 1.5em; padding: 0 0.4em; }
 /* Several numbers of one field stand in a row below their label. */
 .mantine-Flex-root:has(> div .mantine-NumberInput-root + .mantine-NumberInput-root) { display: block !important; }
 .mantine-Flex-root:has(> div .mantine-NumberInput-root + .mantine-NumberInput-root) > div { width: 100% !important; }
@@ -143,6 +143,8 @@ html:not(.fl-playing) [data-fl-play], .fl-playing [data-dock-region="left"], .fl
 .fl-playing [data-dock-root] > div:first-child { left: 0 !important; }
 .fl-playing [data-dock-root] > div[style*="box-shadow"],
 .fl-playing div:has(> .mantine-Tabs-root > [role="button"][aria-expanded]) { display: none; }
+/* It has no numbers that a warning of their accuracy could be about, nor the settings that such a warning names. */
+.fl-playing .fl-caution { display: none; }
 .fl-box { border-radius: 4px; padding: 0.4em 0.6em; margin: 0.2em 0; overflow-wrap: anywhere; }
 .fl-error { background: rgba(224, 49, 49, 0.14); border-left: 3px solid #e03131; }
 .fl-done { background: rgba(0, 158, 115, 0.16); border-left: 3px solid #009e73; }

@@ -13,6 +13,7 @@ from flexlab.server.pages.runs_pages import table_values
 from flexlab.server.pages.templating import page
 from flexlab.server.settings import outside_addresses, picture_code
 from flexlab.server.visitors import LONGEST_NAME, runs_for, visitor_of
+from flexlab.text import with_units
 
 NEWEST = 5
 """Runs on the start page."""
@@ -63,4 +64,4 @@ def _now(request: web.Request, context: Context) -> str:
 def _place_text(place: Lab) -> str:
     status = place.status()
     watching = f", {place.visitors} watching" if place.visitors else ""
-    return f"{status.title} is {state_of(place)} (t = {status.time:.0f} s{watching})."
+    return with_units(f"{status.title} is {state_of(place)} (t = {status.time:.0f} s{watching}).")

@@ -1,7 +1,7 @@
 """Three students on a real JupyterHub in a real browser, as .github/UNIVERSITY.md sets it up, word for word.
 
 `python tests/peers/jupyter_hub.py FOLDER` runs its commands in FOLDER, needs node, npm and a Chromium, and takes minutes: the
-suite does without. Everything is looked at as people see it, but for who listens where.
+suite does without. Everything is looked at as people see it, but for who listens where. Screenshots are left in FOLDER.
 """
 
 import os
@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from urllib.parse import urljoin
 
 import psutil
 
@@ -21,7 +22,7 @@ sys.path[:0] = [str(TESTS), str(TESTS / "server")]
 
 from browser_window import SOFTWARE_RENDERING, open_window  # noqa: E402
 from get_browser import find_browser  # noqa: E402
-from playwright.sync_api import Browser, Page, Response, sync_playwright  # noqa: E402
+from playwright.sync_api import Browser, Page, Request, Response, sync_playwright  # noqa: E402
 from test_server_in_browser import SCENE, wait_for_plots  # noqa: E402
 
 from flexlab.presets import load_preset  # noqa: E402
@@ -68,6 +69,12 @@ def hub(folder: Path) -> Iterator[psutil.Process]:
             process.wait(60)
 
 
+def home_of(name: str) -> Path:
+    """Where the chapter's hub puts a student's files."""
+    [template] = re.findall(r'home_dir_template = "(.+)"', "".join(blocks("python")))
+    return Path(template.format(username=name))
+
+
 def sign_in(page: Page, name: str) -> None:
     """On the hub's page, which leads on to where somebody wanted to go."""
     page.locator("#username_input").fill(name)
@@ -90,33 +97,45 @@ class Student:
         self.note = f"by {name} at {time.time():.0f}"  # The homes may have runs of an earlier try.
         self.window = open_window(browser, 1280, 800, drawn=drawn)
         self.window.on("response", self.note_redirect)
+        self.window.on("requestfailed", self.note_failure)
         self.window.set_default_timeout(MILLI * PATIENCE)
         self.jupyter = self.window.new_page()
         log_in(self.jupyter, name)
         say(name, "is in the launcher")
 
     def note_redirect(self, answer: Response) -> None:
-        """Where flexlab's pages send the browser."""
+        """Where flexlab's pages send the browser: the header, and what the browser makes of it."""
         if f"/user/{self.name}/flexlab" in answer.url and "location" in answer.headers:
-            self.redirects.append(answer.headers["location"])
+            self.redirects.append((said := answer.headers["location"], urljoin(answer.url, said)))
+
+    def note_error(self, error: str) -> None:
+        """But not that rerun's viewer may not look for updates, nor report its use."""
+        if "Content Security Policy" not in error and not ("Failed to fetch" in error and "re_viewer.js" in error):
+            self.errors.append(error)
+
+    def note_failure(self, request: Request) -> None:
+        """Of a request to the hub, but one that ended with its page."""
+        if request.url.startswith(HUB) and request.failure != "net::ERR_ABORTED":
+            self.errors.append(f"{request.url}: {request.failure}")
 
     def open_lab(self) -> None:
         """A click in the launcher; the page may still wait for the engine."""
         with self.window.expect_page() as opened:
             self.jupyter.locator(".jp-LauncherCard", has_text="flexlab").first.click()
         self.lab = opened.value
-        self.lab.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.lab.on("pageerror", lambda error: self.note_error(f"{error} {error.stack}"))
 
-    def use_lab(self) -> None:
+    def use_lab(self, folder: Path) -> None:
         """The scene is there, a slider moves what it is for."""
         self.lab.wait_for_function(SCENE)
-        self.lab.on("console", lambda said: said.type == "error" and self.errors.append(said.text))
+        self.lab.on("console", lambda said: said.type == "error" and self.note_error(said.text))
         assert self.lab.url.partition("?")[0] == f"{HUB}/user/{self.name}/flexlab/lab/", self.lab.url
         slider = self.lab.get_by_role("slider", name="Bending stiffness EI", exact=True)
         slider.focus()
         slider.press("Home")
         self.lab.wait_for_function("() => document.body.innerText.includes('first beam frequency')")
         self.lab.wait_for_function("() => /4\\.4\\d Hz/.test(document.body.innerText)")  # EI = 1 N·m²
+        self.lab.screenshot(path=folder / f"{self.name}-lab.png")
         say(self.name, "moved the beam's stiffness from 45 Hz to 4.5 Hz")
 
     def keep_run(self, folder: Path) -> None:
@@ -135,9 +154,35 @@ class Student:
             self.lab.get_by_role("link", name="Download").click()
         file = folder / f"{self.name}.rrd"
         download.value.save_as(file)
+        own = home_of(self.name) / "flexlab" / "logs" / download.value.suggested_filename
+        assert own.is_file(), f"{own}: runs lie in the home of the student"
+        self.lab.screenshot(path=folder / f"{self.name}-run.png")
         time_span = read_recording(file).samples.time
         assert time_span[-1] < LONGEST, f"{time_span[-1]} s: not the run that began anew"
-        say(self.name, f"sees the run in the viewer and has its file: {time_span[-1]:.1f} s")
+        say(self.name, f"sees the run in the viewer and has its file: {time_span[-1]:.1f} s of {own}")
+        self.lab.get_by_role("link", name="Runs", exact=True).click()  # Another one's viewer needs the processor now.
+        self.lab.locator("#runs").wait_for()
+
+    def return_to_lab(self) -> None:
+        """From the runs."""
+        self.lab.get_by_role("link", name="Lab", exact=True).click()
+        self.lab.wait_for_function(SCENE)
+
+    def log_out(self) -> None:
+        """The lab goes on, and shows nothing to whoever comes next."""
+        self.lab.close()
+        self.jupyter.goto(f"{HUB}/hub/logout")
+        page = self.window.new_page()
+        page.goto(f"{HUB}/user/{self.name}/flexlab/runs")
+        page.locator("#login_submit").wait_for()
+        assert self.note not in page.content()
+        page.close()
+
+    def stop_server(self) -> None:
+        """On the hub's page."""
+        self.jupyter.goto(f"{HUB}/hub/home")
+        self.jupyter.locator("#stop").click()
+        self.jupyter.locator("#stop").wait_for(state="hidden")
 
     def has_runs(self) -> None:
         """After coming back: the run that was kept is listed."""
@@ -147,11 +192,16 @@ class Student:
 
 
 def check_redirects(student: Student) -> None:
-    """jupyter-server-proxy puts its prefix before some redirects itself: none has it twice."""
-    assert student.redirects, "saving a note leads back to the run"
-    twice = [address for address in student.redirects if address.count(f"/user/{student.name}/") > 1]
+    """All lead to the student's own lab, or to the hub's login; jupyter-server-proxy puts its prefix before some itself."""
+    own, login = f"{HUB}/user/{student.name}/", f"{HUB}/hub/"
+    assert any(to.startswith(f"{own}flexlab/runs/") for _, to in student.redirects), (
+        "saving a note leads back to the run"
+    )
+    away = [to for _, to in student.redirects if not to.startswith((f"{own}flexlab/", f"{own}oauth_callback", login))]
+    assert not away, away
+    twice = [said for said, _ in student.redirects if said.count(f"/user/{student.name}/") > 1 and login not in said]
     assert not twice, twice
-    say(f"{student.name} was redirected to", *sorted({address.partition("?")[0] for address in student.redirects}))
+    say(f"{student.name} was redirected to", *sorted({to.partition("?")[0] for _, to in student.redirects}))
 
 
 def say(*words: str) -> None:
@@ -169,9 +219,9 @@ def listeners(process: psutil.Process) -> set[str]:
     return {plug.laddr.ip for plug in plugs}
 
 
-def teach(browser: Browser) -> None:
-    """The teacher sees all labs, sends a preset, pauses one, joins one; a student does not get that far."""
-    window = open_window(browser, 1280, 800)
+def teach(browser: Browser, students: list[Student], folder: Path) -> None:
+    """The teacher sees all labs, sends a preset, pauses one, joins one without being asked anything by the hub."""
+    window = open_window(browser, 1280, 800, drawn=True)
     window.set_default_timeout(MILLI * PATIENCE)
     page = window.new_page()
     page.goto(f"{HUB}/services/flexlab/")
@@ -183,25 +233,39 @@ def teach(browser: Browser) -> None:
     page.locator("select[name=preset]").select_option("stiff-beam")
     page.get_by_role("button", name="Send to all").click()
     page.locator("#said", has_text="was sent to 3 labs").wait_for()
-    for name in STUDENTS:
-        tiles.filter(has_text=name).locator(".lab-title", has_text=load_preset("stiff-beam").title).wait_for()
-    tile = tiles.filter(has_text="ben")
+    title = load_preset("stiff-beam").title
+    for each in students:
+        tiles.filter(has_text=each.name).locator(".lab-title", has_text=title).wait_for()
+        each.lab.get_by_text(title, exact=True).first.wait_for()
+    paused = students[1]
+    tile = tiles.filter(has_text=paused.name)
     tile.get_by_role("button", name="Pause").click()
     tile.locator("[data-field=state]", has_text="paused").wait_for()
+    paused.lab.get_by_text("Paused", exact=True).wait_for()
     with window.expect_page() as joined:
         tile.get_by_role("link", name="Join").click()
+    page.screenshot(path=folder / "teacher.png")
     joined.value.wait_for_function(SCENE)
-    assert joined.value.url.startswith(f"{HUB}/user/ben/flexlab/lab/"), joined.value.url
+    assert joined.value.url.startswith(f"{HUB}/user/{paused.name}/flexlab/lab/"), joined.value.url
+    joined.value.get_by_text("Paused", exact=True).wait_for()
+    joined.value.screenshot(path=folder / "teacher-joined.png")
     window.close()
+    say("the teacher sees all labs, sends a preset, pauses and joins")
+
+
+def refuse(browser: Browser, folder: Path) -> None:
+    """A student at the teacher's page reads why it is not shown."""
     window = open_window(browser, 1280, 800)
     page = window.new_page()
     page.goto(f"{HUB}/services/flexlab/teacher")
     with page.expect_response(lambda answer: "oauth2/authorize" in answer.url) as refused:
         sign_in(page, STUDENTS[0])
     assert refused.value.status == 403, refused.value.status
-    assert "Class" not in page.title(), page.title()
+    sentence = page.locator(".error p", has_text="You do not have permission to access")
+    sentence.wait_for()
+    page.screenshot(path=folder / "refused.png")
+    say("a student is refused at the teacher's page:", sentence.inner_text())
     window.close()
-    say("the teacher sees, sends, pauses and joins; a student is refused")
 
 
 def main(folder: Path) -> None:
@@ -215,7 +279,7 @@ def main(folder: Path) -> None:
         for each in students:
             each.open_lab()
         for each in students:
-            each.use_lab()
+            each.use_lab(folder)
         found = listeners(running)
         assert found <= {"127.0.0.1", "::1"}, found
         say("all listen on", *found, "only")
@@ -225,19 +289,23 @@ def main(folder: Path) -> None:
                 answer = each.window.request.get(f"{HUB}/user/{other}/flexlab/runs")
                 assert answer.status in (403, 404), answer.status
         say("nobody gets into a neighbour's lab")
-        teach(browser)
         for each in students:
-            each.jupyter.goto(f"{HUB}/hub/home")
-            each.jupyter.locator("#stop").click()
-            each.jupyter.locator("#stop").wait_for(state="hidden")
-            each.jupyter.goto(f"{HUB}/hub/logout")
-            answer = each.window.request.get(f"{HUB}/user/{each.name}/flexlab/runs", max_redirects=0)
-            assert answer.status in (302, 403), answer.status
+            each.return_to_lab()
+        teach(browser, students, folder)
+        refuse(browser, folder)
+        for each in students:
+            each.log_out()
+            log_in(each.jupyter, each.name)
+            each.has_runs()
+        say("after logging out nobody sees a lab; after logging in again all have their runs")
+        for each in students:
+            each.stop_server()
+            each.log_out()
             log_in(each.jupyter, each.name)
             each.has_runs()
             assert each.errors == [], each.errors
             check_redirects(each)
-        say("after stopping their servers and logging in again all have their runs")
+        say("so it is after their servers were stopped")
         browser.close()
 
 

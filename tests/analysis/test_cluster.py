@@ -3,20 +3,26 @@
 import gc
 import os
 import re
+import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
 from distributed import Client
 from own_law_text import PD, forget_own_laws
 
 import flexlab
+from flexlab.analysis.leaderboard.board import make_tasks, run_board
 from flexlab.analysis.leaderboard.case import chosen_cases
+from flexlab.analysis.leaderboard.entrants import chosen_entrants
+from flexlab.analysis.leaderboard.store import RowStore
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.tuning import parse_cost, tune
 from flexlab.analysis.workers import chosen_workers
@@ -91,6 +97,51 @@ def test_a_killed_worker_changes_no_byte(scheduler: str, tmp_path: Path):
         for worker in workers:
             worker.kill()
             worker.wait()
+
+
+def test_a_killed_worker_changes_no_byte_of_a_tuning_and_a_leaderboard(scheduler: str, tmp_path: Path):
+    scenario = flexlab.load_preset("paper")
+    axes = parse_axes(["controller.feedback_gain=50:500:log"], scenario)
+    cases = [replace(case, duration=0.1, commands=()) for case in chosen_cases(["B1", "B2", "B5"], long=False)]
+    tasks = make_tasks(cases, chosen_entrants(["adaptive-sliding-mode", "pd"]))
+    cost, here, there = parse_cost("rms_error.y"), chosen_workers(2), chosen_workers(cluster=scheduler)
+    workers = [start_worker(tmp_path, scheduler) for _ in range(3)]
+    try:
+        with Client(scheduler, set_as_default=False) as client:
+            client.wait_for_workers(3, timeout=60)
+            working = dict(client.run(os.getpid))
+
+            def kill_one_until(left: int, done: int, total: int) -> None:
+                """In the middle, one that has something in hand."""
+                busy = [address for address, keys in client.processing().items() if keys and address in working]
+                if len(working) > left and 2 <= done < total and busy:
+                    os.kill(working.pop(busy[0]), signal.SIGKILL)
+
+            tunings = [
+                tune(scenario, axes, cost, duration=0.1, candidates=16, told=told, workers=chosen)
+                for chosen, told in ((there, partial(kill_one_until, 2)), (here, lambda done, total: None))
+            ]
+            assert len(working) == 2
+            assert len(tunings[0].candidates) > 10
+            assert as_bytes(tunings[0].table) == as_bytes(tunings[1].table)
+            folders = tmp_path / "there", tmp_path / "here"
+            run_board(tasks, RowStore(folders[0]), there, partial(kill_one_until, 1))
+            assert len(working) == 1
+        run_board(tasks, RowStore(folders[1]), here)
+        rows = [{file.name: file.read_bytes() for file in folder.rglob("*.json")} for folder in folders]
+        assert len(rows[0]) > 10
+        assert rows[0] == rows[1]
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.wait()
+
+
+def as_bytes(table: pa.Table) -> bytes:
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as stream:
+        stream.write_table(table)
+    return sink.getvalue().to_pybytes()
 
 
 def test_a_law_of_ones_own_travels_with_every_study(scheduler: str, tmp_path: Path):

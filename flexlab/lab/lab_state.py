@@ -302,7 +302,7 @@ class LabState:
         self._let_go_of(settings.origin)
         if _by_person.get() and self.company() > 1:
             self.say(
-                f"Somebody in this lab opened {settings.scenario.title or settings.name}. Undo (Ctrl+Z) goes back."
+                f'Somebody in this lab opened "{settings.scenario.title or settings.name}". Undo (Ctrl+Z) goes back.'
             )
 
     def _let_go_of(self, origin: Origin | None) -> None:

@@ -64,11 +64,12 @@
     shaderSource.call(this, shader, text);
   };
 
-  // Charts write numbers as the browser's language does, and with a hyphen: a number looks the same in all languages and places.
+  // Charts write numbers as the browser's language does, with a hyphen and a comma after thousands: a number looks the same in all
+  // languages and places.
   Object.defineProperty(navigator, "language", { value: "en-US" });
   const format = Object.getOwnPropertyDescriptor(Intl.NumberFormat.prototype, "format");
   Object.defineProperty(Intl.NumberFormat.prototype, "format", { ...format,
-    get() { const plain = format.get.call(this); return (value) => plain(value).replace("-", "−"); } });
+    get() { const plain = format.get.call(this); return (value) => plain(value).replace("-", "−").replace(/(?<=\d),(?=\d{3})/g, ""); } });
 
   const darkSystem = matchMedia("(prefers-color-scheme: dark)");
   let seenRun = 0;
@@ -160,7 +161,7 @@
     if (series.isPlain) return;
     const told = series.value;
     series.isPlain = true;
-    series.value = (chart, value, ...place) => Number.isFinite(value) ? told(chart, value, ...place).replace(/^-0$/, "0") : "–";
+    series.value = (chart, value, ...place) => Number.isFinite(value) ? told(chart, value, ...place).replace(/^[-−]0$/, "0") : "–";
   }
 
   // Where no cursor points into a chart its legend tells the newest values.

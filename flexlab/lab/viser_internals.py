@@ -1,5 +1,7 @@
 """Every use of what viser does not promise, in one place. `tests/lab/test_viser_contract.py` says when viser has changed."""
 
+import asyncio
+import dataclasses
 import functools
 import gzip
 import socket
@@ -11,6 +13,8 @@ from typing import Any, Literal, cast
 import viser
 import websockets.asyncio.server
 from viser import _messages
+from viser.infra import _infra
+from viser.infra._async_message_buffer import AsyncMessageBuffer
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
@@ -34,6 +38,36 @@ UNREADABLE = 1011
 """Websocket code with which a browser is left that does not speak the page's language."""
 
 _OPENING = threading.Lock()
+
+
+class _News(asyncio.Event):
+    """That messages came. viser sets it in the thread that sends, and once more in the loop of those who wait for it.
+
+    In another thread it must leave those alone: Python's own event goes through their list there while the loop changes it.
+    """
+
+    _waiting_thread: int | None = None
+
+    async def wait(self) -> Literal[True]:
+        """Until messages come."""
+        self._waiting_thread = threading.get_ident()
+        return await super().wait()
+
+    def set(self) -> None:
+        """In the loop: wake all, also if it was set before by another thread, which can only say so."""
+        if threading.get_ident() == self._waiting_thread:
+            self.clear()
+            super().set()
+        else:
+            self._value = True
+
+
+@dataclasses.dataclass
+class _MessageBuffer(AsyncMessageBuffer):
+    message_event: asyncio.Event = dataclasses.field(default_factory=_News)
+
+
+cast(Any, _infra).AsyncMessageBuffer = _MessageBuffer
 
 
 class GuardedServer(viser.ViserServer):

@@ -1,5 +1,6 @@
 """A scenario's fields in the words of screen, pages and tables, and in which of them two scenarios differ."""
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -83,7 +84,12 @@ def field_title(path: str, *scenarios: Scenario) -> str:
     if about is None:
         return path
     unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
-    return f"{about.title} {about.symbol}".strip() + unit + SIDES.get(path.partition(".")[0], "")
+    return f"{short_title(about)} {about.symbol}".strip() + unit + SIDES.get(path.partition(".")[0], "")
+
+
+def short_title(about: Quantity) -> str:
+    """The title of a field without what null means there, which is a word of scenario files."""
+    return re.sub(r" \(null: .*\)", "", about.title)
 
 
 def _of_any_kind(path: str) -> Quantity | None:

@@ -4,6 +4,7 @@ from lab_page import wait_until
 from raw_browser import RawBrowser, widget
 
 from flexlab.lab.session import Session
+from flexlab.presets import load_preset
 
 SAID = "Somebody in this lab opened"
 
@@ -19,6 +20,7 @@ def test_others_are_told_who_opens_another_preset_and_one_alone_is_not(session: 
             wait_until(lambda: lab_state.company() == 2, "two are there")
             browser.update(widget(session, "Preset"), {"value": "paper"})
             wait_until(lambda: SAID in lab_state.notice.text, "the other is told", 60)
-            assert lab_state.notice.text == f"{SAID} The paper's experiment. Undo (Ctrl+Z) goes back."
+            title = load_preset("paper").title
+            assert lab_state.notice.text == f'{SAID} "{title}". Undo (Ctrl+Z) goes back.'
     lab_state.undo()
     wait_until(lambda: session.runner.snapshot.name == "smooth-start", "what was open before is open again", 60)

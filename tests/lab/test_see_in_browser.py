@@ -182,7 +182,8 @@ def test_plots_on_every_tab(page: LabPage) -> None:
             page.wait_for_text(text)
         told = page.page.locator(".u-value:visible")
         wait_until(
-            lambda told=told: {"NaN", "-0", "--"}.isdisjoint(told.all_inner_texts()), "the legend has numbers or –"
+            lambda told=told: {"NaN", "-0", "−0", "--"}.isdisjoint(told.all_inner_texts()),
+            "the legend has numbers or –",
         )
         page.picture(f"plots-{tab.lower()}")
     page.open_tab("View")

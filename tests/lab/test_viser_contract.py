@@ -1,5 +1,6 @@
 """What the lab relies on in viser without viser promising it. A failure here says what to look at after an update."""
 
+import asyncio
 import re
 import threading
 import types
@@ -124,3 +125,30 @@ def test_a_click_is_not_lost_to_a_picture_that_is_drawn_meanwhile(
         with RawBrowser(session) as browser:
             browser.update(handle, {"value": value})
             wait_until(taken, f"{label} is taken", 20)
+
+
+def test_a_thread_that_sends_leaves_those_who_wait_to_their_loop(shared_session: Session) -> None:
+    """It went through their list while the loop changed it: "deque mutated during iteration", and a picture was missing."""
+    news = type(shared_session.server._websock_server._broadcast_buffer.message_event)()
+
+    async def woken_by() -> list[str]:
+        woken: list[str] = []
+
+        async def wait() -> None:
+            await news.wait()
+            woken.append(where)
+
+        waiting = [asyncio.create_task(wait()) for _ in range(3)]
+        await asyncio.sleep(0)
+        where = "the thread"
+        sender = threading.Thread(target=news.set)
+        sender.start()
+        sender.join()
+        assert news.is_set()
+        await asyncio.sleep(0.01)
+        where = "the loop"
+        asyncio.get_running_loop().call_soon(news.set)
+        await asyncio.wait_for(asyncio.gather(*waiting), 5)
+        return woken
+
+    assert asyncio.run(woken_by()) == ["the loop"] * 3

@@ -4,7 +4,6 @@ A number has a slider, a field without one has boxes, and one of a few words (la
 """
 
 import math
-import re
 import time
 from collections.abc import Callable
 from typing import Any
@@ -27,6 +26,7 @@ from flexlab.lab.panel.text import escaped, number
 from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Scenario
 from flexlab.scenario.choices import TITLES, in_words, options, word_of
+from flexlab.scenario.field_text import short_title
 from flexlab.scenario.settings import PERIOD, USUAL_PERIOD, with_period_if_needed
 
 LIVE_HINTS = {
@@ -194,9 +194,8 @@ class NumericField:
         value, fallback = self._read(scenario), switch[1](scenario) if switch else None
         shown = fallback if value is None else value
         hint = f"Allowed: {about.range_text()}. {LIVE_HINTS[about.live]}"
-        title = re.sub(r" \(null: .*\)", "", about.title)
         unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
-        self._about, self._name = about, f"{title} {about.symbol}".strip()
+        self._about, self._name = about, f"{short_title(about)} {about.symbol}".strip()
         label = self._name + unit
         if switch is not None:
             self._switch = gui.add_checkbox(switch[0], value is not None, hint=LIVE_HINTS[about.live])
@@ -204,7 +203,9 @@ class NumericField:
         self._box = _box(gui, label, shown, hint)
         self._box.precision = BOX_DIGITS if about.low >= 10.0**-BOX_DIGITS or about.low <= 0 else FINEST_DIGITS
         self._box.visible = value is not None
-        self._back = gui.add_button("↺", color="gray", visible=False, hint=f"{title}: back to its usual value")
+        self._back = gui.add_button(
+            "↺", color="gray", visible=False, hint=f"{short_title(about)}: back to its usual value"
+        )
         self._problem = gui.add_html("", visible=False)
         self._box.on_update(handler(lab_state, lambda _: self._ask(self._box.value)))
         self._back.on_click(handler(lab_state, lambda _: self._go_back()))

@@ -218,7 +218,7 @@ class Guide:
         self._lab_state.hold_exaggeration(None if lesson is None else _factor(lesson))
         for widget in (self._guess_question, self._guess, self._steps, self._start, self._verdict):
             put(widget, visible=lesson is not None and self._last_step > 1)
-        put(self._text, content=page.question if isinstance(page, Lesson) else page.text)
+        put(self._text, content=with_units(page.question if isinstance(page, Lesson) else page.text))
         if lesson is None:
             put(self._unfold, visible=False)
             put(self._answer, visible=False)
@@ -228,7 +228,7 @@ class Guide:
         put(self._guess_question, content=f'<div class="fl">{escaped(lesson.guess)}</div>')
         self._guess.options = (OPEN, *lesson.options)
         self._guess.value = self._guesses.get(lesson.id, OPEN)
-        put(self._steps, content=f"#### Do\n\n{lesson.steps}")
+        put(self._steps, content=with_units(f"#### Do\n\n{lesson.steps}"))
         self._start.label = f"Load {lesson.preset}"
         self._check(lesson, self._lab_state.snapshot)
 
@@ -258,7 +258,8 @@ class Guide:
         may_see = self._last_step == len(STEPS)
         unfolded = lesson.id in self._unfolded and may_see
         put(self._unfold, visible=not unfolded and may_see)
-        put(self._answer, visible=unfolded, content=answer_text(lesson, self._guesses.get(lesson.id, "")))
+        told = answer_text(lesson, self._guesses.get(lesson.id, ""))
+        put(self._answer, visible=unfolded, content=with_units(told))
 
     def _load(self) -> None:
         lesson = self._lesson()

@@ -14,6 +14,7 @@
   const ALONE = "script, noscript, style, textarea, pre, [translate=no]"; // Never translated.
   const PICTURE = 'img[src*="/assets/pictures/"]';
   const WORD = /\p{L}{3}/u, UNITS = /\b(m?rad|kHz|min|max|RMS|NaN|flexlab)\b/g, NUMBER = /\d[\d.e+−-]*/g;
+  const BEFORE_UNIT = /(?<=[\d}]) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|m?rad|kg|MB\/min|%)(?!\p{L}))/gu; // no line ends here
   const SENTENCE = /(?<=[.!?✓]) (?=[\p{Lu}\d])/u;
   const WITHIN = "((?:(?![.!?] \\p{Lu})[^`*])+?)"; // the value of a placeholder: part of one sentence
   const NUMERAL = "([+−-]?\\d[\\d.e+−-]*)";
@@ -27,7 +28,8 @@
   function read(catalogue) {
     [exact, patterns, kept] = [new Map(), new Map(), new Map()];
     untranslated.clear();
-    for (const [english, shown] of Object.entries(catalogue)) {
+    for (const [english, translated] of Object.entries(catalogue)) {
+      const shown = translated.replace(BEFORE_UNIT, "\u00a0");
       if (!/\{\w+\}/.test(english)) { exact.set(english, shown); continue; }
       const literals = english.split(/\{\w+\}/), names = [...english.matchAll(/\{(\w+)\}/g)].map(([, name]) => name);
       const form = new RegExp(`^${literals.map((part, k) => part.replace(/[.*+?^${}()|[\]\\]/g, "\\$&") +

@@ -22,10 +22,8 @@ from flexlab.api import read as read
 from flexlab.api import simulate as simulate
 from flexlab.api import simulate_many as simulate_many
 from flexlab.api import sweep as sweep
-from flexlab.leaderboard_api import leaderboard as leaderboard
 from flexlab.linear_api import linearize as linearize
 from flexlab.notebook import Lab as Lab
-from flexlab.own.data import data_file as data_file
 from flexlab.own.declaration import OwnLaw as OwnLaw
 from flexlab.own.declaration import OwnPath as OwnPath
 from flexlab.own.declaration import gain as gain
@@ -33,6 +31,7 @@ from flexlab.own.declaration import memory as memory
 from flexlab.own.declaration import option as option
 from flexlab.own.declaration import readout as readout
 from flexlab.own.measurement import Measurement as Measurement
+from flexlab.own.reading import data_file as data_file
 from flexlab.presets import load_preset as load_preset
 from flexlab.presets import preset_names as preset_names
 from flexlab.scenario import Scenario as Scenario
@@ -41,6 +40,7 @@ from flexlab.sim.samples import Samples as Samples
 from flexlab.study_api import compare as compare
 from flexlab.study_api import export as export
 from flexlab.study_api import fit as fit
+from flexlab.study_api import leaderboard as leaderboard
 from flexlab.study_api import replay as replay
 from flexlab.study_api import tune as tune
 from flexlab.study_api import validate as validate

@@ -1,4 +1,4 @@
-"""Studies for Python users: tuning, fits, comparisons, replays, exports, validation, as the commands of the same names make them.
+"""Studies for Python users: leaderboards, tuning, fits, comparisons, replays, exports, validation, as their commands make them.
 
 Everything here stands as `flexlab.<name>`; each call is what its command does between reading words and printing tables.
 """
@@ -14,6 +14,10 @@ from flexlab.analysis import replay as replaying
 from flexlab.analysis.capsule import unpack_capsule, write_capsule
 from flexlab.analysis.comparison import Comparison
 from flexlab.analysis.identification.fitting import Fit, fit_file, fit_run
+from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board
+from flexlab.analysis.leaderboard.case import Case, chosen_cases
+from flexlab.analysis.leaderboard.entry import AnyEntrant, chosen_entrants
+from flexlab.analysis.leaderboard.store import FOLDER, RowStore
 from flexlab.analysis.replay import Replay
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.tuning import Tuning, parse_cost
@@ -183,3 +187,28 @@ def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[P
         else find_run(str(run), Path(logs))
         for run in runs
     ]
+
+
+def leaderboard(
+    laws: Sequence[AnyEntrant] | None = None,
+    cases: Sequence[str | Case] | None = None,
+    more_laws: Sequence[AnyEntrant] = (),
+    long: bool = False,
+    seed: int = 0,
+    folder: str | Path = FOLDER,
+    workers: int | None = None,
+    cluster: str | None = None,
+    progress: bool = True,
+) -> Leaderboard:
+    """Simulate control laws in the cases of the benchmark, and gather their scores in a table.
+
+    `laws`: names, paths of Python files, or classes of `OwnLaw`; None: flexlab's own, and `more_laws` besides. `cases`: names,
+    B1 to B8; None: all, B7 only with `long`. `folder` keeps every row under a hash of scenario, law and engine, so that only
+    what changed is computed again. `workers`: threads, None: one per core; or `cluster`: the
+    address of a Dask scheduler. A law that fails says why in its row. Raises
+    `StudyError` for unusable arguments and `ScenarioError` for a law's file that cannot be used.
+    """
+    known = chosen_workers(workers, cluster)
+    tasks = make_tasks(chosen_cases(cases, long), chosen_entrants(laws, more_laws), seed)
+    with progress_bar(progress, "rows") as told:
+        return run_board(tasks, RowStore(file_path("folder", folder)), known, told)

@@ -79,6 +79,11 @@ def difference_text(value: float, other: float, digits: int = 3, scale: float = 
     return number_text(difference, digits, signed=True)
 
 
+def speed_text(speed: float) -> str:
+    """A speed as people say it: "1/64 ×", "1 ×", "4 ×"."""
+    return f"1/{round(1 / speed)} ×" if speed < 1 else f"{number_text(speed)} ×"
+
+
 def plain(size: Decimal) -> str:
     """All digits of a number, without a power of ten and without zeros at the end of its decimals."""
     text = f"{size:f}"
@@ -195,6 +200,16 @@ def writable(value: Any) -> Any:
 def shown(text: str, longest: int = 20) -> str:
     """What somebody typed as a sentence repeats it: in quotes, cut, nothing in it obeyed."""
     return f"'{visible(text, longest)}'"
+
+
+LONGEST_ON_PAGE = 2000
+"""Characters of somebody else's text that the page shows at most."""
+
+
+def escaped(text: str) -> str:
+    """Text as it may stand in HTML; what files and people wrote is never shown without this."""
+    short = text if len(text) <= LONGEST_ON_PAGE else text[:LONGEST_ON_PAGE] + " …"
+    return escape(visible(short)).replace("\n", "<br>")
 
 
 CELL_HEIGHT = 640

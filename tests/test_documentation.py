@@ -10,7 +10,7 @@ import pytest
 
 import flexlab
 from flexlab import cli
-from flexlab.analysis.metrics.names import number_names
+from flexlab.analysis.metrics.metric import number_names
 from flexlab.control.law import laws
 from flexlab.control.path import paths
 from flexlab.guide import chapters

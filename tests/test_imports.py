@@ -34,7 +34,6 @@ LAYERS = {
     "lab": 7,
     "analysis": 7,
     "api": 8,
-    "leaderboard_api": 8,
     "linear_api": 8,
     "study_api": 8,
     "notebook": 8,

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import flexlab
-from flexlab.analysis.metrics.metric import forget
-from flexlab.analysis.metrics.names import named, number_names
+from flexlab.analysis.metrics.metric import forget, named, number_names
 from flexlab.analysis.metrics.own import DECLARED
 from flexlab.analysis.sweep.plan import make_plan
 from flexlab.analysis.sweep.result import run_sweep

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from flexlab.analysis.metrics import MetricCollection, MetricRow, RunMetrics
-from flexlab.analysis.metrics.names import named, numbers
+from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.run_summary import scenario_differences
 from flexlab.recording.overlay import run_label, write_comparison

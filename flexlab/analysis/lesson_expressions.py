@@ -15,7 +15,7 @@ import numpy as np
 
 from flexlab.analysis.lesson_measures import OF_A_PART, VALUES, Look
 from flexlab.analysis.metrics import METRICS, RunMetrics, run_metrics
-from flexlab.analysis.metrics.names import number_names
+from flexlab.analysis.metrics.metric import number_names
 from flexlab.errors import LabError
 from flexlab.scenario import parse_scenario
 from flexlab.sim.signals import DERIVED, TABLE

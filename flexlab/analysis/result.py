@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexlab.analysis.metrics.names import Number
+from flexlab.analysis.metrics.metric import Number
 from flexlab.errors import StudyError
 from flexlab.recording.run_info import package_version
 from flexlab.scenario import Scenario

@@ -21,7 +21,7 @@ from scipy.optimize import differential_evolution
 
 from flexlab.analysis.figures import BLUE, GRAY, RESOLUTION, STYLE, VERMILION
 from flexlab.analysis.metrics import RunMetrics
-from flexlab.analysis.metrics.names import named, number_names, numbers
+from flexlab.analysis.metrics.metric import named, number_names, numbers
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.figures import SIZE, pareto_front

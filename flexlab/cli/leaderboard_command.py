@@ -10,9 +10,9 @@ from flexlab.cli.options import Cluster, Threads
 
 if TYPE_CHECKING:
     from flexlab.analysis.leaderboard.board import Leaderboard
-    from flexlab.analysis.leaderboard.row import Row, Task
+    from flexlab.analysis.leaderboard.entry import Row, Task
+    from flexlab.analysis.leaderboard.report import Grid
     from flexlab.analysis.leaderboard.store import RowStore
-    from flexlab.analysis.leaderboard.summary import Grid
     from flexlab.analysis.workers import Workers
 
 LONG_RUNS_ARE_LEFT_OUT = "B7 simulates ten minutes of each law, which takes some minutes: --long adds it."
@@ -58,7 +58,7 @@ def command(
     """
     from flexlab.analysis.leaderboard.board import make_tasks, run_board
     from flexlab.analysis.leaderboard.case import chosen_cases
-    from flexlab.analysis.leaderboard.entrants import chosen_entrants
+    from flexlab.analysis.leaderboard.entry import chosen_entrants
     from flexlab.analysis.leaderboard.report import write_report
     from flexlab.analysis.leaderboard.store import FOLDER, RowStore
     from flexlab.analysis.workers import chosen_workers, progress_bar
@@ -106,7 +106,7 @@ def _verify(rows: "list[Row]", tasks: "tuple[Task, ...]", store: "RowStore", wor
 
 
 def _print(board: "Leaderboard") -> None:
-    from flexlab.analysis.leaderboard.summary import (
+    from flexlab.analysis.leaderboard.report import (
         OF_THE_BEST,
         SEVERAL,
         overview,

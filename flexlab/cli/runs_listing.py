@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexlab.analysis.metrics import Column as MetricColumn
-from flexlab.analysis.metrics.names import named, numbers
+from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.metrics.run_metrics import DURATION, UNKNOWN, measured, noted_text, noted_texts, results
 from flexlab.cli.console import note, output
 from flexlab.errors import StudyError

@@ -14,10 +14,10 @@ import viser
 
 from flexlab.lab.browser_messages import Count, Identifier
 from flexlab.lab.panel.number_control import put
-from flexlab.lab.panel.text import escaped
 from flexlab.lab.viser_internals import widget_uuid
 from flexlab.lab.viser_server import set_theme
 from flexlab.log_limits import limited
+from flexlab.text import escaped
 
 PAGE_SCRIPT = "".join(
     Path(__file__).with_name(name).read_text(encoding="utf-8")

@@ -11,7 +11,6 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.page_reports import PageReports
 from flexlab.lab.panel.panel import Panel
-from flexlab.lab.panel.text import number
 from flexlab.lab.plots.plots import Plots
 from flexlab.lab.scene.cameras import ClientCameras
 from flexlab.lab.scene.scene import Scene
@@ -20,6 +19,7 @@ from flexlab.log_limits import limited
 from flexlab.sim.commands import Pause, Play
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
+from flexlab.text import number_text
 
 UNATTENDED_TIME = 60.0
 """s without a browser after which a lab holds, and so records nothing more: a reload takes ten."""
@@ -59,7 +59,7 @@ class Attendance:
         """Somebody has come: what was held for want of them goes on."""
         snapshot = self._runner.snapshot
         if self._held_run == snapshot.run_number and not snapshot.playing and not self._lab_state.rules.locked:
-            time_now = number(float(snapshot.latest.time[0]), 5)
+            time_now = number_text(float(snapshot.latest.time[0]), 5)
             self._lab_state.say(f"This lab held at t = {time_now} s while nobody looked: it goes on.")
             self._lab_state.submit(Play())
         self._held_run = 0

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from flexlab.errors import StudyError
 from flexlab.multibody.bodies import make_bodies
-from flexlab.multibody.mjcf import mjcf_text
-from flexlab.multibody.urdf import urdf_text
+from flexlab.multibody.formats import mjcf_text, urdf_text
 from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
 

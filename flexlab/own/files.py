@@ -20,12 +20,12 @@ from flexlab.control.law import Law
 from flexlab.control.path import Path as DesiredPath
 from flexlab.errors import ScenarioError
 from flexlab.own import hosts
-from flexlab.own.data import with_data
 from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration, read_path_declaration
 from flexlab.own.elsewhere import address_in, is_address, is_unit, text_of_program
 from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
 from flexlab.own.path import OWN_PATHS
+from flexlab.own.reading import with_data
 from flexlab.own.unit import text_of_unit
 from flexlab.text import PARSER, syntax_tree
 

@@ -24,8 +24,7 @@ from flexlab.server.connections import Connections, watch_patience
 from flexlab.server.labs.hub_labs import tell_class
 from flexlab.server.labs.lab_provider import Choice, LabProvider
 from flexlab.server.labs.per_visitor import PrivateLabs
-from flexlab.server.labs.recorded_lab import RecordedLab
-from flexlab.server.labs.shared import SharedLabProvider
+from flexlab.server.labs.recorded_lab import RecordedLab, SharedLabProvider
 from flexlab.server.limits import Limit
 from flexlab.server.pages.compare_page import add_compare_pages
 from flexlab.server.pages.lab_pages import add_lab_pages, add_live_pages

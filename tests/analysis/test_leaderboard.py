@@ -9,11 +9,9 @@ import pytest
 import flexlab
 from flexlab.analysis.leaderboard.board import Finding, Leaderboard, make_tasks, run_board, verify
 from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases, peak_error, settled
-from flexlab.analysis.leaderboard.entrants import chosen_entrants, entrants
-from flexlab.analysis.leaderboard.report import write_report
-from flexlab.analysis.leaderboard.row import Row
+from flexlab.analysis.leaderboard.entry import Row, chosen_entrants, entrants
+from flexlab.analysis.leaderboard.report import overview, sections, settings, write_report
 from flexlab.analysis.leaderboard.store import RowStore, law_source, shipped_rows
-from flexlab.analysis.leaderboard.summary import overview, sections, settings
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Tap

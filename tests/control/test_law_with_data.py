@@ -10,7 +10,7 @@ from conftest import Command
 
 import flexlab
 from flexlab.errors import FlexlabError, ScenarioError
-from flexlab.own.data import MOST_DATA, with_data, without_data
+from flexlab.own.reading import MOST_DATA, with_data, without_data
 
 TEXT = '''"""Gains from a file."""
 

@@ -10,7 +10,6 @@ from flexlab.control.path import build_motion
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.run_comparison import change_text
-from flexlab.lab.panel.text import escaped, factor, number
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, overview, payload_view
 from flexlab.lab.scene.stage import floor_extent
 from flexlab.lab.view_settings import fitting_exaggeration, fitting_window, tamed_exaggeration
@@ -18,6 +17,7 @@ from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Reset
 from flexlab.sim.runner import Runner
+from flexlab.text import escaped, number_text, speed_text
 
 
 def test_exaggeration_suits_the_beam() -> None:
@@ -134,10 +134,10 @@ def test_marks_of_a_slider_are_in_order_and_their_labels_apart() -> None:
 def test_text_is_escaped_and_cut() -> None:
     assert escaped("<img src=x onerror=alert(1)>") == "&lt;img src=x onerror=alert(1)&gt;"
     assert len(escaped("a" * 1_000_000)) < 3000
-    assert number(-0.5) == "−0.5"
-    assert number(float("nan")) == "–"
-    assert factor(1 / 256) == "1/256 ×"
-    assert factor(2.0) == "2 ×"
+    assert number_text(-0.5) == "−0.5"
+    assert number_text(float("nan")) == "–"
+    assert speed_text(1 / 256) == "1/256 ×"
+    assert speed_text(2.0) == "2 ×"
 
 
 def test_changes_have_a_sign_unless_there_is_none() -> None:

@@ -14,7 +14,7 @@ from scipy.linalg import eigh, null_space
 from flexlab.errors import StudyError
 from flexlab.multibody import write_bodies
 from flexlab.multibody.bodies import make_bodies
-from flexlab.multibody.mjcf import mjcf_text
+from flexlab.multibody.formats import mjcf_text
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.simulate import simulate

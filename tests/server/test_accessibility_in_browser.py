@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Page, ViewportSize
 
 from flexlab.analysis.leaderboard.board import make_tasks, run_board
 from flexlab.analysis.leaderboard.case import cases
-from flexlab.analysis.leaderboard.entrants import chosen_entrants
+from flexlab.analysis.leaderboard.entry import chosen_entrants
 from flexlab.analysis.leaderboard.store import RowStore
 from flexlab.presets import load_preset
 from flexlab.server.front_server import open_front_server

@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page
 
 from flexlab.analysis.leaderboard.board import make_tasks, run_board
 from flexlab.analysis.leaderboard.case import cases
-from flexlab.analysis.leaderboard.entrants import chosen_entrants
+from flexlab.analysis.leaderboard.entry import chosen_entrants
 from flexlab.analysis.leaderboard.store import RowStore
 from flexlab.control.law import laws
 from flexlab.control.path import PATHS

@@ -8,7 +8,7 @@ from http_client import ask, wait_until
 
 from flexlab.analysis.leaderboard.board import make_tasks, run_board
 from flexlab.analysis.leaderboard.case import cases
-from flexlab.analysis.leaderboard.entrants import chosen_entrants
+from flexlab.analysis.leaderboard.entry import chosen_entrants
 from flexlab.analysis.leaderboard.store import RowStore
 from flexlab.server.front_server import FrontServer
 

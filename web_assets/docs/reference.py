@@ -13,8 +13,7 @@ from pydantic import BaseModel
 
 import flexlab
 from flexlab import cli, notation
-from flexlab.analysis.metrics.metric import METRICS
-from flexlab.analysis.metrics.names import numbers
+from flexlab.analysis.metrics.metric import METRICS, numbers
 from flexlab.control import shapers
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law, laws

@@ -5,7 +5,7 @@ from tempfile import TemporaryDirectory
 
 from flexlab.analysis.leaderboard.board import make_tasks, run_board
 from flexlab.analysis.leaderboard.case import chosen_cases
-from flexlab.analysis.leaderboard.entrants import chosen_entrants
+from flexlab.analysis.leaderboard.entry import chosen_entrants
 from flexlab.analysis.leaderboard.store import RowStore, ship
 
 if __name__ == "__main__":

@@ -6,9 +6,11 @@ A file here that registers an explanation is all that a new one takes; `explanat
 import pkgutil
 from importlib import import_module
 
-from flexlab.analysis.explanations.evidence import LONGEST_LOOK, Background, Evidence
 from flexlab.analysis.explanations.explanation import (
     EXPLANATIONS,
+    LONGEST_LOOK,
+    Background,
+    Evidence,
     Explained,
     Explanation,
     explain,

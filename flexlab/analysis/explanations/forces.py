@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from flexlab.analysis.explanations.evidence import Evidence
-from flexlab.analysis.explanations.explanation import n, register
+from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, newest
 from flexlab.sim.run_warnings import Survey, axial_warning
 from flexlab.sim.termination import arm_name, elbow_sine, wrist_reach

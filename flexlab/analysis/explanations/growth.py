@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.explanations.evidence import Background, Evidence
-from flexlab.analysis.explanations.explanation import n, register
+from flexlab.analysis.explanations.explanation import Background, Evidence, n, register
 from flexlab.analysis.stability import NEUTRAL
 
 AGREES = 2.5

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from flexlab.analysis.explanations.evidence import Evidence
-from flexlab.analysis.explanations.explanation import n, register
+from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, torque_jump
 
 LEAST_AMPLITUDE = 1e-8

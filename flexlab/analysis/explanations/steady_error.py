@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.explanations.evidence import Evidence
-from flexlab.analysis.explanations.explanation import n, register
+from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length
 from flexlab.control.conditions import Circumstances
 from flexlab.sim.samples import Samples

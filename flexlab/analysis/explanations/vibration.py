@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from flexlab.analysis.explanations.evidence import Evidence
-from flexlab.analysis.explanations.explanation import n, register
+from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, newest, ring_frequency
 from flexlab.analysis.metrics.residual_vibration import ResidualVibration
 from flexlab.analysis.metrics.run_metrics import between

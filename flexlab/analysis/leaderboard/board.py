@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from flexlab.analysis.leaderboard.case import Case, Variant
-from flexlab.analysis.leaderboard.entrants import Entrant
-from flexlab.analysis.leaderboard.row import Row, Task, compute
+from flexlab.analysis.leaderboard.entry import Entrant, Row, Task, compute
 from flexlab.analysis.leaderboard.store import RowStore, engine, machine, row_key
 from flexlab.analysis.result import Result
 from flexlab.analysis.workers import Told, Workers, chosen_workers

@@ -1,9 +1,11 @@
-"""The leaderboard as files: one HTML file that opens without network, the table, and the figures.
+"""What tables, report and page say of a leaderboard: one overview, one section per case, and its figures.
 
-A figure has a dot per law and scenario, or is a map where there are many scenarios.
+The report is one HTML file that opens without network. A figure has a dot per law and scenario, or is a map where there are many.
 """
 
 import io
+from dataclasses import dataclass
+from math import exp, log, log2
 from pathlib import Path
 
 import matplotlib as mpl
@@ -18,10 +20,171 @@ from matplotlib.figure import Figure
 
 from flexlab.analysis.figures import BLUE, GREEN, STYLE, VERMILION
 from flexlab.analysis.leaderboard.board import Leaderboard
-from flexlab.analysis.leaderboard.case import Case
-from flexlab.analysis.leaderboard.summary import OF_THE_BEST, SEVERAL, overview, provenance, sections, settings
+from flexlab.analysis.leaderboard.case import Case, Score, Variant
+from flexlab.analysis.leaderboard.entry import Row
 from flexlab.errors import StudyError
 from flexlab.recording.store.notes import replacing
+
+FAILS = "fails"
+LEVELS = 6
+"""Shades of a table: each is for a score twice as large as the one before."""
+AS_GOOD = 1.05
+"""Times the best score up to which a score counts as the best, too."""
+OF_THE_BEST = "times the best law's score"
+SEVERAL = "of several scenarios the geometric mean"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A number of a table."""
+
+    text: str
+    level: int | None = None
+    """0: the best of its column; `LEVELS`: 2^LEVELS times as large or more; None: it has no number."""
+    about: str = ""
+    """More of it, for whoever points there."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Laws and columns."""
+
+    heads: tuple[str, ...]
+    lines: tuple[tuple[str, tuple[Cell, ...]], ...]
+    """(law, cells)."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """One case."""
+
+    case: Case
+    main: Grid
+    """The score that ranks, a column per variant; of a single scenario, all scores."""
+    details: tuple[tuple[str, Grid], ...]
+    """(variant, all scores) where there are several."""
+    failures: tuple[str, ...]
+    """Sentences."""
+
+
+def ratios(board: Leaderboard, case: Case, variant: Variant, score: Score) -> dict[str, float]:
+    """How many times the best law's score each law's is; laws without a number are not in it."""
+    found = {law: _value(board.row(case, variant, law), score) for law in board.laws}
+    known = {law: max(value, score.floor) for law, value in found.items() if value is not None}
+    best = min(known.values(), default=1.0)
+    return {law: value / best for law, value in known.items()}
+
+
+def _value(row: Row | None, score: Score) -> float | None:
+    return None if row is None or row.failed else row.scores.get(score.name)
+
+
+def _level(ratio: float) -> int:
+    return 0 if ratio <= AS_GOOD else min(LEVELS, max(1, round(log2(ratio))))
+
+
+def _ratio_text(ratio: float) -> str:
+    """Three digits, thousands apart."""
+    return f"{float(f'{ratio:.3g}'):,.0f}".replace(",", "\u202f") if ratio >= 1000 else f"{ratio:.3g}"
+
+
+def overview(board: Leaderboard) -> Grid:
+    """Laws × cases: how many times the best law's main score, the geometric mean of a case's variants."""
+    columns = [_overview_column(board, case) for case in board.cases]
+    lines = tuple((law, tuple(column[law] for column in columns)) for law in board.laws)
+    return Grid(tuple(f"{case.name} {case.title}" for case in board.cases), lines)
+
+
+def _overview_column(board: Leaderboard, case: Case) -> dict[str, Cell]:
+    by_variant = [ratios(board, case, variant, case.main) for variant in case.variants]
+    means: dict[str, float] = {}
+    cells: dict[str, Cell] = {}
+    for law in board.laws:
+        entered = [
+            found for variant, found in zip(case.variants, by_variant, strict=True) if board.row(case, variant, law)
+        ]
+        missing = sum(law not in found for found in entered)
+        if not entered:
+            cells[law] = Cell("–", None, "does not enter")
+        elif missing:
+            words = "fails" if len(entered) == 1 else f"fails {missing} of {len(entered)}"
+            cells[law] = Cell(words if _failed(board, case, law) else "no score", None, "see the case")
+        else:
+            means[law] = exp(sum(log(found[law]) for found in entered) / len(entered))
+    best = min(means.values(), default=1.0)
+    return cells | {
+        law: Cell(_ratio_text(mean / best), _level(mean / best), OF_THE_BEST) for law, mean in means.items()
+    }
+
+
+def _failed(board: Leaderboard, case: Case, law: str) -> bool:
+    return any((row := board.row(case, variant, law)) is not None and row.failed for variant in case.variants)
+
+
+def sections(board: Leaderboard) -> tuple[Section, ...]:
+    """One per case."""
+    return tuple(_section(board, case) for case in board.cases)
+
+
+def _section(board: Leaderboard, case: Case) -> Section:
+    grids = tuple((variant.name, _all_scores(board, case, variant)) for variant in case.variants)
+    failures = tuple(_failure(row) for row in board.failed if row.case == case.name)
+    if len(case.variants) == 1:
+        return Section(case, grids[0][1], (), failures)
+    columns = [_column(board, case, variant, case.main) for variant in case.variants]
+    return Section(case, _grid([variant.name for variant in case.variants], columns, board), grids, failures)
+
+
+def _all_scores(board: Leaderboard, case: Case, variant: Variant) -> Grid:
+    heads = [f"{score.column.heading} ({score.column.unit})" for score in case.scores]
+    return _grid(heads, [_column(board, case, variant, score) for score in case.scores], board)
+
+
+def _grid(heads: list[str], columns: list[dict[str, Cell]], board: Leaderboard) -> Grid:
+    entered = [law for law in board.laws if any(law in column for column in columns)]
+    lines = ((law, tuple(column.get(law, Cell("–", None, "does not enter")) for column in columns)) for law in entered)
+    return Grid(tuple(heads), tuple(lines))
+
+
+def _column(board: Leaderboard, case: Case, variant: Variant, score: Score) -> dict[str, Cell]:
+    found, cells = ratios(board, case, variant, score), dict[str, Cell]()
+    for law in board.laws:
+        row = board.row(case, variant, law)
+        if row is None:
+            continue
+        if row.failed:
+            cells[law] = Cell(FAILS, None, row.sentence)
+        elif law not in found:
+            cells[law] = Cell(score.text(None), None, row.sentence)
+        else:
+            said = "; ".join(filter(None, (f"{_ratio_text(found[law])} {OF_THE_BEST}", row.note, row.sentence)))
+            cells[law] = Cell(score.text(row.scores[score.name]), _level(found[law]), said)
+    return cells
+
+
+def _failure(row: Row) -> str:
+    where = f" ({row.variant})" if row.variant else ""
+    return f"{row.law}{where}: {row.sentence}"
+
+
+def settings(board: Leaderboard) -> tuple[str, ...]:
+    """Laws whose settings are not their defaults, or that need a clock, as sentences."""
+    notes = dict.fromkeys((row.law, part) for row in board.rows for part in row.note.split("; ") if part)
+    by_law: dict[str, list[str]] = {}
+    for law, part in notes:
+        by_law.setdefault(law, []).append(part)
+    return tuple(f"{law}: {', '.join(parts)}" for law, parts in by_law.items())
+
+
+def provenance(board: Leaderboard) -> str:
+    """Version, engine, seed and machine of the rows, as a sentence."""
+    names = ("version", "engine", "seed", "machine")
+    found = {name: ", ".join(dict.fromkeys(str(getattr(row, name)) for row in board.rows)) for name in names}
+    return (
+        f"{len(board.rows)} rows of flexlab {found['version']}, engine {found['engine']}, seed {found['seed']}, "
+        f"computed on {found['machine']}."
+    )
+
 
 WIDTH, LINE, AROUND = 6.5, 0.26, 1.1
 """Inches: of a figure, of a law's line, of what stands above and below."""

@@ -22,7 +22,7 @@ import numpy as np
 import scipy
 
 from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
-from flexlab.analysis.leaderboard.row import Row
+from flexlab.analysis.leaderboard.entry import Row
 from flexlab.assets import web_assets_folder
 from flexlab.control.law import laws
 from flexlab.errors import StudyError
@@ -42,7 +42,7 @@ _THIS_PROCESS = secrets.token_hex()
 _PACKAGE = Path(__file__).resolve().parents[2]
 _ROOMS = ("physics", "control", "sim", "scenario", "own", "analysis/metrics")
 _FILES = ("compiled.py", "numba_internals.py", "signal.py", "quantities.py", "boundaries.py")
-_HERE = ("case.py", "row.py", "entrants.py")
+_HERE = ("case.py", "entry.py")
 
 
 def digest(parts: Iterable[bytes | str]) -> str:

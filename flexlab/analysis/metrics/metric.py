@@ -3,6 +3,9 @@
 The same code serves a stream and a whole run: `update` takes any piece of it, in any order, `merge` another metric's
 pieces, `compute` gives the number. To add one, copy one of `magnitudes.py` into a file of its own: tables, lists, notes,
 comparisons and the Python interface follow from its columns.
+
+A number has one name, as in `rms_error.y`, and SI units. Names of earlier versions are still read: short ones, as in `rms-y`,
+and titles with units; their numbers are in the units of tables, as they were.
 """
 
 from abc import ABC, abstractmethod
@@ -10,6 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self, TypeVar
 
 import numpy as np
+
+from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -20,7 +25,7 @@ class Column:
     """How one number of a metric is shown."""
 
     field: str
-    """Short name of earlier versions, as in `--sort torque`; `names.py` has the one that is written."""
+    """Short name of earlier versions, as in `--sort torque`; `numbers` has the one that is written."""
     title: str
     heading: str
     """The title where there is little room."""
@@ -153,3 +158,59 @@ class Peak(Metric):
     def compute(self) -> tuple[float, ...]:
         """The largest magnitude, a number per column."""
         return tuple(float(peak) if peak != -np.inf else np.nan for peak in self._peak)
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of a metric."""
+
+    metric: str
+    index: int
+    """Which of the metric's numbers."""
+    column: Column
+
+    @property
+    def name(self) -> str:
+        """As in "rms_error.y", or "peak_torque" of a metric that is one number."""
+        return f"{self.metric}.{self.column.part}" if self.column.part else self.metric
+
+
+@dataclass(frozen=True)
+class Named:
+    """A number by one of its names."""
+
+    number: Number
+    scale: float
+    """Number that the name stands for over the one in SI units."""
+    unit: str
+
+    @property
+    def title(self) -> str:
+        """What is measured, and in which unit."""
+        return f"{self.number.column.title} ({self.unit})"
+
+
+def numbers() -> list[Number]:
+    """Every number of every metric, in the order of tables."""
+    return [
+        Number(name, index, column) for name, metric in METRICS.items() for index, column in enumerate(metric.columns)
+    ]
+
+
+def number_names() -> list[str]:
+    """Their names."""
+    return [number.name for number in numbers()]
+
+
+def named(word: str) -> Named:
+    """What a name stands for. Raises `StudyError` for a word that names no number."""
+    for number in numbers():
+        column = number.column
+        if word == number.name:
+            return Named(number, 1.0, column.si_unit)
+        if word in (column.field, column.key):
+            return Named(number, column.scale, column.unit)
+    parts = [name for name in number_names() if name.startswith(f"{word}.")]
+    if parts:
+        raise StudyError(f"{word} has several numbers: choose one of {', '.join(parts)}.")
+    raise StudyError(f"{word!r:.60} is no metric: choose one of {', '.join(number_names())}.")

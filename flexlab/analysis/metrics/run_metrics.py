@@ -10,8 +10,7 @@ from functools import cache
 from math import inf, isnan, nan
 from typing import TYPE_CHECKING, Any
 
-from flexlab.analysis.metrics.metric import METRICS, Column, Metric
-from flexlab.analysis.metrics.names import named
+from flexlab.analysis.metrics.metric import METRICS, Column, Metric, named
 from flexlab.text import html_table, result_text
 
 if TYPE_CHECKING:
@@ -121,7 +120,7 @@ class RunMetrics:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """All numbers, SI, in the order of `metrics.names.numbers`."""
+        """All numbers, SI, in the order of `metric.numbers`."""
         return tuple(value for values in self._values.values() for value in values)
 
     def as_data(self) -> dict[str, Any]:

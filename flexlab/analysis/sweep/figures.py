@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from flexlab.analysis.figures import BLUE, FORMATS, GRAY, RESOLUTION, STYLE, VERMILION
 from flexlab.analysis.metrics import Column
-from flexlab.analysis.metrics.names import named, numbers
+from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.result import Sweep
 from flexlab.errors import StudyError

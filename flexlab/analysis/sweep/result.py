@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
-from flexlab.analysis.metrics.names import named, numbers
+from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import Result, about_number
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Cell, Plan, run_part

@@ -22,12 +22,12 @@ from flexlab.lab.panel.number_control import (
     check_range,
     put,
 )
-from flexlab.lab.panel.text import escaped, number
 from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Scenario
 from flexlab.scenario.choices import TITLES, in_words, options, word_of
 from flexlab.scenario.field_text import short_title
 from flexlab.scenario.settings import PERIOD, USUAL_PERIOD, with_period_if_needed
+from flexlab.text import escaped, number_text
 
 LIVE_HINTS = {
     "continuous": "Acts at once.",
@@ -58,7 +58,7 @@ class Field:
         about = lab_state.intended.about(path)
         whole = isinstance(lab_state.intended.get(path), int)
         space = f" {unit}" if unit else ""
-        hint = f"Allowed: {number(about.low)} to {number(about.high)}{space}. {LIVE_HINTS[about.live]}"
+        hint = f"Allowed: {number_text(about.low)} to {number_text(about.high)}{space}. {LIVE_HINTS[about.live]}"
         value = self._read(lab_state.intended)
         self._control = NumberControl(
             gui, lab_state, name, unit, Scale(about, whole), hint, value, self._ask, self._usual
@@ -306,4 +306,4 @@ def _box(gui: viser.GuiApi, label: str, value: Any, hint: str) -> Any:
 def _text(value: Numbers) -> str:
     if value is None:
         return "none"
-    return ", ".join(number(item, 6) for item in value) if isinstance(value, tuple) else number(value, 6)
+    return ", ".join(number_text(item, 6) for item in value) if isinstance(value, tuple) else number_text(value, 6)

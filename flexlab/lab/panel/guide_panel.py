@@ -49,12 +49,11 @@ from flexlab.guide import (
 from flexlab.lab.class_rules import step_text
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.number_control import put
-from flexlab.lab.panel.text import escaped
 from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.presets import load_preset, preset_names
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
-from flexlab.text import with_units
+from flexlab.text import escaped, with_units
 
 OWN_LESSONS = Path("lessons")
 """Relative to the working directory."""

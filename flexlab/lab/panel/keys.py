@@ -7,8 +7,8 @@ import viser
 
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.text import escaped
 from flexlab.presets import load_preset, preset_names
+from flexlab.text import escaped
 
 NUMBER_KEYS = 9
 MORE = (

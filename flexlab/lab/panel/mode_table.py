@@ -11,11 +11,11 @@ from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.mode_computation import ModeStudy, peak_deflection
 from flexlab.lab.panel.playback import SPEEDS
-from flexlab.lab.panel.text import escaped, number
 from flexlab.lab.view_settings import EXAGGERATION, nice
 from flexlab.sim.commands import Pause, Play, SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
+from flexlab.text import escaped, number_text
 
 MOST_POLES = 6
 """Rows of poles: the growing ones first."""
@@ -149,7 +149,7 @@ def _beam_html(result: Modes) -> str:
             moved = f"sideways, {sideways:.0f} %"
         else:
             moved = f"turning, {turning:.0f} %"
-        ratio = number(100 * float(result.damping_ratio[k]), 2)
+        ratio = number_text(100 * float(result.damping_ratio[k]), 2)
         rows.append(f"<tr><td>{k + 1}</td><td>{result.frequency[k]:.2f}</td><td>{ratio}</td><td>{moved}</td></tr>")
     return (
         '<h2 class="fl-title">Beam with its grips held</h2>'
@@ -172,7 +172,7 @@ def _poles_html(result: Modes) -> str:
     cells = "".join(_pole_html(row) for row in seen[:MOST_POLES])
     alarm = ""
     if result.unstable:
-        rate = number(result.growth, 3)
+        rate = number_text(result.growth, 3)
         alarm = f'<div class="fl-box fl-error">Unstable: small motions grow at {rate} 1/s.</div>'
     return (
         f'<h2 class="fl-title">Poles of the {kind} loop</h2><div class="fl-dim">{sampling}</div>{alarm}'
@@ -183,7 +183,7 @@ def _poles_html(result: Modes) -> str:
 
 def _pole_html(row: PoleRow) -> str:
     frequency = f"{row.frequency:.2f}" if row.frequency else "–"
-    rate, ratio = number(row.rate, 3), number(100 * row.damping_ratio, 2)
+    rate, ratio = number_text(row.rate, 3), number_text(100 * row.damping_ratio, 2)
     grows = row.verdict == "grows"
     mark, rate = (' class="fl-bad"', f"{rate} grows") if grows else ("", rate)
     return f"<tr{mark}><td>{frequency}</td><td>{ratio}</td><td>{rate}</td><td>{escaped(row.origin)}</td></tr>"
@@ -208,4 +208,4 @@ def _margin_text(margin: Margin) -> str:
         return '<span class="fl-bad">none: unstable</span>'
     if not math.isfinite(high):
         return "any"
-    return f"× {number(low, 2)} – {number(high, 2)}, ±{margin.phase:.0f}°"
+    return f"× {number_text(low, 2)} – {number_text(high, 2)}, ±{margin.phase:.0f}°"

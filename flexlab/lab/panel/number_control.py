@@ -9,9 +9,9 @@ import viser
 
 from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.text import escaped, number
 from flexlab.lab.viser_internals import mark_slider
 from flexlab.quantities import Quantity
+from flexlab.text import escaped, number_text
 
 SETTLE_TIME = 4.0
 """How long a box keeps what a person typed but the lab did not take, wall seconds; then it shows the true value again."""
@@ -36,8 +36,8 @@ def check_range(about: Quantity, name: str, unit: str, value: float) -> None:
     if not about.low <= value <= about.high:
         space = f" {unit}" if unit not in ("", "1") else ""
         raise LabError(
-            f"{name} = {number(value, 6)}{space} is outside the allowed range {number(about.low)} to "
-            f"{number(about.high)}{space}: choose a value within it."
+            f"{name} = {number_text(value, 6)}{space} is outside the allowed range {number_text(about.low)} to "
+            f"{number_text(about.high)}{space}: choose a value within it."
         )
 
 
@@ -51,7 +51,7 @@ class Scale:
         self._logarithmic, self._whole = about.logarithmic and low > 0, whole
         self.low, self.high = self._place(low), self._place(high)
         self.step = 1.0 if whole else (self.high - self.low) / SLIDER_STEPS
-        self.marks = ((self.low, number(low)), (self.high, number(high)))
+        self.marks = ((self.low, number_text(low)), (self.high, number_text(high)))
         self.box_step = 10.0 ** math.floor(math.log10((high - low) / 100)) if high - low < 100 else 1.0
         """What an arrow key adds in the box: about a hundredth of the slider, but no more than 1."""
 
@@ -172,7 +172,7 @@ class NumberControl:
             check_range(self._scale.about, self._name, self._unit, value)
             self._ask(value)
         except FlexlabError as error:
-            self._complain(f"{error} It stays at {number(self._value, 6)}.")
+            self._complain(f"{error} It stays at {number_text(self._value, 6)}.")
             return False
         self._value = value
         self._offer_way_back()

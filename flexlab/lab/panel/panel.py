@@ -19,7 +19,6 @@ from flexlab.lab.panel.run_comparison import Comparing
 from flexlab.lab.panel.scenario_files import Presets, ScenarioFiles
 from flexlab.lab.panel.sections import GROUPS, SECTIONS, Details, Section, conditions_html, three_valued
 from flexlab.lab.panel.style import style_element
-from flexlab.lab.panel.text import escaped
 from flexlab.lab.panel.view_controls import Look, ViewControls
 from flexlab.lab.picking import DisturbanceSettings, Picking
 from flexlab.lab.reference_run import Recorded
@@ -27,6 +26,7 @@ from flexlab.lab.view_settings import Legend
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event, Snapshot
+from flexlab.text import escaped
 
 
 class Panel:

@@ -10,10 +10,10 @@ from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.panel.number_control import BOX_DIGITS, put
 from flexlab.lab.panel.readouts import events_html
-from flexlab.lab.panel.text import factor, number
 from flexlab.sim.command_queue import MOST_STEPS
 from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, StepOnce
 from flexlab.sim.snapshot import TICK, Snapshot
+from flexlab.text import number_text, speed_text
 
 SPEEDS = tuple(2.0**power for power in range(2, -9, -1))
 """Choices of simulated seconds per wall second: 4 down to 1/256."""
@@ -45,9 +45,9 @@ class Playback:
         self._begin_mark = gui.add_html('<i class="fl-begin"></i>', visible=False)
         self._begin = gui.add_button("Begin", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._begin.on_click(handler(lab_state, lambda _: lab_state.submit(Play())))
-        self._speeds = {factor(speed): speed for speed in SPEEDS}
+        self._speeds = {speed_text(speed): speed for speed in SPEEDS}
         self._speed = gui.add_dropdown(
-            "Speed", tuple(self._speeds), initial_value=factor(1.0), hint="Simulated time per real time"
+            "Speed", tuple(self._speeds), initial_value=speed_text(1.0), hint="Simulated time per real time"
         )
         self._play.on_click(handler(lab_state, lambda _: self._clicked()))
         # Pressing steps once and holding goes on; the click that ends it is no step, but that of the keyboard is one.
@@ -63,8 +63,8 @@ class Playback:
         stands = not snapshot.playing and not snapshot.status.failed
         begins = stands and float(snapshot.latest.time[0]) == snapshot.start_time
         put(self._begin_mark, visible=begins)
-        put(self._begin, visible=begins, label=f"Play from t = {number(snapshot.start_time, 5)} s")
-        shown = factor(snapshot.target_speed)
+        put(self._begin, visible=begins, label=f"Play from t = {number_text(snapshot.start_time, 5)} s")
+        shown = speed_text(snapshot.target_speed)
         if snapshot.target_speed != self._seen_speed and shown in self._speeds:
             self._seen_speed = snapshot.target_speed
             self._speed.value = shown
@@ -150,7 +150,7 @@ class Scrub:
         self._ago = ago
         for button in (self._back, self._go_on):
             put(button, visible=ago > 0)
-        told = f'<span class="fl-box">Paused: {number(ago)} s ago</span>' if ago else ""
+        told = f'<span class="fl-box">Paused: {number_text(ago)} s ago</span>' if ago else ""
         put(self._words, content=f'<div class="fl fl-scrub">{told}</div>')
 
 

@@ -11,13 +11,12 @@ from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.panel.number_control import put
-from flexlab.lab.panel.text import escaped, factor, number
 from flexlab.lab.view_settings import Legend, ViewSettings
 from flexlab.sim.commands import Pull
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event, Snapshot
-from flexlab.text import fixed_text, with_units
+from flexlab.text import escaped, fixed_text, number_text, speed_text, with_units
 
 LARGE_DEFLECTION = 0.05
 """|w|/L, anywhere along the beam, above which the linear beam model is no longer trusted."""
@@ -35,14 +34,14 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
     sample = snapshot.latest
     tone, word = _status(snapshot)
     bending = 1e3 * float(sample.midspan_deflection[0])
-    speed = f"{factor(snapshot.target_speed)} / {_measured(snapshot.actual_speed)}"
+    speed = f"{speed_text(snapshot.target_speed)} / {_measured(snapshot.actual_speed)}"
     rows = [
         ("simulation time t", f"{fixed_text(float(sample.time[0]), 3)} s"),
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
         ("first beam frequency f<sub>1</sub>, grips held", f"{fixed_text(snapshot.first_frequency, 2)} Hz"),
         ("mid-span deflection", f"{fixed_text(bending, 3, signed=True)} mm"),
         ("largest joint torque", _torque(sample)),
-        ("drawn deflection", f"{number(view.exaggeration)} × true size"),
+        ("drawn deflection", f"{number_text(view.exaggeration)} × true size"),
         *legend.scales,
     ]
     if legend.strain:
@@ -72,7 +71,7 @@ def largest_vibration(recent: Samples) -> str:
 
 def _measured(speed: float) -> str:
     """A measured speed, to a hundredth or, in slow motion, to two digits."""
-    return f"{fixed_text(speed, 2)} ×" if speed >= 0.1 or speed == 0 else f"{number(speed, 2)} ×"
+    return f"{fixed_text(speed, 2)} ×" if speed >= 0.1 or speed == 0 else f"{number_text(speed, 2)} ×"
 
 
 def _torque(sample: Samples) -> str:
@@ -85,7 +84,7 @@ def _color_legend(limit: float, unit: str) -> str:
     """A strip of the colours with its ends in their unit."""
     ends = f"{colors.css(colors.BLUE)}, #e1e1e1, {colors.css(colors.VERMILION)}"
     strip = f'<span class="fl-strip" style="background: linear-gradient(90deg, {ends})"></span>'
-    return f"−{number(limit)} {strip} +{number(limit)} {unit}"
+    return f"−{number_text(limit)} {strip} +{number_text(limit)} {unit}"
 
 
 def notices_html(snapshot: Snapshot, notice: Notice, standing: Sequence[str] = ()) -> str:
@@ -133,7 +132,7 @@ def warnings(snapshot: Snapshot) -> list[str]:
         found.append(snapshot.pace_warning)
     elif snapshot.too_slow and snapshot.actual_speed < CLEARLY_SLOWER * snapshot.target_speed:
         found.append(
-            f"Too slow: this machine reaches {_measured(snapshot.actual_speed)} instead of {factor(snapshot.target_speed)}. "
+            f"Too slow: this machine reaches {_measured(snapshot.actual_speed)} instead of {speed_text(snapshot.target_speed)}. "
             "Choose a lower speed or fewer elements."
         )
     return found
@@ -205,7 +204,7 @@ def summary_text(snapshot: Snapshot, recent: Samples, sentences: Sequence[Explai
     deflection = fixed_text(1e3 * float(sample.midspan_deflection[0]), 3, signed=True)
     told = [
         f"{scenario.title or snapshot.name}: {arms} a flexible beam.",
-        f"{status_word(snapshot)} at t = {fixed_text(float(sample.time[0]), 2)} s, speed {factor(snapshot.target_speed)}.",
+        f"{status_word(snapshot)} at t = {fixed_text(float(sample.time[0]), 2)} s, speed {speed_text(snapshot.target_speed)}.",
         f"Mid-span deflection {deflection} mm, largest vibration {largest_vibration(recent)}, "
         f"first beam frequency {fixed_text(snapshot.first_frequency, 2)} Hz.",
         *warnings(snapshot),

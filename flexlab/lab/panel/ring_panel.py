@@ -13,9 +13,9 @@ from flexlab.analysis.identification.ring import RingFit, fit_ring, recent_ring
 from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.number_control import put
-from flexlab.lab.panel.text import escaped, number
 from flexlab.log_limits import limited
 from flexlab.sim.runner import Runner
+from flexlab.text import escaped, number_text
 
 LOOKED_BACK = 30.0
 """s in which a ring is looked for: all that a runner keeps."""
@@ -149,7 +149,7 @@ def ring_html(found: FittedRing, has_gain: bool) -> str:
         for k, mode in enumerate(fit.modes, start=1)
     )
     span = 1e3 * (fit.end - fit.start)
-    head = f"Since {found.since}: {fit.samples} samples, {span:.0f} ms, noise {number(1e3 * fit.noise, 2)} mm"
+    head = f"Since {found.since}: {fit.samples} samples, {span:.0f} ms, noise {number_text(1e3 * fit.noise, 2)} mm"
     parts = [f'<div class="fl-dim">{escaped(head)}</div><table class="fl-table">{rows}</table>']
     if found.remedies is not None:
         parts += [f'<div class="fl-line">{escaped(sentence)}</div>' for sentence in sentences(found.remedies, has_gain)]
@@ -166,6 +166,6 @@ def sentences(offered: Remedies, has_gain: bool) -> list[str]:
     way = "This law takes it." if has_gain else "The laws vibration-damping and composite have it."
     return [
         f"Input shapers for {offered.frequency:.4g} Hz: {shapers}. Shortest that suffices: {offered.suggested}.",
-        f"{symbol} = {number(offered.gain, 3)} {unit} damps this mode to ζ = {100 * WANTED_RATIO:.0f} %, if torques act at "
+        f"{symbol} = {number_text(offered.gain, 3)} {unit} damps this mode to ζ = {100 * WANTED_RATIO:.0f} %, if torques act at "
         f"once. {way}",
     ]

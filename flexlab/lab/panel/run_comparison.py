@@ -8,12 +8,12 @@ import viser
 from flexlab.analysis.metrics import MetricRow
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.text import escaped, number
 from flexlab.lab.reference_run import LONGEST, Recorded, ReferenceRun, common_metrics, differences, keep_run, whole_run
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import field_title, told, value_text
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
+from flexlab.text import escaped, number_text
 
 EVERY = 10
 """Panel updates per table (1 Hz): metrics read the whole common time."""
@@ -105,7 +105,7 @@ def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> s
 
 def metric_text(row: MetricRow) -> str:
     """A metric with three digits, or what stands for a missing one, as HTML."""
-    return escaped(row.column.missing) if math.isnan(row.value) else number(row.value, 3)
+    return escaped(row.column.missing) if math.isnan(row.value) else number_text(row.value, 3)
 
 
 def change_text(percent: float) -> str:

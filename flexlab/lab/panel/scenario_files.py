@@ -14,14 +14,13 @@ from flexlab.errors import PresetError, ScenarioError
 from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.number_control import put
 from flexlab.lab.panel.run_comparison import told_html
-from flexlab.lab.panel.text import escaped
 from flexlab.lab.reference_run import differences
 from flexlab.presets import OWN_FOLDER, load_preset, load_scenario_file, preset_names, save_scenario, scenario_text
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import field_title, told, value_text
 from flexlab.scenario.path_file import decoded_path
 from flexlab.sim.snapshot import Snapshot
-from flexlab.text import visible, with_units
+from flexlab.text import escaped, visible, with_units
 
 LONGEST_NAME = 40
 """Characters of a name: what a menu shows."""

@@ -11,11 +11,11 @@ from flexlab.control.path import Trajectory
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.field import Choice, Field, NumericField
 from flexlab.lab.panel.number_control import put
-from flexlab.lab.panel.text import escaped, number
 from flexlab.quantities import Part, Quantity, describe, own_numbers
 from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import COMMON_FIELDS
 from flexlab.sim.target import build_trajectory, desired_at
+from flexlab.text import escaped, number_text
 
 SECTIONS = (("Beam", "payload"), ("Controller", "controller"), ("Trajectory", "trajectory"), ("World", ""))
 """Folder title and path of the part of the scenario that it shows."""
@@ -156,7 +156,7 @@ def three_valued(scenario: Scenario) -> str:
     for entry in (*entries(scenario, "controller"), *entries(scenario, "trajectory")):
         value = scenario.get(entry.path)
         if entry.component is None and isinstance(value, tuple) and len(set(value)) > 1:
-            values = ", ".join(number(item) for item in value)
+            values = ", ".join(number_text(item) for item in value)
             sentences.append(f"{entry.name} is {values} for x, y, θ: the slider sets all three.")
     return " ".join(sentences)
 

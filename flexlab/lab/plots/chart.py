@@ -15,7 +15,6 @@ import viser
 from viser import uplot
 
 from flexlab.lab import colors
-from flexlab.lab.panel.text import escaped
 from flexlab.lab.plots.plot_signals import Limit, Plot
 from flexlab.lab.ranges import Span
 from flexlab.lab.reference_run import ReferenceRun
@@ -23,6 +22,7 @@ from flexlab.lab.viser_internals import send_plot_data, widget_uuid
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK
+from flexlab.text import escaped
 
 STRETCHES = 140
 """Per window, or per part of it that is zoomed into: one per two screen pixels of a plot."""

@@ -8,10 +8,10 @@ from flexlab.analysis.explanations import EXPLANATIONS, LONGEST_LOOK, Evidence, 
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.panel.number_control import put
-from flexlab.lab.panel.text import escaped
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event, Snapshot
+from flexlab.text import escaped
 
 MOST = 3
 """Sentences at once."""

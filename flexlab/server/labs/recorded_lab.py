@@ -1,5 +1,6 @@
-"""One lab with its recorder, put together: the page on a loopback port, every run into the logs folder."""
+"""One lab with its recorder: the page on a loopback port, every run into the logs folder. And as the one lab of all visitors."""
 
+import asyncio
 import contextlib
 import math
 import shutil
@@ -15,11 +16,11 @@ from flexlab.errors import RecordingError
 from flexlab.guide import LessonProgress
 from flexlab.lab.class_rules import LOCKED, ClassRules
 from flexlab.lab.session import Session
-from flexlab.recording.live import Take
+from flexlab.recording.live import LiveHub, Take
 from flexlab.recording.reader import read_range
 from flexlab.recording.recorder import Recorder
 from flexlab.scenario import Scenario
-from flexlab.server.labs.lab_provider import Choice, Hold, LabStatus
+from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabStatus
 from flexlab.server.labs.quota import Quota
 from flexlab.server.scenario_links import encode_scenario, scenario_path
 from flexlab.sim.commands import Pause, Play
@@ -244,3 +245,79 @@ class RecordedLab:
 def _quiet() -> contextlib.AbstractContextManager[object]:
     """Keep viser's own banner to itself: what matters of it is said in this lab's words."""
     return contextlib.redirect_stdout(StringIO())
+
+
+class SharedLab:
+    """The lab at `/lab`."""
+
+    def __init__(self, laboratory: RecordedLab, live: LiveHub | None):
+        self._laboratory = laboratory
+        self.live = live
+        self.path = "/lab"
+        self.visitors = 0
+        self.name = ""
+        self.number = 1
+
+    @property
+    def port(self) -> int:
+        """Of its own server on loopback."""
+        return self._laboratory.port
+
+    @property
+    def secret(self) -> str:
+        """The word without which that server answers nobody."""
+        return self._laboratory.secret
+
+    def status(self) -> LabStatus:
+        """How it stands."""
+        return self._laboratory.status()
+
+
+class SharedLabProvider:
+    """All visitors look at, and move, the same arms."""
+
+    is_private = False
+
+    def __init__(self, laboratory: RecordedLab, live: LiveHub | None = None):
+        self._laboratory = laboratory
+        self.rules = ClassRules()
+        self._place = SharedLab(laboratory, live)
+
+    async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
+        """The one lab, with what this visitor chose."""
+        if choice is not None:
+            self._laboratory.load(choice)
+        return self._place
+
+    def of_visitor(self, visitor: str) -> Lab | None:
+        """The one lab."""
+        return self._place
+
+    def ended(self, visitor: str, lab: str) -> str:
+        """It runs as long as the server does."""
+        return ""
+
+    async def ask(self, place: Lab, what: Choice | Hold) -> None:
+        """The one lab follows."""
+        self._laboratory.ask(what)
+
+    async def rule(self, rules: ClassRules) -> None:
+        """The one lab follows."""
+        self.rules = rules
+        self._laboratory.ask(rules)
+
+    def call(self, visitor: str, name: str) -> None:
+        """Nothing: the lab is everybody's."""
+
+    def left(self, place: Lab) -> None:
+        """Nothing: it waits for the next visitor."""
+
+    def running(self) -> list[Lab]:
+        """The one lab."""
+        return [self._place]
+
+    async def close(self) -> Path | None:
+        """End it; returns its last recording."""
+        if self._place.live is not None:
+            self._place.live.close()
+        return await asyncio.to_thread(self._laboratory.close)

@@ -11,9 +11,9 @@ from aiohttp import web
 
 from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board
 from flexlab.analysis.leaderboard.case import cases, chosen_cases
-from flexlab.analysis.leaderboard.entrants import chosen_entrants
+from flexlab.analysis.leaderboard.entry import chosen_entrants
+from flexlab.analysis.leaderboard.report import OF_THE_BEST, SEVERAL, overview, provenance, sections, settings
 from flexlab.analysis.leaderboard.store import FOLDER, RowStore, digest, engine, shipped_rows
-from flexlab.analysis.leaderboard.summary import OF_THE_BEST, SEVERAL, overview, provenance, sections, settings
 from flexlab.errors import FlexlabError
 from flexlab.server.pages.page_context import Context, context_of, told
 from flexlab.server.pages.templating import page

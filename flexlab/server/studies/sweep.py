@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from flexlab.analysis.metrics.names import numbers
+from flexlab.analysis.metrics.metric import numbers
 from flexlab.analysis.metrics.run_metrics import DURATION
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan, make_plan

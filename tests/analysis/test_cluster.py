@@ -16,12 +16,12 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 from distributed import Client
-from flexlab.analysis.leaderboard.entrants import chosen_entrants
 from own_law_text import PD, forget_own_laws
 
 import flexlab
 from flexlab.analysis.leaderboard.board import make_tasks, run_board
 from flexlab.analysis.leaderboard.case import chosen_cases
+from flexlab.analysis.leaderboard.entry import chosen_entrants
 from flexlab.analysis.leaderboard.store import RowStore
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.tuning import parse_cost, tune

@@ -19,6 +19,7 @@ from flexlab.errors import FlexlabError, StudyError
 from flexlab.registry import Registry
 from flexlab.scenario import Scenario
 from flexlab.scenario.choices import TITLES, options
+from flexlab.scenario.field_text import short_title
 from flexlab.server.task_book import Outcome, Task
 from flexlab.text import number_text, typed_number, visible
 
@@ -99,13 +100,14 @@ class Study(ABC):
         return Found()
 
     def axis_title(self, axis: Axis) -> str:
-        """A varied field in words."""
+        """A varied field in words, with its symbol."""
         if axis.path in TITLES:
             return TITLES[axis.path]
         try:
-            return self.scenario.about(axis.path).title
+            about = self.scenario.about(axis.path)
         except FlexlabError:
             return axis.path
+        return f"{short_title(about)} {about.symbol}".strip()
 
     def axis_text(self, axis: Axis) -> str:
         """What an axis covers, in words."""
@@ -117,7 +119,7 @@ class Study(ABC):
             unit = self.scenario.about(axis.path).unit_text()
         except FlexlabError:
             unit = ""
-        spacing = ", logarithmic" if axis.logarithmic else ""
+        spacing = ", equal ratios" if axis.logarithmic else ""
         return f"{title}: {number_text(axis.low)} to {number_text(axis.high)}{unit}{spacing}{count}"
 
 

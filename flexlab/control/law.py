@@ -107,6 +107,8 @@ class Law:
     constants: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """Further fields of the gains record and their shapes, which `derive` computes from the scenario."""
     derive: Callable[[Any], dict[str, np.ndarray]] = nothing_derived
+    untouched: tuple[str, ...] = ()
+    """Of a law with `derive` or `start`: the gains of which they make nothing."""
     conditions: Callable[[Circumstances], tuple[Condition, ...]] = no_conditions
     """What its stability needs where that can be computed, besides what holds for all laws (`analysis.law_conditions`)."""
     drives: bool = True

@@ -8,8 +8,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from flexlab.control.law import law_of
-from flexlab.quantities import describe
+from flexlab.control.controller import Controller
+from flexlab.control.law import law_of, nothing_derived
+from flexlab.quantities import describe, own_numbers
 from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario
 from flexlab.signal import AXIS
@@ -142,15 +143,27 @@ def desired_motion(start: np.ndarray, place: int) -> list[Variable]:
     ]  # fmt: skip
 
 
+class Gain(NamedTuple):
+    """A gain that can be tuned."""
+
+    name: str
+    """Of its variable, or what the names of its variables begin with."""
+    settings: Any
+    """The part of the scenario that has it, in a field."""
+    field: str
+    place: int
+    """In the law's record, bytes."""
+
+
 def parameters(
-    scenario: Scenario, places: Mapping[str, int], gains: Sequence[str], is_plant: bool = False
+    scenario: Scenario, places: Mapping[str, int], gains: Sequence[Gain], is_plant: bool = False
 ) -> list[Variable]:
     """Gravity, the seed of the noise and these gains of the law: what can be tuned while a unit runs, at its `places`.
 
-    Gravity is a law's, too: of one that takes no gains as they are, other things were made of it.
+    Gravity is a law's, too: of one that derives constants, it may have gone into them.
     """
     found = []
-    if gains or is_plant:
+    if is_plant or (gains and law_of(scenario.controller).derive is nothing_derived):
         about = describe(type(scenario), "gravity")
         title, low, high = about.title, about.low, about.high
         found += [Variable("gravity", about.unit, title, "parameter", places["gravity"], scenario.gravity, low, high)]
@@ -163,18 +176,19 @@ def parameters(
                 "noise_seed", "1", "Seed of the sensors' noise", "parameter", places["seed"], start, low, high, True
             )
         ]
-    law, record = scenario.controller, law_of(scenario.controller).gains_type
-    for name in gains:
-        about, size = describe(type(law), name), math.prod(record[name].shape)
-        units, values = about.unit.split(", "), np.broadcast_to(getattr(law, name), size)
+    for gain in gains:
+        about, size = (
+            describe(type(gain.settings), gain.field),
+            own_numbers(type(gain.settings), Controller)[gain.field],
+        )
+        units, values = about.unit.split(", "), np.broadcast_to(getattr(gain.settings, gain.field), size)
+        title = about.title if gain.settings is scenario.controller else f"{about.title} of the slow part"
         for k in range(size):
             # Of two units, the first is of both directions.
             unit = units[k] if len(units) == size else units[0] if k < 2 else units[-1]
-            place = places["gains"] + (record.fields or {})[name][1] + 8 * k
-            own_name = name if size == 1 else f"{name}_{k + 1}"
-            found.append(
-                Variable(own_name, unit, about.title, "parameter", place, float(values[k]), about.low, about.high)
-            )
+            place = places["gains"] + gain.place + 8 * k
+            name = gain.name if size == 1 else f"{gain.name}_{k + 1}"
+            found.append(Variable(name, unit, title, "parameter", place, float(values[k]), about.low, about.high))
     return found
 
 

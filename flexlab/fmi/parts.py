@@ -14,11 +14,12 @@ import numpy as np
 
 from flexlab.compiled import MATRIX, kernel_address, pluggable
 from flexlab.control.controller import Controller
-from flexlab.control.law import law_of, laws, nothing_derived
+from flexlab.control.law import Law, law_of, laws, nothing_derived
 from flexlab.control.motion import NO_ROWS, DesiredMotion
 from flexlab.control.path import paths
 from flexlab.errors import StudyError
 from flexlab.fmi.description import (
+    Gain,
     Variable,
     desired_motion,
     inputs,
@@ -248,12 +249,22 @@ def _before_acting(motion: Motion) -> None:
     start_memory(motion.scenario, system, outlook_of(motion, True), y)
 
 
-def _gains(scenario: Scenario, besides: Collection[str] = ()) -> list[str]:
-    """Gains that a law takes as they are: of no law of which anything, its memory included, was made of them before."""
-    law = law_of(scenario.controller)
-    if law.derive is not nothing_derived or law.start is not None:
-        return []
-    return [name for name in own_numbers(type(scenario.controller), Controller) if name not in besides]
+def _gains(scenario: Scenario, besides: Collection[str] = ()) -> list[Gain]:
+    """Gains that a law and its slow part take as they are: nothing, the memory included, was made of them before."""
+    settings: Any = scenario.controller
+    law, slow = law_of(settings), getattr(settings, "slow", None)
+    found = [Gain(name, settings, name, place) for name, place in _untouched(law)]
+    if slow is not None:
+        begin = (law.gains_type.fields or {})["slow_gains"][1]
+        found += [Gain(f"slow_{name}", slow, name, begin + place) for name, place in _untouched(laws()[slow.kind])]
+    return [gain for gain in found if gain.field not in besides]
+
+
+def _untouched(law: Law) -> list[tuple[str, int]]:
+    """(name, place in the record, bytes) of the gains of which a law makes nothing."""
+    plain = law.derive is nothing_derived and law.start is None
+    names = own_numbers(law.model, Controller) if plain else law.untouched
+    return [(name, (law.gains_type.fields or {})[name][1]) for name in names]
 
 
 def _of_control(motion: Motion) -> dict[str, np.ndarray]:

@@ -251,6 +251,16 @@ def test_a_follower_goes_where_it_is_told(export: Export):
             {"boundary_layer": 0.05, "gravity": 1.0},
         ),
         ("composite", {"controller.sensor_noise.seed": 7}, {"noise_seed": 7.0}),
+        (
+            "composite",
+            {"controller.lateral_vibration_gain": 40.0, "controller.slow.feedback_gain": (210.0, 205.0, 195.0)},
+            {
+                "lateral_vibration_gain": 40.0,
+                "slow_feedback_gain_1": 210.0,
+                "slow_feedback_gain_2": 205.0,
+                "slow_feedback_gain_3": 195.0,
+            },
+        ),
     ],
 )
 def test_a_tuned_parameter_is_a_scenario_with_that_value(
@@ -265,6 +275,14 @@ def test_a_tuned_parameter_is_a_scenario_with_that_value(
     np.testing.assert_array_equal(tuned["pose_y"], run.pose[:, 1])
     np.testing.assert_array_equal(tuned["joint_torque_left_1"], run.joint_torque[:, 0, 0])
     assert not np.array_equal(before.pose, run.pose)
+
+
+def test_what_was_computed_as_a_unit_was_written_cannot_be_tuned(export: Export):
+    clocked = load_preset("paper").replace({"controller.control_period": TICK})
+    gains = {f"{name}_gain_{axis}" for name in ("position", "velocity") for axis in "123"}
+    for kind, tunable in (("lqr", set()), ("joint-pd", gains)):
+        about = fmpy.read_model_description(str(export(clocked.replace({"controller.kind": kind}), "law")))
+        assert {each.name for each in about.modelVariables if each.causality == "parameter"} == tunable
 
 
 def test_a_parameter_out_of_range_is_refused(export: Export, tmp_path: Path, capfd: pytest.CaptureFixture[str]):

@@ -266,6 +266,7 @@ LAW = Law(
         **observer_shapes(rows=2),
     },
     derive=_derive,
+    untouched=("lateral_vibration_gain", "angular_vibration_gain"),
     for_settings=_for_settings,
     gauges=_gauges,
     place=25,

@@ -130,5 +130,6 @@ LAW = Law(
     fastest_rate,
     constants={"geometry": (MOST_ARMS, 6)},
     derive=geometry_of,
+    untouched=("position_gain", "velocity_gain"),
     place=45,
 )

@@ -277,6 +277,28 @@ def test_a_tuned_parameter_is_a_scenario_with_that_value(
     assert not np.array_equal(before.pose, run.pose)
 
 
+@pytest.mark.parametrize(
+    ("kind", "changes", "start"),
+    [
+        ("disturbance-observer", {"observer_gain": 25.0}, {"observer_gain": 25.0}),
+        (
+            "regressor-adaptive",
+            {"feedback_gain": 210.0, "adaptation_gain_links": 3.0},
+            {**{f"feedback_gain_{axis}": 210.0 for axis in "123"}, "adaptation_gain_links": 3.0},
+        ),
+    ],
+)
+def test_so_is_one_of_a_law_whose_memory_begins_with_what_it_knows(
+    export: Export, kind: str, changes: dict[str, float], start: dict[str, float]
+):
+    scenario = load_preset("paper").replace({"controller.kind": kind})
+    run = simulate(scenario.replace({f"controller.{name}": value for name, value in changes.items()}), 0.2, TICK)
+    file = str(export(scenario))
+    tuned = fmpy.simulate_fmu(file, stop_time=0.2, step_size=TICK, output=["pose_y"], start_values=start)
+    np.testing.assert_array_equal(tuned["pose_y"], run.pose[:, 1])
+    assert not np.array_equal(simulate(scenario, 0.2, TICK).pose, run.pose)
+
+
 def test_what_was_computed_as_a_unit_was_written_cannot_be_tuned(export: Export):
     clocked = load_preset("paper").replace({"controller.control_period": TICK})
     gains = {f"{name}_gain_{axis}" for name in ("position", "velocity") for axis in "123"}

@@ -132,6 +132,7 @@ LAW = Law(
         ),
     ),
     start=start,
+    untouched=("feedback_gain", "sliding_slope", "observer_gain"),
     carry=carry,
     conditions=conditions,
     sliding_slope=slope_of,

@@ -246,5 +246,12 @@ LAW = Law(
     sliding_slope=slope_of,
     constants={"links": (MOST_ARMS, 10), "truth": (PAYLOAD + LINKS * MOST_ARMS,)},
     derive=known,
+    untouched=(
+        "feedback_gain",
+        "sliding_slope",
+        "adaptation_gain_mass",
+        "adaptation_gain_inertia",
+        "adaptation_gain_links",
+    ),
     place=18,
 )

@@ -145,6 +145,8 @@ def test_a_box_takes_numbers_as_people_write_them(page: LabPage) -> None:
     box.press_sequentially("−3")
     page.wait_for_text("Bending stiffness EI = −3 N·m² is outside the allowed range 0.001 to 10¹² N·m²")
     page.enter(EI, "36")
+    page.enter("Damping c (N·s/m)", "0.00000000015")
+    wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 1.5e-10, "a small number is not 0", 20)
     box.fill("")
     box.blur()
     wait_until(lambda: box.input_value() == "36", "a box that was left empty shows its number again")

@@ -20,7 +20,7 @@ READING_TIME = 30.0
 SLIDER_STEPS = 200
 CROWDED = 0.12
 """Share of a slider within which the labels of two marks would overlap."""
-BOX_DIGITS = 9
+BOX_DIGITS = 12
 """Decimals that a number box takes."""
 
 

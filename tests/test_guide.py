@@ -21,6 +21,7 @@ CHAPTERS = [
     "Feedback alone",
     "Vibration control",
     "The force along the beam",
+    "Grips that give way",
     "Joints that are not ideal",
     "Reading the plots",
     "Keys and tips",

@@ -161,7 +161,7 @@ INSERTED = (
     (SIGNALS, "    tracking_error: np.ndarray = row(", '    speed_squared: np.ndarray = row("v²", "m²/s²", "squared speed")\n'),
     (SIGNALS, "    row[SATURATED] = saturated\n", "    row[SPEED] = ws.velocity[0] ** 2 + ws.velocity[1] ** 2\n"),
     (SIGNALS, "    joint_torque: np.ndarray = row(", '    push: np.ndarray = row("|u|", "N", "common force", ARM)\n'),
-    (SIGNALS, "        joint_angles(y[2], ", "        arm[PUSH] = abs(ws.u[i, 0])\n"),
+    (SIGNALS, "        joint_angles(theta, ", "        arm[PUSH] = abs(ws.u[i, 0])\n"),
     (SIGNALS, "\n\n@inlined\ndef write_sample(", '\nSPEED, PUSH = COLUMN["speed_squared"], COLUMN["push"]\n'),
 )  # fmt: skip
 """What is written ahead of a text's first place in a file."""

@@ -18,8 +18,7 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
     `run.internal_force` is the same by Eqs. (13)-(15), from the grips' forces and the simulated ẍ; Eq. (26) finds ẍ anew from
     dense matrices in nodal coordinates. Signs as in `run.internal_force`, opposite to the print. Of the scenario that the run
     started from, which nothing changes or pulls, with all modes of the mesh; of a payload that is filled or emptied with the mass
-    of each instant. Raises `StudyError` for one arm, modes left out,
-    or no samples.
+    of each instant. Raises `StudyError` for one arm, modes left out, grips that give way, or no samples.
     """
     if not isinstance(run, Run):
         raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
@@ -28,6 +27,10 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
         raise StudyError("Eq. (26) needs two arms: a single one has nobody to press against.")
     if scenario.payload.mode_count is not None:
         raise StudyError("Eq. (26) is in nodal coordinates: leave payload.mode_count out, so that all modes are kept.")
+    if scenario.grips.active:
+        raise StudyError(
+            "Eq. (26) is of rigid grips: of compliant ones run.internal_force has the springs' and dampers' forces."
+        )
     if len(run) == 0:
         raise StudyError("The run has no samples.")
     beam = build_beam(scenario.payload)

@@ -59,7 +59,7 @@ class LoopProbe:
     """Plant and law of a scenario, to be asked at any motion. Raises `StudyError` where an arm cannot go."""
 
     def __init__(self, scenario: Scenario):
-        """`scenario`: valid; its noise, limits, delay, motors and path are left out, and what encoders round."""
+        """`scenario`: valid; its noise, limits, delay, motors and path are left out, and what encoders round and grips give."""
         self.original = scenario
         """The scenario as it was given."""
         period = scenario.controller.control_period
@@ -70,6 +70,7 @@ class LoopProbe:
             "controller.torque_limit": None,
             "joints.encoders": {},
             "joints.motor": {},
+            "grips": {},
         }
         try:
             scenario = scenario.replace(still)

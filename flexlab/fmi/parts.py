@@ -95,6 +95,11 @@ def make_part(scenario: Scenario, part: str, tick_period: float) -> Part:
             f"The control law {scenario.controller.kind} runs in Python, which a unit does without: export --part plant."
         )
     scenario = scenario.anew()
+    if part in ("plant", "law") and scenario.grips.active and scenario.grips.measured_at == "arms":
+        raise StudyError(
+            f'part = "{part}": plant and law meet at the pose of the payload, and grips.measured_at is arms. '
+            "Export --part loop, or choose grips.measured_at payload or grips.model rigid."
+        )
     if part in ("plant", "law") and scenario.controller.control_period is None:
         scenario = scenario.replace({"controller.control_period": tick_period})
     motion = begin_motion(scenario, tick_period, (), False)

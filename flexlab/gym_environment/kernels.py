@@ -107,7 +107,7 @@ def begin_worlds(plant, variants, worlds, start, desired, ws):
         own = Plant(
             plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
             variants.kappa[v], variants.shapes[v], variants.compliance[v], plant.pull, plant.length,
-            variants.buckling_load[v], variants.axial[v], plant.joints, plant.mass_change,
+            variants.buckling_load[v], variants.axial[v], plant.joints, plant.mass_change, plant.grips,
         )  # fmt: skip
         for k in range(len(y)):
             y[k] = 0.0
@@ -166,7 +166,7 @@ def step_worlds(
         own = Plant(
             plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
             variants.kappa[v], variants.shapes[v], variants.compliance[v], plant.pull, plant.length,
-            variants.buckling_load[v], variants.axial[v], plant.joints, plant.mass_change,
+            variants.buckling_load[v], variants.axial[v], plant.joints, plant.mass_change, plant.grips,
         )  # fmt: skip
         moving = System(own, system.control, system.trajectory, held)
         all_etdrk4 = variants.etdrk4

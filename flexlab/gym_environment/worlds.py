@@ -247,6 +247,11 @@ def _base(settings: Settings) -> Scenario:
             f"payload.mass_change.factor = {scenario.payload.mass_change.factor:g} is not in the environment, whose integrator "
             "needs a mass that stays: choose a scenario whose factor is 1."
         )
+    if scenario.grips.active:
+        raise StudyError(
+            "grips.model = compliant is not in the environment, whose integrator needs rigid grips: "
+            "choose a scenario whose grips.model is rigid."
+        )
     changes = {"controller.kind": "none", "controller.control_period": settings.control_period}
     scenario = scenario.anew().replace({"controller.kind": "none"}).replace(changes)
     scenario = scenario.replace(

@@ -125,6 +125,7 @@ class Bodies:
             + f"; the scenario's gravity is {self.scenario.gravity:g} m/s^2. Control law, path, motors, sensors and the force "
             "along the beam are left out."
             + (" So is the change of the payload's mass." if self.scenario.payload.mass_change.active else "")
+            + (" The grips are rigid here." if self.scenario.grips.active else "")
         )
 
 

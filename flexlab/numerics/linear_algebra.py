@@ -7,7 +7,7 @@ BLAS and LAPACK choose their kernels by the processor, and these round otherwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlab.compiled import compiled
+from flexlab.compiled import compiled, inlined
 from flexlab.numerics.elementary import exp, log
 
 SAME_DIRECTION = 2e-15
@@ -26,6 +26,21 @@ STUCK = 10
 
 class NoSolution(ValueError):
     """Matrices for which there is no answer."""
+
+
+@inlined
+def solve_symmetric(S, b):
+    """Solve S z = b in place of b for a symmetric positive definite 3 x 3 matrix (LDLᵀ)."""
+    d0 = S[0, 0]
+    l10, l20 = S[1, 0] / d0, S[2, 0] / d0
+    d1 = S[1, 1] - l10 * S[1, 0]
+    l21 = (S[2, 1] - l20 * S[1, 0]) / d1
+    d2 = S[2, 2] - l20 * S[2, 0] - l21 * l21 * d1
+    z1 = b[1] - l10 * b[0]
+    z2 = (b[2] - l20 * b[0] - l21 * z1) / d2
+    b[2] = z2
+    b[1] = z1 / d1 - l21 * z2
+    b[0] = b[0] / d0 - l10 * b[1] - l20 * z2
 
 
 def product(A: ArrayLike, B: ArrayLike) -> np.ndarray:

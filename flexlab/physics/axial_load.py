@@ -8,7 +8,9 @@ with F₁ the part along e₁ of what a hand at s_F does, and N_L = -e₁·f₁ 
 single arm's free end bears nothing, so that N_L = F₁ - m a₁. To first order in the deflection the beam's equations get the
 force -K_G q with K_G = ∫N N'ᵀN' ds = N_L G0 + a₁ G1 + ω² G2 - F₁ G_F; the pose's equations stay as they are.
 
-ẍ in N leaves out what K_G does, and takes modes that are faster than `FOLLOWED` as moving with the link.
+ẍ in N leaves out what K_G does, and takes modes that are faster than `FOLLOWED` as moving with the link. Of grips that give way
+N_L is the left one's pull, and a₁ what all pulls along the undeformed link give its mass: ẍ has what bending does to a link that
+nothing heavy holds, which is of a higher order in N and not small.
 """
 
 from collections.abc import Callable
@@ -16,10 +18,10 @@ from collections.abc import Callable
 import numpy as np
 
 from flexlab.compiled import disjoint, inlined
-from flexlab.numerics.linear_algebra import product
+from flexlab.numerics.linear_algebra import product, solve_symmetric
 from flexlab.physics.beam import GAUSS_POINTS, free_coordinates, gauss_rule
-from flexlab.physics.dynamics import hand_load, pose_load, solve_symmetric
-from flexlab.physics.internal_force import grip_force
+from flexlab.physics.dynamics import hand_load, pose_load
+from flexlab.physics.internal_force import payload_force
 from flexlab.physics.mass_change import mass_factor
 from flexlab.physics.plant import (
     ETA,
@@ -153,10 +155,22 @@ def has_axial_load(plant):
 
 
 @inlined
+def along_acceleration(grips, plant, x_ddot, along, ws):
+    """a₁, m/s², for ẍ (3,); `along`: F₁, N."""
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    if grips is None:
+        return c * x_ddot[0] + s * x_ddot[1] + plant.gravity * s
+    total = along
+    for i in range(len(plant.arms)):
+        total += c * ws.grips.load[i, 0] + s * ws.grips.load[i, 1]
+    return total / (mass_factor(plant.mass_change, ws) * plant.m)
+
+
+@inlined
 def axial_terms(plant, x_ddot, along, grip, ws, terms):
-    """Fill N_L, a₁, ω² and F₁ (4,) for ẍ (3,), after `find_velocities`; `along`: F₁, N; grip (3,): `grip_force` of arm 0."""
+    """Fill N_L, a₁, ω² and F₁ (4,) for ẍ (3,), after `find_velocities`; `along`: F₁, N; grip (3,): `payload_force` of arm 0."""
     c, s, v = ws.arm.trig[0], ws.arm.trig[1], ws.velocity
-    terms[ALONG] = c * x_ddot[0] + s * x_ddot[1] + plant.gravity * s
+    terms[ALONG] = along_acceleration(plant.grips, plant, x_ddot, along, ws)
     terms[SPIN], terms[HAND] = v[2] * v[2], along
     if len(plant.arms) == 1:
         terms[N_LEFT] = along - mass_factor(plant.mass_change, ws) * (plant.m * terms[ALONG])
@@ -238,8 +252,11 @@ def geometric_force(plant, terms, y, ws):
 
 
 @inlined
-def find_axial_load(plant, y, ws):
-    """Fill ws.axial with `axial_terms`, and ws.axial_force[NOW] with K_G η, after `find_state`."""
+def predict_acceleration(grips, plant, y, ws):
+    """Fill ws.axial_acceleration with the ẍ that is in N, after `find_state`; returns F₁, N. Of grips that give way none is."""
+    if grips is not None:
+        along, _, _ = hand_load(plant, y, ws)
+        return along
     c, s, w = ws.arm.trig[0], ws.arm.trig[1], ws.velocity[2]
     f1, f2, pull_turn = hand_load(plant, y, ws)
     h_force = g_force = eta_eta_dot = hh = hg = gg = 0.0
@@ -268,7 +285,13 @@ def find_axial_load(plant, y, ws):
     S[2, 0], S[2, 1], S[2, 2] = S[2, 0] - s * hg, S[2, 1] + c * hg, S[2, 2] + gg
     pose_load(plant, ws.w_bar[0], ws.beam_rate[0], eta_eta_dot, h_force, g_force, f1, f2, pull_turn, ws.u, ws, x_ddot)
     solve_symmetric(S, x_ddot)
-    grip = ws.momentum
-    grip_force(ws.arm, 0, ws.u, ws.hand, x_ddot, ws.velocity, grip)
-    axial_terms(plant, x_ddot, f1, grip, ws, ws.axial)
+    return f1
+
+
+@inlined
+def find_axial_load(plant, y, ws):
+    """Fill ws.axial with `axial_terms`, and ws.axial_force[NOW] with K_G η, after `find_state`."""
+    along, x_ddot, grip = predict_acceleration(plant.grips, plant, y, ws), ws.axial_acceleration, ws.momentum
+    payload_force(plant.grips, 0, ws.u, x_ddot, ws, grip)
+    axial_terms(plant, x_ddot, along, grip, ws, ws.axial)
     geometric_force(plant, ws.axial, y, ws)

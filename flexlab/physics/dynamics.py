@@ -5,7 +5,18 @@ Read beside the module docstring of `physics.plant`, which defines the state and
 
 from flexlab.compiled import compiled, disjoint, inlined
 from flexlab.numerics.elementary import sin_cos
+from flexlab.numerics.linear_algebra import solve_symmetric
 from flexlab.physics.arm import arm_configuration
+from flexlab.physics.grips import (
+    add_grip_loads,
+    begin_powers,
+    carried_arms,
+    move_arms,
+    own_pose,
+    own_trig,
+    place_each,
+    pull_arm,
+)
 from flexlab.physics.mass_change import FACTOR, RATE, mass_factor
 from flexlab.physics.plant import (
     AXIAL_WORK,
@@ -20,24 +31,10 @@ from flexlab.physics.plant import (
     H,
     P,
     X,
+    grips_start,
     hand_of,
     material_start,
 )
-
-
-@inlined
-def solve_symmetric(S, b):
-    """Solve S z = b in place of b for a symmetric positive definite 3 x 3 matrix (LDLᵀ)."""
-    d0 = S[0, 0]
-    l10, l20 = S[1, 0] / d0, S[2, 0] / d0
-    d1 = S[1, 1] - l10 * S[1, 0]
-    l21 = (S[2, 1] - l20 * S[1, 0]) / d1
-    d2 = S[2, 2] - l20 * S[2, 0] - l21 * l21 * d1
-    z1 = b[1] - l10 * b[0]
-    z2 = (b[2] - l20 * b[0] - l21 * z1) / d2
-    b[2] = z2
-    b[1] = z1 / d1 - l21 * z2
-    b[0] = b[0] / d0 - l10 * b[1] - l20 * z2
 
 
 @disjoint
@@ -69,11 +66,25 @@ def configure_arms(plant, pose, terms, fault):
     return 0
 
 
+@compiled
+def arms_at(plant, pose, ws):
+    """`configure_arms` in ws.arm, for Python."""
+    return configure_arms(plant, pose, ws.arm, ws.fault)
+
+
 @inlined
-def rigid_inertia(plant, factor, terms, c, s, w_bar, eta_norm2, S):
+def place_arms(grips, plant, y, ws):
+    """`configure_arms` at the pose of y, or each arm at its own where grips give way."""
+    if grips is None:
+        return configure_arms(plant, y[X : X + 3], ws.arm, ws.fault)
+    return place_each(grips, plant.arms, plant.gravity, y[X : X + 3], y[grips_start(plant) :], 0.0, ws)
+
+
+@inlined
+def rigid_inertia(plant, factor, terms, arm_count, c, s, w_bar, eta_norm2, S):
     """S = ΣM̄_i + A11 - A12 A21 (3, 3), the inertia that the pose feels with the beam's momenta held.
 
-    `factor`: what the payload's mass is over its mass at the start, 1.
+    `factor`: what the payload's mass is over its mass at the start, 1; `arm_count`: of the arms that move with it.
     """
     hh, hg, gg = plant.kappa[0], plant.kappa[1], plant.kappa[2]
     # Sums grow in registers: through memory, each arm would wait for the one before.
@@ -81,7 +92,7 @@ def rigid_inertia(plant, factor, terms, c, s, w_bar, eta_norm2, S):
     xy = s * c * hh
     xt, yt = -c * w_bar + s * hg, -s * w_bar - c * hg
     xx, xy, yy, xt, yt, tt = factor * xx, factor * xy, factor * yy, factor * xt, factor * yt, factor * tt
-    for i in range(len(terms.M)):
+    for i in range(arm_count):
         M = terms.M[i]
         xx, xy, yy = xx + M[0, 0], xy + M[1, 0], yy + M[1, 1]
         xt, yt, tt = xt + M[2, 0], yt + M[2, 1], tt + M[2, 2]
@@ -97,7 +108,7 @@ def find_velocities(plant, y, ws):
     Leaves the Schur complement in ws.S. Of a payload whose mass changes it is asked after `find_mass`.
     """
     n, factor = plant.modal.shape[1], mass_factor(plant.mass_change, ws)
-    code = configure_arms(plant, y[X : X + 3], ws.arm, ws.fault)
+    code = place_arms(plant.grips, plant, y, ws)
     if code != 0:
         return code, 0.0, 0.0
     c, s = ws.arm.trig[0], ws.arm.trig[1]
@@ -108,7 +119,7 @@ def find_velocities(plant, y, ws):
         eta_norm2 += eta * eta
         h_pi += plant.modal[H, k] * pi
         g_pi += plant.modal[G, k] * pi
-    rigid_inertia(plant, factor, ws.arm, c, s, w_bar, eta_norm2, ws.S)
+    rigid_inertia(plant, factor, ws.arm, carried_arms(plant.grips, plant.arms), c, s, w_bar, eta_norm2, ws.S)
     v = ws.velocity
     v[0], v[1], v[2] = y[P] + factor * (s * h_pi), y[P + 1] - factor * (c * h_pi), y[P + 2] - factor * g_pi
     solve_symmetric(ws.S, v)
@@ -128,7 +139,7 @@ def velocities_at(plant, y, ws):
 def set_momenta(plant, y, velocity, eta_dot, ws):
     """Set P and π of y from ẋ (3,) and η̇ (n_m,) at y's coordinates, after `find_mass`; returns a fault code."""
     n, factor = plant.modal.shape[1], mass_factor(plant.mass_change, ws)
-    code = configure_arms(plant, y[X : X + 3], ws.arm, ws.fault)
+    code = place_arms(plant.grips, plant, y, ws)
     if code != 0:
         return code
     c, s = ws.arm.trig[0], ws.arm.trig[1]
@@ -142,7 +153,7 @@ def set_momenta(plant, y, velocity, eta_dot, ws):
         eta_norm2 += eta * eta
         h_pi += plant.modal[H, k] * pi
         g_pi += plant.modal[G, k] * pi
-    rigid_inertia(plant, factor, ws.arm, c, s, w_bar, eta_norm2, ws.S)
+    rigid_inertia(plant, factor, ws.arm, carried_arms(plant.grips, plant.arms), c, s, w_bar, eta_norm2, ws.S)
     for a in range(3):
         y[P + a] = ws.S[a, 0] * velocity[0] + ws.S[a, 1] * velocity[1] + ws.S[a, 2] * velocity[2]
     y[P] -= factor * (s * h_pi)
@@ -172,18 +183,20 @@ def pull_force(plant, y, c, s):
 
 
 @inlined
-def pull_on_link(plant, terms, y, c, s, force):
+def pull_on_link(plant, y, ws, force):
     """Fill (∂R/∂x)ᵀF (3,) of the spring's force F on a link's point R, after `arm_configuration`: as an arm's input does.
 
     R = base + Σ d_k (cos α_k, sin α_k) with d_k the links' lengths up to the point, so that (∂R/∂x)ᵀF = 𝒥ᵀ(d_k n_k·F).
     """
-    hand = hand_of(plant.pull)
+    hand, terms = hand_of(plant.pull), ws.arm
     held, link, at = int(hand.arm), int(hand.link), hand.position
     arm = plant.arms[held]
     if link == 2:
         reach = arm.reach + arm.tip * at
-        fx = hand.stiffness * (hand.target_x - (y[0] + reach * c))
-        fy = hand.stiffness * (hand.target_y - (y[1] + reach * s))
+        c, s = own_trig(plant.grips, ws, held)
+        at_x, at_y, _ = own_pose(plant.grips, y, ws, held)
+        fx = hand.stiffness * (hand.target_x - (at_x + reach * c))
+        fy = hand.stiffness * (hand.target_y - (at_y + reach * s))
         force[0], force[1], force[2] = fx, fy, reach * (c * fy - s * fx)
     else:
         c1, s1 = terms.direction[held, 0], terms.direction[held, 1]
@@ -212,12 +225,14 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     power = 0.0
     for a in range(3):
         rate = 0.0
-        for i in range(len(u)):
+        for i in range(carried_arms(plant.grips, plant.arms)):
             rate += u[i, a] - ws.arm.G[i, a]
             for b in range(3):
                 rate += ws.arm.C[i, b, a] * v[b]
             power += u[i, a] * v[a]
         dy[X + a], dy[P + a] = v[a], rate
+    power = begin_powers(plant.grips, u, ws, power)
+    add_grip_loads(plant.grips, ws, dy[P : P + 3])
     dy[P + 1] -= factor * (plant.m * g)
     dy[P + 2] += factor * (g * s * w_bar - w * w_bar * v2 - w_bar_rate * v1)
 
@@ -243,10 +258,8 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     hand = hand_of(plant.pull)
     if hand.stiffness != 0 and hand.arm >= 0:
         held = int(hand.arm)
-        pull_on_link(plant, ws.arm, y, c, s, ws.hand[held])
-        for a in range(3):
-            dy[P + a] += ws.hand[held, a]
-            power += ws.hand[held, a] * v[a]
+        pull_on_link(plant, y, ws, ws.hand[held])
+        power = pull_arm(plant.grips, held, ws, dy[P : P + 3], power)
     elif hand.stiffness != 0:
         fx, fy, deflection = pull_force(plant, y, c, s)
         f1, f2, at = c * fx + s * fy, c * fy - s * fx, hand.position
@@ -265,6 +278,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
             given -= ws.eta_dot[k] * ws.axial_force[0, k]
         dy[AXIAL_WORK] = given
     bring_material(plant.mass_change, plant, y, w_bar, ws, dy)
+    move_arms(plant.grips, u, ws, dy[grips_start(plant) :])
 
 
 @inlined
@@ -276,7 +290,7 @@ def bring_material(change, plant, y, w_bar, ws, dy):
     twice = 0.0
     for a in range(3):
         own = y[P + a]
-        for i in range(len(ws.arm.M)):
+        for i in range(carried_arms(plant.grips, plant.arms)):
             for b in range(3):
                 own -= ws.arm.M[i, a, b] * v[b]
         dy[P + a] += rate / factor * own
@@ -297,7 +311,7 @@ def hand_load(plant, y, ws):
             ws.hand[i, a] = 0.0
     hand = hand_of(plant.pull)
     if hand.stiffness != 0 and hand.arm >= 0:
-        pull_on_link(plant, ws.arm, y, c, s, ws.hand[int(hand.arm)])
+        pull_on_link(plant, y, ws, ws.hand[int(hand.arm)])
     elif hand.stiffness != 0:
         fx, fy, deflection = pull_force(plant, y, c, s)
         f1, f2 = c * fx + s * fy, c * fy - s * fx
@@ -312,11 +326,12 @@ def pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, p
     w, factor = v[2], mass_factor(plant.mass_change, ws)
     for a in range(3):
         total = 0.0
-        for i in range(len(u)):
+        for i in range(carried_arms(plant.grips, plant.arms)):
             total += u[i, a] + ws.hand[i, a] - ws.arm.G[i, a]
             for b in range(3):
                 total -= ws.arm.C[i, a, b] * v[b]
         result[a] = total
+    add_grip_loads(plant.grips, ws, result)
     inward, sideways = factor * (2 * w * w_bar_rate) + f1, factor * (w * w * w_bar + h_force) + f2
     result[0] += c * inward - s * sideways
     result[1] += s * inward + c * sideways - factor * (plant.m * g)

@@ -1,6 +1,7 @@
 """Energies of arms and payload."""
 
 from flexlab.compiled import inlined
+from flexlab.physics.grips import own_trig
 from flexlab.physics.plant import ETA, OMEGA2, P
 
 
@@ -26,11 +27,13 @@ def elastic_energy(plant, y):
 
 
 @inlined
-def gravity_energy(plant, terms, y, w_bar, factor):
+def gravity_energy(plant, y, w_bar, factor, ws):
     """Potential energy of all weights, J, zero where y = 0; `factor`: s of `mass_change`, 1."""
+    terms = ws.arm
     moment = factor * (plant.m * y[1] + terms.trig[0] * w_bar)
     for i in range(len(plant.arms)):
         arm = plant.arms[i]
         moment += arm.mass * arm.base_y + arm.gamma_1 * terms.direction[i, 1] + arm.gamma_2 * terms.direction[i, 3]
-        moment += arm.gamma_3 * arm.tip * terms.trig[1]
+        _, sine = own_trig(plant.grips, ws, i)
+        moment += arm.gamma_3 * arm.tip * sine
     return plant.gravity * moment

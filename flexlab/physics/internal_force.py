@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlab.compiled import disjoint
+from flexlab.compiled import disjoint, inlined
 from flexlab.physics.beam import BeamMatrices
 
 
@@ -18,6 +18,16 @@ def grip_force(terms, i, u, hand, x_ddot, v, force):
         for b in range(3):
             grip -= terms.M[i, a, b] * x_ddot[b] + terms.C[i, a, b] * v[b]
         force[a] = grip
+
+
+@inlined
+def payload_force(grips, i, u, x_ddot, ws, force):
+    """force (3,) = J_iᵀf_i of arm i: `grip_force`, or what a grip that gives way pulls with."""
+    if grips is None:
+        grip_force(ws.arm, i, u, ws.hand, x_ddot, ws.velocity, force)
+    else:
+        for a in range(3):
+            force[a] = ws.grips.load[i, a]
 
 
 def internal_force_by_eq_26(

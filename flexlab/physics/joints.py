@@ -24,6 +24,7 @@ import numpy as np
 
 from flexlab.compiled import inlined
 from flexlab.physics.arm import joint_torques, task_input
+from flexlab.physics.grips import own_rate, own_trig
 from flexlab.physics.plant import Joints
 from flexlab.physics.sensors import encoder_counts
 
@@ -75,18 +76,20 @@ def possible_torque(numbers, joint, rate, torque):
 
 
 @inlined
-def turn_joints(joints, arms, states, ws):
+def turn_joints(joints, grips, arms, states, ws):
     """Make of ws.u, what is asked for, what turns the links, after C̄_i is known: fills ws.joint_torque to ws.joint_rate.
 
     states: the joints' in y.
     """
     if joints is None:
         return
-    v, tau, loss = ws.velocity, ws.tau, 0.0
+    tau, loss = ws.tau, 0.0
     for i in range(len(arms)):
-        joint_torques(arms[i], ws.arm.trig[0], ws.arm.trig[1], ws.arm.direction[i], ws.u[i], tau)
+        c, s = own_trig(grips, ws, i)
+        vx, vy, w = own_rate(grips, ws, i)
+        joint_torques(arms[i], c, s, ws.arm.direction[i], ws.u[i], tau)
         for joint in range(3):
-            rate = joint_rate(ws.arm, i, v[0], v[1], v[2], joint)
+            rate = joint_rate(ws.arm, i, vx, vy, w, joint)
             lost = friction_torque(joints.numbers, joint, rate)
             given = possible_torque(joints.numbers, joint, rate, tau[joint])
             ws.joint_asked[i, joint], ws.joint_wanted[i, joint] = tau[joint], given
@@ -102,10 +105,11 @@ def turn_joints(joints, arms, states, ws):
 
 
 @inlined
-def motor_torques(joints, arm, i, ws, tau):
+def motor_torques(joints, grips, arm, i, ws, tau):
     """Fill tau (3,) with the torques of arm i's motors, N·m, after `turn_joints`."""
     if joints is None:
-        joint_torques(arm, ws.arm.trig[0], ws.arm.trig[1], ws.arm.direction[i], ws.u[i], tau)
+        c, s = own_trig(grips, ws, i)
+        joint_torques(arm, c, s, ws.arm.direction[i], ws.u[i], tau)
     else:
         for joint in range(3):
             tau[joint] = ws.joint_torque[i, joint]
@@ -129,24 +133,26 @@ def is_limited(joints, i, joint, limit, ws):
 
 
 @inlined
-def asked_torques(joints, arm, i, ws, tau):
+def asked_torques(joints, grips, arm, i, ws, tau):
     """Fill tau (3,) with what the controller asks of arm i's motors, N·m, after `turn_joints`."""
     if joints is None:
-        joint_torques(arm, ws.arm.trig[0], ws.arm.trig[1], ws.arm.direction[i], ws.u[i], tau)
+        c, s = own_trig(grips, ws, i)
+        joint_torques(arm, c, s, ws.arm.direction[i], ws.u[i], tau)
     else:
         for joint in range(3):
             tau[joint] = ws.joint_asked[i, joint]
 
 
 @inlined
-def near_possible(joints, ws, part):
+def near_possible(joints, grips, ws, part):
     """Whether a motor is asked for more than this part of what it can give at its speed, after `turn_joints`."""
     if joints is None:
         return False
-    v, found = ws.velocity, False
+    found = False
     for i in range(len(ws.joint_asked)):
+        vx, vy, w = own_rate(grips, ws, i)
         for joint in range(3):
-            asked, rate = ws.joint_asked[i, joint], joint_rate(ws.arm, i, v[0], v[1], v[2], joint)
+            asked, rate = ws.joint_asked[i, joint], joint_rate(ws.arm, i, vx, vy, w, joint)
             fall = joints.numbers[FALL, joint] * rate
             room = joints.numbers[STALL, joint] - (fall if asked > 0 else -fall)
             if abs(asked) > part * room:

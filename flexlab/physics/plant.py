@@ -3,7 +3,8 @@
 State `y` of n_m modes, in this order: pose x (3), its momentum P = ∂T/∂ẋ (3), work done on the system, energy dissipated,
 work of the axial load, modal coordinates η (n_m), their momenta π = ∂T/∂η̇ (n_m), the algorithmic accelerations of
 generalized-alpha (3 + n_m), the joints' states (`joints`, none of ideal ones), the energy that material brought (`mass_change`,
-none where the mass stays), the control law's memory (any length), and the law's own signals as it last gave them (any number).
+none where the mass stays), the arms' own poses and rates (`grips`, none of rigid ones), the control law's memory (any length),
+and the law's own signals as it last gave them (any number).
 With e1, e2 the axes of the virtual link, v = (ẋ0, ẏ0), v1 = v·e1, v2 = v·e2, ω = θ̇:
 
     π = η̇ + h v2 + g ω            P = S ẋ + A12 π,   S = M̄1 + M̄2 + A11 - A12 A21   (Schur complement, 3 x 3)
@@ -20,6 +21,7 @@ import numpy as np
 
 from flexlab.compiled import inlined
 from flexlab.physics.arm import ArmTerms
+from flexlab.physics.grips import Grips, GripScratch, grip_scratch, grip_states
 from flexlab.physics.law_input import make_law_input
 from flexlab.physics.mass_change import MassChange, mass_states
 
@@ -69,9 +71,15 @@ def material_start(plant):
 
 
 @inlined
+def grips_start(plant):
+    """Index in y of the grips' states."""
+    return material_start(plant) + mass_states(plant.mass_change)
+
+
+@inlined
 def memory_start(plant):
     """Index in y of the law's memory."""
-    return material_start(plant) + mass_states(plant.mass_change)
+    return grips_start(plant) + grip_states(plant.grips)
 
 
 H, G, DH, DG, OMEGA2, MID, BEND, PULL, FELT, FOLLOWED_H, FOLLOWED_G, FOLLOWED_DH, FOLLOWED_DG = range(13)
@@ -148,6 +156,8 @@ class Plant(NamedTuple):
     """None: ideal ones."""
     mass_change: MassChange | None
     """None: the mass stays."""
+    grips: Grips | None
+    """None: rigid ones."""
 
     @property
     def joint_size(self) -> int:
@@ -156,8 +166,8 @@ class Plant(NamedTuple):
 
     @property
     def own_size(self) -> int:
-        """Numbers of y that are the joints' and the material's."""
-        return self.joint_size + (self.mass_change is not None)
+        """Numbers of y that are the joints', the material's and the grips'."""
+        return self.joint_size + (self.mass_change is not None) + (0 if self.grips is None else self.grips.size)
 
 
 class Workspace(NamedTuple):
@@ -219,6 +229,8 @@ class Workspace(NamedTuple):
     """Of their states, (own_size,)."""
     mass_factor: np.ndarray
     """s and ṡ of `mass_change` at the instant looked at last, 1 and 1/s, (2,)."""
+    grips: GripScratch
+    """Of grips that give way; `arm` then is each arm's at its own pose, but for `trig`."""
     memory_rate: np.ndarray
     """Of the law's memory, as long as that."""
     fault: np.ndarray
@@ -287,6 +299,7 @@ def make_workspace(
         joint_friction=np.zeros((arm_count, 3)),
         joint_rate=np.zeros(own_size),
         mass_factor=np.full(2, np.nan),
+        grips=grip_scratch(arm_count, measured.view(np.ndarray)["u"][0, :arm_count]),
         memory_rate=np.zeros(memory_size),
         fault=np.zeros(1, np.int64),
         stage=np.zeros((10, state_size(mode_count, memory_size, signal_count, own_size))),

@@ -8,7 +8,8 @@ from flexlab.numerics.linear_algebra import product, solve
 from flexlab.physics.arm import joint_angles
 from flexlab.physics.beam import BeamMatrices, gauss_rule, shape_row
 from flexlab.physics.dynamics import configure_arms, find_velocities
-from flexlab.physics.plant import joints_start
+from flexlab.physics.grips import own_pose, place_each, place_rigidly
+from flexlab.physics.plant import grips_start, joints_start
 
 GAUGES_PER_HALF = 2
 """Exact for products of two linear functions on each half: for a mesh of one or two elements, hᵀq to the last digit."""
@@ -50,15 +51,17 @@ def counted(angle, count):
 
 
 @inlined
-def pose_of_counts(count, arms, theta, terms, angle, pose):
-    """Fill pose (3,) with what the encoders tell at the angle `theta` of the virtual link, after `configure_arms`.
+def pose_of_counts(count, grips, arms, at, ws, pose):
+    """Fill pose (3,) with what the encoders tell at the payload's pose `at` (3,), after `configure_arms`.
 
-    angle (3,): scratch.
+    Of grips that give way it is the mean of the poses that the arms have.
     """
+    terms, angle = ws.arm, ws.tau
     share = 1.0 / len(arms)
     pose[0] = pose[1] = pose[2] = 0.0
     for i in range(len(arms)):
         arm = arms[i]
+        _, _, theta = own_pose(grips, at, ws, i)
         joint_angles(theta, arm, terms.direction[i], angle)
         first = counted(angle[0], count[0])
         second = first + counted(angle[1], count[1])
@@ -72,7 +75,7 @@ def pose_of_counts(count, arms, theta, terms, angle, pose):
 
 
 @inlined
-def read_encoders(joints, arms, period, states, ws, now):
+def read_encoders(joints, grips, arms, period, states, ws, now):
     """Put what encoders tell in the place of the exact now.x and now.v, if there are any, after `configure_arms`.
 
     period: T_c, s; states: the joints' in y, where it is noted.
@@ -81,7 +84,7 @@ def read_encoders(joints, arms, period, states, ws, now):
         return
     if joints.reading >= 0:
         told, before = ws.momentum, states[joints.reading : joints.reading + 3]
-        pose_of_counts(joints.count, arms, now.x[2], ws.arm, ws.tau, told)
+        pose_of_counts(joints.count, grips, arms, now.x, ws, told)
         for a in range(3):
             now.x[a], now.v[a] = told[a], (told[a] - before[a]) / period
             before[a] = told[a]
@@ -103,12 +106,23 @@ def _begin_reading(joints, plant, period, y, ws):
         return
     if joints.reading >= 0:
         before, first = ws.momentum, joints_start(plant) + joints.reading
+        _go_back(plant.grips, plant, period, y, ws, before)
+        pose_of_counts(joints.count, plant.grips, plant.arms, before, ws, y[first : first + 3])
+
+
+@inlined
+def _go_back(grips, plant, period, y, ws, before):
+    """Configure the arms where they were a `period`, s, ago, and fill before (3,) with the payload's pose; or where they are."""
+    if grips is None:
         for a in range(3):
             before[a] = y[a] - period * ws.velocity[a]
         if configure_arms(plant, before, ws.arm, ws.fault) != 0:
             configure_arms(plant, y[0:3], ws.arm, ws.fault)
             before[2] = y[2]
-        pose_of_counts(joints.count, plant.arms, before[2], ws.arm, ws.tau, y[first : first + 3])
+    else:
+        states = y[grips_start(plant) :]
+        if place_each(grips, plant.arms, plant.gravity, y[0:3], states, -period, ws) != 0:
+            place_each(grips, plant.arms, plant.gravity, y[0:3], states, 0.0, ws)
 
 
 @compiled
@@ -116,5 +130,6 @@ def told_pose(plant, pose, ws, told):
     """Fill told (3,) with what encoders tell at a pose (3,) that the arms can take; returns a fault code."""
     code = configure_arms(plant, pose, ws.arm, ws.fault)
     if code == 0:
-        pose_of_counts(plant.joints.count, plant.arms, pose[2], ws.arm, ws.tau, told)
+        place_rigidly(plant.grips, pose, ws)
+        pose_of_counts(plant.joints.count, plant.grips, plant.arms, pose, ws, told)
     return code

@@ -1,4 +1,4 @@
-"""The arms that carry the beam, and their joints where they are more than ideal: what both arms have alike, joint by joint."""
+"""The arms that carry the beam, and what both have alike where it is more than ideal: their joints and their grips."""
 
 from typing import Literal
 
@@ -131,3 +131,37 @@ class Joints(Part):
     def active(self) -> bool:
         """Whether the joints are not ideal."""
         return self.friction.active or self.motor.active or self.encoders.active
+
+
+GripModel = Literal["rigid", "compliant"]
+MeasuredAt = Literal["arms", "payload"]
+
+
+class Grips(Part):
+    """How the arms hold the beam's ends: rigidly, as in the paper, or by a spring and a damper each (`physics.grips`)."""
+
+    model: GripModel = quantity("rigid", title="How the grips hold the beam")
+    stiffness: Triple = quantity(
+        (1e5, 1e5, 1e4),
+        title="Stiffness of the grips: along the beam, across, turning",
+        symbol="k_g",
+        unit="N/m, N/m, N·m/rad",
+        low=1,
+        high=1e9,
+        logarithmic=True,
+    )
+    damping: Triple = quantity(
+        (100.0, 100.0, 10.0),
+        title="Damping of the grips: along the beam, across, turning",
+        symbol="c_g",
+        unit="N·s/m, N·s/m, N·m·s/rad",
+        low=0,
+        high=1e6,
+    )
+    measured_at: MeasuredAt = quantity("arms", title="Where the controller measures the pose")
+    """By the arms' joint angles, the mean of both, as if grips were rigid; or at the payload itself. Encoders: the former."""
+
+    @property
+    def active(self) -> bool:
+        """Whether the grips give way."""
+        return self.model == "compliant"

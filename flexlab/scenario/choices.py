@@ -18,6 +18,8 @@ TITLES = {
     "simulation.integrator": "Integrator",
     "left_arm.elbow": "Elbow side, left",
     "right_arm.elbow": "Elbow side, right",
+    "grips.model": "How the grips hold the beam",
+    "grips.measured_at": "Where the controller measures the pose",
 }
 """Path → what the field is called."""
 

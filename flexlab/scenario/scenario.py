@@ -15,7 +15,7 @@ from flexlab.errors import ScenarioError
 from flexlab.own.law import OwnController, with_known_law
 from flexlab.own.path import OwnTrajectory, with_known_path
 from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, parts_of, quantity
-from flexlab.scenario.arms import Arm, Joints
+from flexlab.scenario.arms import Arm, Grips, Joints
 from flexlab.scenario.earlier_versions import in_present_terms
 from flexlab.scenario.field_names import field_paths, value_paths
 from flexlab.scenario.kinds import any_law, any_path, law_models, path_models
@@ -89,6 +89,7 @@ class Scenario(Part):
     left_arm: Arm = Arm(base=(-0.5, 0.0), elbow=-1)
     right_arm: Arm | None = Arm(base=(0.5, 0.0), elbow=1)
     joints: Joints = Joints()
+    grips: Grips = Grips()
     trajectory: AnyPath = SineTrajectory()
     controller: AnyLaw = AdaptiveSlidingMode()
     initial: Initial = Initial()
@@ -150,6 +151,13 @@ class Scenario(Part):
                 "simulation.integrator = {integrator} needs a mass that stays, and payload.mass_change.factor is {factor}: "
                 "choose auto or rk4, or payload.mass_change.factor 1",
                 {"integrator": integrator, "factor": f"{change.factor:g}"},
+            )
+        if self.grips.active and integrator in ("etdrk4", "generalized-alpha"):
+            raise PydanticCustomError(
+                "integrator",
+                "simulation.integrator = {integrator} needs rigid grips, and grips.model is compliant: "
+                "choose auto or rk4, or grips.model rigid",
+                {"integrator": integrator},
             )
         return self
 

@@ -12,6 +12,7 @@ import numpy as np
 from flexlab.control.law import law_of, laws, nothing_derived
 from flexlab.control.path import paths
 from flexlab.numerics.linear_algebra import product
+from flexlab.physics.grips import build_grips
 from flexlab.physics.joints import build_joints
 from flexlab.physics.sensors import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
@@ -175,8 +176,8 @@ _loaded: set[tuple[str, LoopForm]] = set()
 def knows_kernels(scenario: Scenario) -> bool:
     """Whether the scenario's law and path, kind of plant and, if it wants it, sampled control have been compiled or loaded."""
     parts = law_of(scenario.controller), paths()[scenario.trajectory.kind]
-    form = form_of(not scenario.joints.active, not scenario.payload.mass_change.active)
-    if form is not True and all(loaded != form for _, loaded in _loaded):
+    form = form_of(scenario)
+    if form != LoopForm() and all(loaded != form for _, loaded in _loaded):
         return False
     return all(part.is_loaded for part in parts) and (scenario.controller.control_period is None or is_loaded(form))
 
@@ -203,8 +204,10 @@ def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequenc
             if old.scenario.controller == scenario.controller and _same_constants(old.scenario, scenario):
                 control = old.system.control
             own = build_joints(scenario.joints, scenario.controller.model, len(scenario.arms))
-            plant = old.system.plant._replace(gravity=scenario.gravity, joints=own)
-            rates, forms = old.rates if trajectory is not None else None, old.rates.forms
+            grips = build_grips(scenario.grips, len(scenario.arms))
+            plant = old.system.plant._replace(gravity=scenario.gravity, joints=own, grips=grips)
+            alike = trajectory is not None and old.scenario.grips.active == scenario.grips.active
+            rates, forms = old.rates if alike else None, old.rates.forms
     system = System(
         plant or build_plant(scenario, beam, arms),
         control or build_control(scenario, beam),

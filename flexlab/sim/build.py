@@ -19,6 +19,7 @@ from flexlab.physics.beam import (
     shape_row,
     undamped_modes,
 )
+from flexlab.physics.grips import build_grips
 from flexlab.physics.joints import build_joints
 from flexlab.physics.law_input import MOST_ARMS
 from flexlab.physics.mass_change import build_mass_change
@@ -107,6 +108,7 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
         axial=beam.axial.copy(),
         joints=build_joints(scenario.joints, scenario.controller.model, len(scenario.arms)),
         mass_change=build_mass_change(payload.mass_change),
+        grips=build_grips(scenario.grips, len(scenario.arms)),
     )
 
 

@@ -16,12 +16,12 @@ from flexlab.scenario import Payload, Scenario
 from flexlab.sim import accuracy, samples
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.build import payload_row
-from flexlab.sim.closed_loop import joint_states_of, new_workspace, own_parts, state_length
+from flexlab.sim.closed_loop import new_workspace, own_parts, own_states_of, state_length
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.disturbance import set_pull_row
 from flexlab.sim.geometry import shape_functions
 from flexlab.sim.law_memory import adjust_memory, carry_memory, same_law, start_memory
-from flexlab.sim.motion import Motion, act_at_start, begin_motion, outlook_of, set_coordinates, to_modes
+from flexlab.sim.motion import Motion, act_at_start, begin_motion, hold, outlook_of, set_coordinates, to_modes
 from flexlab.sim.signals import own_signals
 from flexlab.sim.stepping import observe
 from flexlab.sim.target import change_path, equal_motions, go_on_from
@@ -100,9 +100,11 @@ def _carried_over(motion: Motion, assembly: Assembly) -> Motion:
     if another_beam or another_law or parts != parts_before:
         y = np.zeros(state_length(assembly.system))
         y[:ETA] = motion.y[:ETA]
-        states_before = joint_states_of(old.system, motion.y)
-        for name, states in joint_states_of(assembly.system, y).items():
+        states_before = own_states_of(old.system, motion.y)
+        for name, states in own_states_of(assembly.system, y).items():
             states[:] = states_before.get(name, torques.ravel() if name == "torque" else 0.0)
+        if "grips" not in parts_before:
+            hold(assembly, y, rate)
         kept = carry_memory(before, old.system, motion.y, scenario, assembly.system, y)
         motion.y, motion.workspace = y, new_workspace(assembly.system)
     motion.workspace.desired_time[0] = np.nan

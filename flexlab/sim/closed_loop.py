@@ -12,12 +12,14 @@ from flexlab.control.motion import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
 from flexlab.physics.axial_load import find_axial_load, has_axial_load
 from flexlab.physics.dynamics import find_velocities, momentum_rates
+from flexlab.physics.grips import find_grip_forces, own_rate, own_trig, pass_on, see_rigidly
 from flexlab.physics.joints import compensate_friction, joint_parts, turn_joints
 from flexlab.physics.mass_change import find_mass
 from flexlab.physics.plant import (
     G,
     Plant,
     Workspace,
+    grips_start,
     joint_states,
     joints_start,
     make_workspace,
@@ -70,13 +72,15 @@ def memory_slice(system: System) -> slice:
 
 
 def own_parts(plant: Plant) -> dict[str, slice]:
-    """Where among the joints' and the material's states each part of them stands, by name."""
+    """Where among the joints', the material's and the grips' states each part of them stands, by name."""
     parts, end = joint_parts(plant.joints), plant.joint_size
-    return parts if plant.mass_change is None else {**parts, "material": slice(end, end + 1)}
+    if plant.mass_change is not None:
+        parts, end = {**parts, "material": slice(end, end + 1)}, end + 1
+    return parts if plant.grips is None else {**parts, "grips": slice(end, end + plant.grips.size)}
 
 
-def joint_states_of(system: System, y: np.ndarray) -> dict[str, np.ndarray]:
-    """Views of the named parts of the joints' states in y, and of the energy that material brought."""
+def own_states_of(system: System, y: np.ndarray) -> dict[str, np.ndarray]:
+    """Views of the named parts of the joints' states in y, of the energy that material brought, and of the grips' states."""
     start = state_size(system.plant.modal.shape[1], 0)
     own = y[start : start + system.plant.own_size]
     return {name: own[part] for name, part in own_parts(system.plant).items()}
@@ -104,16 +108,17 @@ def limit_torques(limit, tau):
 def find_inputs(system, t, y, ws):
     """Fill C̄_i, the desired motion, u and the memory's rates after `find_velocities`; of joints that are not ideal theirs."""
     find_asked_inputs(system, t, y, ws)
-    turn_joints(system.plant.joints, system.plant.arms, y[joints_start(system.plant) :], ws)
+    turn_joints(system.plant.joints, system.plant.grips, system.plant.arms, y[joints_start(system.plant) :], ws)
 
 
 @inlined
 def find_asked_inputs(system, t, y, ws):
     """As `find_inputs`, of what motors are asked for."""
     plant, control = system.plant, system.control
-    c, s, v = ws.arm.trig[0], ws.arm.trig[1], ws.velocity
     for i in range(len(plant.arms)):
-        arm_velocity_terms(plant.arms[i], c, s, v[0], v[1], v[2], ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
+        c, s = own_trig(plant.grips, ws, i)
+        vx, vy, w = own_rate(plant.grips, ws, i)
+        arm_velocity_terms(plant.arms[i], c, s, vx, vy, w, ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
     if ws.desired_time[0] != t:
         desired_motion(system.trajectory, t, ws.desired)
         ws.desired_time[0] = t
@@ -123,28 +128,48 @@ def find_asked_inputs(system, t, y, ws):
         for a in range(control.memory_size):
             ws.memory_rate[a] = 0.0
         return
+    _ask(plant.grips, system, t, y, ws)
+
+
+@inlined
+def _ask(grips, system, t, y, ws):
+    """Let the law fill u. Where grips give way it takes the arms to be where rigid ones would have them."""
+    if grips is None:
+        _ask_at(system, t, y, y[0:3], ws.velocity, ws.truth[0], ws.arm, ws.u, ws)
+    else:
+        told = ws.grips.told
+        _ask_at(system, t, y, told[0], told[1], ws.measured[0], ws.seen, ws.grips.asked, ws)
+        pass_on(system.plant.arms, ws)
+
+
+@inlined
+def _ask_at(system, t, y, x, v, now, terms, u, ws):
+    """Fill u (arms, 3), a view of the law's record `now`, and the memory's rates, for the pose x and its rate v.
+
+    `terms`: the arms', those of `now`.
+    """
+    plant, control = system.plant, system.control
     start, end = law_places(system)
-    ws.truth[0].time = t
-    control_law(
-        control,
-        plant.gravity,
-        y[0:3],
-        v,
-        ws.beam_rate,
-        ws.desired,
-        ws.truth[0],
-        y[start:end],
-        ws.memory_rate,
-        y[end:],
-    )
+    now.time = t
+    control_law(control, plant.gravity, x, v, ws.beam_rate, ws.desired, now, y[start:end], ws.memory_rate, y[end:])
     if system.trajectory.bending != 0:
-        feed_forward_bending(system.trajectory.bending, control.payload, ws.truth[0])
-    compensate_friction(plant.joints, plant.arms, ws.arm, v[0], v[1], v[2], ws.u, ws.tau)
+        feed_forward_bending(system.trajectory.bending, control.payload, now)
+    compensate_friction(plant.joints, plant.arms, terms, v[0], v[1], v[2], u, ws.tau)
     if control.limited:
         for i in range(len(plant.arms)):
-            joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], ws.tau)
+            joint_torques(plant.arms[i], terms.trig[0], terms.trig[1], terms.direction[i], u[i], ws.tau)
             limit_torques(control.torque_limit, ws.tau)
-            task_input(ws.arm.J[i], ws.tau, ws.u[i])
+            task_input(terms.J[i], ws.tau, u[i])
+
+
+@inlined
+def _see(grips, system, ws):
+    """Where a continuous law takes arms to be that grips let go elsewhere: fills ws.seen. Returns a fault code."""
+    if grips is None:
+        return 0
+    if system.control.sampled:
+        return 0
+    return see_rigidly(system.plant, ws)
 
 
 @inlined
@@ -159,6 +184,10 @@ def find_state(system, t, y, ws):
     for k in range(plant.modal.shape[1]):
         g_rate += plant.modal[G, k] * ws.eta_dot[k]
     ws.beam_rate[0], ws.beam_rate[1] = w_bar_rate, g_rate
+    find_grip_forces(plant.grips, plant, y[0:3], y[grips_start(plant) :], ws)
+    code = _see(plant.grips, system, ws)
+    if code != 0:
+        return code
     find_inputs(system, t, y, ws)
     return code
 

@@ -42,6 +42,7 @@ def compile_everything() -> None:
         _ = path.address
     _compile_loops(scenario.replace({"joints.friction.viscous": (1.0, 1.0, 1.0)}))
     World(scenario.replace({"payload.mass_change.factor": 2.0})).run(1)
+    World(scenario.replace({"grips.model": "compliant"})).run(1)
     (cache_folder() / DONE).touch()
 
 

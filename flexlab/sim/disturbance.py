@@ -115,7 +115,8 @@ def apply_axial_impulse(
     """Let the beam feel the part of a tap along it: π -= ∫K_G dt η, in place. `before`: the state y before the tap.
 
     The impulse's own ∫N dt is J_L + ρ Δv₁ (s + L/2) - J₁ [s > s_tap], with Δv₁ what the link's middle gained along e₁ and J_L
-    what the left arm's inertia took; of a single arm J_L = J₁ - m Δv₁. `factor`: s of `mass_change`, which ws has noted.
+    what the left arm's inertia took, through a grip that gives way none; of a single arm J_L = J₁ - m Δv₁. `factor`: s of
+    `mass_change`, which ws has noted.
     """
     velocities_at(plant, before, ws)
     gained = -ws.velocity.copy()
@@ -126,7 +127,7 @@ def apply_axial_impulse(
     left = tapped - factor * plant.m * along
     if len(plant.arms) > 1:
         by_arm = [sum(ws.arm.M[0, a, b] * gained[b] for b in range(3)) for a in range(2)]
-        left = c * by_arm[0] + s * by_arm[1]
+        left = c * by_arm[0] + s * by_arm[1] if plant.grips is None else 0.0
     G0, G1, _, _ = plant.axial
     impulse = left * G0 + factor * along * G1 - tapped * beyond(payload, beam, command.beam_position)
     feels = plant.modal[FELT] > 0

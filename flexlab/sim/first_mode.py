@@ -51,6 +51,7 @@ def _continuous(scenario: Scenario) -> Scenario:
         "controller.torque_limit": None,
         "joints.encoders": {},
         "joints.motor": {},
+        "grips": {},
     }
     with contextlib.suppress(ScenarioError):
         found = scenario.replace(ideal)

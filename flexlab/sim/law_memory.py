@@ -9,12 +9,13 @@ import numpy as np
 from flexlab.compiled import attributes
 from flexlab.control.law import Start, law_of
 from flexlab.physics.arm import arm_velocity_terms, task_input
-from flexlab.physics.dynamics import velocities_at
+from flexlab.physics.dynamics import arms_at, velocities_at
+from flexlab.physics.grips import measured_motion
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import Workspace
 from flexlab.quantities import Part, parts_of
 from flexlab.scenario import Scenario
-from flexlab.sim.closed_loop import System, memory_slice
+from flexlab.sim.closed_loop import System, memory_slice, own_states_of
 from flexlab.sim.target import desired_at
 
 LATE = 1e-9
@@ -74,9 +75,13 @@ def outlook(
     control, period = system.control, scenario.controller.control_period
     find_mass_at(system.plant, time, ws)
     velocities_at(system.plant, y, ws)
+    x, v = y[:3], ws.velocity
+    if system.plant.grips is not None:
+        x, v = measured_motion(system.plant, y, own_states_of(system, y)["grips"], v.copy())
+        arms_at(system.plant, x, ws)
     for i in range(len(system.plant.arms)):
         task_input(ws.arm.J[i], system.held_torque[i], ws.u[i])
-    now = complete_input(system, y[:3], ws.velocity, desired_at(system.trajectory, time), ws)
+    now = complete_input(system, x, v, desired_at(system.trajectory, time), ws)
     gains = attributes(control.gains, law.gains_type)
     wait = 0.0
     if period is not None and not acts_now:

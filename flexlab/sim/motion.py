@@ -10,6 +10,7 @@ from flexlab.control.law import Start
 from flexlab.errors import StudyError
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.dynamics import set_momenta
+from flexlab.physics.grips import begin_grips
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, Workspace, forget_rates
 from flexlab.physics.sensors import begin_reading
@@ -18,7 +19,7 @@ from flexlab.scenario.scenario import Initial
 from flexlab.sim import accuracy, samples
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.build import Beam
-from flexlab.sim.closed_loop import new_workspace, state_length
+from flexlab.sim.closed_loop import new_workspace, own_states_of, state_length
 from flexlab.sim.disturbance import set_pull_row, without_hand
 from flexlab.sim.law_memory import outlook, start_memory
 from flexlab.sim.sampled_control import control_instant
@@ -110,6 +111,7 @@ def _start(motion: Motion) -> Status | None:
         else np.array(initial.beam_coordinates)
     )
     eta = to_modes(motion.assembly.beam, q)
+    hold(motion.assembly, motion.y, rate)
     set_coordinates(motion, pose, rate, eta, np.zeros_like(eta))
     start_memory(scenario, system, outlook_of(motion, True), motion.y)
     act_at_start(motion)
@@ -119,6 +121,12 @@ def _start(motion: Motion) -> Status | None:
 def to_modes(beam: Beam, q: np.ndarray) -> np.ndarray:
     """η = VᵀM_q q."""
     return product(product(beam.matrices.M_q, q), beam.modes.V)
+
+
+def hold(assembly: Assembly, y: np.ndarray, rate: np.ndarray) -> None:
+    """Let grips that give way begin to hold a payload that moves with this pose rate (3,), in place."""
+    if assembly.system.plant.grips is not None:
+        begin_grips(assembly.system.plant, own_states_of(assembly.system, y)["grips"], rate)
 
 
 def set_coordinates(motion: Motion, pose: np.ndarray, rate: np.ndarray, eta: np.ndarray, eta_dot: np.ndarray) -> None:

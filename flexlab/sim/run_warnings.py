@@ -105,10 +105,17 @@ def seconds_per_second(integrator: str, beam: Beam, step: float) -> float:
     return (cost.fixed + cost.per_mode * float(np.sum(sizes)) + cost.per_product * products) / step
 
 
-def pace_warning(integrator: str, beam: Beam, step: float, bound: str, mass_changes: bool = False) -> str:
+OTHERS = {
+    "payload.mass_change.factor 1": "a mass that stays (payload.mass_change.factor = 1)",
+    "grips.model rigid": "rigid grips (grips.model = rigid)",
+}
+"""What lets other integrators than rk4 go a scenario, as a cure."""
+
+
+def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: str = "") -> str:
     """A sentence if a run is estimated to be slower than real time, what makes it so and what to change; else empty.
 
-    bound: what the step was chosen by, as `step_size.Choice.bound`; mass_changes: whether only rk4 goes such a payload.
+    bound: what the step was chosen by, as `step_size.Choice.bound`; others: as of `step_size.other_integrators`.
     """
     pace = seconds_per_second(integrator, beam, step)
     if pace < SLOWEST_PACE:
@@ -121,6 +128,7 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, mass_chan
         "growth": f"modes that next to nothing damps need steps of {size} µs, for their errors not to grow",
         "accuracy": f"what the start or the path's kinks excite needs steps of {size} µs with {integrator}",
         "joints": f"the joints' friction needs steps of {size} µs",
+        "grips": f"the grips need steps of {size} µs",
         "motors": f"the motors' time constant needs steps of {size} µs",
         "law": f"the controller needs steps of {size} µs with {integrator}",
         "period": f"sample and control period leave steps of {size} µs",
@@ -132,6 +140,7 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, mass_chan
         "growth": ["some damping (payload.damping)", "a softer beam"],
         "accuracy": ["a smooth start", "more damping", "a softer beam"],
         "joints": ["a higher joints.friction.smoothing_speed", "a coarser simulation.accuracy"],
+        "grips": ["a lower grips.stiffness or grips.damping", "a coarser simulation.accuracy"],
         "motors": ["a longer joints.motor.time_constant, or 0", "a coarser simulation.accuracy"],
         "law": ["lower gains", "a coarser simulation.accuracy"],
         "period": ["a control period that is a multiple of the sample period"],
@@ -142,8 +151,8 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, mass_chan
         cures = ["damping of kind modal or stiffness, which couples none", *cures]
     if modes > COUPLED_MODES:
         cures = [*cures, "fewer elements or modes (payload.mode_count)"]
-    if mass_changes:
-        cures = [*cures, "a mass that stays (payload.mass_change.factor = 1)"]
+    if others:
+        cures = [*cures, OTHERS[others]]
     elif integrator != "etdrk4" and bound != "given":
         cures = ["the integrator auto", *cures]
     return (

@@ -16,13 +16,21 @@ from flexlab.control.motion import desired_motion
 from flexlab.numerics.elementary import cos, log
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
+from flexlab.physics.grips import place_rigidly
 from flexlab.physics.joints import compensate_friction
 from flexlab.physics.plant import ETA, Plant, joints_start
 from flexlab.physics.sensors import read_encoders
+from flexlab.scenario import Scenario
 from flexlab.sim.closed_loop import System, find_state, law_places, limit_torques, new_workspace, state_length
 
-LoopForm = bool | tuple[bool, None]
-"""As `form_of` has it."""
+
+class LoopForm(NamedTuple):
+    """What kernels of a plant are compiled for."""
+
+    ideal_joints: bool = True
+    mass_stays: bool = True
+    rigid_grips: bool = True
+
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
 """First channels of the random numbers of hᵀq̇, gᵀq̇ and of the strain gauges; pose and pose rate have those before."""
@@ -62,14 +70,14 @@ def with_kernel(sampling: Sampling, system: System) -> Sampling:
     return sampling._replace(kernel=whole_address(control_instant, arguments, loop_form(system.plant)))
 
 
-def form_of(ideal_joints: bool, mass_stays: bool) -> LoopForm:
-    """What kernels of a plant are compiled for: whether its joints are ideal; with None, of a payload whose mass changes."""
-    return ideal_joints if mass_stays else (ideal_joints, None)
-
-
 def loop_form(plant: Plant) -> LoopForm:
-    """`form_of` a plant."""
-    return form_of(plant.joints is None, plant.mass_change is None)
+    """The form of a plant."""
+    return LoopForm(plant.joints is None, plant.mass_change is None, plant.grips is None)
+
+
+def form_of(scenario: Scenario) -> LoopForm:
+    """The form of a scenario's plant."""
+    return LoopForm(not scenario.joints.active, not scenario.payload.mass_change.active, not scenario.grips.active)
 
 
 @inlined
@@ -96,7 +104,7 @@ def measure_pose(plant, sampling, instant, pose, rate, y, ws, now):
     """Fill now.x and now.v for the true pose and pose rate (3,), as encoders tell them, with noise, after `configure_arms`."""
     for a in range(3):
         now.x[a], now.v[a] = pose[a], rate[a]
-    read_encoders(plant.joints, plant.arms, sampling.period, y[joints_start(plant) :], ws, now)
+    read_encoders(plant.joints, plant.grips, plant.arms, sampling.period, y[joints_start(plant) :], ws, now)
     for a in range(3):
         now.x[a] += sampling.noise[a] * gaussian(sampling.seed, instant, a)
         now.v[a] += sampling.noise[3 + a] * gaussian(sampling.seed, instant, 3 + a)
@@ -185,6 +193,15 @@ def answer(system, sampling, t, y, ws):
     return code
 
 
+@inlined
+def _measure(grips, plant, sampling, instant, y, ws, now):
+    """`measure_pose` of what the controller can see."""
+    if grips is None:
+        measure_pose(plant, sampling, instant, y, ws.velocity, y, ws, now)
+    else:
+        measure_pose(plant, sampling, instant, ws.grips.told[0], ws.grips.told[1], y, ws, now)
+
+
 @pluggable
 def control_instant(system, sampling, instant, t, y, ws):
     """Measure, run the law, queue its torques and hold those that are due; returns a fault code."""
@@ -192,7 +209,7 @@ def control_instant(system, sampling, instant, t, y, ws):
     if code != 0:
         return code
     now = ws.measured[0]
-    measure_pose(system.plant, sampling, instant, y, ws.velocity, y, ws, now)
+    _measure(system.plant.grips, system.plant, sampling, instant, y, ws, now)
     measure_beam(sampling, instant, ws.beam_rate, now.beam_rate)
     read_gauges(sampling, instant, y[ETA : ETA + system.plant.modal.shape[1]], now)
     return answer(system, sampling, t, y, ws)
@@ -208,6 +225,7 @@ def answer_sensors(system, sampling, instant, t, sensors, y, ws):
     code = configure_arms(system.plant, sensors[0:3], ws.arm, ws.fault)
     if code != 0:
         return code
+    place_rigidly(system.plant.grips, sensors[0:3], ws)
     measure_pose(system.plant, sampling, instant, sensors[0:3], sensors[3:6], y, ws, now)
     measure_beam(sampling, instant, sensors[6:8], now.beam_rate)
     now.gauge_count = len(sampling.strain)

@@ -21,10 +21,22 @@ from flexlab.physics.axial_load import SPIN, axial_load_at, axial_terms, first_s
 from flexlab.physics.beam import quasi_static_deflection
 from flexlab.physics.dynamics import acceleration
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
-from flexlab.physics.internal_force import grip_force
+from flexlab.physics.grips import PER_ARM as GRIP_STATES
+from flexlab.physics.grips import arms_kinetic_energy, own_pose, spring_energy
+from flexlab.physics.internal_force import payload_force
 from flexlab.physics.joints import LOSS, is_limited, motor_torques
 from flexlab.physics.mass_change import mass_factor
-from flexlab.physics.plant import AXIAL_WORK, DISSIPATED, ETA, MID, WORK, joints_start, material_start, memory_start
+from flexlab.physics.plant import (
+    AXIAL_WORK,
+    DISSIPATED,
+    ETA,
+    MID,
+    WORK,
+    grips_start,
+    joints_start,
+    material_start,
+    memory_start,
+)
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Axis, Signal, numbered
 
@@ -99,7 +111,7 @@ class Signals:
         since=2,
     )
     kinetic_energy: np.ndarray = row("T", "J", "kinetic energy of arms and payload")
-    elastic_energy: np.ndarray = row("½ qᵀ K_F q", "J", "elastic energy of the beam")
+    elastic_energy: np.ndarray = row("½ qᵀ K_F q", "J", "elastic energy of the beam, and of grips that give way")
     gravity_energy: np.ndarray = row("U_g", "J", "potential energy of weight, zero at y = 0")
     input_work: np.ndarray = row("∫ P dt", "J", "work of motors and of pulls")
     dissipated_energy: np.ndarray = row("∫ q̇ᵀ D q̇ dt", "J", "energy that the beam's damping took", computed_since=2)
@@ -180,6 +192,28 @@ MATERIAL_SIGNALS = (
 """Of a payload whose mass changes, before the law's own in rows."""
 
 
+GRIP = Axis("3", ("along", "across", "turn"))
+"""The directions in which a grip gives way."""
+GIVEN_WAY = tuple(
+    Signal(
+        f"{side}_grip_displacement", "δ", ("m", "m", "rad"), f"how far the {side} arm's grip stands off the beam's end", (GRIP,),
+        "f = k δ + c δ̇",
+    )
+    for side in ARM.labels
+)  # fmt: skip
+GRIP_ENERGIES = (
+    Signal("grip_energy", "½ Σ k δ²", ("J",), "energy in the springs of the grips, a part of the elastic energy"),
+    Signal("grip_loss", "∫ Σ c δ̇² dt", ("J",), "energy that the dampers of the grips took"),
+)
+GRIP_SIGNALS = (*GIVEN_WAY, *GRIP_ENERGIES)
+"""Of grips that give way, before the law's own in rows."""
+
+
+def grip_signals(scenario: Scenario) -> tuple[Signal, ...]:
+    """The signals that a scenario's grips add to the table's: none of rigid ones."""
+    return (*GIVEN_WAY[: len(scenario.arms)], *GRIP_ENERGIES) if scenario.grips.active else ()
+
+
 def joint_signals(scenario: Scenario) -> tuple[Signal, ...]:
     """The signals that a scenario's joints add to the table's: none of ideal ones."""
     joints, arms = scenario.joints, len(scenario.arms)
@@ -188,15 +222,16 @@ def joint_signals(scenario: Scenario) -> tuple[Signal, ...]:
 
 
 def own_signals(scenario: Scenario) -> tuple[Signal, ...]:
-    """The signals that the payload, the law and the joints of a scenario add to the table's."""
+    """The signals that the grips, the payload, the law and the joints of a scenario add to the table's."""
     material = MATERIAL_SIGNALS if scenario.payload.mass_change.active else ()
-    return (*material, *law_of(scenario.controller).signals, *joint_signals(scenario))
+    return (*grip_signals(scenario), *material, *law_of(scenario.controller).signals, *joint_signals(scenario))
 
 
 def known_signals() -> Mapping[str, Signal]:
-    """Every signal that any law, joints, payload or the table have, by name."""
+    """Every signal that any law, grips, joints, payload or the table have, by name."""
     of_laws = {signal.name: signal for law in laws().values() for signal in law.signals}
-    return {**TABLE, **of_laws, **{signal.name: signal for signal in (*JOINT_SIGNALS, *MATERIAL_SIGNALS)}}
+    others = (*JOINT_SIGNALS, *MATERIAL_SIGNALS, *GRIP_SIGNALS)
+    return {**TABLE, **of_laws, **{signal.name: signal for signal in others}}
 
 
 def _offsets(signals: list[Signal]) -> dict[str, int]:
@@ -261,22 +296,38 @@ def write_sample(system, t, y, beam_rate, ws, row):
     row[QUASI_STATIC] = factor * quasi_static_deflection(plant.compliance, plant.gravity, ws.desired)
     row[KINETIC] = kinetic_energy(y, ws.velocity, ws.eta_dot, factor)
     row[ELASTIC] = elastic_energy(plant, y)
-    row[GRAVITY] = gravity_energy(plant, ws.arm, y, ws.w_bar[0], factor)
+    row[GRAVITY] = gravity_energy(plant, y, ws.w_bar[0], factor, ws)
     row[INPUT_WORK], row[DISSIPATION], row[WORK_ALONG] = y[WORK], y[DISSIPATED], y[AXIAL_WORK]
     _write_beam(plant, y, beam_rate, row)
     own, first = memory_start(plant) + system.control.memory_size, len(row) - system.control.signal_count
     first -= _write_joints(plant.joints, y[joints_start(plant) :], ws, row)
     for k in range(system.control.signal_count):
         row[first + k] = y[own + k]
-    _write_material(plant.mass_change, plant, y, first, ws, row)
+    first -= _write_material(plant.mass_change, plant, y, first, ws, row)
+    _write_grips(plant.grips, y[grips_start(plant) :], first, ws, row)
 
 
 @inlined
 def _write_material(change, plant, y, end, ws, row):
-    """Write what a payload shows whose mass changes, up to the column `end` of the row."""
+    """Write what a payload shows whose mass changes, up to the column `end` of the row; returns the columns taken."""
     if change is None:
-        return
+        return 0
     row[end - 2], row[end - 1] = mass_factor(change, ws) * plant.m, y[material_start(plant)]
+    return 2
+
+
+@inlined
+def _write_grips(grips, states, end, ws, row):
+    """Write what grips show that give way, up to the column `end`, and add the arms' and the springs' energies to the others."""
+    if grips is None:
+        return
+    arm_count, stored = len(ws.grips.displacement), spring_energy(grips, ws)
+    row[end - 2], row[end - 1] = stored, states[GRIP_STATES * arm_count]
+    for i in range(arm_count):
+        for a in range(3):
+            row[end - 2 - 3 * (arm_count - i) + a] = ws.grips.displacement[i, a]
+    row[KINETIC] += arms_kinetic_energy(ws)
+    row[ELASTIC] += stored
 
 
 @inlined
@@ -309,9 +360,10 @@ def _write_arms(system, y, x_ddot, along, ws, row):
     for i in range(len(plant.arms)):
         arm = row[ARMS + PER_ARM * i : ARMS + PER_ARM * (i + 1)]
         tau, force = arm[TORQUE : TORQUE + 3], arm[INTERNAL : INTERNAL + 3]
-        joint_angles(y[2], plant.arms[i], ws.arm.direction[i], arm[ANGLE : ANGLE + 3])
-        motor_torques(plant.joints, plant.arms[i], i, ws, tau)
-        grip_force(ws.arm, i, ws.u, ws.hand, x_ddot, ws.velocity, force)
+        _, _, theta = own_pose(plant.grips, y, ws, i)
+        joint_angles(theta, plant.arms[i], ws.arm.direction[i], arm[ANGLE : ANGLE + 3])
+        motor_torques(plant.joints, plant.grips, plant.arms[i], i, ws, tau)
+        payload_force(plant.grips, i, ws.u, x_ddot, ws, force)
         for a in range(3):
             arm[INPUT + a] = ws.u[i, a]
             moving[a] += force[a]
@@ -329,7 +381,7 @@ def _write_arms(system, y, x_ddot, along, ws, row):
 
 @inlined
 def _write_axial_load(plant, x_ddot, along, grip, ws, row):
-    """Write N at its places and what it and the spin are beside what the beam bears; grip (3,): `grip_force` of arm 0."""
+    """Write N at its places and what it and the spin are beside what the beam bears; grip (3,): `payload_force` of arm 0."""
     terms, factor = ws.axial, mass_factor(plant.mass_change, ws)
     axial_terms(plant, x_ddot, along, grip, ws, terms)
     for j in range(GAUGES):

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from flexlab.compiled import inlined
 from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.numerics.matrix_functions import Functions
+from flexlab.physics.grips import whole_inertia
 from flexlab.physics.joints import asked_torques, drives, near_possible
 from flexlab.physics.plant import ETA
 from flexlab.sim.build import Beam
@@ -55,11 +56,21 @@ def near_limit(system, ws):
     """Whether a joint torque is at its limit or near it, after `find_state`."""
     plant, found = system.plant, False
     for i in range(len(plant.arms)):
-        asked_torques(plant.joints, plant.arms[i], i, ws, ws.tau)
+        asked_torques(plant.joints, plant.grips, plant.arms[i], i, ws, ws.tau)
         for joint in range(3):
             if abs(ws.tau[joint]) > NEAR_LIMIT * system.control.torque_limit[joint]:
                 found = True
-    return found or near_possible(plant.joints, ws, NEAR_LIMIT)
+    return found or near_possible(plant.joints, plant.grips, ws, NEAR_LIMIT)
+
+
+@inlined
+def present_rate(grips, system, memory, ws):
+    """Fastest rate of the controlled pose, 1/s, after `find_state`, with the law's memory (m,): that with rigid grips."""
+    control, kappa = system.control, system.plant.kappa
+    if grips is None:
+        return fastest_control_rate(control, ws.truth[0], memory, ws.S, kappa)
+    whole_inertia(system.plant.arms, ws)
+    return fastest_control_rate(control, ws.measured[0], memory, ws.grips.inertia, kappa)
 
 
 @inlined
@@ -71,7 +82,7 @@ def wanted_level(system, watch, y, ws):
         rate = 0.0
         start, end = law_places(system)
         if not system.control.sampled:
-            rate = fastest_control_rate(system.control, ws.truth[0], y[start:end], ws.S, system.plant.kappa)
+            rate = present_rate(system.plant.grips, system, y[start:end], ws)
         if rate > 0:
             longest = SLACK * min(watch.coarsest / rate, max(watch.wished / rate, CONTROLLED_STEP))
             step = watch.step

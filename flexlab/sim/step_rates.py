@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import compiled
+from flexlab.compiled import compiled, inlined
 from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.control.motion import poses
 from flexlab.control.path import Trajectory
@@ -13,6 +13,7 @@ from flexlab.control.rates import largest_form_ratio
 from flexlab.numerics.elementary import each, exponentials, sin
 from flexlab.numerics.linear_algebra import product, spectral_radius
 from flexlab.physics.dynamics import configure_arms, rigid_inertia
+from flexlab.physics.grips import carried_arms, grip_forms
 from flexlab.physics.joints import friction_form
 from flexlab.physics.mass_change import mass_factor, note_lightest
 from flexlab.physics.plant import G, Workspace
@@ -54,12 +55,26 @@ class Rates(NamedTuple):
     """As `coupling_forms` of the beam, (3, 3, 3)."""
 
 
+class GripRates(NamedTuple):
+    """How fast grips that give way are, with the arms and the payload that they hold; 0 of rigid ones."""
+
+    ringing: float = 0.0
+    """No faster than this do springs ring between arms and the payload's ends, 1/s."""
+    slow: float = 0.0
+    """The same where the beam does not bend, 1/s."""
+    fading: float = 0.0
+    """No faster than this do dampers stop what they move, 1/s."""
+
+
 def find_rates(
     beam: Beam, system: System, trajectory: Trajectory, free_rate: float, forms: np.ndarray | None = None
 ) -> Rates:
     """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s; `forms`: if they are known."""
     desired, forms = desired_poses(system, trajectory), coupling_forms(system, beam) if forms is None else forms
     gives, coupling, lasting = giving_way(system, desired, forms)
+    if system.plant.grips is not None:  # Ends that springs hold: rk4 goes all of them, and propagates nothing apart.
+        eased = note_lightest(system.plant, scratch_workspace(system)) * gives
+        return Rates(desired, free_rate * math.sqrt(1 + eased), 0.0, 0.0, math.inf, forms)
     creeping = longest_creeping_step(system, desired, beam, gives)
     # In units of the beam's own inverse mass 1/s at its lightest.
     eased = note_lightest(system.plant, scratch_workspace(system)) * gives
@@ -100,15 +115,59 @@ def motor_rate(system: System) -> float:
     return 0.0 if system.plant.joints is None else system.plant.joints.hurry
 
 
+@inlined
+def _straight_inertia(plant, arm_count, ws):
+    """Fill ws.S of a straight beam and the first `arm_count` arms, after `configure_arms`."""
+    factor, trig = mass_factor(plant.mass_change, ws), ws.arm.trig
+    rigid_inertia(plant, factor, ws.arm, arm_count, trig[0], trig[1], 0.0, 0.0, ws.S)
+
+
+def grip_rates(system: System, desired: np.ndarray) -> GripRates:
+    """How fast grips are at desired poses (k, 3)."""
+    if system.plant.grips is None:
+        return GripRates()
+    found = np.zeros((3, 2))
+    fastest_grips_at(system.plant, desired, _lightest_workspace(system), found)
+    ringing, slow, fading = found.sum(axis=1)
+    return GripRates(math.sqrt(ringing), math.sqrt(slow), float(fading))
+
+
+@compiled
+def fastest_grips_at(plant, desired, ws, found):
+    """Raise found (3, 2) to the largest eigenvalues of the springs' forms, of these with a stiff beam, and of the dampers'.
+
+    Those over the payload's inertia, then over an arm's: of both together none is larger than the sum. At those of the poses
+    (k, 3) that the arms can take.
+    """
+    scratch, own = ws.truth[0].scratch, ws.grips.inertia
+    for k in range(len(desired)):
+        if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
+            c, s, factor = ws.arm.trig[0], ws.arm.trig[1], mass_factor(plant.mass_change, ws)
+            for what in range(3):
+                of = plant.grips.damping if what == 2 else plant.grips.stiffness
+                _straight_inertia(plant, 0, ws)
+                if what == 1:
+                    ws.S[0, 0], ws.S[1, 1], ws.S[2, 2] = factor * plant.m, factor * plant.m, factor * plant.I
+                    ws.S[1, 0] = ws.S[2, 0] = ws.S[2, 1] = 0.0
+                for held in range(-1, len(plant.arms)):
+                    scratch[0:3] = 0.0
+                    for i in range(len(plant.arms)):
+                        if held < 0 or held == i:
+                            grip_forms(plant.arms[i], plant.length, c, s, of, scratch[0:3])
+                    for a in range(3):
+                        for b in range(3):
+                            own[a, b] = ws.S[a, b] if held < 0 else ws.arm.M[held, a, b]
+                    at = 0 if held < 0 else 1
+                    found[what, at] = max(found[what, at], largest_form_ratio(own, scratch[0:3], scratch[3:6]))
+
+
 @compiled
 def fastest_joint_rate_at(plant, desired, ws):
     """The largest eigenvalue of S⁻¹Σ𝒥ᵀB'𝒥, 1/s, B' the steepest slopes of friction, at poses (k, 3) that the arms can take."""
     fastest, scratch = 0.0, ws.truth[0].scratch
     for k in range(len(desired)):
         if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
-            rigid_inertia(
-                plant, mass_factor(plant.mass_change, ws), ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S
-            )
+            _straight_inertia(plant, len(plant.arms), ws)
             friction_form(plant.joints, ws.arm, scratch)
             fastest = max(fastest, largest_form_ratio(ws.S, scratch[0:3], scratch[3:6]))
     return fastest
@@ -131,9 +190,7 @@ def fastest_rate_at(plant, control, desired, memory, ws):
     now.gravity = plant.gravity
     for k in range(len(desired)):
         if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
-            rigid_inertia(
-                plant, mass_factor(plant.mass_change, ws), ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S
-            )
+            _straight_inertia(plant, len(plant.arms), ws)
             for a in range(3):
                 now.x[a] = now.desired[0, a] = desired[k, a]
                 now.v[a] = now.desired[1, a] = 0.0
@@ -216,9 +273,7 @@ def largest_ratios_at(plant, desired, forms, ws, largest):
     scratch = ws.truth[0].scratch
     for k in range(len(desired)):
         if configure_arms(plant, desired[k], ws.arm, ws.fault) == 0:
-            rigid_inertia(
-                plant, mass_factor(plant.mass_change, ws), ws.arm, ws.arm.trig[0], ws.arm.trig[1], 0.0, 0.0, ws.S
-            )
+            _straight_inertia(plant, carried_arms(plant.grips, plant.arms), ws)
             for m in range(len(forms)):
                 for a in range(3):
                     for b in range(3):

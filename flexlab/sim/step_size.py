@@ -18,7 +18,7 @@ from flexlab.sim.integrators.etdrk4 import beam_operators, block_functions
 from flexlab.sim.integrators.generalized_alpha import effective_inverse
 from flexlab.sim.integrators.scheme import ORDER, GeneralizedAlpha, Scheme
 from flexlab.sim.integrators.step import STABILITY_LIMIT
-from flexlab.sim.step_rates import Rates, control_rate, joint_rate, motor_rate
+from flexlab.sim.step_rates import Rates, control_rate, grip_rates, joint_rate, motor_rate
 from flexlab.text import number_text
 
 REFERENCE_STEP = 1e-3
@@ -65,6 +65,9 @@ a mode's energy per step: with these the modes that a motion excites keep theirs
 SOFT_BEAM = 0.03
 """Step times the beam's fastest rate below which rk4's error in its stiffest mode is under 1e-9 of its amplitude a step."""
 
+GRIPPED_ANGLE = 0.1
+"""Step times frequency of grips' springs that hold a stiff beam at which rk4 goes: it takes 1e-8 of a ring per step."""
+
 SMALLEST_COMMON_STEP = 1e-6
 """Shortest step that aligning samples with control instants may force, s."""
 
@@ -76,8 +79,8 @@ class Choice(NamedTuple):
     step: float
     """The longest, s."""
     bound: str
-    """What it was chosen by: "beam", "creep" (`Rates.overdamped`), "law", "joints", "motors" or "given"; once it is divided into
-    the periods also "period" or "growth" (`step_growth`)."""
+    """What it was chosen by: "beam", "creep" (`Rates.overdamped`), "law", "joints", "motors", "grips" or "given"; once it is
+    divided into the periods also "period" or "growth" (`step_growth`)."""
 
 
 def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) -> Choice:
@@ -88,14 +91,22 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     simulation, beam_speed, joint_speed = scenario.simulation, rates.beam, joint_rate(system, rates.poses)
     law_speed, motor_speed = control_rate(system, rates.poses), motor_rate(system)
     control_speed = law_speed + joint_speed + motor_speed
-    integrator, mass_change = simulation.integrator, scenario.payload.mass_change
-    if integrator == "auto" and mass_change.active:
-        integrator = "rk4"  # The others propagate the modes of a mass that stays.
+    integrator, mass_change, grips = (
+        simulation.integrator,
+        scenario.payload.mass_change,
+        grip_rates(system, rates.poses),
+    )
+    if integrator == "auto" and (mass_change.active or scenario.grips.active):
+        integrator = (
+            "rk4"  # The others propagate the modes of a mass that stays, in arms that move as one with the beam's ends.
+        )
     elif integrator == "auto":
         # Only a beam so slow that rk4 resolves all its modes saves by not propagating them exactly.
         step = simulation.step or _accurate_step("rk4", simulation.accuracy, control_speed)
         integrator = "rk4" if step * beam_speed < SOFT_BEAM else "etdrk4"
-    stable = STABILITY_LIMIT / beam_speed if integrator == "rk4" else math.inf
+    compliant = scenario.grips.active
+    fastest = math.sqrt(beam_speed**2 + grips.ringing**2) + grips.fading if compliant else beam_speed
+    stable = STABILITY_LIMIT / fastest if integrator == "rk4" else math.inf
     if simulation.step is None:
         ease = _root(simulation.accuracy / DEFAULT_ACCURACY, ORDER[integrator])
         fades = float(beam.modes.D.diagonal().max()) / 2 > RINGING_DECAY
@@ -107,20 +118,26 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
         if integrator == "rk4":
             third = float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]) / math.sqrt(mass_change.lightest)
             stable = min(RESOLVED * stable, RESOLVED_ANGLE / third)
+        gripped = GRIPPED_ANGLE / grips.slow if compliant else math.inf
+        hard = compliant and (gripped < stable or grips.ringing + grips.fading > beam_speed)
+        stable = min(stable, gripped)
         creeping = rates.overdamped if integrator == "etdrk4" else math.inf
         step = min(creeping, stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
         bound = "joints" if joint_speed > law_speed else "law"
         bound = "motors" if motor_speed > max(joint_speed, law_speed) else bound
-        bound = "creep" if step == creeping else "beam" if step == min(stable, coupled) else bound
-        _refuse_tiny(step, integrator, bound, mass_change.active)
+        firm = "grips" if hard else "beam"
+        bound = "creep" if step == creeping else firm if step == min(stable, coupled) else bound
+        _refuse_tiny(step, integrator, bound, other_integrators(scenario))
         return Choice(integrator, step, bound)
-    etdrk4 = "" if mass_change.active else "etdrk4, "
+    etdrk4 = "" if other_integrators(scenario) else "etdrk4, "
+    hard = compliant and grips.ringing + grips.fading > beam_speed
     if simulation.step > stable:
         raise ScenarioError(
             [
                 (
                     "simulation.step",
-                    f"simulation.step = {simulation.step:g} s is unstable with rk4: the stiffest mode of this beam allows "
+                    f"simulation.step = {simulation.step:g} s is unstable with rk4: "
+                    f"{'the grips allow' if hard else 'the stiffest mode of this beam allows'} "
                     f"at most {number_text(stable, 3)} s. Choose a shorter step, {etdrk4}or null for an automatic step.",
                 )
             ]
@@ -128,18 +145,25 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     return Choice(integrator, simulation.step, "given")
 
 
-def _refuse_tiny(step: float, integrator: str, bound: str, mass_changes: bool) -> None:
+def other_integrators(scenario: Scenario) -> str:
+    """What would let other integrators than rk4 go a scenario, as a field and its value; empty: they do."""
+    if scenario.payload.mass_change.active:
+        return "payload.mass_change.factor 1"
+    return "grips.model rigid" if scenario.grips.active else ""
+
+
+def _refuse_tiny(step: float, integrator: str, bound: str, others: str) -> None:
     """Raise `ScenarioError` for a step that nobody would live to see the end of; `bound`: as of `Choice`.
 
-    `mass_changes`: whether no other integrator goes such a payload.
+    `others`: as of `other_integrators`.
     """
     if step >= SHORTEST_CHOSEN:
         return
     least = number_text(SHORTEST_CHOSEN)
     need = f"would need a step of {number_text(step, 2)} s with {integrator}, below the {least} s that is allowed"
     auto = "" if integrator == "etdrk4" else "or the integrator auto, "
-    if mass_changes:
-        auto = "or payload.mass_change.factor 1, "
+    if others:
+        auto = f"or {others}, "
     if bound == "creep":
         # How short it would have to be was not looked for, and nobody can set one.
         need = f"would need steps below the {least} s that are allowed with {integrator}"
@@ -152,6 +176,11 @@ def _refuse_tiny(step: float, integrator: str, bound: str, mass_changes: bool) -
         cause, cure = "the joints' friction", "Choose a higher joints.friction.smoothing_speed or less friction"
     elif bound == "motors":
         cause, cure = "the motors' time constant", "Choose a longer joints.motor.time_constant, or 0"
+    elif bound == "grips":
+        cause, cure = (
+            "the grips' stiffness and damping",
+            f"Choose a lower grips.stiffness or grips.damping, {auto}or fewer elements",
+        )
     else:
         cause, cure = "the controller's gains", f"Lower the gains, {auto}or set simulation.step yourself"
     raise ScenarioError([("simulation.step", f"simulation.step = null: {cause} {need}. {cure}.")])

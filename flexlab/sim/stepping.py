@@ -52,7 +52,7 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
         find_mass_at(motion.assembly.system.plant, motion.time, motion.workspace)
         velocities_at(motion.assembly.system.plant, motion.y, motion.workspace)
         rate = motion.workspace.velocity
-        motion.status = runtime_fault(motion.assembly, code, motion.y[:3], rate, motion.time, motion.tick_period)
+        motion.status = runtime_fault(motion.assembly, code, motion.y, rate, motion.time, motion.tick_period)
     return done
 
 

@@ -7,11 +7,12 @@ import numpy as np
 from flexlab.control.law import laws
 from flexlab.own.elsewhere import address_in
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
+from flexlab.physics.grips import arm_poses
 from flexlab.physics.sensors import told_pose
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import BENT
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.closed_loop import scratch_workspace
+from flexlab.sim.closed_loop import own_states_of, scratch_workspace
 from flexlab.sim.sampled_control import gaussian
 from flexlab.sim.samples import Status
 from flexlab.sim.step_growth import growth_rate, may_grow
@@ -123,10 +124,12 @@ def is_unstable(scenario: Scenario, assembly: Assembly) -> bool:
 
 
 def runtime_fault(
-    assembly: Assembly, code: int, pose: np.ndarray, pose_rate: np.ndarray, time: float, tick_period: float
+    assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.ndarray, time: float, tick_period: float
 ) -> Status:
-    """The status for a kernel's fault code; `pose`, `pose_rate` (3,): the last good ones, at `time`, s."""
-    scenario = assembly.scenario
+    """The status for a kernel's fault code; `y`, `pose_rate` (3,): the last good ones, at `time`, s."""
+    scenario, pose = assembly.scenario, y[:3]
+    own = own_states_of(assembly.system, y).get("grips", np.zeros(0))
+    poses = arm_poses(assembly.system.plant, pose, own) if len(own) else [pose] * len(scenario.arms)
     kept = f"The last good state, at t = {time:.3f} s, is kept."
     law = scenario.controller
     own_problem = laws()[law.kind].problem(law)
@@ -149,7 +152,7 @@ def runtime_fault(
             return Status(name, f"{text} {kept} Reset with {cure}.", time)
     margins = []
     for index in range(len(scenario.arms)):
-        reach, shortest, longest = wrist_reach(scenario, index, pose)
+        reach, shortest, longest = wrist_reach(scenario, index, poses[index])
         distance = float(reach)
         margins.append((min(longest - distance, distance - shortest), index, distance, longest))
     margin, index, distance, longest = min(margins)

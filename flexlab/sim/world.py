@@ -25,6 +25,7 @@ from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.step_levels import DISTURBED_TICKS
+from flexlab.sim.step_size import other_integrators
 from flexlab.sim.stepping import fill, observe
 from flexlab.sim.world_state import WorldState
 
@@ -96,8 +97,8 @@ class World:
         growing = self._motion.level > 0 and settled
         bound = "law" if growing else assembly.bound
         level = self._motion.level if growing else 0
-        changes = self.scenario.payload.mass_change.active
-        return pace_warning(self.integrator, assembly.beam, assembly.levels.step / 2**level, bound, changes)
+        others = other_integrators(self.scenario)
+        return pace_warning(self.integrator, assembly.beam, assembly.levels.step / 2**level, bound, others)
 
     @property
     def integrator(self) -> str:

@@ -266,6 +266,25 @@ PLANTED = (
         "0.9 * joints.numbers[BELIEVED, joint] * lost",
     ),
     PlantedError(
+        "gap of a grip across",
+        "physics/grips.py",
+        "across = c * dy - s * dx + side * sine",
+        "across = c * dy - s * dx - side * sine",
+    ),
+    PlantedError(
+        "turn of the link in a grip's rate", "physics/grips.py", "(vt * sine) + w * across", "(vt * sine) - w * across"
+    ),
+    PlantedError(
+        "arm of a grip's pull", "physics/grips.py", "(side + along) * f2 - across * f1", "side * f2 - across * f1"
+    ),
+    PlantedError("pull at an arm", "physics/grips.py", "(cosine * f2 - sine * f1)", "(cosine * f2 + sine * f1)"),
+    PlantedError(
+        "loss in the grips", "physics/grips.py", "+ b[2] * (turn_rate * turn_rate)", "- b[2] * (turn_rate * turn_rate)"
+    ),
+    PlantedError(
+        "energy of the grips' springs", "sim/signals.py", "row[ELASTIC] += stored", "row[ELASTIC] += 0.9 * stored"
+    ),
+    PlantedError(
         "rounding of a count", "physics/sensors.py", "np.floor(angle / count + 0.5)", "np.floor(angle / count)"
     ),
     PlantedError(

@@ -103,3 +103,22 @@ def test_a_payload_is_filled_by_its_slider(page: LabPage) -> None:
     page.wait_for_text("0.05 to 20")
     assert page.snapshot.scenario.payload.mass_change.factor == 3
     assert not page.errors
+
+
+def test_grips_give_way_by_their_menu(page: LabPage) -> None:
+    compliant = page.snapshot.scenario.replace({"grips.model": "compliant"})
+    World(compliant).advance(2)  # So that nobody waits for machine code.
+    page.open_tab("Grips")
+    page.choose("How the grips hold the beam", "compliant")
+    wait_until(lambda: page.snapshot.scenario.grips.model == "compliant", "the grips are to give way")
+    wait_until(lambda: abs(page.snapshot.latest.own["left_grip_displacement"][-1]).max() > 0, "they do")
+    along = "Stiffness of the grips: along the beam, across, turning k_g (N/m, N/m, N·m/rad), N/m"
+    page.enter(along, "200000")
+    wait_until(lambda: page.snapshot.scenario.grips.stiffness == (2e5, 1e5, 1e4), "one of them is stiffer")
+    page.picture("compliant")
+    page.enter(along, "0")
+    page.wait_for_text("1 to 10⁹")
+    assert page.snapshot.scenario.grips.stiffness == (2e5, 1e5, 1e4)
+    page.choose("Where the controller measures the pose", "payload")
+    wait_until(lambda: page.snapshot.scenario.grips.measured_at == "payload", "as a camera does")
+    assert not page.errors

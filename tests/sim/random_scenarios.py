@@ -186,6 +186,26 @@ def with_mass_change(scenario: Scenario, seed: int) -> Scenario:
     return filled
 
 
+def with_grips(scenario: Scenario, seed: int) -> Scenario:
+    """The scenario with grips that give way."""
+    rng = np.random.default_rng([seed, 4])
+    firm = 10 ** rng.uniform(3, 7)
+    stiffness = np.array([firm, firm * 10 ** rng.uniform(-1, 1), 0.1 * firm * 10 ** rng.uniform(-1, 0)])
+    changes = {
+        "grips.model": "compliant",
+        "grips.stiffness": tuple(stiffness.tolist()),
+        "grips.damping": tuple((rng.uniform(0, 1) * np.sqrt(stiffness)).tolist()),
+        "grips.measured_at": "arms" if rng.random() < 0.8 else "payload",
+    }
+    held = scenario.replace({"simulation.integrator": "auto"}).replace(changes)
+    try:
+        World(held)
+    except ScenarioError:  # As `with_mass_change`.
+        changes = {"payload.element_count": 2, "payload.mode_count": None, "payload.bending_stiffness": 100.0}
+        held = held.replace({**changes, "payload.damping": {"kind": "nodal", "coefficient": 0.1}})
+    return held
+
+
 def judge(
     seed: int,
     longest_reference: float = LONGEST_REFERENCE,
@@ -193,16 +213,19 @@ def judge(
     axial: bool = False,
     joints: bool = False,
     mass: bool = False,
+    grips: bool = False,
 ) -> Judgement:
     """Run a scenario as it is and with finer steps; `axial`: its beam feels the force along it.
 
-    `joints`, `mass`: as `with_joints`, `with_mass_change`.
+    `joints`, `mass`, `grips`: as `with_joints`, `with_mass_change`, `with_grips`.
     """
     scenario = wide_scenario(seed) if wide else random_scenario(seed)
     if joints:
         scenario = with_joints(scenario, seed)
     if mass:
         scenario = with_mass_change(scenario, seed)
+    if grips:
+        scenario = with_grips(scenario, seed)
     if axial:
         scenario = scenario.replace({"payload.axial_load": "first-order"})
     world = World(scenario)
@@ -268,12 +291,13 @@ def main() -> None:
     asked.add_argument("--axial", action="store_true")
     asked.add_argument("--joints", action="store_true")
     asked.add_argument("--mass", action="store_true")
+    asked.add_argument("--grips", action="store_true")
     asked.add_argument("--seconds", type=float, default=LONGEST_REFERENCE)
     given = asked.parse_args()
     first, last = (0, given.numbers[0]) if len(given.numbers) == 1 else given.numbers[:2]
     bad = 0
     for seed in range(first, last):
-        judged = judge(seed, given.seconds, given.wide, given.axial, given.joints, given.mass)
+        judged = judge(seed, given.seconds, given.wide, given.axial, given.joints, given.mass, given.grips)
         bad += bool(judged.complaints)
         mark = " | ".join([*judged.complaints, *(["slower than real time, unannounced"] if judged.crawls else [])])
         print(f"{seed}: {mark or 'fine'}   [{judged.text}]", flush=True)

@@ -7,7 +7,7 @@ import flexlab
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.gym_environment.worlds import Settings, WorldBatch
 from flexlab.presets import load_preset
-from flexlab.sim.closed_loop import joint_states_of
+from flexlab.sim.closed_loop import own_states_of
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
@@ -42,7 +42,7 @@ def test_a_loop_that_rests_on_a_count_stays_there():
 def test_one_joint_alone_may_count():
     world = World(load_preset("paper").replace({**CLOCKED, COUNTS: (0.0, 0.0, 2000.0)}))
     now = world.advance(50)
-    told = joint_states_of(world.system, world.state().y)["reading"]
+    told = own_states_of(world.system, world.state().y)["reading"]
     angle, count = now.joint_angle[-1, :, 2], 2 * np.pi / 2000
     rounded = np.mean(np.round(angle / count) * count - angle)
     assert abs(told[2] - now.pose[-1, 2] - rounded) < 1e-12

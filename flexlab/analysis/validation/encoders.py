@@ -8,7 +8,7 @@ from flexlab.analysis.linearize import linearize
 from flexlab.analysis.validation.check import Check, Runs, below, close
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.sim.closed_loop import joint_states_of
+from flexlab.sim.closed_loop import own_states_of
 from flexlab.sim.world import World
 
 SUBJECT, PLACE = "Encoders", 11
@@ -60,7 +60,7 @@ def _readings(scenario: Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     world, told, poses, angles = World(scenario, scenario.controller.control_period), [], [], []
     for _ in range(READ):
         now = world.advance(1)
-        told.append(joint_states_of(world.system, world.state().y)["reading"].copy())
+        told.append(own_states_of(world.system, world.state().y)["reading"].copy())
         poses.append(now.pose[-1])
         angles.append(now.joint_angle[-1])
     return np.array(told), np.array(poses), np.array(angles)
@@ -84,7 +84,7 @@ def _rate() -> Iterator[Check]:
     world, told, answers = World(scenario, PERIOD), [], []
     for _ in range(100):
         now = world.advance(1)
-        told.append(joint_states_of(world.system, world.state().y)["reading"].copy())
+        told.append(own_states_of(world.system, world.state().y)["reading"].copy())
         answers.append(-now.arm_input[-1].sum(axis=0))
     differences = np.diff(told, axis=0) / PERIOD
     away = float(np.abs(differences - answers[1:]).max() / np.abs(differences).max())

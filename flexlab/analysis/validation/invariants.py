@@ -49,9 +49,9 @@ def checks(runs: Runs) -> Iterator[Check]:
 
 
 def imbalance(run: Run) -> float:
-    """Largest |ΔE - ∫(power in, that of the axial load and of material too, - dissipation, that of friction too)|, J."""
+    """Largest |ΔE - ∫(power in, with the axial load's and material's, - dissipation, with friction's and grips')|, J."""
     gained, work = run.total_energy, run.input_work + run.axial_work + run.own.get("material_energy", 0.0)
-    lost = run.dissipated_energy + run.own.get("friction_loss", 0.0)
+    lost = run.dissipated_energy + run.own.get("friction_loss", 0.0) + run.own.get("grip_loss", 0.0)
     return float(np.abs((gained - gained[0]) - (work - work[0]) + (lost - lost[0])).max())
 
 

@@ -108,12 +108,15 @@ class MassPoints:
         """Weight of one arm, J."""
         return self.gravity * float(self._mass[index] @ self._links(x, index)[1, :3])
 
-    def potential(self, p: np.ndarray) -> float:
-        """Weights and bending, J."""
+    def payload_potential(self, p: np.ndarray) -> float:
+        """Weight and bending of the payload, J."""
         payload = self._payload
         bending = 0.5 * payload.bending_stiffness * float(self._weight @ (self._N2 @ p[3:]) ** 2)
-        weight = self.gravity * payload.linear_density * float(self._weight @ self._beam(p)[1])
-        return bending + weight + sum(self.arm_potential(p[:3], index) for index in range(len(self._arms)))
+        return bending + self.gravity * payload.linear_density * float(self._weight @ self._beam(p)[1])
+
+    def potential(self, p: np.ndarray) -> float:
+        """Weights and bending, J."""
+        return self.payload_potential(p) + sum(self.arm_potential(p[:3], index) for index in range(len(self._arms)))
 
     def _beam(self, p: np.ndarray) -> np.ndarray:
         c, s, w = np.cos(p[2]), np.sin(p[2]), self._N @ p[3:]

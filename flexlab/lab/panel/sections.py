@@ -215,6 +215,12 @@ GROUPS = (
         "joints.motor.stall_torque",
         "joints.motor.no_load_speed",
     )),
+    Group("Grips", (
+        "grips.model",
+        "grips.stiffness",
+        "grips.damping",
+        "grips.measured_at",
+    )),
     Group("Path, part by part", (PATH_NUMBERS,)),
     Group("Start of a run", ("initial.pose", "initial.pose_rate")),
     Group("Left arm", _arm("left")),
@@ -249,7 +255,14 @@ SWITCHES: dict[str, tuple[str, Callable[[Scenario], Any]]] = {
     "payload.mode_count": ("Keep fewer modes", lambda scenario: scenario.payload.coordinate_count),
 }
 """Fields that may be left out: the words of their switch, and the value that it begins with."""
-CHOSEN_HERE = ("simulation.integrator", "left_arm.elbow", "right_arm.elbow", "controller.model.axial_load")
+CHOSEN_HERE = (
+    "simulation.integrator",
+    "left_arm.elbow",
+    "right_arm.elbow",
+    "controller.model.axial_load",
+    "grips.model",
+    "grips.measured_at",
+)
 
 
 def present(scenario: Scenario, group: Group) -> tuple[str, ...]:

@@ -32,10 +32,10 @@ rotation takes ω²/Ω² of a mode's stiffness. A dense product of the whole rea
 import numpy as np
 
 from flexlab.compiled import disjoint, inlined
-from flexlab.numerics.linear_algebra import product
+from flexlab.numerics.linear_algebra import product, solve_symmetric
 from flexlab.physics.axial_load import END, NOW, SCRATCH, STIFF_MODE, has_axial_load
 from flexlab.physics.axial_load import START as BEFORE
-from flexlab.physics.dynamics import acceleration, beam_is_held, block_product, solve_symmetric
+from flexlab.physics.dynamics import acceleration, beam_is_held, block_product
 from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, G, H
 
 FEWEST_COUPLED = 16

@@ -10,7 +10,8 @@ import numpy as np
 
 from flexlab.compiled import inlined
 from flexlab.numerics.linear_algebra import inverse as inverse_of
-from flexlab.physics.dynamics import acceleration, block_product, set_momenta, solve_symmetric
+from flexlab.numerics.linear_algebra import solve_symmetric
+from flexlab.physics.dynamics import acceleration, block_product, set_momenta
 from flexlab.physics.plant import ETA, WORK, G, H, X, joints_start, memory_start
 from flexlab.sim.integrators.scheme import STATE
 

@@ -10,6 +10,7 @@ from http_client import ask, wait_until
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.run_files import is_in_use
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import state_of
 from flexlab.server.scenario_links import encode_scenario
@@ -120,7 +121,8 @@ def test_deleting_asks_first_and_spares_the_run_that_is_being_recorded(
     front_server = open_another()
     logs = front_server.settings.logs
     shutil.copy(recorded, logs / recorded.name)
-    running = wait_until(lambda: [file for file in logs.glob("*.rrd") if file.name != recorded.name], "a recording")[0]
+    # A file is there an instant before its recorder has claimed it.
+    running = wait_until(lambda: [file for file in logs.glob("*.rrd") if is_in_use(file)], "a recording")[0]
     assert "Delete this run?" in ask(front_server.url, f"/runs/{recorded.stem}/delete").text
     assert (logs / recorded.name).exists()
     assert ask(front_server.url, f"/runs/{recorded.stem}/delete", "POST").status == 303

@@ -137,9 +137,7 @@ ENERGIES = _view(
     "dissipated_energy",
     palette=(BLUE, GREEN, GRAY, PURPLE, ORANGE, SKY, VERMILION),
 )
-ELASTIC = _view(
-    "elastic_energy", "Elastic energy of the beam", "elastic", "mJ", "elastic_energy", scale=MILLI, least=0.01
-)
+ELASTIC = _view("elastic_energy", "Elastic energy", "elastic", "mJ", "elastic_energy", scale=MILLI, least=0.01)
 """Beside the others it would be a line at zero."""
 AXIAL_LOAD = _view(
     "axial_load",

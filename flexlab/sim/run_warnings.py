@@ -269,7 +269,9 @@ def inaccurate(scenario: Scenario, time: float, coming: Sizes, found: Sizes, pea
     if pose > bound:
         said.append(f"the pose may be off by {number_text(pose, 1)} m or rad")
     if force > least:
-        share = f"{number_text(force / peak, 1)} of its peak" if peak > LEAST_PEAK else f"{number_text(force, 1)} N"
+        share = (
+            f"{number_text(100 * force / peak, 1)} % of its peak" if peak > LEAST_PEAK else f"{number_text(force, 1)} N"
+        )
         name = "internal" if len(scenario.arms) > 1 else "moving"
         said.append(f"the {name} force may be off by {share}")
     if not said:

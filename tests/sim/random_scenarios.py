@@ -138,11 +138,14 @@ def wide_scenario(seed: int) -> Scenario:
 
 def stated_size(what: str, warning: str) -> float:
     """The size that a warning gives of the error of the "pose" or "force", m or parts of its peak; not finite: none."""
-    said = re.search(rf"{what} may be off by (?:([\d.]+) · )?([\d.]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*) (of its peak|m or rad)", warning)
+    said = re.search(
+        rf"{what} may be off by (?:([\d.]+) · )?([\d.]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*) (% of its peak|m or rad)", warning
+    )
     if not said:
         return math.inf
     power = int(said[3].translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 1)
-    return float(said[1] or 1) * float(said[2]) ** power
+    size = float(said[1] or 1) * float(said[2]) ** power
+    return size / 100 if said[4].startswith("%") else size
 
 
 def with_joints(scenario: Scenario, seed: int) -> Scenario:

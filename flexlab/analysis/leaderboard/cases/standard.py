@@ -1,4 +1,4 @@
-"""The standard cases, B1 to B8: from the paper's own experiment to ten minutes with noise and joints as machines have them."""
+"""The standard cases, B1 to B8: from the paper's own experiment to ten minutes with noise, and joints and grips of machines."""
 
 from math import pi, sqrt
 from typing import Self
@@ -218,11 +218,19 @@ JOINTS = {
     "joints.friction.static_factor": 1.5,
 }
 
+KNOWN = {"controller.model.friction_factor": 1.0}
+FILLED = {
+    "payload.mass_change.factor": 1.5,
+    "payload.mass_change.begin": 0.5,
+    "payload.mass_change.duration": 1.0,
+}
+
 B8 = Case(
     "B8",
-    "Joints of machines",
+    "Joints and grips of machines",
     "B1 at 1 kHz with friction in the joints, motors that are late by 2 ms and weaken with their speed, and encoders of 20 bits, "
-    "from which rates are differences: once the controller knows nothing of friction, once all.",
+    "from which rates are differences: once the controller knows nothing of friction, once all, and then with grips that give "
+    "way, or with a payload that is filled to 1.5 times its mass from 0.5 s to 1.5 s, of which it knows nothing either.",
     3.0,
     (
         rms_error((1.0, 3.0)),
@@ -232,5 +240,10 @@ B8 = Case(
         peak_torque((1.0, 3.0)),
     ),
     JOINTS,
-    (Variant("friction unknown"), Variant("friction known", {"controller.model.friction_factor": 1.0})),
+    (
+        Variant("friction unknown"),
+        Variant("friction known", KNOWN),
+        Variant("grips that give way", {**KNOWN, "grips.model": "compliant"}),
+        Variant("payload that is filled", {**KNOWN, **FILLED}),
+    ),
 )

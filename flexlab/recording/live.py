@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from flexlab.errors import RecordingError
-from flexlab.recording.rerun_internals.streams import HEAD, messages
+from flexlab.recording.rerun_internals.message_layout import HEAD, messages
 from flexlab.recording.run_stream import Refusal, allow
 
 MOST_BYTES = 64_000_000

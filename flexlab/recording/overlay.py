@@ -13,7 +13,8 @@ from flexlab.recording.blueprint import MAIN_PLOTS, plot_view, scene_view, side_
 from flexlab.recording.codec import larger_blocks
 from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
 from flexlab.recording.rerun_internals.chunks import scalars, send_columns
-from flexlab.recording.rerun_internals.streams import messages, new_stream, send_layout
+from flexlab.recording.rerun_internals.message_layout import messages
+from flexlab.recording.rerun_internals.streams import new_stream, send_layout
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.run_stream import curves
 from flexlab.recording.scene_log import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunks import has_recording
-from flexlab.recording.rerun_internals.streams import has_footer
+from flexlab.recording.rerun_internals.message_layout import has_footer
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.notes import read_notes, replacing, write_notes
 from flexlab.recording.store.run_files import claim, list_runs, run_state

@@ -19,7 +19,8 @@ from flexlab.errors import RecordingError
 from flexlab.recording.blueprint import measurement_blueprint, run_blueprint
 from flexlab.recording.codec import state_json
 from flexlab.recording.rerun_internals.chunks import Column, send_columns
-from flexlab.recording.rerun_internals.streams import messages, new_stream, send_layout
+from flexlab.recording.rerun_internals.message_layout import messages
+from flexlab.recording.rerun_internals.streams import new_stream, send_layout
 from flexlab.recording.run_encoder import Kept
 from flexlab.recording.run_info import RunInfo, parameters_text, run_properties, signals_text
 from flexlab.recording.scene_log import fixed_shapes

@@ -137,11 +137,11 @@ def test_can_vibration_reach_zero():
     noisy = {**CLOCK, "controller__sensor_noise__strain": 1e-6}
     measured = begun("vibration", "vibration-damping", 1.0, **noisy)
     assert not measured.done
-    assert "within 0.13 s with a clock of 1 ms and 1 samples of delay, but the torques jump by 1" in measured.sentence
+    assert "within 0.13 s with a clock of 1 ms and 1 ms of delay, but the torques jump by 1" in measured.sentence
     assert not begun("vibration", "vibration-damping", 1.0, **CLOCK, **KALMAN).done
     after = begun("vibration", "vibration-damping", 1.0, **noisy, **KALMAN)
     assert after.done
-    assert "within 0.12 s with a clock of 1 ms and 1 samples of delay, from noisy gauges" in after.sentence
+    assert "within 0.12 s with a clock of 1 ms and 1 ms of delay, from noisy gauges" in after.sentence
 
 
 def test_stopping_without_a_ring():

@@ -19,7 +19,7 @@ from rerun_bindings import CatalogClientInternal
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunks import quiet_reader
-from flexlab.recording.rerun_internals.streams import has_footer
+from flexlab.recording.rerun_internals.message_layout import has_footer
 from flexlab.recording.store.notes import replacing
 from flexlab.sockets import free_ports
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, Literal
 
 from flexlab.errors import RecordingError
-from flexlab.recording.rerun_internals.streams import FAMILY, has_footer
+from flexlab.recording.rerun_internals.message_layout import FAMILY, has_footer
 from flexlab.recording.store.notes import is_regular, notes_path, read_notes
 from flexlab.text import visible
 

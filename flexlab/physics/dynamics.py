@@ -232,7 +232,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
             power += u[i, a] * v[a]
         dy[X + a], dy[P + a] = v[a], rate
     power = begin_powers(plant.grips, u, ws, power)
-    add_grip_loads(plant.grips, ws, dy[P : P + 3])
+    add_grip_loads(plant.grips, ws, dy, P)
     dy[P + 1] -= factor * (plant.m * g)
     dy[P + 2] += factor * (g * s * w_bar - w * w_bar * v2 - w_bar_rate * v1)
 
@@ -259,7 +259,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     if hand.stiffness != 0 and hand.arm >= 0:
         held = int(hand.arm)
         pull_on_link(plant, y, ws, ws.hand[held])
-        power = pull_arm(plant.grips, held, ws, dy[P : P + 3], power)
+        power = pull_arm(plant.grips, held, ws, dy, P, power)
     elif hand.stiffness != 0:
         fx, fy, deflection = pull_force(plant, y, c, s)
         f1, f2, at = c * fx + s * fy, c * fy - s * fx, hand.position
@@ -278,7 +278,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
             given -= ws.eta_dot[k] * ws.axial_force[0, k]
         dy[AXIAL_WORK] = given
     bring_material(plant.mass_change, plant, y, w_bar, ws, dy)
-    move_arms(plant.grips, u, ws, dy[grips_start(plant) :])
+    move_arms(plant.grips, u, ws, dy, grips_start(plant))
 
 
 @inlined
@@ -331,7 +331,7 @@ def pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, p
             for b in range(3):
                 total -= ws.arm.C[i, a, b] * v[b]
         result[a] = total
-    add_grip_loads(plant.grips, ws, result)
+    add_grip_loads(plant.grips, ws, result, 0)
     inward, sideways = factor * (2 * w * w_bar_rate) + f1, factor * (w * w * w_bar + h_force) + f2
     result[0] += c * inward - s * sideways
     result[1] += s * inward + c * sideways - factor * (plant.m * g)

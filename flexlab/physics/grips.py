@@ -200,13 +200,13 @@ def _find_told(grips, pose, ws):
 
 
 @inlined
-def add_grip_loads(grips, ws, force):
-    """force (3,) += what grips that give way do to the payload's pose."""
+def add_grip_loads(grips, ws, force, at):
+    """force[at : at + 3] += what grips that give way do to the payload's pose."""
     if grips is None:
         return
     for i in range(len(ws.grips.load)):
         for a in range(3):
-            force[a] += ws.grips.load[i, a]
+            force[at + a] += ws.grips.load[i, a]
 
 
 @inlined
@@ -222,11 +222,11 @@ def begin_powers(grips, u, ws, power):
 
 
 @inlined
-def pull_arm(grips, held, ws, force, power):
+def pull_arm(grips, held, ws, force, at, power):
     """Let what a hand does to a link of arm `held` act: on the payload's pose where it moves with it. Returns the power, W."""
     if grips is None:
         for a in range(3):
-            force[a] += ws.hand[held, a]
+            force[at + a] += ws.hand[held, a]
             power += ws.hand[held, a] * ws.velocity[a]
     else:
         for a in range(3):
@@ -235,13 +235,13 @@ def pull_arm(grips, held, ws, force, power):
 
 
 @inlined
-def move_arms(grips, u, ws, rates):
-    """Fill the rates of the grips' states, after inputs u (arms, 3), C̄_i, the grips' forces and ws.hand are known."""
+def move_arms(grips, u, ws, rates, start):
+    """Fill the rates of the grips' states, from `start` on, after inputs u (arms, 3), C̄_i, their forces and ws.hand are known."""
     if grips is None:
         return
     own, b = ws.grips, ws.momentum
     for i in range(len(u)):
-        at, v = PER_ARM * i, own.velocity[i]
+        at, v = start + PER_ARM * i, own.velocity[i]
         for a in range(3):
             b[a] = u[i, a] + ws.hand[i, a] - ws.arm.G[i, a] - own.reaction[i, a]
             for other in range(3):
@@ -249,7 +249,7 @@ def move_arms(grips, u, ws, rates):
         solve_symmetric(ws.arm.M[i], b)
         for a in range(3):
             rates[at + a], rates[at + 3 + a] = v[a] - ws.velocity[a], b[a]
-    rates[PER_ARM * len(u)] = own.loss[0]
+    rates[start + PER_ARM * len(u)] = own.loss[0]
 
 
 @inlined

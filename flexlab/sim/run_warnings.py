@@ -105,13 +105,6 @@ def seconds_per_second(integrator: str, beam: Beam, step: float) -> float:
     return (cost.fixed + cost.per_mode * float(np.sum(sizes)) + cost.per_product * products) / step
 
 
-OTHERS = {
-    "payload.mass_change.factor 1": "a mass that stays (payload.mass_change.factor = 1)",
-    "grips.model rigid": "rigid grips (grips.model = rigid)",
-}
-"""What lets other integrators than rk4 go a scenario, as a cure."""
-
-
 def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: str = "") -> str:
     """A sentence if a run is estimated to be slower than real time, what makes it so and what to change; else empty.
 
@@ -152,7 +145,7 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: s
     if modes > COUPLED_MODES:
         cures = [*cures, "fewer elements or modes (payload.mode_count)"]
     if others:
-        cures = [*cures, OTHERS[others]]
+        cures = [*cures, others]
     elif integrator != "etdrk4" and bound != "given":
         cures = ["the integrator auto", *cures]
     return (

@@ -91,15 +91,10 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     simulation, beam_speed, joint_speed = scenario.simulation, rates.beam, joint_rate(system, rates.poses)
     law_speed, motor_speed = control_rate(system, rates.poses), motor_rate(system)
     control_speed = law_speed + joint_speed + motor_speed
-    integrator, mass_change, grips = (
-        simulation.integrator,
-        scenario.payload.mass_change,
-        grip_rates(system, rates.poses),
-    )
-    if integrator == "auto" and (mass_change.active or scenario.grips.active):
-        integrator = (
-            "rk4"  # The others propagate the modes of a mass that stays, in arms that move as one with the beam's ends.
-        )
+    integrator, others, grips = simulation.integrator, other_integrators(scenario), grip_rates(system, rates.poses)
+    if integrator == "auto" and others:
+        # They propagate the modes of a mass that stays, in arms that move as one with the beam's ends.
+        integrator = "rk4"
     elif integrator == "auto":
         # Only a beam so slow that rk4 resolves all its modes saves by not propagating them exactly.
         step = simulation.step or _accurate_step("rk4", simulation.accuracy, control_speed)
@@ -116,7 +111,9 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
             accurate = max(COUPLED_STEP, ease * min(lasting, FADING_LIMIT / coupling))
             coupled = min(STABLE_COUPLING / coupling, accurate)
         if integrator == "rk4":
-            third = float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]) / math.sqrt(mass_change.lightest)
+            third = float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]) / math.sqrt(
+                scenario.payload.mass_change.lightest
+            )
             stable = min(RESOLVED * stable, RESOLVED_ANGLE / third)
         gripped = GRIPPED_ANGLE / grips.slow if compliant else math.inf
         hard = compliant and (gripped < stable or grips.ringing + grips.fading > beam_speed)
@@ -127,9 +124,9 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
         bound = "motors" if motor_speed > max(joint_speed, law_speed) else bound
         firm = "grips" if hard else "beam"
         bound = "creep" if step == creeping else firm if step == min(stable, coupled) else bound
-        _refuse_tiny(step, integrator, bound, other_integrators(scenario))
+        _refuse_tiny(step, integrator, bound, others)
         return Choice(integrator, step, bound)
-    etdrk4 = "" if other_integrators(scenario) else "etdrk4, "
+    etdrk4 = "" if others else "etdrk4, "
     hard = compliant and grips.ringing + grips.fading > beam_speed
     if simulation.step > stable:
         raise ScenarioError(
@@ -146,10 +143,10 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
 
 
 def other_integrators(scenario: Scenario) -> str:
-    """What would let other integrators than rk4 go a scenario, as a field and its value; empty: they do."""
-    if scenario.payload.mass_change.active:
-        return "payload.mass_change.factor 1"
-    return "grips.model rigid" if scenario.grips.active else ""
+    """What would let other integrators than rk4 go a scenario, as a cure; empty: they do."""
+    mass = "a mass that stays (payload.mass_change.factor = 1)" if scenario.payload.mass_change.active else ""
+    grips = "rigid grips (grips.model = rigid)" if scenario.grips.active else ""
+    return " and ".join(filter(None, (mass, grips)))
 
 
 def _refuse_tiny(step: float, integrator: str, bound: str, others: str) -> None:

@@ -385,6 +385,11 @@ def test_what_are_no_grips_is_refused():
     slow = World(paper.replace({"grips.stiffness": (1e8, 1e8, 1e8)}))
     assert "the grips need steps of" in slow.pace_warning
     assert "rigid grips (grips.model = rigid)" in slow.pace_warning
+    both = paper.replace({"payload.mass_change.factor": 2.0, "payload.element_count": 64})
+    with pytest.raises(
+        ScenarioError, match=r"or a mass that stays \(.*factor = 1\) and rigid grips \(grips\.model = rigid\),"
+    ):
+        World(both)
 
 
 def test_where_compliant_grips_cannot_go_it_is_said():

@@ -10,6 +10,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from flexlab.analysis import modes as mode_study
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.result import result_hash
@@ -18,6 +20,7 @@ from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
 from flexlab.analysis.sweep.result import Sweep, run_sweep, sweep_folder
 from flexlab.analysis.workers import chosen_workers, progress_bar
 from flexlab.analysis.workers import simulate_many as compute_many
+from flexlab.arguments import file_path, flag, whole_number
 from flexlab.errors import StudyError
 from flexlab.own.declaration import OwnLaw, OwnPath
 from flexlab.own.files import law_kind, path_kind
@@ -169,9 +172,10 @@ def simulate(
     period that is not, a command that changes the beam's mesh or starts the run anew, and, with `check`, for a run that
     did not finish.
     """
+    must_finish = flag("check", check)
     name, valid = named_scenario(scenario, law, path)
     run = _run(engine.simulate(valid, duration, sample_period, commands), name)
-    if check and run.status.failed:
+    if must_finish and run.status.failed:
         raise StudyError(f"The run of {name} did not finish: {run.status.text}")
     return run
 
@@ -215,7 +219,8 @@ def simulate_many(
     on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `PresetError` for a name that is none and
     `StudyError` for unusable arguments.
     """
-    if not isinstance(scenarios, Iterable) or isinstance(scenarios, (str, bytes, Mapping)):
+    single = isinstance(scenarios, (str, bytes, Mapping)) or (isinstance(scenarios, np.ndarray) and not scenarios.ndim)
+    if single or not isinstance(scenarios, Iterable):
         raise StudyError(f"scenarios = {scenarios!r:.60} is no list: give scenarios, as in ['paper', 'soft-beam'].")
     pairs = [("run", scenario) if isinstance(scenario, Mapping) else named_scenario(scenario) for scenario in scenarios]
     choose = _choice(law, path)
@@ -254,8 +259,9 @@ def sweep(
     `StudyError` for other unusable arguments, for a cluster that fails, and for more than `most_cells` cells.
     """
     name, valid = named_scenario(scenario, law, path)
+    most = whole_number("most_cells", most_cells, 1)
     plan = make_plan(valid, parse_axes(_by_kind(vary), valid), duration, sample_period, design, samples, seed, accuracy)
-    if plan.cell_count > most_cells:
+    if plan.cell_count > most:
         raise StudyError(f"The sweep has {plan.cell_count} cells: say most_cells={plan.cell_count} if you mean it.")
     known = chosen_workers(workers, cluster)
     place = sweep_folder(name, plan) if folder is None else file_path("folder", folder)
@@ -295,13 +301,6 @@ def export_fmu(
     name, known = named_scenario(scenario)
     write_fmu(known, target, name, part, version, sample_period)
     return target
-
-
-def file_path(name: str, value: str | Path) -> Path:
-    """The path that the argument `name` says; raises `StudyError` for what is none."""
-    if not isinstance(value, (str, Path)) or not str(value):
-        raise StudyError(f"{name} = {value!r:.60} is no path: give one as text, as in 'study/first'.")
-    return Path(value)
 
 
 def named_scenario(scenario: AnyScenario, law: AnyLaw = None, path: AnyPath = None) -> tuple[str, Scenario]:

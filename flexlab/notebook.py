@@ -5,6 +5,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from flexlab import api
+from flexlab.arguments import whole_number
 from flexlab.text import CELL_HEIGHT
 
 if TYPE_CHECKING:
@@ -25,8 +26,8 @@ class Lab:
         law: api.AnyLaw = None,
         path: api.AnyPath = None,
     ):
+        self._height = whole_number("height", height, 1)
         self._name, self._scenario = api.named_scenario(scenario, law, path)
-        self._height = height
         self._session: Session | None = None
 
     def open(self) -> "Lab":

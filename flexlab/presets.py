@@ -207,7 +207,7 @@ def unique_fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def _unknown(name: str, names: list[str]) -> str:
     close = difflib.get_close_matches(name.lower(), names, n=1)
     hint = f"; did you mean {close[0]}?" if close else "."
-    return f"There is no preset {name!r}: the presets are {', '.join(names)}{hint}"
+    return f"There is no preset {name!r:.60}: the presets are {', '.join(names)}{hint}"
 
 
 def _lower_first(text: str) -> str:

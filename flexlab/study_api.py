@@ -23,7 +23,8 @@ from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.tuning import Tuning, parse_cost
 from flexlab.analysis.validation import Validation
 from flexlab.analysis.workers import chosen_workers, progress_bar
-from flexlab.api import LOGS, AnyLaw, AnyPath, AnyScenario, Run, export_fmu, file_path, named_scenario
+from flexlab.api import LOGS, AnyLaw, AnyPath, AnyScenario, Run, export_fmu, named_scenario
+from flexlab.arguments import file_path, flag, text_or_none, time_or_none
 from flexlab.errors import StudyError
 from flexlab.own import hosts
 from flexlab.recording.export import export_recording
@@ -79,12 +80,16 @@ def fit(
     `source`: a run, or a CSV file, whose columns `time` and `signal` name, with a unit as in "laser [mm]". `start`, `end`: s;
     None: where the ring begins. `scenario`: what is known of the beam; None: a run's own. Raises `StudyError`, `RecordingError`.
     """
+    of, column = text_or_none("signal", signal, "vibration"), text_or_none("time", time, "time")
+    first, last = time_or_none("start", start), time_or_none("end", end)
     known = None if scenario is None else named_scenario(scenario)[1]
     if not isinstance(source, Run) and str(source).lower().endswith(".csv"):
-        return fit_file(Path(source), time, signal, start, end, known)
+        return fit_file(Path(source), column, of, first, last, known)
+    if column is not None:
+        raise StudyError(f"time = {column!r:.60} names a column of a file: a run has one time, leave it out.")
     with ExitStack() as stack:
         (path,) = _paths([source], logs, stack)
-        return fit_run(str(path), Path(logs), signal, start, end, known)
+        return fit_run(str(path), path.parent, of, first, last, known)
 
 
 def compare(*runs: AnyRun, logs: str | Path = LOGS) -> Comparison:
@@ -103,15 +108,16 @@ def replay(run: str | Path, logs: str | Path = LOGS, run_own_law: bool = False) 
 
     `run_own_law`: let Python code run that came with the recording. Raises `RecordingError` and `StudyError`.
     """
+    may_run = flag("run_own_law", run_own_law)
     with ExitStack() as stack:
         if str(run).lower().endswith(ARCHIVE):
             path = unpack_capsule(Path(run), Path(stack.enter_context(TemporaryDirectory(prefix="flexlab-"))))
         else:
-            path = find_run(str(run), Path(logs))
+            path = find_run(str(run), file_path("logs", logs))
         recording = read_recording(path, with_samples=False)
         for kind, source in replaying.own_law_texts(recording):
             if not hosts.is_allowed(source):
-                if not run_own_law:
+                if not may_run:
                     raise StudyError(
                         f"The run came with the control law {kind}, Python code: let it run by run_own_law=True."
                     )
@@ -134,6 +140,12 @@ def export(
     """
     target = file_path("to", to)
     kind = target.suffix.lower()
+    first, last = time_or_none("start", start), time_or_none("end", end)
+    if kind in (UNIT, *BODIES, PAGE, ARCHIVE) and (first, last) != (None, None):
+        what_whole = "run" if kind in (PAGE, ARCHIVE) else "scenario"
+        raise StudyError(f"start and end are for tables: {target} holds the whole {what_whole}.")
+    if options and kind != UNIT:
+        raise StudyError(f"{', '.join(options)}: an option of units is of no use here: let {target} end in .fmu.")
     if kind == UNIT or kind in BODIES:
         if isinstance(what, Run):
             what = what.scenario
@@ -143,12 +155,8 @@ def export(
 
         name, scenario = named_scenario(what)
         return write_bodies(scenario, target, name)
-    if options:
-        raise StudyError(f"{', '.join(options)}: an option of units is of no use here: let {target} end in .fmu.")
     if not isinstance(what, (Run, str, Path)):
         raise StudyError(f"{target} is made of a run: give one, or simulate the scenario first.")
-    if kind in (PAGE, ARCHIVE) and (start, end) != (None, None):
-        raise StudyError(f"start and end are for tables: {target} holds the whole run.")
     with ExitStack() as stack:
         (path,) = _paths([what], logs, stack)
         if kind == ARCHIVE:
@@ -156,7 +164,7 @@ def export(
         elif kind == PAGE:
             _write_page(path, target)
         else:
-            export_recording(read_recording(path, with_samples=False), target, start, end, read_blocks(path))
+            export_recording(read_recording(path, with_samples=False), target, first, last, read_blocks(path))
     return target
 
 
@@ -181,10 +189,11 @@ def validate() -> Validation:
 
 def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:
     """The recordings of runs; one in memory is recorded where it goes with the stack. Raises `RecordingError`."""
+    folder = file_path("logs", logs)
     return [
         run.save(stack.enter_context(TemporaryDirectory(prefix="flexlab-")))
         if isinstance(run, Run)
-        else find_run(str(run), Path(logs))
+        else find_run(str(run), folder)
         for run in runs
     ]
 
@@ -209,6 +218,6 @@ def leaderboard(
     `StudyError` for unusable arguments and `ScenarioError` for a law's file that cannot be used.
     """
     known = chosen_workers(workers, cluster)
-    tasks = make_tasks(chosen_cases(cases, long), chosen_entrants(laws, more_laws), seed)
+    tasks = make_tasks(chosen_cases(cases, flag("long", long)), chosen_entrants(laws, more_laws), seed)
     with progress_bar(progress, "rows") as told:
         return run_board(tasks, RowStore(file_path("folder", folder)), known, told)

@@ -17,6 +17,7 @@ LAYERS = {
     "quantities": 0,
     "signal": 0,
     "text": 0,
+    "arguments": 0,
     "boundaries": 0,
     "registry": 0,
     "lapack": 0,

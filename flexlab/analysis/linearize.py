@@ -15,6 +15,7 @@ from flexlab.analysis.linearization import POSE_STEP, Linearization, central, fi
 from flexlab.analysis.modes import check_pose, drift_note, linearize_at
 from flexlab.analysis.rest_point import aim
 from flexlab.analysis.stability import beam_scale, find_disk_margin, find_poles, kept_memory, with_lag
+from flexlab.arguments import flag
 from flexlab.control.observers.believed_plant import hold
 from flexlab.errors import StudyError
 from flexlab.lapack import one_blas_thread
@@ -54,14 +55,15 @@ def linearize(
     driven = _names(inputs)
     shown = _listed("outputs", outputs)
     acts = any(name in DESIRED for name in driven)
-    if closed is False and acts:
+    acting = acts if closed is None else flag("closed", closed)
+    if acts and not acting:
         raise StudyError(f"{driven} drive the control law: with closed=False choose {TORQUE} or {TASK} as inputs.")
     if not shown:
         raise StudyError("outputs is empty: name one signal of a run or more, such as 'pose'.")
     with one_blas_thread():
         linear = linearize_at(scenario, check_pose(scenario, pose))
         answers = linear_outputs(linear, choose_columns(linear, shown))
-        return _assemble(linear, answers, driven, acts if closed is None else closed)
+        return _assemble(linear, answers, driven, acting)
 
 
 def _names(inputs: str | Sequence[str]) -> tuple[str, ...]:
@@ -69,7 +71,7 @@ def _names(inputs: str | Sequence[str]) -> tuple[str, ...]:
     for name in names:
         if name not in INPUTS:
             near = difflib.get_close_matches(str(name), INPUTS) or INPUTS
-            raise StudyError(f"inputs: {name!r} is no input of a linear model: did you mean {', '.join(near)}?")
+            raise StudyError(f"inputs: {name!r:.60} is no input of a linear model: did you mean {', '.join(near)}?")
     if not names:
         raise StudyError(f"inputs is empty: name one or more of {', '.join(INPUTS)}.")
     return names
@@ -238,7 +240,7 @@ def choose_columns(linear: Linearization, signals: Sequence[str]) -> tuple[Colum
     for name in signals:
         if name not in known:
             near = difflib.get_close_matches(str(name), known) or known
-            raise StudyError(f"outputs: {name!r} is no signal of a run: did you mean {', '.join(near)}?")
+            raise StudyError(f"outputs: {name!r:.60} is no signal of a run: did you mean {', '.join(near)}?")
     return tuple(column for name in signals for column in every if column.signal == name)
 
 

@@ -283,11 +283,12 @@ def rings_of(found: Modes) -> dict[int, Ring]:
 def check_pose(scenario: Scenario, pose: tuple[float, float, float] | None) -> np.ndarray:
     """The pose to hold, (3,); raises `StudyError` for one that is no pose or that an arm cannot take."""
     try:
-        at = np.array(scenario.trajectory.middle if pose is None else pose, dtype=float)
-    except (TypeError, ValueError):
+        given = np.array(scenario.trajectory.middle if pose is None else pose)
+        at = given.astype(float) if given.dtype.kind in "iuf" else np.zeros(0)
+    except (TypeError, ValueError, OverflowError):
         at = np.zeros(0)
     if at.shape != (3,) or not np.all(np.isfinite(at)):
-        raise StudyError(f"pose = {pose!r} is not usable: give three numbers, x and y in m and θ in rad.")
+        raise StudyError(f"pose = {pose!r:.60} is not usable: give three numbers, x and y in m and θ in rad.")
     fault = pose_fault(scenario, at, 0.0, "the pose of the linearisation")
     if fault is not None:
         raise StudyError(fault.text)

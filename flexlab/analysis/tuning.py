@@ -27,6 +27,7 @@ from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.figures import SIZE, pareto_front
 from flexlab.analysis.sweep.plan import measure
 from flexlab.analysis.workers import Told, Workers, chosen_workers
+from flexlab.arguments import whole_number
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.lapack import one_blas_thread
 from flexlab.recording.store.notes import replacing
@@ -104,7 +105,7 @@ def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: flo
             raise StudyError(f"{what}: {error}") from None
         try:
             number = default if value == "" else float(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             number = None
         if number is None or not math.isfinite(number) or number <= 0:
             raise StudyError(f"{what}: {name}={value!s:.60} is not usable: give a number above 0.")
@@ -224,7 +225,7 @@ def tune(
 
     size = max(5, min(CANDIDATES_PER_FIELD * len(axes), candidates // 3))
     rounds = max(candidates // size - 1, 1)
-    start = np.random.default_rng(seed)
+    start = np.random.default_rng(whole_number("seed", seed, 0))
     population = start.random((size, len(axes)))
     with one_blas_thread(), (workers or chosen_workers())() as run:
 

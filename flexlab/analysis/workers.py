@@ -13,6 +13,7 @@ from itertools import islice
 from typing import Any
 
 from flexlab.analysis.metrics.own import OwnMetric, know_own_metrics, own_metrics
+from flexlab.arguments import flag
 from flexlab.compiled import cache_folder
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.lapack import one_blas_thread
@@ -111,7 +112,9 @@ def thread_count(workers: int | None) -> int:
     """How many threads to use: one per core for None. Raises `StudyError` for what is no usable number."""
     workers = os.cpu_count() or 1 if workers is None else workers
     if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
-        raise StudyError(f"workers = {workers!r} is not usable: give a whole number from 1 to {MOST_WORKERS}, or None.")
+        raise StudyError(
+            f"workers = {workers!r:.60} is not usable: give a whole number from 1 to {MOST_WORKERS}, or None."
+        )
     return workers
 
 
@@ -221,7 +224,7 @@ def progress_bar(shown: bool, what: str = "cells") -> Iterator[Told]:
 
     notes = console(stderr=True)
     columns = TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    hidden = not (shown and notes.is_terminal)
+    hidden = not (flag("progress", shown) and notes.is_terminal)
     with Progress(*columns, console=notes, transient=True, disable=hidden) as progress:
         task = progress.add_task(what, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)

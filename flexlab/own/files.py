@@ -232,8 +232,9 @@ class OwnFolder(Generic[K]):
         except FileNotFoundError:
             text = f"There is no file {file}: give the path of a Python file with {self.holding}."
             raise self._problem("source", text) from None
-        except (OSError, UnicodeDecodeError) as error:
-            why = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
+        except (OSError, ValueError) as error:
+            named = "it is no text in UTF-8" if isinstance(error, UnicodeDecodeError) else "no file has such a name"
+            why = error.strerror if isinstance(error, OSError) else named
             raise self._problem("source", f"{file} cannot be read: {why}.") from None
 
     def _kernel(self, file: Path) -> str:

@@ -109,8 +109,8 @@ def text_of_unit(file: Path) -> str:
     """The text of the law that a unit computes. Raises `ScenarioError` for one that cannot drive the arms."""
     try:
         data = file.read_bytes()
-    except OSError as error:
-        why = "there is no such file" if isinstance(error, FileNotFoundError) else error.strerror
+    except (OSError, ValueError) as error:  # ValueError: no file has such a name
+        why = "there is no such file" if isinstance(error, (FileNotFoundError, ValueError)) else error.strerror
         raise _problem(file, f"cannot be read: {why}") from None
     about = _description(file)
     inputs = [each for each in about.modelVariables if each.causality == "input"]

@@ -51,8 +51,9 @@ def read_path_file(file: str | Path) -> tuple[tuple[float, float, float, float],
     try:
         with open(file, "rb") as stream:
             content = stream.read(LONGEST_FILE + 1)
-    except OSError as error:
-        raise PresetError(f"{file} cannot be read: {error.strerror}.") from None
+    except (OSError, ValueError) as error:  # ValueError: no file has such a name
+        why = error.strerror if isinstance(error, OSError) else "no file has such a name"
+        raise PresetError(f"{file!s:.200} cannot be read: {why}.") from None
     return decoded_path(content, str(file))
 
 

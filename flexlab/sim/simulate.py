@@ -1,10 +1,10 @@
 """Headless simulation: one scenario, one duration, all samples."""
 
 import math
-import numbers
 from collections.abc import Sequence
 from typing import get_args
 
+from flexlab.arguments import finite_number
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
 from flexlab.sim.carry_over import same_motion
@@ -32,7 +32,7 @@ def simulate(
     for a scenario or command that is not valid and `StudyError` for a duration or period that is not, or a command that
     changes the beam's mesh or starts the run anew.
     """
-    count = sample_count(duration, sample_period)
+    count, sample_period = sample_count(duration, sample_period), float(sample_period)
     world = World(scenario.anew(), sample_period)
     rows, parts = world.new_rows(count + 1), []
     rows[:1] = world.observe_rows()
@@ -80,8 +80,7 @@ def _check_commands(commands: Sequence[tuple[float, WorldCommand]]) -> None:
         if not isinstance(item, Sequence) or isinstance(item, str) or len(item) != 2:
             raise StudyError(f"commands has {item!r:.60}: give pairs of a time in s and a command, {example}.")
         time, command = item
-        if not isinstance(time, numbers.Real) or isinstance(time, bool) or not math.isfinite(time):
-            raise StudyError(f"commands: the time {time!r:.60} s is not usable: give a finite number of seconds.")
+        finite_number("commands: time", time, "s")
         if not isinstance(command, get_args(WorldCommand)):
             raise StudyError(f"commands: {command!r:.60} is no command of a world: give one of {kinds}, {example}.")
 
@@ -97,15 +96,14 @@ def sample_count(duration: float, sample_period: float) -> int:
         ("duration", duration, 0.0, math.inf),
         ("sample_period", sample_period, SHORTEST_PERIOD, LONGEST_PERIOD),
     ):
-        usable = isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
-        if not usable or not low <= value <= high:
+        if not low <= finite_number(name, value, "s") <= high:
             limit = f"from {number_text(low)} to {number_text(high)}" if math.isfinite(high) else f"of at least {low:g}"
             raise StudyError(f"{name} = {value!r:.60} s is not usable: give a number of seconds {limit}.")
-    count = math.floor(duration / sample_period * (1 + 1e-12) + 1e-9)
+    count = float(duration) / float(sample_period) * (1 + 1e-12) + 1e-9
     if count > LONGEST_RUN:
         raise StudyError(
             f"duration = {number_text(duration)} s at sample_period = {number_text(sample_period)} s makes "
             f"{number_text(count)} samples, over {number_text(LONGEST_RUN)}: "
             "choose a shorter duration or a longer sample period."
         )
-    return count
+    return math.floor(count)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 Kind = Literal["run", "peak", "rms"]
 """What the function gives: the run's number; or a signal, of which the largest magnitude or the root mean square counts."""
 Function = TypeVar("Function", bound=Callable[["Samples"], Any])
+REAL = "biuf"
+"""Kinds of arrays of NumPy that are real numbers."""
 PLACE = 100
 """After all others."""
 
@@ -64,10 +66,17 @@ def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function],
     square is the number. A function that fails makes a cell of a sweep fail, with its reason. Declared again, it is replaced.
     Raises `StudyError` for a name that is taken.
     """
-    if of not in ("run", "peak", "rms"):
+    if not isinstance(unit, str) or not unit:
+        raise StudyError(f'unit = {unit!r:.60} is no unit: give it as text, as in @flexlab.metric("J"), "1" for none.')
+    if not isinstance(title, str):
+        raise StudyError(f"title = {title!r:.60} is not usable: give a text.")
+    if not isinstance(of, str) or of not in ("run", "peak", "rms"):
         raise StudyError(f'of = {of!r:.40} is not usable: give "run", "peak" or "rms".')
 
     def declare(function: Function) -> Function:
+        name = getattr(function, "__name__", "")
+        if not callable(function) or not name.isidentifier():
+            raise StudyError(f"{function!r:.60} makes no metric: give a function with a name, as def makes it.")
         know_own_metrics([OwnMetric(function, unit, title or function.__name__.replace("_", " ").capitalize(), of)])
         return function
 
@@ -106,10 +115,13 @@ def _made(declared: OwnMetric) -> type[Metric]:
 
 def _called(declared: OwnMetric, samples: "Samples") -> np.ndarray:
     try:
-        return np.asarray(declared.function(samples), float)
+        found = np.asarray(declared.function(samples))
     except Exception as error:
         reason = " ".join(str(error).split()) or "no reason given"
         raise StudyError(f"The metric {declared.name} failed: {type(error).__name__}: {reason:.300}") from error
+    if found.dtype.kind not in REAL:
+        raise StudyError(f"The metric {declared.name} gives {found!r:.60}: real numbers are needed.")
+    return found.astype(float)
 
 
 class _OfRun(Metric):

@@ -22,6 +22,8 @@ ONE = "payload.bending_stiffness=1:1000:log:25"
 EXAMPLE = f"{ONE}, or controller.kind=pd,computed-torque"
 DEFAULT_COUNT = 10
 """Values of a range that does not say how many."""
+MOST_VALUES = 1_000_000
+"""Of one range: they are in memory before anything is computed."""
 
 
 @dataclass(frozen=True)
@@ -130,8 +132,10 @@ def _range(path: str, text: str, whole: bool) -> Axis:
         raise wrong
     if low >= high:
         raise StudyError(f"{path}={text} runs backwards or nowhere: write the smaller limit first.")
-    if count < 2:
-        raise StudyError(f"{path}={text} asks for {count} values: a range has 2 at least.")
+    if not 2 <= count <= MOST_VALUES:
+        raise StudyError(
+            f"{path}={_shown(text)} asks for {visible(words[2], 20)} values: a range has 2 to {MOST_VALUES}."
+        )
     logarithmic = spacing == LOGARITHMIC
     if logarithmic and low <= 0:
         raise StudyError(f"{path}={text} is logarithmic and begins at {low:g}: begin above 0, or leave log out.")

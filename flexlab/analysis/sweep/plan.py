@@ -21,6 +21,7 @@ from flexlab.analysis.metrics.own import own_metrics
 from flexlab.analysis.result import scenario_hash
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.workers import engine
+from flexlab.arguments import finite_number, whole_number
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.lapack import one_blas_thread
 from flexlab.scenario import Payload, Scenario
@@ -141,17 +142,17 @@ def make_plan(
 ) -> Plan:
     """A checked plan; `accuracy`: pose accuracy of the runs, m (None: the scenario's own). Raises `StudyError`."""
     sample_count(duration, sample_period)
-    if design not in DESIGNS:
+    if not isinstance(design, str) or design not in DESIGNS:
         raise StudyError(f"design = {design!r:.60} is not known: choose one of {', '.join(DESIGNS)}.")
-    for name, number, low in (("samples", samples, 1), ("seed", seed, 0)):
-        if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number < low):
-            raise StudyError(f"{name} = {number!r:.60} is not usable: give a whole number of at least {low}.")
+    samples = None if samples is None else whole_number("samples", samples, 1)
+    seed = whole_number("seed", seed, 0)
     if (design == "grid") != (samples is None):
         raise StudyError(
             "samples says how many cells a design draws: give it with latin-hypercube or sobol, and not with a grid."
         )
-    if accuracy is not None and not any(axis.path.startswith("simulation") for axis in axes):
-        scenario = scenario.replace({"simulation.accuracy": max(accuracy, scenario.simulation.accuracy)})
+    poorest = None if accuracy is None else finite_number("accuracy", accuracy, "m", 0.0)
+    if poorest is not None and not any(axis.path.startswith("simulation") for axis in axes):
+        scenario = scenario.replace({"simulation.accuracy": max(poorest, scenario.simulation.accuracy)})
     # What a scenario says of itself changes no result.
     scenario = scenario.replace({"watch": ""})
     plan = Plan(scenario, axes, float(duration), float(sample_period), design, samples, seed)

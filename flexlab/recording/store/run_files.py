@@ -251,11 +251,11 @@ def find_run(run: str, logs: Path) -> Path:
     found = found or [path for path in runs if run and path.name.startswith(run)]
     if not found:
         raise RecordingError(
-            f"There is no recording {run}, nor one in {logs} with such a name: flexlab logs lists them."
+            f"There is no recording {run:.200}, nor one in {logs} with such a name: flexlab logs lists them."
         )
     if len(found) > 1:
         names = ", ".join(path.stem for path in found[:NAMES_SAID]) + (", …" if len(found) > NAMES_SAID else "")
-        raise RecordingError(f"{len(found)} runs in {logs} begin with {run} ({names}): write more of the name.")
+        raise RecordingError(f"{len(found)} runs in {logs} begin with {run:.200} ({names}): write more of the name.")
     return found[0]
 
 

@@ -1,0 +1,62 @@
+"""What arguments of the Python interface may be: each check gives the value in one type, or one sentence about it."""
+
+import math
+import numbers
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexlab.errors import StudyError
+from flexlab.text import number_text
+
+
+def file_path(name: str, value: str | Path) -> Path:
+    """The path that the argument `name` says; raises `StudyError` for what is none."""
+    try:
+        usable = isinstance(value, (str, Path)) and bool(str(value)) and b"\0" not in os.fsencode(value)
+    except UnicodeEncodeError:  # half of a pair of surrogates
+        usable = False
+    if not usable:
+        raise StudyError(f"{name} = {value!r:.60} is no path: give one as text, as in 'study/first'.")
+    return Path(value)
+
+
+def flag(name: str, value: Any) -> bool:
+    """A choice of two; raises `StudyError` for anything else, of which Python would take nearly all for a yes."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise StudyError(f"{name} = {value!r:.60} is not usable: give True or False.")
+    return bool(value)
+
+
+def text_or_none(name: str, value: Any, example: str) -> str | None:
+    """A text, or None for what goes by itself; raises `StudyError`."""
+    if value is not None and not isinstance(value, str):
+        raise StudyError(f"{name} = {value!r:.60} is not usable: give a text, as in {example!r}.")
+    return value
+
+
+def finite_number(name: str, value: Any, unit: str = "", low: float = -math.inf) -> float:
+    """A finite number of at least `low`; raises `StudyError` for anything else."""
+    try:
+        usable = isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(float(value))
+    except OverflowError:  # a whole number too large for a float
+        usable = False
+    if not usable or value < low:
+        least = "" if low == -math.inf else f" of at least {number_text(low)}"
+        words = f" {unit}" if unit else ""
+        raise StudyError(f"{name} = {value!r:.60}{words} is not usable: give a finite number{least}.")
+    return float(value)
+
+
+def time_or_none(name: str, value: Any) -> float | None:
+    """A time in s, or None for no limit; raises `StudyError`."""
+    return None if value is None else finite_number(name, value, "s")
+
+
+def whole_number(name: str, value: Any, low: int) -> int:
+    """A whole number of at least `low`; raises `StudyError`."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < low:
+        raise StudyError(f"{name} = {value!r:.60} is not usable: give a whole number of at least {low}.")
+    return int(value)

@@ -1,0 +1,199 @@
+"""What no argument of a Python function can be is refused in one sentence that names it, and nothing is taken for a yes."""
+
+import math
+import warnings
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexlab
+from flexlab.errors import FlexlabError, StudyError
+
+EI = "payload.bending_stiffness"
+NO_PATH = [None, 5, b"x", "", "a\0b", "\ud800", Path("\0"), [Path("x")], object()]
+NO_TIME = ["0", b"0", math.nan, math.inf, 10**400, 1j, np.complex128(1), [], {}, np.zeros(2), True, object()]
+NO_FLAG = [None, "no", 0, 1, [], np.zeros(2), math.nan, object()]
+NO_TEXT = [5, True, b"vibration", ["vibration"], {}, np.zeros(2), object()]
+
+
+@pytest.fixture(scope="module", name="run")
+def short_run() -> flexlab.Run:
+    """A run of 0.02 s."""
+    return flexlab.simulate("paper", 0.02)
+
+
+def one_sentence(ask: Callable[[], object], *says: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(FlexlabError) as caught:
+            ask()
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    assert sentence.endswith(".")
+    assert len(sentence) < 500
+    for part in says:
+        assert part in sentence, sentence
+
+
+@pytest.mark.parametrize("given", NO_PATH)
+def test_a_folder_is_a_path(run: flexlab.Run, given: Any, tmp_path: Path):
+    one_sentence(lambda: flexlab.compare(run, "newest", logs=given), "logs = ", "is no path")
+    one_sentence(lambda: flexlab.replay("newest", logs=given), "logs = ", "is no path")
+    one_sentence(lambda: flexlab.fit("newest", logs=given), "logs = ", "is no path")
+    one_sentence(lambda: flexlab.read("newest", logs=given), "logs = ", "is no path")
+    one_sentence(lambda: flexlab.export("newest", tmp_path / "a.csv", logs=given), "logs = ", "is no path")
+    one_sentence(lambda: flexlab.export(run, given), "to = ", "is no path")
+    one_sentence(lambda: run.save(given), "folder = ", "is no path")
+
+
+@pytest.mark.parametrize("file", ["a\0.py", "a\0.csv", "a\0.fmu", "\ud800.py", "\ud800.csv"])
+def test_a_file_that_no_file_can_be_is_said(file: str):
+    asked: list[Callable[[], object]] = [lambda: flexlab.simulate("paper", 0.01, path=file)]
+    if not file.endswith(".csv"):
+        asked += [lambda: flexlab.simulate("paper", 0.01, law=file)]
+    for ask in [*asked, lambda: flexlab.simulate("paper", 0.01, path=Path(file))]:
+        one_sentence(ask)
+
+
+@pytest.mark.parametrize("given", NO_TIME)
+def test_a_time_is_a_finite_number(run: flexlab.Run, given: Any, tmp_path: Path):
+    for name in ("start", "end"):
+        one_sentence(lambda name=name: flexlab.export(run, tmp_path / "a.csv", **{name: given}), f"{name} = ", " s is")
+        one_sentence(lambda name=name: flexlab.fit(run, **{name: given}), f"{name} = ", " s is not usable")
+    one_sentence(lambda: flexlab.simulate("paper", given), "duration = ", " s is not usable")
+    one_sentence(lambda: flexlab.simulate("paper", 0.01, given), "sample_period = ", " s is not usable")
+    one_sentence(lambda: flexlab.sweep("paper", {EI: [50.0]}, given), "duration = ", " s is not usable")
+    one_sentence(lambda: flexlab.sweep("paper", {EI: [50.0]}, accuracy=given), "accuracy = ", " m is not usable")
+
+
+@pytest.mark.parametrize("duration", [1e300, 1e308, 10**300])
+def test_a_duration_that_no_memory_holds_is_said(duration: float):
+    one_sentence(lambda: flexlab.simulate("paper", duration), "samples, over", "choose a shorter duration")
+
+
+def test_a_fraction_is_a_number():
+    run = flexlab.simulate("paper", Fraction(1, 50), Fraction(1, 1000))
+    assert run.result_hash == flexlab.simulate("paper", 0.02).result_hash
+
+
+@pytest.mark.parametrize("accuracy", [-1.0, -1e-9])
+def test_an_accuracy_is_not_below_zero(accuracy: float):
+    one_sentence(lambda: flexlab.sweep("paper", {EI: [50.0]}, accuracy=accuracy), "accuracy = -1", "of at least 0")
+
+
+@pytest.mark.parametrize("given", NO_FLAG)
+def test_nothing_is_taken_for_a_yes(run: flexlab.Run, given: Any):
+    asked: dict[str, Callable[[], object]] = {
+        "check": lambda: flexlab.simulate("paper", 0.01, check=given),
+        "progress": lambda: flexlab.simulate_many(["paper"], 0.01, progress=given),
+        "run_own_law": lambda: flexlab.replay("newest", run_own_law=given),
+        "long": lambda: flexlab.leaderboard(["pd"], ["B1"], long=given),
+    }
+    if given is not None:  # That is "by itself".
+        asked["closed"] = lambda: flexlab.linearize("paper", closed=given)
+    for name, ask in asked.items():
+        one_sentence(ask, f"{name} = ", "give True or False")
+
+
+@pytest.mark.parametrize("given", NO_TEXT)
+def test_a_signal_is_a_name(run: flexlab.Run, given: Any):
+    one_sentence(lambda: flexlab.fit(run, signal=given), "signal = ", "give a text")
+    one_sentence(lambda: flexlab.fit(run, time=given), "time = ", "give a text")
+
+
+def test_what_would_be_ignored_is_refused(run: flexlab.Run, tmp_path: Path):
+    one_sentence(lambda: flexlab.fit(run, time="t"), "time = 't' names a column of a file")
+    one_sentence(lambda: flexlab.export("paper", tmp_path / "a.urdf", part="law"), "part: an option of units")
+    for name in ("a.urdf", "a.xml", "a.fmu"):
+        one_sentence(
+            lambda name=name: flexlab.export("paper", tmp_path / name, end=1.0), "start and end are for tables"
+        )
+
+
+@pytest.mark.parametrize("pose", [10**400, (0, 10**400, 0), np.array([0, 0.75, 1j]), ["0", "0.75", "0"], "a" * 5000])
+def test_a_pose_is_three_numbers(pose: Any):
+    one_sentence(lambda: flexlab.modes("paper", pose), "pose = ", "give three numbers")
+    one_sentence(lambda: flexlab.linearize("paper", pose), "pose = ", "give three numbers")
+
+
+@pytest.mark.parametrize("given", [-1, 1.5, "1", None, True, [1], object()])
+def test_a_seed_is_a_whole_number(given: Any):
+    one_sentence(lambda: flexlab.tune("paper", {EI: "50:60"}, duration=0.01, candidates=8, seed=given), "seed = ")
+    one_sentence(
+        lambda: flexlab.sweep("paper", {EI: "50:60"}, 0.01, design="sobol", samples=2, seed=given),
+        "seed = ",
+        "at least 0",
+    )
+
+
+@pytest.mark.parametrize("given", [None, 0, -5, 2.5, "all", [1], np.zeros(2), math.nan])
+def test_a_number_of_cells_is_a_whole_number(given: Any):
+    one_sentence(lambda: flexlab.sweep("paper", {EI: [50.0]}, 0.01, most_cells=given), "most_cells = ", "at least 1")
+
+
+@pytest.mark.parametrize("count", ["1000001", "99999999999", "1" * 300])
+def test_a_range_has_no_more_values_than_memory_holds(count: str):
+    one_sentence(lambda: flexlab.sweep("paper", {EI: f"50:60:{count}"}), "a range has 2 to")
+
+
+def test_a_cost_is_a_number_that_a_float_holds():
+    one_sentence(lambda: flexlab.tune("paper", {EI: "50:60"}, cost={"rms_error.y": 10**400}), "cost: rms_error.y=1")
+
+
+@pytest.mark.parametrize("height", [None, "100%", '1" onload="x', -1, 0, 2.5, math.nan, [1]])
+def test_the_height_of_a_cell_is_a_number_of_pixels(height: Any):
+    one_sentence(lambda: flexlab.Lab(height=height), "height = ", "give a whole number of at least 1")
+
+
+def test_a_metric_has_a_unit_a_title_and_a_named_function():
+    def work(samples: flexlab.Samples) -> float:
+        return 1.0
+
+    bare: Any = flexlab.metric
+    one_sentence(lambda: bare(work), "unit = <function", '@flexlab.metric("J")')
+    for unit in (None, 5, "", b"J", ["J"]):
+        one_sentence(lambda unit=unit: bare(unit), "unit = ", "is no unit")
+    for title in (None, 5, b"x", np.zeros(2)):
+        one_sentence(lambda title=title: bare("J", title), "title = ", "give a text")
+    for of in (None, 5, np.zeros(2), ["run"]):
+        one_sentence(lambda of=of: bare("J", of=of), "of = ", "is not usable")
+    for function in (None, 5, "work", lambda samples: 1.0, np.zeros(2)):
+        one_sentence(lambda function=function: flexlab.metric("J")(function), "makes no metric")
+
+
+@pytest.mark.parametrize("gives", [1j, np.array([1 + 2j]), "3.0", None, np.array("3"), {"J": 1.0}])
+def test_a_metric_gives_real_numbers(run: flexlab.Run, gives: Any):
+    from flexlab.analysis.metrics.metric import forget
+
+    @flexlab.metric("J")
+    def odd_work(samples: flexlab.Samples) -> Any:
+        return gives
+
+    try:
+        one_sentence(lambda: flexlab.simulate("paper", 0.01).metrics, "The metric odd_work gives", "real numbers")
+    finally:
+        forget("odd_work")
+
+
+def test_long_names_are_not_repeated_whole(run: flexlab.Run):
+    long = "a" * 5000
+    for ask in (
+        lambda: flexlab.simulate(long),
+        lambda: flexlab.read(long),
+        lambda: flexlab.compare(run, long),
+        lambda: flexlab.simulate_many(["paper"], 0.01, workers=long),  # type: ignore[arg-type]
+        lambda: flexlab.linearize("paper", inputs=long),
+        lambda: flexlab.linearize("paper", outputs=long),
+    ):
+        with pytest.raises(FlexlabError) as caught:
+            ask()
+        assert len(str(caught.value)) < 1500
+
+
+def test_one_number_is_no_list_of_scenarios():
+    with pytest.raises(StudyError, match="is no list"):
+        flexlab.simulate_many(np.array(1.0))  # type: ignore[arg-type]

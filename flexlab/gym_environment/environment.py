@@ -25,6 +25,7 @@ from gymnasium.vector.utils import batch_space
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from flexlab.arguments import whole_number
 from flexlab.errors import StudyError
 from flexlab.gym_environment.kernels import OBSERVED
 from flexlab.gym_environment.worlds import WRENCH, Settings, WorldBatch
@@ -99,7 +100,13 @@ class _Scaled:
 
     def _scaled(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
         """Actions in [-1, 1] as N and N·m, (worlds, numbers). Raises `StudyError` for what is none."""
-        given = np.asarray(actions, dtype=float)
+        try:
+            given = np.asarray(actions)
+            given = given.astype(float) if given.dtype.kind in "biuf" else None
+        except (TypeError, ValueError):  # lists of unequal length
+            given = None
+        if given is None:
+            raise StudyError(f"action = {actions!r:.60} is not usable: give {self._numbers(shape)}.")
         if given.shape != shape:
             raise StudyError(f"An action of shape {given.shape} is not usable: give {self._numbers(shape)}.")
         if not np.isfinite(given).all():
@@ -176,15 +183,21 @@ class TwoArmsVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray], _Scaled):
     metadata = RENDER_MODES | {"autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(self, num_envs: int = 1, render_mode: str | None = None, **options: Any):
-        self.num_envs = num_envs
-        self._make(num_envs, render_mode, options)
+        self.num_envs = whole_number("num_envs", num_envs, 1)
+        self._make(self.num_envs, render_mode, options)
         self.single_observation_space, self.single_action_space = self.one_observation, self.one_action
-        self.observation_space = batch_space(self.one_observation, num_envs)
-        self.action_space = batch_space(self.one_action, num_envs)
+        self.observation_space = batch_space(self.one_observation, self.num_envs)
+        self.action_space = batch_space(self.one_action, self.num_envs)
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None) -> Any:
         """Begin an episode in every world, or in those of `options["reset_mask"]` (num_envs,)."""
+        if isinstance(seed, list) and len(seed) != self.num_envs:
+            raise StudyError(
+                f"seed has {len(seed)} numbers: give one number, or {self.num_envs}, of which the first counts."
+            )
         one = seed[0] if isinstance(seed, list) else seed
+        if options is not None and not isinstance(options, dict):
+            raise StudyError(f"options = {options!r:.60} is not usable: give a dictionary, or None.")
         super().reset(seed=one)
         chosen = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
         if chosen.shape != (self.num_envs,) or chosen.dtype != bool:

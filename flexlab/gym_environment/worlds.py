@@ -1,7 +1,7 @@
 """What an environment may be told, and its worlds, which move together: what they share, what differs, and the threads."""
 
 import difflib
-import math
+import numbers
 import os
 import weakref
 from dataclasses import dataclass, fields
@@ -96,13 +96,13 @@ class Settings:
         return cls(**options)
 
     def __post_init__(self) -> None:
-        if self.action not in (WRENCH, TORQUES):
+        if not isinstance(self.action, str) or self.action not in (WRENCH, TORQUES):
             raise StudyError(f"action = {self.action!r:.60} is not known: choose {WRENCH} or {TORQUES}.")
         self._check("control_period", self.control_period, SHORTEST_PERIOD, LONGEST_PERIOD, "s")
         self._check("duration", self.duration, self.control_period, 1e4, "s")
         self._check("noise", self.noise, 0.0, LARGEST_NOISE * 100, "times NOISE")
         self._check("torque_limit", self.torque_limit, 1e-3, 1e6, "N·m")
-        if self.version not in RULES:
+        if type(self.version) is not int or self.version not in RULES:
             raise StudyError(f"version = {self.version!r:.60} is not known: choose {' or '.join(map(str, RULES))}.")
         for name, count in (("stiffness", 2), ("delay", 2), ("start_spread", 3)):
             value = getattr(self, name)
@@ -112,10 +112,10 @@ class Settings:
         for spread in self.start_spread:
             self._check("start_spread", spread, 0.0, 1.0, "m, m, rad")
         for number in self.delay:
-            self._check("delay", number, 0, MOST_DELAY, "control periods")
-        self._check("variants", self.variants, 1, MOST_VARIANTS, "stiffnesses")
+            self._check("delay", number, 0, MOST_DELAY, "control periods", numbers.Integral)
+        self._check("variants", self.variants, 1, MOST_VARIANTS, "stiffnesses", numbers.Integral)
         if self.threads is not None:
-            self._check("threads", self.threads, 1, MOST_THREADS, "threads")
+            self._check("threads", self.threads, 1, MOST_THREADS, "threads", numbers.Integral)
         if self.stiffness is not None:
             for value in self.stiffness:
                 self._check("stiffness", value, 1e-3, 1e12, "N·m²")
@@ -124,10 +124,10 @@ class Settings:
             if pair is not None and pair[0] > pair[1]:
                 raise StudyError(f"{name} = {pair!r:.60} is no range: write the smaller limit first, (low, high).")
 
-    def _check(self, name: str, value: Any, low: float, high: float, unit: str) -> None:
-        usable = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if not usable or not low <= value <= high:
-            raise StudyError(f"{name} = {value!r:.60} is not usable: give a number from {low:g} to {high:g} {unit}.")
+    def _check(self, name: str, value: Any, low: float, high: float, unit: str, kind: Any = numbers.Real) -> None:
+        if isinstance(value, bool) or not isinstance(value, kind) or not low <= value <= high:
+            what = "whole number" if kind is numbers.Integral else "number"
+            raise StudyError(f"{name} = {value!r:.60} is not usable: give a {what} from {low:g} to {high:g} {unit}.")
 
     @property
     def rules(self) -> Rules:
@@ -174,7 +174,7 @@ class WorldBatch:
             [own if own is not None else path for own, path in zip(given, self._desired, strict=False)]
         )
         self._limits, self._noise = np.full(3, float(settings.torque_limit)), np.array(NOISE)
-        self.state = _new_worlds(count, first, settings)
+        self.state, self._begun = _new_worlds(count, first, settings), np.zeros(count, bool)
         threads = max(1, min(int(settings.threads or os.cpu_count() or 1), count // LEAST_PER_THREAD))
         edges = np.linspace(0, count, threads + 1).astype(int)
         self._parts = [
@@ -198,6 +198,7 @@ class WorldBatch:
     def begin(self, chosen: np.ndarray, random: np.random.Generator) -> None:
         """Begin new episodes in the worlds of `chosen` (count,), with what differs drawn anew."""
         state, settings, number = self.state, self.settings, int(chosen.sum())
+        self._begun |= chosen
         state.pause[:] = chosen
         state.variant[chosen] = random.integers(len(self.stiffness), size=number)
         state.delay[chosen] = random.integers(settings.delay[0], settings.delay[1] + 1, size=number)
@@ -207,7 +208,12 @@ class WorldBatch:
         begin_worlds(self._system.plant, self._variants, state, self._start, self._desired, self._parts[0][2])
 
     def step(self, actions: np.ndarray) -> None:
-        """Move the worlds that do not pause under actions (count, numbers), on all threads; then none pauses."""
+        """Move the worlds that do not pause under actions (count, numbers), on all threads; then none pauses.
+
+        Raises `StudyError` where a world has no episode.
+        """
+        if not self._begun.all():
+            raise StudyError("A world has no episode yet: call reset before step.")
         self._actions[:] = actions
         self._move()
         self.state.pause[:] = False

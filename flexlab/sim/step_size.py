@@ -115,7 +115,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
                 scenario.payload.mass_change.lightest
             )
             stable = min(RESOLVED * stable, RESOLVED_ANGLE / third)
-        gripped = GRIPPED_ANGLE / grips.slow if compliant else math.inf
+        gripped = GRIPPED_ANGLE / grips.slow if grips.slow > 0 else math.inf  # 0 too where no pose can be taken.
         hard = compliant and (gripped < stable or grips.ringing + grips.fading > beam_speed)
         stable = min(stable, gripped)
         creeping = rates.overdamped if integrator == "etdrk4" else math.inf

@@ -138,6 +138,13 @@ def test_what_cannot_go_on_terminates_and_costs_the_rest():
         ({"colour": 1}, "no option colour: choose among scenario, action"),
         ({"render_mode": "ansi"}, "render_mode = 'ansi' is not known: choose human, rgb_array or None"),
         ({"version": 7}, "version = 7 is not known: choose 0 or 1"),
+        ({"version": []}, "version = .* is not known: choose 0 or 1"),
+        ({"action": np.zeros(2)}, "action = .* is not known: choose wrench or torques"),
+        ({"control_period": 10**400}, "control_period = 1000.* is not usable"),
+        ({"delay": (0, 1.5)}, "delay = 1.5 is not usable: give a whole number"),
+        ({"delay": np.array([0.0, 2.0])}, "delay = .*0.0.* is not usable: give a whole number"),
+        ({"variants": 2.5}, "variants = 2.5 is not usable: give a whole number"),
+        ({"threads": 1.5}, "threads = 1.5 is not usable: give a whole number"),
     ],
 )
 def test_what_is_not_usable_is_said(options: dict, says: str):
@@ -153,9 +160,14 @@ def test_what_is_not_usable_is_said(options: dict, says: str):
             r"action\[1\] = nan is not usable: give numbers from -1 to 1 of shape \(3,\) \(force x, force y, moment",
         ),
         ([0.0, 0.0], r"An action of shape \(2,\) is not usable: give numbers"),
+        ("north", "action = 'north' is not usable: give numbers from -1 to 1"),
+        (None, "action = None is not usable: give numbers from -1 to 1"),
+        ([1j, 0.0, 0.0], "action = .* is not usable: give numbers from -1 to 1"),
+        ([10**400, 0.0, 0.0], "action = .* is not usable: give numbers from -1 to 1"),
+        ([[0.0], [0.0, 1.0]], "action = .* is not usable: give numbers from -1 to 1"),
     ],
 )
-def test_an_action_that_is_none_is_said_and_moves_nothing(action: list[float], says: str):
+def test_an_action_that_is_none_is_said_and_moves_nothing(action: object, says: str):
     env = TwoArms(**STILL)
     env.reset(seed=0)
     with pytest.raises(StudyError, match=says):
@@ -163,6 +175,27 @@ def test_an_action_that_is_none_is_said_and_moves_nothing(action: list[float], s
     assert env.worlds.state.tick[0] == 0
     with pytest.raises(StudyError, match=r"action\[1, 2\] = inf"):
         TwoArmsVector(2).step([[0, 0, 0], [0, 0, np.inf]])
+
+
+@pytest.mark.parametrize("count", [0, -1, None, "3", 2.0, True])
+def test_a_number_of_worlds_is_a_whole_number(count: object):
+    with pytest.raises(StudyError, match=r"num_envs = .* is not usable: give a whole number of at least 1"):
+        TwoArmsVector(count)  # type: ignore[arg-type]
+
+
+def test_a_world_without_an_episode_is_no_failed_one():
+    with pytest.raises(StudyError, match="A world has no episode yet: call reset before step"):
+        TwoArms(**STILL).step(np.zeros(3))
+    envs = TwoArmsVector(2, **STILL)
+    envs.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(StudyError, match="A world has no episode yet"):
+        envs.step(np.zeros((2, 3)))
+    with pytest.raises(StudyError, match="seed has 0 numbers: give one number, or 2"):
+        envs.reset(seed=[])
+    with pytest.raises(StudyError, match="options = 'all' is not usable"):
+        envs.reset(options="all")  # type: ignore[arg-type]
+    envs.reset(seed=1)
+    assert np.isfinite(envs.step(np.zeros((2, 3)))[1]).all()
 
 
 @pytest.mark.filterwarnings("ignore:.*out of date")

@@ -405,3 +405,12 @@ def test_where_compliant_grips_cannot_go_it_is_said():
         internal_force_eq_26(simulate(compliant, 0.01))
     assert "The grips are rigid here." in make_bodies(compliant).about()
     assert "grips are rigid" not in make_bodies(load_preset("paper")).about()
+
+
+@pytest.mark.parametrize("changes", [{}, WEIGHT, JOINTS, FILLED, COUNTED, AXIAL], ids=str)
+def test_a_path_that_no_arm_reaches_is_said(changes: dict):
+    far = load_preset("paper").replace(COMPLIANT | changes | {"left_arm.base": (-20.0, -20.0)})
+    run = simulate(far, 0.01)
+    assert str(run.status) == "unreachable"
+    assert "left arm" in run.status.text
+    assert len(run) <= 1

@@ -7,6 +7,7 @@ from flexlab.control.law import law_of
 from flexlab.control.motion import poses
 from flexlab.physics.dynamics import configure_arms
 from flexlab.physics.law_input import LAW_INPUT
+from flexlab.physics.mass_change import find_mass_at
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import build_system
 from flexlab.sim.build import build_beam
@@ -37,6 +38,7 @@ def circumstances(scenario: Scenario) -> Circumstances:
     system = build_system(scenario, beam)
     times = np.arange(INSTANTS) * (scenario.trajectory.slowest_period / INSTANTS)
     ws, seen, reached = new_workspace(system), [], []
+    find_mass_at(system.plant, 0.0, ws)
     for t, desired in zip(times, poses(system.trajectory, times), strict=True):
         if configure_arms(system.plant, desired[0], ws.arm, ws.fault) == 0:
             seen.append(complete_input(system, desired[0], desired[1], desired, ws).copy())

@@ -20,6 +20,11 @@ class PayloadModel(Part):
     """Whether such a model has the stiffness that the steady force along the beam takes or gives: that of F_d and the weight."""
     friction_factor: Number = quantity(0.0, title="Believed joint friction / true", unit="1", low=0, high=3)
     """So much of the joints' friction, at the measured rates, is added to the torques; 0: the controller knows of none."""
+    mass_change_factor: Number = quantity(
+        0.0, title="Believed change of the payload's mass / true", unit="1", low=0, high=1
+    )
+    """So much of `payload.mass_change` the payload's mass and inertia follow that a law is told at each instant; 0: they stay.
+    A model of the beam's bending (the Kalman observer's, and laws made for it) stays that of the start."""
 
 
 class SensorNoise(Part):

@@ -37,15 +37,17 @@ class Control(NamedTuple):
 
 
 @inlined
-def control_law(control, gravity, x, v, beam_rate, desired, now, memory, memory_rate, signals):
+def control_law(control, gravity, mass, x, v, beam_rate, desired, now, memory, memory_rate, signals):
     """Fill now.u (arms, 3), memory_rate and signals for the pose x, its rate v and hᵀq̇, gᵀq̇ in beam_rate (2,).
 
-    The wanted internal force joins in what the law gives. `now`: the `LAW_INPUT` record whose arm terms are those of x and v.
+    `mass`: of `believed_mass`. The wanted internal force joins in what the law gives. `now`: the `LAW_INPUT` record whose arm
+    terms are those of x and v.
     """
     payload = control.payload
-    now.gravity, now.m, now.I = gravity, payload.m, payload.I
+    factor, now.growth = mass
+    now.gravity, now.m, now.I = gravity, factor * payload.m, factor * payload.I
     for a in range(3):
-        now.x[a], now.v[a], now.kappa[a] = x[a], v[a], payload.kappa[a]
+        now.x[a], now.v[a], now.kappa[a] = x[a], v[a], factor * payload.kappa[a]
         for order in range(3):
             now.desired[order, a] = desired[order, a]
     for a in range(2):

@@ -22,6 +22,8 @@ class BelievedPayload(NamedTuple):
     """kg·m²."""
     kappa: np.ndarray
     """hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g, (3,)."""
+    change: float
+    """Part of the change of its mass that the controller knows of, 1."""
 
 
 @inlined
@@ -52,15 +54,15 @@ def drive_arms(now, acceleration, rate, feedback, A):
 
 
 @inlined
-def feed_forward_bending(share, payload, now):
-    """Add `share` of A12A22⁻¹A21 ẍ_d to now.u, shared as the law shares the common part; `payload`: `BelievedPayload`.
+def feed_forward_bending(share, now):
+    """Add `share` of A12A22⁻¹A21 ẍ_d to now.u, shared as the law shares the common part.
 
     In the beam's frame: κ (a_lat, α), a_lat = e2·ẍ_d along e2, α = θ̈_d.
     """
     c, s = now.trig[0], now.trig[1]
     lateral, turn = c * now.desired[2, 1] - s * now.desired[2, 0], now.desired[2, 2]
-    force = share * (payload.kappa[0] * lateral + payload.kappa[1] * turn)
-    moment = share * (payload.kappa[1] * lateral + payload.kappa[2] * turn)
+    force = share * (now.kappa[0] * lateral + now.kappa[1] * turn)
+    moment = share * (now.kappa[1] * lateral + now.kappa[2] * turn)
     for i in range(now.arm_count):
         now.u[i, 0] -= now.share[i] * s * force
         now.u[i, 1] += now.share[i] * c * force

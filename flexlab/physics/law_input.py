@@ -34,6 +34,7 @@ LAW_INPUT = np.dtype(
         ("m", "f8"),
         ("I", "f8"),
         ("kappa", "f8", (3,)),
+        ("growth", "f8"),
         ("share", "f8", (MOST_ARMS,)),
         ("scratch", "f8", (8, 3)),
         ("u", "f8", (MOST_ARMS, 3)),
@@ -46,8 +47,8 @@ those on their way, the `delay` that act in the coming periods in this order. A 
 `desired`: x_d, ẋ_d, ẍ_d; `coming`: the same, under a sampled law, when the torques asked for now begin to act.
 `trig`: cos θ, sin θ. `M`, `C`, `G`, `J`, `direction`: M̄_i, C̄_i, Ḡ_i and more of `arm.ArmTerms`.
 `gravity`: m/s², along -y. `m` (kg), `I` (kg·m²), `kappa` (hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g): the payload as the controller
-believes it to be. `share`: what each arm carries of the common part, 1. `scratch`: free for the law. `u`: the law's
-answer, u_i, N, N, N·m."""
+believes it to be at this instant, `growth` its ṁ/m, 1/s. `share`: what each arm carries of the common part, 1. `scratch`: free
+for the law. `u`: the law's answer, u_i, N, N, N·m."""
 
 
 def make_law_input(arm_count: int) -> np.ndarray:

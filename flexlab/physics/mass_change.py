@@ -64,6 +64,15 @@ def find_mass(change, t, ws):
         ws.mass_factor[RATE] = more * (30 * u * u * (1 - u) * (1 - u)) / change.duration
 
 
+@inlined
+def believed_mass(change, part, ws):
+    """s, 1, and ṡ/s, 1/s, of the instant of `find_mass` for a controller that knows of this part of the change."""
+    if change is None:
+        return 1.0, 0.0
+    factor = 1 + part * (ws.mass_factor[FACTOR] - 1)
+    return factor, part * ws.mass_factor[RATE] / factor
+
+
 @compiled
 def _find_mass_at(change, t, ws):
     find_mass(change, t, ws)

@@ -136,7 +136,7 @@ def build_control(scenario: Scenario, beam: Beam) -> Control:
         signal_count=law.signal_count,
         estimates=slices[BOUND_ESTIMATES.name].start if BOUND_ESTIMATES.name in slices else -1,
         sliding_slope=law.sliding_slope(settings),
-        payload=BelievedPayload(believed.m, believed.I, kappa.copy()),
+        payload=BelievedPayload(believed.m, believed.I, kappa.copy(), settings.model.mass_change_factor),
         share=load_shares(settings, arm_count),
         internal_force=settings.wanted_internal_force if arm_count == MOST_ARMS and law.drives else 0.0,
         torque_limit=np.full(3, np.inf) if settings.torque_limit is None else np.array(settings.torque_limit),

@@ -14,7 +14,7 @@ from flexlab.physics.axial_load import find_axial_load, has_axial_load
 from flexlab.physics.dynamics import find_velocities, momentum_rates
 from flexlab.physics.grips import find_grip_forces, own_rate, own_trig, pass_on, see_rigidly
 from flexlab.physics.joints import compensate_friction, joint_parts, turn_joints
-from flexlab.physics.mass_change import find_mass
+from flexlab.physics.mass_change import believed_mass, find_mass
 from flexlab.physics.plant import (
     G,
     Plant,
@@ -151,9 +151,12 @@ def _ask_at(system, t, y, x, v, now, terms, u, ws):
     plant, control = system.plant, system.control
     start, end = law_places(system)
     now.time = t
-    control_law(control, plant.gravity, x, v, ws.beam_rate, ws.desired, now, y[start:end], ws.memory_rate, y[end:])
+    mass = believed_mass(plant.mass_change, control.payload.change, ws)
+    control_law(
+        control, plant.gravity, mass, x, v, ws.beam_rate, ws.desired, now, y[start:end], ws.memory_rate, y[end:]
+    )
     if system.trajectory.bending != 0:
-        feed_forward_bending(system.trajectory.bending, control.payload, now)
+        feed_forward_bending(system.trajectory.bending, now)
     compensate_friction(plant.joints, plant.arms, terms, v[0], v[1], v[2], u, ws.tau)
     if control.limited:
         for i in range(len(plant.arms)):

@@ -11,7 +11,7 @@ from flexlab.control.law import Start, law_of
 from flexlab.physics.arm import arm_velocity_terms, task_input
 from flexlab.physics.dynamics import arms_at, velocities_at
 from flexlab.physics.grips import measured_motion
-from flexlab.physics.mass_change import find_mass_at
+from flexlab.physics.mass_change import believed_mass, find_mass_at
 from flexlab.physics.plant import Workspace
 from flexlab.quantities import Part, parts_of
 from flexlab.scenario import Scenario
@@ -30,14 +30,18 @@ def memory_parts(scenario: Scenario, system: System, y: np.ndarray) -> dict[str,
 
 
 def complete_input(system: System, x: np.ndarray, v: np.ndarray, desired: np.ndarray, ws: Workspace) -> Any:
-    """The `LAW_INPUT` record of `ws` whose arms are configured at the pose x, with all else that a law is given but q̇."""
+    """The `LAW_INPUT` record of `ws` whose arms are configured at the pose x, with all else that a law is given but q̇.
+
+    After `find_mass_at`.
+    """
     plant, payload, now = system.plant, system.control.payload, ws.truth[0]
     c, s = ws.arm.trig
     for i in range(len(plant.arms)):
         arm_velocity_terms(plant.arms[i], c, s, *v, ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
     now.x[:], now.v[:], now.desired[:] = x, v, desired
-    now.gravity, now.m, now.I = plant.gravity, payload.m, payload.I
-    now.kappa[:], now.share[:] = payload.kappa, system.control.share
+    factor, now.growth = believed_mass(plant.mass_change, payload.change, ws)
+    now.gravity, now.m, now.I = plant.gravity, factor * payload.m, factor * payload.I
+    now.kappa[:], now.share[:] = factor * payload.kappa, system.control.share
     return now
 
 

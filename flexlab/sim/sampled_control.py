@@ -18,6 +18,7 @@ from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
 from flexlab.physics.grips import place_rigidly
 from flexlab.physics.joints import compensate_friction
+from flexlab.physics.mass_change import believed_mass, find_mass
 from flexlab.physics.plant import ETA, Plant, joints_start
 from flexlab.physics.sensors import read_encoders
 from flexlab.scenario import Scenario
@@ -176,9 +177,10 @@ def answer(system, sampling, t, y, ws):
     start, end = law_places(system)
     memory = y[start:end]
     now.time = t
-    control_law(control, plant.gravity, x, v, now.beam_rate, ws.desired, now, memory, ws.memory_rate, y[end:])
+    mass = believed_mass(plant.mass_change, control.payload.change, ws)
+    control_law(control, plant.gravity, mass, x, v, now.beam_rate, ws.desired, now, memory, ws.memory_rate, y[end:])
     if system.trajectory.bending != 0:
-        feed_forward_bending(system.trajectory.bending, control.payload, now)
+        feed_forward_bending(system.trajectory.bending, now)
     compensate_friction(plant.joints, plant.arms, ws.seen, v[0], v[1], v[2], now.u, ws.tau)
     for a in range(control.memory_size):
         memory[a] += sampling.period * ws.memory_rate[a]
@@ -222,6 +224,7 @@ def answer_sensors(system, sampling, instant, t, sensors, y, ws):
     Of y, only the law's memory and signals count, and what encoders told last.
     """
     now = ws.measured[0]
+    find_mass(system.plant.mass_change, t, ws)
     code = configure_arms(system.plant, sensors[0:3], ws.arm, ws.fault)
     if code != 0:
         return code

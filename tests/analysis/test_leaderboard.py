@@ -216,7 +216,7 @@ def test_bad_input_is_a_sentence(tmp_path: Path, words: dict, says: str):
 
 def test_joints_of_machines_are_known_or_not():
     case = cases()["B8"]
-    unknown, known, compliant, filled = (case.plain_scenario(variant, 0) for variant in case.variants)
+    unknown, known, compliant, filled, followed = (case.plain_scenario(variant, 0) for variant in case.variants)
     assert (unknown.controller.model.friction_factor, known.controller.model.friction_factor) == (0.0, 1.0)
     assert unknown.joints == known.joints
     assert unknown.joints.friction.active
@@ -225,3 +225,4 @@ def test_joints_of_machines_are_known_or_not():
     assert compliant.joints == filled.joints == known.joints
     assert compliant.grips.active
     assert filled.payload.mass_change.active
+    assert followed == filled.replace({"controller.model.mass_change_factor": 1.0})

@@ -38,7 +38,12 @@ BANG_BANG = {"trajectory": {"kind": "bang-bang", "duration": 0.1513}}
 """A path whose acceleration jumps within ticks."""
 FRICTION = {"joints.friction.viscous": (5.0, 5.0, 2.0), "joints.friction.coulomb": (8.0, 6.0, 2.0)}
 COMPLIANT = {"grips.model": "compliant", "gravity": 9.81}
-FILLED = {"payload.mass_change.factor": 2.0, "payload.mass_change.begin": 0.05, "payload.mass_change.duration": 0.1}
+FILLED = {
+    "payload.mass_change.factor": 2.0,
+    "payload.mass_change.begin": 0.05,
+    "payload.mass_change.duration": 0.1,
+    "controller.model.mass_change_factor": 1.0,
+}
 MOTORS = {"joints.motor.time_constant": 0.004, "joints.motor.stall_torque": (450.0, 250.0, 90.0)}
 ENCODERS = {"joints.encoders.counts": (2e5, 2e5, 1e5), "controller.control_period": 0.001}
 GIVEN = [f"desired_{name}_{axis}" for name in ("pose", "rate", "acceleration") for axis in ("x", "y", "theta")]

@@ -153,7 +153,17 @@ def joint_torque_law(system, t, x, v, memory, ws, tau):
     desired_motion(system.trajectory, t, ws.desired)
     # The other engines keep the laws' memory, not their signals: an empty vector stands for these.
     control_law(
-        system.control, plant.gravity, x, v, ws.beam_rate, ws.desired, ws.truth[0], memory, ws.memory_rate, memory[:0]
+        system.control,
+        plant.gravity,
+        (1.0, 0.0),
+        x,
+        v,
+        ws.beam_rate,
+        ws.desired,
+        ws.truth[0],
+        memory,
+        ws.memory_rate,
+        memory[:0],
     )
     for i in range(len(plant.arms)):
         joint_torques(plant.arms[i], c, s, ws.arm.direction[i], ws.u[i], tau[i])

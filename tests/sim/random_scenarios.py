@@ -180,6 +180,7 @@ def with_mass_change(scenario: Scenario, seed: int) -> Scenario:
         "duration": 10 ** rng.uniform(-1.5, -0.3),
     }
     changes = {f"payload.mass_change.{name}": float(value) for name, value in names.items()}
+    changes["controller.model.mass_change_factor"] = float(rng.choice([0.0, 0.5, 1.0]))
     filled = scenario.replace({"simulation.integrator": "auto"}).replace(changes)
     try:
         World(filled)

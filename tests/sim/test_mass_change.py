@@ -98,6 +98,47 @@ def test_afterwards_a_payload_of_that_density_moves_alike_in_all_signals(preset,
     assert set(changed) - set(always) == {"payload_mass", "material_energy"}
 
 
+KNOWN = {"controller.model.mass_change_factor": 1.0}
+
+
+@pytest.mark.parametrize(
+    "kind", ["pd", "computed-torque", "adaptive-sliding-mode", "disturbance-observer", "super-twisting"]
+)
+@pytest.mark.parametrize("control", [{}, {"control_period": 1e-3, "input_delay": 1}])
+def test_a_law_that_knows_the_change_is_then_that_of_the_heavy_payload(kind, control):
+    still = {"simulation.integrator": "rk4", "simulation.step": 2e-5, "payload.damping": NodalDamping(coefficient=0.01)}
+    scenario = load_preset("paper").replace({"controller": {"kind": kind, **control}, **WEIGHT, **still})
+    worlds = [World(scenario.replace({**change(3.0), **KNOWN})) for _ in range(2)]
+    for world in worlds:
+        world.advance(160)
+    density = 3.0 * worlds[1].scenario.payload.linear_density
+    worlds[1].apply(ChangeScenario({"payload.mass_change.factor": 1.0, "payload.linear_density": density}))
+    changed, always = (world.run(100) for world in worlds)
+    np.testing.assert_allclose(changed.pose, always.pose, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(changed.joint_torque, always.joint_torque, rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize("part", [0.0, 0.4, 1.0])
+def test_a_payload_hangs_by_the_weight_that_its_law_does_not_know(part):
+    hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, **WEIGHT, "controller.kind": "pd"}
+    gains = {"controller.position_gain": (2e3, 2e3, 1e3), "controller.velocity_gain": (200.0, 200.0, 100.0)}
+    known = {"controller.model.mass_change_factor": part}
+    run = simulate(load_preset("paper").replace(hold).replace({**gains, **change(3.0), **known}), 3.0)
+    assert run.tracking_error[-1, 1] == pytest.approx(-(1 - part) * 2.0 * 9.81 / 2e3, rel=1e-6, abs=1e-9)
+
+
+def test_an_observer_that_knows_the_change_takes_what_material_brings_for_no_disturbance():
+    """Along itself the beam does not bend: without material the observer has nothing to see there."""
+    along = {"controller.kind": "disturbance-observer", "trajectory.amplitude": (0.2, 0.0, 0.0)}
+    scenario = load_preset("paper").replace(along).replace(change(3.0, 0.4, 0.2))
+    unknown, known = (
+        np.abs(simulate(scenario.replace(belief), 0.7).own["disturbance_estimate"][:, 0]).max()
+        for belief in ({}, KNOWN)
+    )
+    assert unknown > 1
+    assert known < 1e-4
+
+
 def test_a_free_payload_keeps_its_velocity_and_answers_a_pull_by_the_mass_it_has():
     arms = {f"{side}_arm.link_mass": (1e-7,) * 3 for side in ("left", "right")}
     still = {"controller.kind": "none", "initial.pose": (0.0, 0.75, 0.0), "initial.pose_rate": (0.3, 0.0, 0.0)}

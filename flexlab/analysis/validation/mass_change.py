@@ -23,6 +23,8 @@ FILLED, EMPTIED, BEGIN, DURATION = 3.0, 0.3, 0.05, 0.2
 """μ of two runs; s."""
 LIGHT = 1e-7
 """kg: links that take part in nothing."""
+KNOWN, SPRINGS, DAMPERS = 0.4, (2e3, 2e3, 1e3), (200.0, 200.0, 100.0)
+"""Part of the change that a law knows, 1; its K_p and K_d, N/m, N·m/rad, N·s/m, N·m·s/rad."""
 SPEED, STIFFNESS, AHEAD = 0.3, 2.0, 0.9
 """m/s of a coasting payload; N/m and m of a hand that pulls one."""
 
@@ -40,6 +42,7 @@ def checks(runs: Runs) -> Iterator[Check]:
         )
         yield from _afterwards(factor)
         yield from _free(factor)
+        yield from _hanging(factor)
 
 
 def _change(factor: float) -> dict[str, object]:
@@ -140,6 +143,22 @@ def _free(factor: float) -> Iterator[Check]:
     yield close(
         f"mass × {factor:g}: pulled by F, it has gained v = ∫F/(s m) dt", float(pairs.sum()), float(pulled.pose_rate[-1, 0]),
         "m/s", 1e-5,
+    )  # fmt: skip
+
+
+def _hanging(factor: float) -> Iterator[Check]:
+    """Between arms that hold it by springs, of weight that the law knows in part."""
+    hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "gravity": 9.81, "controller.kind": "pd"}
+    held = load_preset("paper").replace({**hold, **_change(factor)})
+    known = {
+        "controller.model.mass_change_factor": KNOWN,
+        "controller.position_gain": SPRINGS,
+        "controller.velocity_gain": DAMPERS,
+    }
+    run = World(held.replace(known)).run(3000)
+    yield close(
+        f"mass × {factor:g}, of which the law knows {KNOWN:g} of the change: pd hangs by (1 - {KNOWN:g})(μ - 1) m g/K_p",
+        -(1 - KNOWN) * (factor - 1) * 9.81 / SPRINGS[1], float(run.tracking_error[-1, 1]), "m", 1e-6,
     )  # fmt: skip
 
 

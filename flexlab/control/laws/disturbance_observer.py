@@ -55,8 +55,13 @@ def momentum(now, A, p):
 
 
 @inlined
-def known_rate(now, rate):
-    """Add C̄ᵀẋ - Ḡ (3,), arms and payload weight, to `rate`."""
+def known_rate(now, A, rate):
+    """Add C̄ᵀẋ - Ḡ + ṁ/m Ā ẋ (3,), arms, payload weight and what material brings, to `rate`; A: scratch (3, 3)."""
+    if now.growth != 0:
+        share_payload(now, now.growth, A)
+        for a in range(3):
+            for b in range(3):
+                rate[a] += A[a, b] * now.v[b]
     for i in range(now.arm_count):
         for a in range(3):
             rate[a] -= now.G[i, a]
@@ -83,7 +88,7 @@ def disturbance_observer(gains, now, memory, memory_rate, signals):
         rate[a] = d_hat[a]
         for i in range(now.arm_count):
             rate[a] += now.u[i, a]
-    known_rate(now, rate)
+    known_rate(now, A, rate)
 
 
 @pluggable
@@ -94,10 +99,10 @@ def fastest_rate(gains, now, memory, S, kappa):
 
 def _momentum_ahead(begin: Start) -> np.ndarray:
     """p (3,) at the next instant at which the law acts, as the model sees it coming."""
-    now, p = begin.now, np.zeros(3)
+    now, A, p = begin.now, np.zeros((3, 3)), np.zeros(3)
     rate = np.asarray(now.u)[: now.arm_count].sum(axis=0)
-    momentum(now, np.zeros((3, 3)), p)
-    known_rate(now, rate)
+    momentum(now, A, p)
+    known_rate(now, A, rate)
     return p + begin.wait * rate
 
 

@@ -204,6 +204,7 @@ GROUPS = (
         "controller.model.stiffness_factor",
         "controller.model.axial_load",
         "controller.model.friction_factor",
+        "controller.model.mass_change_factor",
     )),
     Group("Friction and motors of the joints", (
         "joints.friction.viscous",

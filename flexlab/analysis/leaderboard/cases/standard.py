@@ -230,7 +230,7 @@ B8 = Case(
     "Joints and grips of machines",
     "B1 at 1 kHz with friction in the joints, motors that are late by 2 ms and weaken with their speed, and encoders of 20 bits, "
     "from which rates are differences: once the controller knows nothing of friction, once all, and then with grips that give "
-    "way, or with a payload that is filled to 1.5 times its mass from 0.5 s to 1.5 s, of which it knows nothing either.",
+    "way, or with a payload that is filled to 1.5 times its mass from 0.5 s to 1.5 s, of which it knows nothing, or all.",
     3.0,
     (
         rms_error((1.0, 3.0)),
@@ -245,5 +245,6 @@ B8 = Case(
         Variant("friction known", KNOWN),
         Variant("grips that give way", {**KNOWN, "grips.model": "compliant"}),
         Variant("payload that is filled", {**KNOWN, **FILLED}),
+        Variant("payload that is filled, as is known", {**KNOWN, **FILLED, "controller.model.mass_change_factor": 1.0}),
     ),
 )

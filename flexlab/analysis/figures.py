@@ -1,9 +1,11 @@
-"""The paper's Figures 2 to 5 of any run, as files for a report.
+"""The paper's Figures 2 to 5 of any run, as files for a report, and figures as parts of pages.
 
 Figure 2: trajectory of the payload. 3: vibration. 4: error of the trajectory. 5: internal force. The same run gives the
 same bytes of SVG, so that a figure can live under version control.
 """
 
+import io
+import re
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise, product
 from pathlib import Path
@@ -48,6 +50,29 @@ STYLE: Any = {
     "svg.hashsalt": "flexlab",
     "svg.fonttype": "none",
 }
+
+
+_GROUND = re.compile(r'(<path [^>]*style="fill: )#ffffff("|; opacity)')
+_PAGE_STYLE = (
+    "<style>svg text { fill: currentColor } @media (prefers-color-scheme: dark) { svg:root { color: #e6eaf0 } }</style>"
+)
+"""An SVG within a page takes its colour from there; one that is an image has to ask for itself."""
+
+
+def svg_text(figure: Figure, salt: str = STYLE["svg.hashsalt"]) -> str:
+    """A figure as an SVG element: the same figure and `salt` give the same text. Figures on one page need different salts."""
+    with mpl.rc_context(STYLE | {"svg.hashsalt": salt}):
+        drawn = io.StringIO()
+        figure.savefig(drawn, format="svg", metadata={"Date": None})
+    svg = drawn.getvalue()
+    return svg[svg.index("<svg") :]
+
+
+def page_svg(figure: Figure, salt: str = STYLE["svg.hashsalt"]) -> str:
+    """The same for a page, light or dark: no ground, lines and words in the page's colour."""
+    head, end, rest = svg_text(figure, salt).partition(">")
+    shown = _GROUND.sub(r"\1none\2", rest).replace("stroke: #000000", "stroke: currentColor")
+    return head + end + _PAGE_STYLE + shown
 
 
 def paper_figures(

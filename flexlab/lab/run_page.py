@@ -1,18 +1,16 @@
 """A run in one HTML file: moving picture, plots in step with it, metrics and scenario; opens from disk without network."""
 
 import contextlib
-import io
 import os
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from flexlab.analysis.explanations import explain_run
-from flexlab.analysis.figures import STYLE, draw_signals
+from flexlab.analysis.figures import draw_signals, page_svg
 from flexlab.analysis.metrics import run_metrics
 from flexlab.analysis.result import result_hash
 from flexlab.errors import StudyError
@@ -142,11 +140,7 @@ def write_run_page(run: Run, path: Path, name: str, version: str, noted: Noted =
 
 def _plots(run: Run) -> tuple[str, float, float]:
     """SVG of the usual signals, and where in its width the time axis begins and ends, per cent."""
-    with mpl.rc_context(STYLE):
-        figure = draw_signals(run)
-        figure.draw_without_rendering()
-        place = figure.axes[0].get_position()
-        drawn = io.StringIO()
-        figure.savefig(drawn, format="svg", metadata={"Date": None})
-    svg = drawn.getvalue()
-    return svg[svg.index("<svg") :], 100 * place.x0, 100 * place.x1
+    figure = draw_signals(run)
+    svg = page_svg(figure)  # Which lays the figure out.
+    place = figure.axes[0].get_position()
+    return svg, 100 * place.x0, 100 * place.x1

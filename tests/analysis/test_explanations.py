@@ -29,6 +29,10 @@ NOISE = {"controller.control_period": 1e-3, "controller.sensor_noise.pose_rate":
 TAP = ((0.0, Tap(0.0, (0.0, 0.2))),)
 
 
+def test_equations_have_true_minus_signs() -> None:
+    assert not [each.equation for each in EXPLANATIONS.values() if "-" in each.equation]
+
+
 class Case(NamedTuple):
     """A scripted run, and the sentences that it gets."""
 
@@ -268,7 +272,7 @@ def test_in_python_a_run_explains_itself():
     assert [each.name for each in run.explanations] == ["ring", "jerky start"]
     assert run.explanations == flexlab.explain(run)
     assert str(run.explanations[0]).endswith("Active damping ends it sooner. [Mid-span deflection; "
-                                             "w ~ exp(-ζωt) cos(ωt): the pole -ζω ± iω of the closed loop]")  # fmt: skip
+                                             "w ~ exp(−ζωt) cos(ωt): the pole −ζω ± iω of the closed loop]")  # fmt: skip
 
 
 def test_a_run_that_could_not_start_explains_nothing():

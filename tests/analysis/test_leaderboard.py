@@ -1,6 +1,7 @@
 """The benchmark: rows are the runs that they name, computed once, verifiable, and a law that fails says why."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -195,6 +196,10 @@ def test_the_files_hold_every_score_with_formula_unit_and_hashes(board: Leaderbo
     assert (line["unit"], line["formula"], line["seed"]) == ("mm", "max √(e_x² + e_y²)", 0)
     assert line["key"] == board.row(QUICK, QUICK.variants[1], "pd").key  # type: ignore[union-attr]
     assert paths[3].read_text(encoding="utf-8").startswith("<svg")
+    drawn = re.findall(r"<svg.*?</svg>", html, re.DOTALL)
+    assert len(drawn) == 1
+    assert "currentColor" in drawn[0]
+    assert not re.search(r"<path [^>]*fill: #ffffff|stroke: #000000", drawn[0])
     again = write_report(board, tmp_path / "again")
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in paths]
 

@@ -11,7 +11,7 @@ UNEXPLAINED = 0.5
 """Share of the internal force, RMS, that its explanation may leave over."""
 
 
-@register("load share", "F_1 = (α - ½) f + what the postures differ by, Eqs. (14), (15)", "Internal force", 26)
+@register("load share", "F_1 = (α − ½) f + what the postures differ by, Eqs. (14), (15)", "Internal force", 26)
 def load_share(seen: Evidence) -> str | None:
     """An uneven share of what moves the payload makes most of the internal force."""
     span, share = seen.steady, seen.scenario.controller.load_share
@@ -35,7 +35,7 @@ CANCELLED = 1e-6
 """N and N·m: rounding."""
 
 
-@register("wanted force", "u_1 += F_d (cos θ, sin θ, 0), u_2 -= the same: F_1 + F_2 = 0", "Internal force", 27)
+@register("wanted force", "u_1 += F_d (cos θ, sin θ, 0), u_2 −= the same: F_1 + F_2 = 0", "Internal force", 27)
 def wanted_force(seen: Evidence) -> str | None:
     """The internal force along the link is, on average, the wanted one."""
     span, wanted = seen.steady, seen.scenario.controller.wanted_internal_force
@@ -63,7 +63,7 @@ BENDING_AGREES = 0.1
 """Relative difference up to which the mean bending is the weight's."""
 
 
-@register("bending by weight", "w(0) = -5 ρ g L⁴ cos θ / (384 EI), pinned grips", "Mid-span deflection", 25)
+@register("bending by weight", "w(0) = −5 ρ g L⁴ cos θ / (384 EI), pinned grips", "Mid-span deflection", 25)
 def bending_by_weight(seen: Evidence) -> str | None:
     """The mean quasi-static deflection is that of a beam on two pins under its weight."""
     beam, gravity = seen.scenario.payload, seen.scenario.gravity

@@ -71,7 +71,7 @@ def _growth_alone(background: Background, mode: int, late: float) -> float:
 
 @register(
     "growing mode",
-    "η̈ + Dη̇ + ω²η = -k h²η̇(t - (d + ½) T_c): fed where cos(ω (d + ½) T_c) < 0; poles log(z)/T_c",
+    "η̈ + Dη̇ + ω²η = −k h²η̇(t − (d + ½) T_c): fed where cos(ω (d + ½) T_c) < 0; poles log(z)/T_c",
     "Spectrum of the mid-span vibration",
     0,
 )
@@ -99,7 +99,7 @@ def growing_mode(seen: Evidence) -> str | None:
 
 @register(
     "growing pose",
-    "x(k+1) = x(k) - λT_c x(k-d): stable up to λT_c = 2 sin(π/(2 (2d + 1))) (Levin and May 1976)",
+    "x(k+1) = x(k) − λT_c x(k−d): stable up to λT_c = 2 sin(π/(2 (2d + 1))) (Levin and May 1976)",
     "Tracking error",
     1,
 )
@@ -122,7 +122,7 @@ def growing_pose(seen: Evidence) -> str | None:
 
 @register(
     "growing loop",
-    "det(sI - A) = 0 has a root with Re s > 0, A: arms, beam and law about their rest point",
+    "det(sI − A) = 0 has a root with Re s > 0, A: arms, beam and law about their rest point",
     "Mid-span deflection",
     4,
 )
@@ -178,7 +178,7 @@ SLOWEST = 0.1
 """Hz; a memory that hardly moves has no phase to lose."""
 
 
-@register("small margin", "α = 1/max ρ((S - T)/2), the disk margin of all motors alike", "Tracking error", 18)
+@register("small margin", "α = 1/max ρ((S − T)/2), the disk margin of all motors alike", "Tracking error", 18)
 def small_margin(seen: Evidence) -> str | None:
     """A stable loop whose motors may deviate by little."""
     found = seen.background.modes

@@ -13,7 +13,7 @@ NEAR = 0.02
 
 @register(
     "folded mode",
-    "f_shown = |f - round(f T) / T| with T the time between samples (Nyquist: f < 1/(2T))",
+    "f_shown = |f − round(f T) / T| with T the time between samples (Nyquist: f < 1/(2T))",
     "Spectrum of the mid-span vibration",
     30,
 )
@@ -68,7 +68,7 @@ CHATTER = 5.0
 """RMS jump of a joint torque from one control step to the next that counts as chatter, N·m; 0.5 is usual."""
 
 
-@register("chatter", "ū_3 = -Ψ s / max(‖s‖, ε), Eq. (25): s crosses ε within a control period", "Joint torques", 6)
+@register("chatter", "ū_3 = −Ψ s / max(‖s‖, ε), Eq. (25): s crosses ε within a control period", "Joint torques", 6)
 def chatter(seen: Evidence) -> str | None:
     """Torques alternate from instant to instant, and s moves by its boundary layer or more within one."""
     law, layer = seen.scenario.controller, seen.field("boundary_layer")

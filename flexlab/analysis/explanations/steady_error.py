@@ -88,7 +88,7 @@ def error_within_the_layer(seen: Evidence) -> str | None:
     )
 
 
-@register("error of feedback alone", "P e ≈ -(B ẍ_d + C̄ ẋ_d + D ė)", "Tracking error", 23)
+@register("error of feedback alone", "P e ≈ −(B ẍ_d + C̄ ẋ_d + D ė)", "Tracking error", 23)
 def error_of_feedback_alone(seen: Evidence) -> str | None:
     """A law that knows no inertia: its spring has to give what the motion needs."""
     span, around, law = seen.steady, seen.background.around, seen.scenario.controller
@@ -107,7 +107,7 @@ def error_of_feedback_alone(seen: Evidence) -> str | None:
     )
 
 
-@register("wrong payload", "Ψ = (B_true - B_believed) ẍ_d + the weight's difference", "Tracking error", 15)
+@register("wrong payload", "Ψ = (B_true − B_believed) ẍ_d + the weight's difference", "Tracking error", 15)
 def wrong_payload(seen: Evidence) -> str | None:
     """The controller takes the beam for another one, and what its model leaves to the feedback grows by that."""
     now, truth, span = seen.background.around, seen.background.informed, seen.steady
@@ -156,7 +156,7 @@ def drifting_estimates(seen: Evidence) -> str | None:
     )
 
 
-@register("leaking estimates", "ḃ_0 = ‖s‖/k_0 - σ b̂_0 = 0 at b̂_0 = ‖s‖/(σ k_0)", "Bound estimates b̂", 28)
+@register("leaking estimates", "ḃ_0 = ‖s‖/k_0 − σ b̂_0 = 0 at b̂_0 = ‖s‖/(σ k_0)", "Bound estimates b̂", 28)
 def leaking_estimates(seen: Evidence) -> str | None:
     """Leakage and growth balance: the estimate stands near ‖s‖/(σ k_0)."""
     found, law = _growth(seen), seen.scenario.controller

@@ -43,7 +43,7 @@ def fading_rate(samples: Samples, hertz: float) -> float:
     return float(np.polyfit(samples.time[tops], np.log(np.abs(samples.vibration[tops])), 1)[0])
 
 
-@register("ring", "w ~ exp(-ζωt) cos(ωt): the pole -ζω ± iω of the closed loop", "Mid-span deflection", 20)
+@register("ring", "w ~ exp(−ζωt) cos(ωt): the pole −ζω ± iω of the closed loop", "Mid-span deflection", 20)
 def ring(seen: Evidence) -> str | None:
     """Frequency and decay in the run agree with a mode's pole."""
     part = ringing_part(seen.samples)
@@ -87,7 +87,7 @@ FIRST = 0.1
 """s in which the start's own vibration peaks."""
 
 
-@register("jerky start", "η̈ + Dη̇ + Ω²η = -h a⊥ - g θ̈, Eq. (10): a jump of ẋ is a burst of a", "Mid-span deflection", 22)
+@register("jerky start", "η̈ + Dη̇ + Ω²η = −h a⊥ − g θ̈, Eq. (10): a jump of ẋ is a burst of a", "Mid-span deflection", 22)
 def jerky_start(seen: Evidence) -> str | None:
     """The run's first samples differ from the path's velocity, and its largest vibration follows at once."""
     samples = seen.samples
@@ -130,7 +130,7 @@ def _two_periods(seen: Evidence) -> tuple[np.ndarray, np.ndarray] | None:
     return steps[-count:], steps[-2 * count : -count]
 
 
-@register("resonance", "|w|/|w_qs| = 1/√((1 - r²)² + (2ζr)²), r = f_path/f_k", "Mid-span deflection", 10)
+@register("resonance", "|w|/|w_qs| = 1/√((1 − r²)² + (2ζr)²), r = f_path/f_k", "Mid-span deflection", 10)
 def resonance(seen: Evidence) -> str | None:
     """A sine near a mode of the loop, amplified as the formula says."""
     path, ring = seen.scenario.trajectory, seen.background.rings.get(1)
@@ -154,7 +154,7 @@ def resonance(seen: Evidence) -> str | None:
 
 @register(
     "forced vibration",
-    "|w|/|w_qs| - 1 ≈ r², r = f_path/f_1: forced, at the path's own period",
+    "|w|/|w_qs| − 1 ≈ r², r = f_path/f_1: forced, at the path's own period",
     "Mid-span deflection",
     21,
 )
@@ -210,7 +210,7 @@ def left_after_the_stop(seen: Evidence) -> str | None:
 
 @register(
     "left after a shaped stop",
-    "x_shaped(t) = Σ A_j x_d(t - t_j): vibration Σ A_j exp(iωt_j)",
+    "x_shaped(t) = Σ A_j x_d(t − t_j): vibration Σ A_j exp(iωt_j)",
     "Mid-span deflection",
     29,
 )

@@ -3,7 +3,6 @@
 The report is one HTML file that opens without network. A figure has a dot per law and scenario, or is a map where there are many.
 """
 
-import io
 from dataclasses import dataclass
 from math import exp, log, log2
 from pathlib import Path
@@ -18,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from flexlab.analysis.figures import BLUE, GREEN, STYLE, VERMILION
+from flexlab.analysis.figures import BLUE, GREEN, STYLE, VERMILION, page_svg, svg_text
 from flexlab.analysis.leaderboard.board import Leaderboard
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.analysis.leaderboard.entry import Row
@@ -188,8 +187,12 @@ def provenance(board: Leaderboard) -> str:
 
 WIDTH, LINE, AROUND = 6.5, 0.26, 1.1
 """Inches: of a figure, of a law's line, of what stands above and below."""
+BESIDE = 0.15
+"""Inches left and right: a law's name may be longer in the language of the page."""
 MARKS = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"))
 """Of a case's scenarios: told apart by colour and by shape."""
+INK = "#1c2430"
+"""Of digits on light shades, in dark mode too."""
 DARK = 0.45
 """Share of the colour scale below which white digits are read more easily than black ones."""
 
@@ -199,7 +202,8 @@ def draw_case(board: Leaderboard, case: Case) -> Figure:
     laws = [law for law in board.laws if any(row.law == law and row.case == case.name for row in board.rows)]
     values = np.array([[_shown(board, case, law, place) for place in range(len(case.variants))] for law in laws])
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, AROUND + LINE * max(len(laws), 2)), layout="constrained")
+        figure = Figure(figsize=(WIDTH, AROUND + LINE * max(len(laws), 2)))
+        figure.set_layout_engine("constrained", w_pad=BESIDE)
         axes = figure.add_subplot()
         if len(case.variants) <= len(MARKS):
             _draw_dots(axes, case, values)
@@ -244,19 +248,20 @@ def _draw_map(figure: Figure, axes: Axes, case: Case, values: np.ndarray) -> Non
     axes.set_xticks(range(len(case.variants)), [variant.name for variant in case.variants], rotation=30, ha="right")
     for line, place in np.ndindex(*values.shape):
         value = values[line, place]
-        dark = np.isfinite(value) and norm(value) > 1 - DARK
-        text = f"{value:.2g}" if np.isfinite(value) else "–"
-        axes.text(place, line, text, ha="center", va="center", fontsize="x-small", color="white" if dark else "black")
+        text, color = "–", "black"  # Where no shade is, the page's colour.
+        if np.isfinite(value):
+            text, color = f"{value:.2g}", "white" if norm(value) > 1 - DARK else INK
+        axes.text(place, line, text, ha="center", va="center", fontsize="x-small", color=color)
     figure.colorbar(drawn, ax=axes, label=f"{case.main.column.title} ({case.main.column.unit})")
 
 
-def svg_text(board: Leaderboard, case: Case) -> str:
-    """The figure as SVG: the same rows give the same text."""
-    with mpl.rc_context(STYLE | {"svg.hashsalt": f"flexlab-{case.name}"}):
-        drawn = io.StringIO()
-        draw_case(board, case).savefig(drawn, format="svg", metadata={"Date": None})
-    svg = drawn.getvalue()
-    return svg[svg.index("<svg") :]
+def page_figure(board: Leaderboard, case: Case) -> str:
+    """The figure as SVG in a page: the same rows give the same text."""
+    return page_svg(draw_case(board, case), _salt(case))
+
+
+def _salt(case: Case) -> str:
+    return f"flexlab-{case.name}"
 
 
 def write_figures(board: Leaderboard, folder: Path) -> list[Path]:
@@ -267,7 +272,7 @@ def write_figures(board: Leaderboard, folder: Path) -> list[Path]:
         for case in board.cases:
             path = folder / f"{case.name}.svg"
             with replacing(path) as draft:
-                draft.write_text(svg_text(board, case), encoding="utf-8")
+                draft.write_text(svg_text(draw_case(board, case), _salt(case)), encoding="utf-8")
             paths.append(path)
     except OSError as error:
         raise StudyError(f"{folder} cannot be written ({error.strerror}): choose another folder.") from None
@@ -305,5 +310,5 @@ def report_text(board: Leaderboard) -> str:
         provenance=provenance(board),
         of_the_best=OF_THE_BEST,
         several=SEVERAL,
-        figures={case.name: Markup(svg_text(board, case)) for case in board.cases},
+        figures={case.name: Markup(page_figure(board, case)) for case in board.cases},
     )

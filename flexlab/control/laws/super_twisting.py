@@ -91,7 +91,7 @@ def conditions(around: Circumstances) -> tuple[Condition, ...]:
             f"k2 > δ: {n(k2)} N/s against {n(rate)} N/s by which the beam's reaction changes on this path.", enough
         ),
         Condition(
-            f"k1² > 4 b δ (k2 + δ)/(k2 - δ): k1 = {n(k1)} against {n(needed)}, b = {n(inertia)} kg.", k1 > needed
+            f"k1² > 4 b δ (k2 + δ)/(k2 − δ): k1 = {n(k1)} against {n(needed)}, b = {n(inertia)} kg.", k1 > needed
         ),
     )
 

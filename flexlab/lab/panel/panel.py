@@ -84,7 +84,7 @@ class Panel:
             self._filing = ScenarioFiles(gui, lab_state, link, self._presets.refresh)
         with tabs.add_tab("Events"):
             self._events = Events(gui, lab_state)
-        self._play = PlayScreen(gui, lab_state, touch)
+        self._play = PlayScreen(gui, lab_state, touch, look)
         add_keys(gui, lab_state, self._keys(present, say))
 
     def update(self, snapshot: Snapshot, seen: Snapshot, legend: Legend) -> None:

@@ -11,7 +11,9 @@ from flexlab.lab.lab_state import LabState, handler
 from flexlab.lab.panel.field import Field
 from flexlab.lab.panel.number_control import NumberControl, Scale
 from flexlab.lab.panel.playback import SPEEDS
+from flexlab.lab.panel.view_controls import Look
 from flexlab.lab.picking import Picking
+from flexlab.lab.scene.cameras import VIEWS
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import SetSpeed
@@ -32,13 +34,15 @@ def _damping_path(scenario: Scenario) -> str:
 class PlayScreen:
     """Controls of the play screen, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, touch: Picking):
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, touch: Picking, look: Look):
         self._gui, self._lab_state = gui, lab_state
         self._folder = gui.add_folder("Play")
         with self._folder:
             gui.add_html(f'<div class="fl fl-play">{SENTENCE}</div>')  # By which the page finds the screen.
             tap = gui.add_button("Tap", icon=viser.Icon.HAND_CLICK, hint="A blow across the beam")
             tap.on_click(handler(lab_state, lambda _: touch.tap()))
+            back = gui.add_button("Reset view", color="gray", hint="The camera back to where it stood, in this browser")
+            back.on_click(handler(lab_state, lambda event: look(event.client, VIEWS[0])))
             gui.add_button("More", color="gray", hint="The whole lab, with this run")
             self._stiffness = Field(gui, lab_state, "payload.bending_stiffness", None, "Stiffness EI", "N·m²")
         self._build_damping(lab_state.intended)

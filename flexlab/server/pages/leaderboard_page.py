@@ -56,10 +56,10 @@ def compute_board(kept: Path, report: Callable[[float], None]) -> Outcome:
 
 def draw_board(kept: Path) -> Outcome:
     """(What names the newest table, its figures by case as SVG)."""
-    from flexlab.analysis.leaderboard.report import svg_text
+    from flexlab.analysis.leaderboard.report import page_figure
 
     board, name = newest_board(kept)
-    return Outcome((name, {case.name: svg_text(board, case) for case in board.cases}))
+    return Outcome((name, {case.name: page_figure(board, case) for case in board.cases}))
 
 
 PLACE = "/leaderboard"

@@ -12,7 +12,7 @@
   const MARKS = { CODE: ["`", "`"], KBD: ["`", "`"], B: ["**", "**"], STRONG: ["**", "**"], EM: ["*", "*"], I: ["*", "*"], A: ["[", "]"],
     SUB: ["<sub>", "</sub>"], WBR: ["", ""] };
   const ALONE = "script, noscript, style, textarea, pre, [translate=no]"; // Never translated.
-  const PICTURE = 'img[src*="/assets/pictures/"]';
+  const PICTURE = 'img[src*="/assets/pictures/"], img.figure';
   const WORD = /\p{L}{3}/u, UNITS = /\b(m?rad|kHz|min|max|RMS|NaN|flexlab)\b/g, NUMBER = /\d[\d.e+−-]*/g;
   const BEFORE_UNIT = /(?<=[\d}]) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|m?rad|kg|MB\/min|%)(?!\p{L}))/gu; // no line ends here
   const SENTENCE = /(?<=[.!?✓]) (?=[\p{Lu}\d])/u;
@@ -191,11 +191,17 @@
     const file = pictures.get(image) ?? image.src;
     if (language === "en" && !pictures.has(image)) return;
     pictures.set(image, file);
-    const drawing = new DOMParser().parseFromString(await (await fetch(file)).text(), "image/svg+xml");
+    const answer = await fetch(file);
+    if (!answer.ok) return;
+    const drawing = new DOMParser().parseFromString(await answer.text(), "image/svg+xml");
     for (const text of drawing.querySelectorAll("text")) {
-      const found = translate(text.textContent);
-      if (found === undefined && language !== "en") miss(text.textContent);
-      text.textContent = found ?? text.textContent;
+      const source = text.textContent.trim();
+      const shown = source.split("  ").map((part) => {
+        const found = translate(part);
+        if (found === undefined && language !== "en") miss(part);
+        return found?.replace(` · ${part}`, "") ?? part; // a chart has no room for both
+      }).join("  ");
+      if (shown !== source) text.textContent = shown; // Else its raised exponents stay.
     }
     image.src = language === "en" ? file
       : `data:image/svg+xml,${encodeURIComponent(new XMLSerializer().serializeToString(drawing))}`;

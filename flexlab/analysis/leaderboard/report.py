@@ -189,6 +189,8 @@ WIDTH, LINE, AROUND = 6.5, 0.26, 1.1
 """Inches: of a figure, of a law's line, of what stands above and below."""
 BESIDE = 0.15
 """Inches left and right: a law's name may be longer in the language of the page."""
+ABOVE_LEGEND = 20
+"""Points between a figure's axes and its title."""
 MARKS = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"))
 """Of a case's scenarios: told apart by colour and by shape."""
 INK = "#1c2430"
@@ -211,7 +213,8 @@ def draw_case(board: Leaderboard, case: Case) -> Figure:
             _draw_map(figure, axes, case, values)
         axes.set_yticks(range(len(laws)), laws)
         axes.set_ylim(len(laws) - 0.5, -0.5)
-        axes.set_title(f"{case.name}  {case.title}", loc="left", fontsize="medium")
+        above = ABOVE_LEGEND if 1 < len(case.variants) <= len(MARKS) else None
+        axes.set_title(f"{case.name}  {case.title}", loc="left", fontsize="medium", pad=above)
     return figure
 
 

@@ -12,6 +12,7 @@ import pytest
 
 import flexlab
 from flexlab.errors import FlexlabError, StudyError
+from flexlab.sim.commands import Pull, Tap
 
 EI = "payload.bending_stiffness"
 NO_PATH = [None, 5, b"x", "", "a\0b", "\ud800", Path("\0"), [Path("x")], object()]
@@ -197,3 +198,42 @@ def test_long_names_are_not_repeated_whole(run: flexlab.Run):
 def test_one_number_is_no_list_of_scenarios():
     with pytest.raises(StudyError, match="is no list"):
         flexlab.simulate_many(np.array(1.0))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "given", [None, 5, "ab", (), (1,), (0, 0, 0), {0, 1}, {}, np.array(1.0), np.zeros(3), object()]
+)
+def test_a_point_of_a_hand_is_two_numbers(given: Any):
+    for name, command in {"pull target": Pull(0.1, given, 1.0), "tap": Tap(0.1, given)}.items():
+        one_sentence(
+            lambda command=command: flexlab.simulate("paper", 0.01, commands=[(0.0, command)]), f"{name} = ", "(x, y)"
+        )
+
+
+@pytest.mark.parametrize(
+    "link", [np.zeros(2), np.array(1.0), (1.0, 2.0), (True, True), "11", 5, (1, 1, 1), (np.zeros(2), 1)]
+)
+def test_a_link_is_two_whole_numbers(link: Any):
+    one_sentence(
+        lambda: flexlab.simulate("paper", 0.01, commands=[(0.0, Pull(0.1, (0, 0), 1.0, link))]), "pulled link = "
+    )
+
+
+@pytest.mark.parametrize("given", [10**400, "a" * 5000])
+def test_a_hand_takes_no_number_that_no_float_holds(given: Any):
+    for command in (
+        Pull(given, (0, 0), 1.0),
+        Pull(0.1, (given, 0), 1.0),
+        Pull(0.1, (0, 0), given),
+        Tap(0.1, (given, 0)),
+    ):
+        one_sentence(lambda command=command: flexlab.simulate("paper", 0.01, commands=[(0.0, command)]), " = ")
+
+
+@pytest.mark.parametrize("given", [[], {}, np.zeros(0), None, object()])
+def test_a_unit_has_a_part_a_version_and_a_period(given: Any, tmp_path: Path):
+    file = tmp_path / "a.fmu"
+    one_sentence(lambda: flexlab.export_fmu("paper", file, part=given), "part = ", "is no part")
+    one_sentence(lambda: flexlab.export_fmu("paper", file, version=given), "fmi = ", "choose 2 or 3")
+    one_sentence(lambda: flexlab.export_fmu("paper", file, sample_period=given), "sample_period = ", "is not usable")
+    assert not file.exists()

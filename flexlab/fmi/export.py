@@ -28,6 +28,7 @@ from flexlab.fmi.parts import Part, make_part
 from flexlab.presets import scenario_text
 from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
+from flexlab.sim.simulate import sample_count
 from flexlab.sim.snapshot import TICK
 
 VERSIONS = (2, 3)
@@ -60,12 +61,13 @@ def write_fmu(
     and path as `flexlab.simulate` has them; or "follower", plant and law, whose input is the desired motion.
     `version` of FMI: 2 or 3. `tick_period`: time between two instants at which importers may look, s.
     """
-    if version not in VERSIONS:
-        raise StudyError(f"fmi = {version!r} is no version that can be written: choose 2 or 3.")
+    if type(version) is not int or version not in VERSIONS:
+        raise StudyError(f"fmi = {version!r:.60} is no version that can be written: choose 2 or 3.")
     place = PLATFORMS.get((platform.system(), platform.machine()))
     if place is None or PLAIN_PYTHON:
         what = "the kernels are not compiled (NUMBA_DISABLE_JIT)" if PLAIN_PYTHON else "this is neither Linux nor macOS"
         raise StudyError(f"A unit of machine code cannot be made here: {what}.")
+    sample_count(0.0, tick_period)
     made = make_part(scenario, part, tick_period)
     try:
         with TemporaryDirectory(prefix="flexlab-") as folder, replacing(file) as draft:

@@ -88,8 +88,8 @@ class Part:
 
 def make_part(scenario: Scenario, part: str, tick_period: float) -> Part:
     """A part of a scenario as it begins. Raises `StudyError` or `ScenarioError`."""
-    if part not in PARTS:
-        raise StudyError(f"part = {part!r} is no part of a scenario: choose {', '.join(PARTS)}.")
+    if not isinstance(part, str) or part not in PARTS:
+        raise StudyError(f"part = {part!r:.60} is no part of a scenario: choose {', '.join(PARTS)}.")
     if part != "plant" and hasattr(scenario.controller, "source"):
         raise StudyError(
             f"The control law {scenario.controller.kind} runs in Python, which a unit does without: export --part plant."

@@ -234,7 +234,7 @@ _MAKERS: dict[str, Callable[..., Any]] = {"gain": gain, "memory": memory, "reado
 
 def _check(law: DeclaredClass, name: str, made: Any, line: int) -> None:
     if isinstance(made, Memory):
-        if not isinstance(made.size, int) or not 1 <= made.size <= MOST_MEMORY or not is_finite(made.start):
+        if type(made.size) is not int or not 1 <= made.size <= MOST_MEMORY or not is_finite(made.start):
             text = f"{name} = memory({made.size!r}, {made.start!r}) needs a whole number from 1 to {MOST_MEMORY}"
             raise law.problem(line, f"{text} and a finite start")
     elif isinstance(made, OwnSignal):
@@ -248,6 +248,8 @@ def _check_setting(declared: DeclaredClass, name: str, gain: Setting, line: int)
     """Raises `ScenarioError` for a range that is none or a default outside it."""
     if not is_finite(gain.low) or not is_finite(gain.high) or not gain.low < gain.high:
         raise declared.problem(line, f"{name}: low = {gain.low!r} and high = {gain.high!r} are no range")
+    if not all(isinstance(text, str) for text in (gain.unit, gain.title, gain.symbol)):
+        raise declared.problem(line, f"{name}: unit, title and symbol are texts")
     numbers = gain.default if isinstance(gain.default, tuple) else (gain.default,)
     if len(numbers) not in (1, 3) or not all(is_finite(one) and gain.low <= one <= gain.high for one in numbers):
         text = f"{name}: the default {gain.default!r} is outside {gain.low:g} to {gain.high:g} {gain.unit}"

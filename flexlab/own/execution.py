@@ -203,7 +203,7 @@ class RunningLaw:
         u = law.act(measurement)
         wanted = (measurement.arm_count, 3)
         try:
-            inputs = np.asarray(u, float)
+            inputs = real_numbers(u)
         except (TypeError, ValueError):
             return f"{self._at_return(now, message)}: act returned {short(u)}, which is no array of numbers {wanted}."
         if inputs.shape != wanted:
@@ -228,7 +228,7 @@ class RunningLaw:
     def _write_back(self, message: np.ndarray) -> str:
         at = MEMORY
         for name, part in self.declaration.memory:
-            value = np.asarray(getattr(self._law, name), float)
+            value = real_numbers(getattr(self._law, name))
             if value.shape not in ((part.size,), ()) or not np.isfinite(value).all():
                 return (
                     f"{self._first_line()}: the memory {name} became {short(value.tolist())}; "
@@ -238,7 +238,7 @@ class RunningLaw:
             at += part.size
         for place, (name, _) in enumerate(self.declaration.signals):
             try:
-                message[SIGNALS + place] = float(getattr(self._law, name))
+                message[SIGNALS + place] = real_numbers(getattr(self._law, name)).item()
             except (TypeError, ValueError):
                 return f"{self._first_line()}: the signal {name} became {short(getattr(self._law, name))}, no number."
         return ""
@@ -301,3 +301,11 @@ class RunningPath:
         where = self._text.at_return("position", lambda: self._path.position(t))
         what = "nothing" if given is None else short(given)
         return f"{where}: position({t:g}) returned {what}, which is not three finite numbers x, y, θ."
+
+
+def real_numbers(given: Any) -> np.ndarray:
+    """As floats; raises TypeError for complex numbers, whose imaginary part NumPy would drop."""
+    found = np.asarray(given)
+    if found.dtype.kind == "c":
+        raise TypeError("complex numbers")
+    return found.astype(float)

@@ -21,6 +21,7 @@ from flexlab.sim.build import Beam, build_beam, build_control, build_plant
 from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.sampled_control import LoopForm, Sampling, form_of, is_loaded, loop_form, with_kernel
+from flexlab.sim.samples import check_signal_names
 from flexlab.sim.step_growth import may_grow, steadiest
 from flexlab.sim.step_levels import StepLevels, StepWatch
 from flexlab.sim.step_rates import Rates, amplifies_errors, find_rates, free_beam_rate
@@ -84,6 +85,7 @@ def build_assembly(
 
     `at_once`: raise `Unprepared` instead of deriving what takes long.
     """
+    check_signal_names(scenario)
     law = scenario.controller
     if at_once and not laws()[law.kind].is_ready(law):
         raise Unprepared(scenario)

@@ -1,5 +1,7 @@
 """Hands on the machine: a spring that pulls at a point of the beam or of a link, and a tap on the beam."""
 
+from typing import Any
+
 import numpy as np
 
 from flexlab.errors import ScenarioError
@@ -25,13 +27,24 @@ LINKS = (1, 2, 3)
 """Numbers of an arm's links, from its base."""
 
 
-def _refuse(name: str, value: float, unit: str, low: float, high: float) -> None:
+def _refuse(name: str, value: Any, unit: str, low: float, high: float) -> None:
     """Raise `ScenarioError` unless value lies in low..high."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ScenarioError([(name, f"{name} = {value!r} is not a number: give one from {low:g} to {high:g} {unit}.")])
+        raise ScenarioError(
+            [(name, f"{name} = {value!r:.60} is not a number: give one from {low:g} to {high:g} {unit}.")]
+        )
     if not low <= value <= high:
-        sentence = f"{name} = {value:g} {unit} is outside {low:g} to {high:g} {unit}: choose a value within it."
+        shown = f"{value:g}" if isinstance(value, float) else f"{value!r:.30}"
+        sentence = f"{name} = {shown} {unit} is outside {low:g} to {high:g} {unit}: choose a value within it."
         raise ScenarioError([(name, sentence)])
+
+
+def _axes(name: str, pair: Any) -> list[tuple[str, Any]]:
+    """(axis, number) of two numbers. Raises `ScenarioError` for anything else."""
+    values = pair.tolist() if isinstance(pair, np.ndarray) else pair
+    if not isinstance(values, (tuple, list)) or len(values) != 2:
+        raise ScenarioError([(name, f"{name} = {pair!r:.60} is not usable: give two numbers, (x, y).")])
+    return list(zip("xy", values, strict=True))
 
 
 def _check_point(payload: Payload, s: float) -> None:
@@ -40,9 +53,12 @@ def _check_point(payload: Payload, s: float) -> None:
 
 def _check_link(scenario: Scenario, link: tuple[int, int], position: float) -> None:
     links = [(arm + 1, number) for arm in range(len(scenario.arms)) for number in LINKS]
-    if link not in links:
+    whole = isinstance(link, (tuple, list)) and all(type(number) is int for number in link)
+    if not whole or tuple(link) not in links:
         allowed = f"choose arm 1 to {len(scenario.arms)} and link 1 to {LINKS[-1]}"
-        raise ScenarioError([("pulled link", f"pulled link = {link!r} is not (arm, link) of this machine: {allowed}.")])
+        raise ScenarioError(
+            [("pulled link", f"pulled link = {link!r:.60} is not (arm, link) of this machine: {allowed}.")]
+        )
     arm, number = link
     _refuse("position on the link", position, "m", 0, scenario.arms[arm - 1].link_length[number - 1])
 
@@ -54,7 +70,7 @@ def apply_pull(plant: Plant, scenario: Scenario, beam: Beam, command: Pull) -> N
     else:
         _check_link(scenario, command.link, command.position)
     _refuse("pull stiffness", command.stiffness, "N/m", 0, MAX_PULL_STIFFNESS)
-    for axis, value in zip("xy", command.target, strict=True):
+    for axis, value in _axes("pull target", command.target):
         _refuse(f"pull target {axis}", value, "m", -MAX_DISTANCE, MAX_DISTANCE)
     held = (ON_BEAM, 0.0) if command.link is None else (command.link[0] - 1, command.link[1] - 1)
     plant.pull[:] = Hand(command.position, *command.target, command.stiffness, *held)
@@ -88,7 +104,7 @@ def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap, factor:
     `factor`: s of `mass_change`, 1.
     """
     _check_point(payload, command.beam_position)
-    for axis, value in zip("xy", command.impulse, strict=True):
+    for axis, value in _axes("tap", command.impulse):
         _refuse(f"tap {axis}", value, "N·s", -MAX_IMPULSE, MAX_IMPULSE)
     n = len(beam.modes.omega)
     shape = product(payload_row(payload, command.beam_position), beam.modes.V)

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexlab.control.law import law_of
+from flexlab.errors import ScenarioError
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, COORDINATE, Signal, signal_lines
 from flexlab.sim.signals import (
@@ -17,6 +19,7 @@ from flexlab.sim.signals import (
     PER_SAMPLE,
     TABLE,
     Signals,
+    own_signals,
     table,
 )
 
@@ -165,6 +168,23 @@ _LIST = f"""
 """
 for _sort in (Samples, Run):
     _sort.__doc__ = f"{(_sort.__doc__ or '').rstrip()}{_LIST}"
+
+
+OF_THE_INTERFACE = (
+    "name", "metrics", "explanations", "result_hash", "save", "plot", "show", "to_arrow", "to_pandas", "to_xarray",
+)  # fmt: skip
+"""What `flexlab.Run` has besides."""
+TAKEN = {*TABLE, *DERIVED, *dir(Run), *vars(Run)["__annotations__"], *OF_THE_INTERFACE}
+"""Names of what a run has in any case."""
+
+
+def check_signal_names(scenario: Scenario) -> None:
+    """Raises `ScenarioError` where a law calls a signal of its own as something else of a run, which it would hide."""
+    names = [signal.name for signal in own_signals(scenario)]
+    for signal in law_of(scenario.controller).signals:
+        if signal.name in TAKEN or names.count(signal.name) > 1:
+            text = f"The control law {scenario.controller.kind} has a signal {signal.name}, which every run has: "
+            raise ScenarioError([("controller.kind", f"{text}give its readout, or the unit's output, another name.")])
 
 
 TIME, POSE = COLUMN["time"], COLUMN["pose"]

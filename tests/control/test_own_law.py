@@ -15,6 +15,7 @@ from own_law_text import PD, forget_own_laws
 import flexlab
 from flexlab import OwnLaw, gain
 from flexlab.analysis.replay import replay
+from flexlab.api import Run
 from flexlab.control.law import forget_law
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
@@ -220,6 +221,11 @@ ACT = "    def act(self, at): ...\n"
             "class A(OwnLaw):\n    period = 5\n    def act(self, at): ...\n",
             "line 2: period = 5 is outside 1e-05 to 0.1 s",
         ),
+        ("class A(OwnLaw):\n    m = memory(True)\n" + ACT, "line 2: m = memory"),
+        (
+            "class A(OwnLaw):\n    k = gain(1.0, 5, low=0, high=1)\n" + ACT,
+            "line 2: k: unit, title and symbol are texts",
+        ),
         ("class PD(OwnLaw):\n" + ACT, "a control law of flexlab is called pd already"),
         (
             "class A(OwnLaw):\n    model = gain(0.5, '1', low=0, high=1)\n    def act(self, at): ...\n",
@@ -230,6 +236,46 @@ ACT = "    def act(self, at): ...\n"
 def test_a_declaration_that_says_nothing_usable_is_a_sentence(source: str, said: str):
     with pytest.raises(ScenarioError, match=said):
         add_own_law(source, "own.py")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "pose",
+        "time",
+        "joint_torque",
+        "vibration",
+        "signals",
+        "own",
+        "status",
+        *(name for name in vars(Run) if name[0] != "_"),
+    ],
+)
+def test_a_signal_of_ones_own_hides_nothing_of_a_run(name: str):
+    chosen = scenario(
+        f"class A(OwnLaw):\n    {name} = readout('N')\n    def act(self, at):\n        return at.weights\n", "a.py"
+    )
+    with pytest.raises(ScenarioError, match=f"has a signal {name}, which every run has: give its readout"):
+        simulate(chosen, 0.002)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "return at.weights + 1j",
+        "self.m = np.array(1j)\nreturn at.weights",
+        "self.s = np.complex128(1j)\nreturn at.weights",
+    ],
+)
+def test_imaginary_parts_are_not_dropped(body: str):
+    run = simulate(
+        scenario(
+            acting(body, "\n    m = memory(1)\n    s = readout('N')").replace("memory\n", "memory, readout\n", 1),
+            "bad.py",
+        ),
+        0.003,
+    )
+    assert str(run.status) == "law failed"
 
 
 def test_a_text_that_cannot_be_loaded_is_a_sentence_and_changes_nothing():

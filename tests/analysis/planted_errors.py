@@ -339,6 +339,12 @@ PLANTED = (
         "result[1] += s * inward + c * sideways - factor *",
         "result[1] += s * inward + c * sideways - 1.01 * factor *",
     ),
+    PlantedError(
+        "part of a change of mass that a law follows",
+        "physics/mass_change.py",
+        "factor = 1 + part * (ws.mass_factor[FACTOR] - 1)",
+        "factor = 1 + part * part * (ws.mass_factor[FACTOR] - 1)",
+    ),
     PlantedError("course of a change of mass", "physics/mass_change.py", "(15 - 6 * u)", "(15 - 5.9 * u)"),
     PlantedError("rate of two readings", "physics/sensors.py", "/ period\n", "/ (1.1 * period)\n"),
     PlantedError(

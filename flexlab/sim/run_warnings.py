@@ -127,15 +127,24 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: s
         "period": f"sample and control period leave steps of {size} µs",
     }
     cures = {
-        "given": ["a longer simulation.step, or null"],
-        "beam": ["a softer beam", "a coarser simulation.accuracy"],
+        "given": ["a longer step (simulation.step), or null"],
+        "beam": ["a softer beam", "a coarser pose accuracy (simulation.accuracy)"],
         "creep": ["less damping", "a softer or lighter beam"],
         "growth": ["some damping (payload.damping)", "a softer beam"],
         "accuracy": ["a smooth start", "more damping", "a softer beam"],
-        "joints": ["a higher joints.friction.smoothing_speed", "a coarser simulation.accuracy"],
-        "grips": ["a lower grips.stiffness or grips.damping", "a coarser simulation.accuracy"],
-        "motors": ["a longer joints.motor.time_constant, or 0", "a coarser simulation.accuracy"],
-        "law": ["lower gains", "a coarser simulation.accuracy"],
+        "joints": [
+            "a higher speed within which friction turns over (joints.friction.smoothing_speed)",
+            "a coarser pose accuracy (simulation.accuracy)",
+        ],
+        "grips": [
+            "a lower stiffness or damping of the grips (grips.stiffness, grips.damping)",
+            "a coarser pose accuracy (simulation.accuracy)",
+        ],
+        "motors": [
+            "a longer time constant of the motors (joints.motor.time_constant), or 0",
+            "a coarser pose accuracy (simulation.accuracy)",
+        ],
+        "law": ["lower gains", "a coarser pose accuracy (simulation.accuracy)"],
         "period": ["a control period that is a multiple of the sample period"],
     }[bound]
     cause, modes = causes[bound], len(beam.modes.omega)
@@ -270,12 +279,12 @@ def inaccurate(scenario: Scenario, time: float, coming: Sizes, found: Sizes, pea
     if not said:
         return ""
     cause, cure = "errors of the steps add up in modes that ring on", "more damping, fewer elements"
-    smaller = " or a smaller simulation.accuracy"
+    smaller = " or a smaller pose accuracy (simulation.accuracy)"
     if found[0] > bound or found[1] > least:
         cause = "the start or a change excites modes that are faster than the steps, or errors of the steps add up"
         cure = "a smooth start, more damping, fewer elements"
     if scenario.simulation.step is not None:
-        cure, smaller = "a shorter simulation.step or null", ""
+        cure, smaller = "a shorter step (simulation.step) or null", ""
     return (
         f"Results are no longer accurate since about t = {time:.3f} s: {' and '.join(said)}, as {cause}. "
         f"Reset with {cure}{smaller}."

@@ -226,11 +226,11 @@ def _what_grew(assembly: Assembly, time: float) -> tuple[str, str]:
         cure = "some damping (payload.damping), fewer elements or a softer beam"
         return (
             "errors of the steps grew in modes that next to nothing damps",
-            f"a shorter simulation.step, {cure}" if given else cure,
+            f"a shorter step (simulation.step), {cure}" if given else cure,
         )
     return (
         "a state is no longer a finite number",
-        "lower gains or a shorter simulation.step" if given else "lower gains",
+        "lower gains or a shorter step (simulation.step)" if given else "lower gains",
     )
 
 

@@ -34,7 +34,7 @@ def test_the_linear_regulator_says_of_which_paths_it_is_not_made(preset: str):
     """Before the run, below its gains; and the run says so among what it explains."""
     scenario = load_preset(preset).replace({"controller.kind": "lqr", "controller.control_period": 0.001})
     said = law_conditions(scenario)[0]
-    assert said.sentence.startswith("|λ(Φ - ΓK)| < 1 on the path: the law is made for one pose, ")
+    assert said.sentence.startswith("|λ(Φ − ΓK)| < 1 on the path: the law is made for one pose, ")
     assert said.met == (("lqr", preset) not in BEYOND)
     if not said.met:
         assert said.sentence.endswith("1/s: take a path that turns less, or a law that follows the pose.")

@@ -238,10 +238,13 @@ def shaper_for_another_mode(seen: Evidence) -> str | None:
     share = share_left(shaper, ring)
     if share < MISSED:
         return None
-    tuned = 0.5 / float(shaper[1, 1])
+    tuned, given = 0.5 / float(shaper[1, 1]), seen.scenario.trajectory.shaper_frequency
+    made_for = f"{n(tuned)} Hz"
+    if given is not None and n(given) != n(tuned):
+        made_for = f"{n(given)} Hz ({n(tuned)} Hz with its damping)"  # The number that a person typed comes first.
     peak = largest(seen.samples.vibration)
     return (
-        f"The shaper {seen.scenario.trajectory.shaper} is made for {n(tuned)} Hz, but the loop rings at {n(ring.frequency)} Hz: "
+        f"The shaper {seen.scenario.trajectory.shaper} is made for {made_for}, but the loop rings at {n(ring.frequency)} Hz: "
         f"it leaves {n(100 * share)} % of the mode's vibration (so far {length(peak)} at most). No frequency (null) lets it "
         "follow the loop; zvd and ei-shaper forgive more."
     )

@@ -10,7 +10,7 @@ per m, rad, m·kg^½ and per second of those. Arms carry their own parts of the 
 Stability: Φ - ΓK is stable for any Q ≥ 0, R > 0, and by separation so are regulator, observer and delay together, with
 V = zᵀPz falling, if the plant is the model: at the path's centre, for small motions, with these modes alone. Modes that are not
 estimated and torque limits are outside of that; the sampled poles (`flexlab.modes`) tell for each pose and plant. Poses are, too:
-`conditions` says whether |λ(Φ - ΓK)| < 1 at those of the path.
+`conditions` says whether |λ(Φ − ΓK)| < 1 at those of the path.
 An observed loop has no margins of its own (Doyle, IEEE Trans. Automatic Control 23(4), 1978): see its disk margin.
 """
 
@@ -136,13 +136,13 @@ def fastest_rate(gains, now, memory, S, kappa):
 
 
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
-    """Whether the regulator, made for one pose, holds arms and observed modes at every pose of the path: |λ(Φ - ΓK)| < 1."""
+    """Whether the regulator, made for one pose, holds arms and observed modes at every pose of the path: |λ(Φ − ΓK)| < 1."""
     scenario = around.scenario
     poses, K = around.path.desired[:, 0], regulator_gain(scenario)
     growth = [_growth(scenario, K, pose) for pose in poses]
     worst = int(np.argmax(growth))
     made_for, there = (", ".join(n(value) for value in pose) for pose in (scenario.trajectory.middle, poses[worst]))
-    text = f"|λ(Φ - ΓK)| < 1 on the path: the law is made for one pose, ({made_for}), and at ({there}) its loop "
+    text = f"|λ(Φ − ΓK)| < 1 on the path: the law is made for one pose, ({made_for}), and at ({there}) its loop "
     if growth[worst] < 0:
         return (Condition(f"{text}decays with {n(-growth[worst])} 1/s.", True),)
     cure = "take a path that turns less, or a law that follows the pose"

@@ -7,6 +7,7 @@ them, finds them on disk.
 import os
 import sys
 import threading
+from itertools import combinations
 
 from flexlab.compiled import PLAIN_PYTHON, cache_folder
 from flexlab.control.law import laws
@@ -22,6 +23,12 @@ DONE = "everything"
 WHILE_OPEN = "--while-open"
 """Argument of a process that is to end when its standard input does, finished or not."""
 
+JOINTS = {"joints.friction.viscous": (1.0, 1.0, 1.0)}
+FURTHER = {"payload.mass_change.factor": 2.0}, {"grips.model": "compliant"}, JOINTS
+"""What a plant may have beyond the paper's: the loop is compiled for each combination, as nothing of the others is in it."""
+
+CHANGE = ChangeScenario({"controller.feedback_gain": 201.0})
+
 PATIENCE = 15
 """How much more important than this everything else on the machine is (`nice`)."""
 
@@ -34,17 +41,21 @@ def is_everything_compiled() -> bool:
 def compile_everything() -> None:
     """Compile what is not yet on disk, in the order in which it is likely to be wanted."""
     scenario = Scenario()
-    World(scenario).apply(ChangeScenario({"controller.feedback_gain": 201.0}))
+    World(scenario).apply(CHANGE)
     _compile_loops(scenario)
     for law in laws().values():
         _ = law.addresses
     for path in paths().values():
         _ = path.address
-    _compile_loops(scenario.replace({"joints.friction.viscous": (1.0, 1.0, 1.0)}))
+    _compile_loops(scenario.replace(JOINTS))
     # The first mode of a shaped path asks for the rates alone, as rest points do.
     World(scenario.replace({"trajectory.shaper": "zvd"}))
-    World(scenario.replace({"payload.mass_change.factor": 2.0})).run(1)
-    World(scenario.replace({"grips.model": "compliant"})).run(1)
+    for count in range(1, len(FURTHER) + 1):
+        for parts in combinations(FURTHER, count):
+            changes = {name: value for part in parts for name, value in part.items()}
+            world = World(scenario.replace({**changes, "controller.control_period": 0.001}))
+            world.run(1)
+            world.apply(CHANGE)
     (cache_folder() / DONE).touch()
 
 

@@ -27,7 +27,7 @@ from flexlab.own.files import law_kind, path_kind
 from flexlab.presets import find_scenario, telling_name
 from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.scenario.path_file import with_path
+from flexlab.scenario.path_file import known_kind, path_choice
 from flexlab.sim import samples
 from flexlab.sim import simulate as engine
 from flexlab.sim.commands import WorldCommand
@@ -216,8 +216,8 @@ def simulate_many(
     `workers`: threads, None: one per core; or `cluster`: the address of a Dask scheduler.
 
     A scenario that is not valid becomes a run without samples whose status is "invalid" and says why; one that cannot go
-    on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `PresetError` for a name that is none and
-    `StudyError` for unusable arguments.
+    on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `PresetError` for a name that is none,
+    `ScenarioError` for a law or path that is none, and `StudyError` for unusable arguments.
     """
     single = isinstance(scenarios, (str, bytes, Mapping)) or (isinstance(scenarios, np.ndarray) and not scenarios.ndim)
     if single or not isinstance(scenarios, Iterable):
@@ -310,12 +310,13 @@ def named_scenario(scenario: AnyScenario, law: AnyLaw = None, path: AnyPath = No
 
 
 def _choice(law: AnyLaw, path: AnyPath) -> Callable[[Scenario], Scenario]:
-    """Gives a scenario a law and a path. Raises `ScenarioError`, the function that it returns too."""
-    changes = {} if law is None else {"controller.kind": law_kind(law)}
+    """Gives a scenario a law and a path. Raises `ScenarioError`, the function that it returns too, or `PresetError`."""
+    changes = {} if law is None else {"controller.kind": known_kind("controller.kind", law_kind(law))}
+    along = None if path is None else path_choice(path)
 
     def chosen(scenario: Scenario) -> Scenario:
         changed = scenario.replace(changes) if changes else scenario
-        return changed if path is None else with_path(changed, path)
+        return changed if along is None else along(changed)
 
     return chosen
 

@@ -30,7 +30,7 @@ from flexlab.own.declaration import (
     read_path_declaration,
 )
 from flexlab.own.elsewhere import is_foreign
-from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement
+from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement, real_numbers
 from flexlab.physics.law_input import LAW_INPUT
 
 TURN = 0
@@ -164,7 +164,7 @@ class RunningText:
 
 def short(value: Any) -> str:
     """A value as sentences show it."""
-    text = repr(value)
+    text = " ".join(repr(value).split())
     return text if len(text) <= 80 else text[:77] + "..."
 
 
@@ -228,12 +228,15 @@ class RunningLaw:
     def _write_back(self, message: np.ndarray) -> str:
         at = MEMORY
         for name, part in self.declaration.memory:
-            value = real_numbers(getattr(self._law, name))
-            if value.shape not in ((part.size,), ()) or not np.isfinite(value).all():
-                return (
-                    f"{self._first_line()}: the memory {name} became {short(value.tolist())}; "
-                    f"it needs {part.size} finite numbers."
-                )
+            kept = getattr(self._law, name)
+            try:
+                value = real_numbers(kept)
+                fits = value.shape in ((part.size,), ()) and bool(np.isfinite(value).all())
+            except (TypeError, ValueError):
+                fits = False
+            if not fits:
+                became = short(kept.tolist() if type(kept) is np.ndarray else kept)
+                return f"{self._first_line()}: the memory {name} became {became}; it needs {part.size} finite numbers."
             message[at : at + part.size] = value
             at += part.size
         for place, (name, _) in enumerate(self.declaration.signals):
@@ -271,8 +274,9 @@ class RunningPath:
             for k, t in enumerate((shares * span).tolist()):
                 given = self._path.position(t)
                 try:
-                    found[k] = given
-                    fits = np.shape(given) == (3,) and np.isfinite(found[k]).all()
+                    pose = real_numbers(given)
+                    fits = pose.shape == (3,) and np.isfinite(pose).all()
+                    found[k] = pose if fits else np.nan
                 except (TypeError, ValueError):
                     fits = False
                 if not fits:
@@ -287,7 +291,7 @@ class RunningPath:
         given = getattr(self._path, self._lasts)
         span = given() if callable(given) else given
         try:
-            seconds = float(span)
+            seconds = real_numbers(span).item()
         except (TypeError, ValueError):
             seconds = math.nan
         if not SHORTEST <= seconds <= LONGEST:
@@ -301,11 +305,3 @@ class RunningPath:
         where = self._text.at_return("position", lambda: self._path.position(t))
         what = "nothing" if given is None else short(given)
         return f"{where}: position({t:g}) returned {what}, which is not three finite numbers x, y, θ."
-
-
-def real_numbers(given: Any) -> np.ndarray:
-    """As floats; raises TypeError for complex numbers, whose imaginary part NumPy would drop."""
-    found = np.asarray(given)
-    if found.dtype.kind == "c":
-        raise TypeError("complex numbers")
-    return found.astype(float)

@@ -4,7 +4,7 @@ A text is part of the scenario (`controller.source`, `trajectory.source`), so th
 complete. A scenario that comes with one makes its declaration known; it runs only if this process was told to allow it.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
@@ -16,7 +16,7 @@ from flexlab.control.path import Path
 from flexlab.errors import ScenarioError
 from flexlab.own import hosts
 from flexlab.own.declaration import Declared, Setting
-from flexlab.own.reading import LONGEST_SOURCE, digest
+from flexlab.own.reading import LONGEST_SOURCE, digest, is_finite
 from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.registry import Registry
 
@@ -53,13 +53,16 @@ class OwnKinds(Generic[K]):
 
     def add(self, source: str, file: str) -> K:
         """Make that of a person's own file known, in place of an earlier text, and let it run. Raises `ScenarioError`."""
-        own = self.read(source, file, "")
+        own: Any = self.read(source, file, "")
         known = self.registry.all().get(own.kind)
         if known is not None and not isinstance(known, self.sort):
             text = (
                 f"{file}: a {self.registry.what} of flexlab is called {own.kind} already: give the class another name."
             )
             raise ScenarioError([(f"{self.field}.source", text)])
+        if wrong := _slider_problem(own.declaration.settings):
+            # Said of a person's file alone: recordings whose laws were taken before have to open.
+            raise ScenarioError([(f"{self.field}.source", f"{file}: {wrong}.")])
         hosts.allow(source, file)
         if known is None or default_source(known) != source:
             self.registry.add(own, instead=True)
@@ -134,6 +137,24 @@ class OwnKinds(Generic[K]):
 def default_source(own: Law | Path) -> str:
     """The text of a law or a path as its file has it."""
     return own.model.model_fields["source"].default
+
+
+def _slider_problem(settings: Sequence[tuple[str, Setting]]) -> str:
+    """What is wrong with the slider of a gain or an option; empty if nothing is."""
+    for name, one in settings:
+        about = f"slider = {one.slider!r:.60}"
+        if one.slider is not None:
+            ends = one.slider if isinstance(one.slider, tuple) else ()
+            if len(ends) != 2 or not all(map(is_finite, ends)) or not one.low <= ends[0] < ends[1] <= one.high:
+                return f"{name}: {about} is no part of its range: give two numbers within {one.low:g} to {one.high:g}"
+        if not isinstance(one.logarithmic, bool):
+            return f"{name}: logarithmic = {one.logarithmic!r:.60} is not usable: give True or False"
+        if one.logarithmic and (one.slider or (one.low,))[0] <= 0:
+            begins = about if one.slider else f"low = {one.low!r}"
+            return (
+                f"{name}: a logarithmic slider begins above 0, and {begins}: give slider=(LOW, HIGH) with LOW above 0"
+            )
+    return ""
 
 
 def _setting_field(name: str, gain: Setting) -> Any:

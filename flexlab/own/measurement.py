@@ -36,6 +36,26 @@ BELIEVED = np.dtype([(name, "f8", shape) for name, shape in _SHAPES.items()])
 BELIEVED_SIZE = BELIEVED.itemsize // 8
 
 
+def real_numbers(given: Any) -> np.ndarray:
+    """As floats. Raises TypeError for what NumPy would take without a word, and ValueError for what is no array.
+
+    Complex numbers lose their imaginary part there, masked arrays their mask, and texts are read as numbers.
+    """
+    rows = given if isinstance(given, (list, tuple)) else (given,)
+    if any(isinstance(row, np.ma.MaskedArray) for row in rows):
+        raise TypeError("a masked array, where every number has to be there")
+    found = np.asarray(given)
+    if found.dtype.kind == "O":
+        kinds = {np.asarray(one).dtype.kind for one in found.flat}
+    else:
+        kinds = {found.dtype.kind}
+    if "c" in kinds:
+        raise TypeError("complex numbers, where real ones are due")
+    if kinds & set("SUMmV"):
+        raise TypeError("texts or times, where numbers are due")
+    return found.astype(float)
+
+
 class Modes(NamedTuple):
     """The beam's lowest modes, undamped, with held ends, as the controller believes."""
 
@@ -125,7 +145,7 @@ class Believed:
         """Φ and Γ over `period` s in which u of dz/dt = A z + `inputs` u is held; `inputs`: B unless given, (2 n, any)."""
         from flexlab.numerics.matrix_functions import exponential  # It takes its time to load: laws that need it do.
 
-        B = self.input_matrix if inputs is None else np.asarray(inputs, float)
+        B = self.input_matrix if inputs is None else real_numbers(inputs)
         n, count = B.shape
         whole = np.zeros((n + count, n + count))
         whole[:n, :n], whole[:n, n:] = self.state_matrix, B
@@ -264,20 +284,20 @@ class Measurement:
 
     def shared(self, common: Any) -> np.ndarray:
         """A common input (3,), N, N, N·m, dealt out to the arms by their shares, (arms, 3)."""
-        return self.share[:, None] * np.asarray(common, float)
+        return self.share[:, None] * real_numbers(common)
 
     def inputs_for(self, acceleration: Any) -> np.ndarray:
         """The inputs (arms, 3) that give a rigid payload an acceleration (3,), m/s², m/s², rad/s²: inverse dynamics."""
-        a = np.asarray(acceleration, float)
+        a = real_numbers(acceleration)
         payload = np.array([self.payload_mass, self.payload_mass, self.payload_inertia])
         return self.inertias @ a + self.coriolis @ self.pose_rate + self.weights + self.shared(payload * a)
 
     def net_force(self, inputs: Any) -> np.ndarray:
         """What inputs (arms, 3) do to the pose beyond the arms' velocity terms and all weight, N, N, N·m, (3,)."""
-        force = (np.asarray(inputs, float) - self.coriolis @ self.pose_rate - self.arm_weights).sum(axis=0)
+        force = (real_numbers(inputs) - self.coriolis @ self.pose_rate - self.arm_weights).sum(axis=0)
         force[1] -= self.payload_mass * self.gravity
         return force
 
     def from_torques(self, torques: Any) -> np.ndarray:
         """The inputs u_i = 𝒥_iᵀτ_i, (arms, 3), of joint torques (arms, 3), N·m."""
-        return np.einsum("ija,ij->ia", self.jacobians, np.asarray(torques, float).reshape(self.arm_count, 3))
+        return np.einsum("ija,ij->ia", self.jacobians, real_numbers(torques).reshape(self.arm_count, 3))

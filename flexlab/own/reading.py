@@ -162,10 +162,13 @@ def data_file(name: str, kept: str = "") -> io.BytesIO:
     flexlab adds `kept`, the file's bytes in base64, when it reads the law, so that its recordings are complete. Up to 125 kB.
     Raises `OSError` where there is no such file.
     """
-    if kept:
-        return io.BytesIO(base64.b64decode(kept))
-    beside = sys._getframe(1).f_globals.get("__file__", "")
-    return io.BytesIO((Path(beside).parent / name).read_bytes())
+    try:
+        if kept:
+            return io.BytesIO(base64.b64decode(kept))
+        beside = sys._getframe(1).f_globals.get("__file__", "")
+        return io.BytesIO((Path(beside).parent / name).read_bytes())
+    except (TypeError, ValueError):
+        raise OSError(f"data_file({name!r:.80}): give the name of a file in the same folder") from None
 
 
 def with_data(text: str, folder: Path, field: str) -> str:
@@ -183,6 +186,8 @@ def with_data(text: str, folder: Path, field: str) -> str:
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and called(node.func) == "data_file"]
     # From the end, so that places before stay what they are.
     for call in sorted(calls, key=lambda node: (node.lineno, node.col_offset), reverse=True):
+        if any(keyword.arg in ("name", "kept") for keyword in call.keywords):
+            raise _problem(field, call, "data_file needs the name of a file without name= before it")
         if len(call.args) != 1 or call.keywords:
             continue
         name = call.args[0]
@@ -201,9 +206,9 @@ def without_data(text: str) -> str:
 
 def _encoded(name: str, folder: Path, field: str, call: ast.Call) -> str:
     file = folder / name
-    if not name or Path(name).name != name or file.is_symlink():
-        raise _problem(field, call, f"data_file({name!r:.80}): give the name of a file in the same folder")
     try:
+        if not name or Path(name).name != name or file.is_symlink():
+            raise _problem(field, call, f"data_file({name!r:.80}): give the name of a file in the same folder")
         if not file.is_file():
             raise _problem(field, call, f"data_file({name!r:.80}): there is no such file in {folder}")
         if file.stat().st_size > MOST_DATA:

@@ -3,10 +3,12 @@
 import csv
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from flexlab.control.law import LAWS
+from flexlab.control.path import PATHS
 from flexlab.control.paths.table import MOST_ROWS
 from flexlab.errors import PresetError
 from flexlab.own.files import path_kind
@@ -33,14 +35,31 @@ def with_path(scenario: Scenario, path: Any) -> Scenario:
 
     Raises `PresetError` or `ScenarioError`.
     """
+    return path_choice(path)(scenario)
+
+
+def path_choice(path: Any) -> Callable[[Scenario], Scenario]:
+    """Gives scenarios the path of `with_path`, which is read once. Raises `PresetError` or, as what it gives, `ScenarioError`."""
     if isinstance(path, (str, Path)) and str(path).lower().endswith(".csv"):
-        return with_path_file(scenario, path)
-    return scenario.replace({"trajectory.kind": path_kind(path)})
+        rows = read_path_file(path)
+        return lambda scenario: _with_rows(scenario, rows)
+    change = {"trajectory.kind": known_kind("trajectory.kind", path_kind(path))}
+    return lambda scenario: scenario.replace(change)
+
+
+def known_kind(field: str, kind: str) -> str:
+    """The kind of a law or a path. Raises `ScenarioError` for one that no scenario can have."""
+    if kind not in {"controller.kind": LAWS, "trajectory.kind": PATHS}[field].all():
+        Scenario().replace({field: kind})
+    return kind
 
 
 def with_path_file(scenario: Scenario, file: str | Path) -> Scenario:
     """The scenario on the path of a CSV file. Raises `PresetError` or `ScenarioError`, with the row where one is wrong."""
-    rows = read_path_file(file)
+    return _with_rows(scenario, read_path_file(file))
+
+
+def _with_rows(scenario: Scenario, rows: tuple[tuple[float, float, float, float], ...]) -> Scenario:
     data = dict(scenario)
     data["trajectory"] = {"kind": "table", "rows": rows}
     return parse_scenario(data)

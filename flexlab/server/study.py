@@ -194,7 +194,7 @@ def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
         if counted:
             count = whole_of(form, f"count{end}", f"Values of {path}")
             if count > MOST_VALUES:
-                raise StudyError(f"{count} values of {path} are too many: choose {MOST_VALUES} at most.")
+                raise StudyError(f"{count:.12g} values of {path} are too many: choose {MOST_VALUES} at most.")
             parts.append(str(count))
         else:
             parts.append("2")

@@ -103,7 +103,9 @@ def read(form: Form, scenario: Scenario, duration: float) -> TuningStudy:
     candidates = whole_of(form, "candidates", "Candidates")
     if not FEWEST_CANDIDATES <= candidates <= MOST_CANDIDATES:
         limits = f"{FEWEST_CANDIDATES} to {MOST_CANDIDATES}"
-        raise StudyError(f"{candidates} candidates are outside {limits}: choose within it, {ELSEWHERE}: flexlab tune.")
+        raise StudyError(
+            f"{candidates:.12g} candidates are outside {limits}: choose within it, {ELSEWHERE}: flexlab tune."
+        )
     check_work(candidates, duration, "candidates", "tune")
     limited = text_of(form, "limited")
     limits = {limited: number_of(form, "limit", "The limit")} if limited else {}

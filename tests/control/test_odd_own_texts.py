@@ -1,0 +1,172 @@
+"""Laws and paths of one's own that declare or give odd things: one sentence each, and no number is changed on its way."""
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from own_law_text import forget_own_laws
+from own_path_text import forget_own_paths
+
+import flexlab
+from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.own.law import add_own_law
+from flexlab.own.path import add_own_path
+from flexlab.own.reading import with_data
+from flexlab.scenario import parse_scenario
+
+LAW = """import numpy as np
+from flexlab import OwnLaw, gain, memory, readout
+class Odd(OwnLaw):
+    k = gain(1.0, "N", {range})
+    m = memory(3)
+    s = readout("N")
+    def act(self, at):
+        {body}
+        return at.weights
+"""
+PATH = """import numpy as np
+from flexlab import OwnPath, option
+class OddWay(OwnPath):
+    size = option(1.0, "m", {range})
+    {lasts}
+    def position(self, t):
+        return {pose}
+"""
+MASKED = "np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False])"
+ODD_THREE = [
+    "['1', '2', '3']",
+    "np.array(['1', '2', '3'])",
+    "[1j, 0, 0]",
+    "np.array([1j, 0, 0])",
+    "[np.complex64(1j), None, 0]",
+    MASKED,
+    "np.array([1, 2, 3], 'm8[s]')",
+]
+
+
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    yield
+    forget_own_laws()
+    forget_own_paths()
+
+
+def law_text(body: str = "pass", scale: str = "low=0, high=2") -> str:
+    return LAW.format(body=body, range=scale)
+
+
+def path_text(pose: str = "0.0, 0.75, 0.0", scale: str = "low=0, high=2", lasts: str = "duration = 1.0") -> str:
+    return PATH.format(pose=pose, range=scale, lasts=lasts)
+
+
+@pytest.mark.parametrize(
+    ("scale", "says"),
+    [
+        ("low=0, high=2, slider=(5, 9)", "slider = (5, 9) is no part of its range: give two numbers within 0 to 2"),
+        ("low=0, high=2, slider=(1, 1)", "slider = (1, 1) is no part"),
+        ("low=0, high=2, slider=(2, 1)", "slider = (2, 1) is no part"),
+        ("low=0, high=2, slider=(0, 1, 2)", "is no part"),
+        ("low=0, high=2, slider=1", "slider = 1 is no part"),
+        ("low=0, high=2, slider='01'", "slider = '01' is no part"),
+        ("low=0, high=2, slider=('0', '1')", "is no part"),
+        ("low=0, high=2, logarithmic=True", "begins above 0, and low = 0: give slider=(LOW, HIGH)"),
+        ("low=-1, high=2, slider=(0, 1), logarithmic=True", "begins above 0, and slider = (0, 1)"),
+        ("low=1, high=2, logarithmic='no'", "logarithmic = 'no' is not usable: give True or False"),
+    ],
+)
+def test_a_slider_is_a_part_of_the_range(scale: str, says: str):
+    for add, text, name in ((add_own_law, law_text(scale=scale), "k"), (add_own_path, path_text(scale=scale), "size")):
+        with pytest.raises(ScenarioError) as caught:
+            add(text, "odd.py")
+        assert str(caught.value).startswith(f"odd.py: {name}: ")
+        assert says in str(caught.value)
+
+
+def test_a_recorded_law_with_an_odd_slider_opens():
+    """It was taken when it was recorded."""
+    scenario = parse_scenario({"controller": {"source": law_text(scale="low=0, high=2, slider=(5, 9)")}})
+    assert scenario.controller.kind == "odd"
+
+
+@pytest.mark.parametrize("given", ODD_THREE)
+@pytest.mark.parametrize(
+    "body",
+    [
+        "return [{}] * 2",
+        "self.m = {}",
+        "self.s = {}[0:1]",
+        "return at.shared({})",
+        "return at.inputs_for({})",
+        "return at.from_torques([{}] * 2)",
+        "at.net_force([{}] * 2)",
+    ],
+)
+def test_a_law_gives_real_numbers(given: str, body: str):
+    body = body.replace("{}", given)
+    if body == f"self.s = {MASKED}[0:1]":
+        body = "self.s = np.ma.masked"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        add_own_law(law_text(body), "odd.py")
+        run = flexlab.simulate("paper", 0.003, law="odd")
+    assert str(run.status) == "law failed", body
+    assert "odd.py, line " in run.status.text, run.status.text
+    assert "Warning" not in run.status.text, run.status.text
+
+
+@pytest.mark.parametrize("given", [*ODD_THREE, "'123'"])
+def test_a_path_gives_real_numbers(given: str):
+    add_own_path(path_text(given), "odd.py")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ScenarioError, match=r"odd.py, line 7: position\(0\) returned .* not three finite numbers"):
+            flexlab.simulate("paper", 0.003, path="odd-way")
+
+
+@pytest.mark.parametrize("span", ["'3'", "3 + 0j", "np.complex128(3)", "np.ma.masked", "[3.0, 3.0]"])
+def test_a_path_lasts_a_real_number_of_seconds(span: str):
+    add_own_path(path_text(lasts=f"def duration(self): return {span}"), "odd.py")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ScenarioError, match=r"odd.py, line 5: duration = .* is outside"):
+            flexlab.simulate("paper", 0.003, path="odd-way")
+
+
+@pytest.mark.parametrize("name", [None, 5, b"x", ["x"], object(), "a\0b", "\ud800"])
+def test_an_odd_name_of_data_is_an_oserror(name: Any):
+    with pytest.raises(OSError, match="give the name of a file in the same folder"):
+        flexlab.data_file(name)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (f'data_file("{"a" * 300}")', "it cannot be read"),
+        (r'data_file("a\0b")', "there is no such file"),
+        (r'data_file("\ud800")', "there is no such file"),
+        ('data_file(name="x.npy")', "without name= before it"),
+    ],
+)
+def test_data_that_cannot_be_kept_are_said(call: str, says: str, tmp_path: Path):
+    with pytest.raises(FlexlabError, match=says):
+        with_data(f"X = {call}\n", tmp_path, "controller.source")
+
+
+@pytest.mark.parametrize("word", ["law", "path"])
+def test_one_law_or_path_for_all_has_to_be_one(word: str, tmp_path: Path):
+    bad = tmp_path / "bad.py"
+    bad.write_text("class A(OwnLaw):\n    pass\n\n\nclass B(OwnPath):\n    pass\n")
+    for given in ("nonsense", bad, str(tmp_path / "none.py"), 5):
+        said = []
+        for ask in (flexlab.simulate, lambda *words, **named: flexlab.simulate_many([words[0]], *words[1:], **named)):
+            with pytest.raises(ScenarioError) as caught:
+                ask("paper", 0.002, **{word: given})
+            said.append(str(caught.value))
+        assert said[0] == said[1]
+
+
+def test_a_scenario_that_a_law_does_not_suit_is_a_run_that_says_so():
+    runs = flexlab.simulate_many(["paper", {"gravity": "x"}], 0.002, law="pd", progress=False)
+    assert [str(run.status) for run in runs] == ["finished", "invalid"]

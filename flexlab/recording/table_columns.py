@@ -126,11 +126,13 @@ NO_NUMBERS = {"c": "complex numbers", "S": "text", "U": "text", "M": "dates", "m
 def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
     """The samples that `to_columns` was given, read-only.
 
-    A signal whose columns are not all there is absent. Raises KeyError if there is no column of times, and `RecordingError` for
-    one that is not a real number per row.
+    A signal whose columns are not all there is absent. Raises `RecordingError` if there is no column of times, and for one that
+    is not a real number per row.
     """
+    if "time [s]" not in values:
+        raise RecordingError("There is no column time [s]: give every row its time.")
     signals: dict[str, np.ndarray] = {}
-    rows = len(values.get("time [s]", ()))
+    rows = len(values["time [s]"])
     for columns in _whole_signals(values, scenario):
         shape = tuple(1 + max(places) for places in zip(*(column.index for column in columns), strict=True))
         array = np.empty((rows, *shape))
@@ -144,11 +146,17 @@ def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
             array[(slice(None), *column.index)] = given
         array.flags.writeable = False
         signals[columns[0].signal] = array
-    if "time" not in signals:
-        raise KeyError("time [s]")
+    for axis, name in TOLD_BY.items():
+        # Without any signal of arms, or of the beam's coordinates, samples would have none of them to draw.
+        if not any(axis in TABLE[known].axes for known in signals if known in TABLE):
+            places = [column.index for column in _columns(TABLE[name], scenario)]
+            signals[name] = np.full((rows, *(1 + max(each) for each in zip(*places, strict=True))), np.nan)
+            signals[name].flags.writeable = False
     return Samples(**signals)
 
 
+TOLD_BY: dict[Axis, str] = {ARM: "joint_angle", COORDINATE: "beam_coordinates"}
+"""Axis → a signal whose array tells how many there are."""
 LAST_TIME = 1e9
 """s, either way: 32 years; rerun counts nanoseconds in 64 bits."""
 ROUNDING = 1e-6

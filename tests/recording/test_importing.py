@@ -237,3 +237,32 @@ def test_a_column_of_an_unknown_name_is_left_out_and_said_so(
     assert "torque" not in said
     export_recording(original, file)
     assert not read_row(import_into(file, tmp_path / "whole")).note
+
+
+@pytest.mark.parametrize("kept", [("time",), ("time", "pose"), ("time", "joint_angle"), ("time", "beam_rates")])
+def test_a_table_of_a_few_signals_becomes_a_run_without_the_others(
+    kept: tuple[str, ...], original: Recording, tmp_path: Path
+) -> None:
+    path = export_recording(original, tmp_path / "few.csv")
+    about, *lines = path.read_text(encoding="utf-8").splitlines()
+    table = [line.split(",") for line in lines]
+    places = [
+        k for k, name in enumerate(table[0]) if any(name.startswith(f"{one} [") or f"{one}_" in name for one in kept)
+    ]
+    places = [k for k in places if "rate" not in table[0][k] or "beam_rates" in kept]
+    rows = [",".join(row[k] for k in places) for row in table]
+    path.write_text("\n".join([about, *rows]) + "\n", encoding="utf-8")
+    found = read_recording(import_into(path, tmp_path / "logs")).samples
+    for name in kept:
+        np.testing.assert_array_equal(found[name], original.samples[name])
+    assert np.isnan(found.joint_torque).all()
+    assert found.joint_torque.shape == original.samples.joint_torque.shape
+    assert found.beam_coordinates.shape == original.samples.beam_coordinates.shape
+
+
+def test_a_table_without_times_is_refused(original: Recording, tmp_path: Path) -> None:
+    path = export_recording(original, tmp_path / "few.csv")
+    path.write_text(path.read_text(encoding="utf-8").replace("time [s]", "clock [s]", 1), encoding="utf-8")
+    with pytest.raises(RecordingError, match=r"There is no column time \[s\]: give every row its time\."):
+        import_into(path, tmp_path / "logs")
+    assert list_runs(tmp_path / "logs") == []

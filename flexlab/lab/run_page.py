@@ -23,6 +23,7 @@ from flexlab.lab.scene.forces import Forces
 from flexlab.lab.scene.overlays import Overlays
 from flexlab.lab.scene.stage import Stage, set_light
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
+from flexlab.lab.viser_internals import in_the_systems_colors
 from flexlab.lab.viser_server import open_server
 from flexlab.presets import scenario_text
 from flexlab.sim.samples import MEASURED, Run
@@ -56,7 +57,7 @@ def frame_times(run: Run, frames_per_second: float = FRAMES_PER_SECOND) -> np.nd
     return start + np.linspace(0, end - start, count) if count > 1 else np.array([start])
 
 
-def animation_html(run: Run, dark: bool = False) -> str:
+def animation_html(run: Run) -> str:
     """The page: arms, beam, forces and paths, with a bar to play and scrub. Raises `StudyError` for a run without samples."""
     if len(run) == 0:
         raise StudyError("The run has no samples: there is nothing to draw.")
@@ -87,7 +88,7 @@ def animation_html(run: Run, dark: bool = False) -> str:
         for row, pause in zip(rows[1:], np.diff(times), strict=True):
             serializer.insert_sleep(float(pause))
             draw(int(row))
-        return serializer.as_html(dark_mode=dark)
+        return in_the_systems_colors(serializer.as_html())
     finally:
         server.stop()
 

@@ -308,3 +308,11 @@ def message_fields(name: str) -> dict[str, Any]:
         return {}
     hints = get_type_hints_cached(message)
     return {field: hints[field] for field in wire_field_names(message)}
+
+
+def in_the_systems_colors(page: str) -> str:
+    """A serialized scene's HTML, dark where the reader's system is: viser decides it when the file is written."""
+    fixed = "window.__VISER_EMBED_CONFIG__={darkMode:false};"
+    asked = "window.__VISER_EMBED_CONFIG__={darkMode:matchMedia('(prefers-color-scheme: dark)').matches};"
+    head, found, rest = page.rpartition(fixed)
+    return head + asked + rest if found else page

@@ -141,22 +141,22 @@ class Scenario(Part):
         if self.joints.encoders.active and self.controller.control_period is None:
             raise PydanticCustomError(
                 "sampling",
-                "joints.encoders belong to sampled control: give controller.control_period a value in s, "
-                "or joints.encoders.counts 0",
+                "encoders (joints.encoders) belong to sampled control: give the control period (controller.control_period) "
+                "a value in s, or set the encoders' counts (joints.encoders.counts) to 0",
             )
         change, integrator = self.payload.mass_change, self.simulation.integrator
         if change.active and integrator in ("etdrk4", "generalized-alpha"):
             raise PydanticCustomError(
                 "integrator",
-                "simulation.integrator = {integrator} needs a mass that stays, and payload.mass_change.factor is {factor}: "
-                "choose auto or rk4, or payload.mass_change.factor 1",
+                "the integrator {integrator} (simulation.integrator) needs a mass that stays, and the mass changes by a "
+                "factor of {factor} (payload.mass_change.factor): choose the integrator auto or rk4, or the factor 1",
                 {"integrator": integrator, "factor": f"{change.factor:g}"},
             )
         if self.grips.active and integrator in ("etdrk4", "generalized-alpha"):
             raise PydanticCustomError(
                 "integrator",
-                "simulation.integrator = {integrator} needs rigid grips, and grips.model is compliant: "
-                "choose auto or rk4, or grips.model rigid",
+                "the integrator {integrator} (simulation.integrator) needs rigid grips, and the grips are compliant "
+                "(grips.model): choose the integrator auto or rk4, or rigid grips",
                 {"integrator": integrator},
             )
         return self

@@ -269,7 +269,7 @@ def note(
     elif old.seen.peak <= STEADY * old.peak_before:
         said = inaccurate(assembly.scenario, time, told, (pose, force), seen.seen.peak)
     if said and limited and pose > bounds(assembly.scenario, seen.seen.peak)[0]:
-        return seen._replace(warning=unled(time, "a higher controller.torque_limit"))
+        return seen._replace(warning=unled(time, "a higher torque limit (controller.torque_limit)"))
     return seen._replace(warning=said, told=(time, *told)) if said else seen
 
 

@@ -115,10 +115,10 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: s
         return ""
     size = number_text(1e6 * step, 3)
     causes = {
-        "given": f"simulation.step = {number_text(step)} s",
+        "given": f"the step is set to {number_text(step)} s (simulation.step)",
         "beam": f"the modes of this beam in these arms need steps of {size} µs with {integrator}",
         "creep": f"the modes of this beam, strongly damped and heavy for these arms, need steps of {size} µs",
-        "growth": f"modes that next to nothing damps need steps of {size} µs, for their errors not to grow",
+        "growth": f"nearly undamped modes need steps of {size} µs, or their errors grow",
         "accuracy": f"what the start or the path's kinks excite needs steps of {size} µs with {integrator}",
         "joints": f"the joints' friction needs steps of {size} µs",
         "grips": f"the grips need steps of {size} µs",

@@ -133,9 +133,9 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
             [
                 (
                     "simulation.step",
-                    f"simulation.step = {simulation.step:g} s is unstable with rk4: "
-                    f"{'the grips allow' if hard else 'the stiffest mode of this beam allows'} "
-                    f"at most {number_text(stable, 3)} s. Choose a shorter step, {etdrk4}or null for an automatic step.",
+                    f"A step of {number_text(simulation.step)} s (simulation.step) is unstable with rk4: "
+                    f"{'the grips allow at most' if hard else 'the stiffest mode of this beam allows at most'} "
+                    f"{number_text(stable, 3)} s. Choose a shorter step, {etdrk4}or null for an automatic step.",
                 )
             ]
         )
@@ -168,19 +168,26 @@ def _refuse_tiny(step: float, integrator: str, bound: str, others: str) -> None:
         cure = "Choose a softer, lighter or less damped beam, fewer elements, or heavier links"
     elif bound == "beam":
         cause = "the beam's fastest mode in these arms"
-        cure = f"Choose a softer or less damped beam or fewer elements, {auto}or set simulation.step yourself"
+        cure = (
+            f"Choose a softer or less damped beam or fewer elements, {auto}or set the step yourself (simulation.step)"
+        )
     elif bound == "joints":
-        cause, cure = "the joints' friction", "Choose a higher joints.friction.smoothing_speed or less friction"
+        cause = "the joints' friction"
+        turns = "speed within which friction turns over (joints.friction.smoothing_speed)"
+        cure = f"Choose a higher {turns}, or less friction"
     elif bound == "motors":
-        cause, cure = "the motors' time constant", "Choose a longer joints.motor.time_constant, or 0"
+        cause = "the motors' time constant"
+        cure = "Choose a longer time constant of the motors (joints.motor.time_constant), or 0"
     elif bound == "grips":
         cause, cure = (
             "the grips' stiffness and damping",
-            f"Choose a lower grips.stiffness or grips.damping, {auto}or fewer elements",
+            f"Choose a lower stiffness or damping of the grips (grips.stiffness, grips.damping), {auto}or fewer elements",
         )
     else:
-        cause, cure = "the controller's gains", f"Lower the gains, {auto}or set simulation.step yourself"
-    raise ScenarioError([("simulation.step", f"simulation.step = null: {cause} {need}. {cure}.")])
+        cause, cure = "the controller's gains", f"Lower the gains, {auto}or set the step yourself (simulation.step)"
+    raise ScenarioError(
+        [("simulation.step", f"No automatic step (simulation.step = null) is short enough: {cause} {need}. {cure}.")]
+    )
 
 
 def control_limits(integrator: str, accuracy: float) -> tuple[float, float]:

@@ -220,12 +220,12 @@ def _what_grew(assembly: Assembly, time: float) -> tuple[str, str]:
     if _is_too_long(assembly):
         return (
             f"steps of {number_text(step, 2)} s are too long for the modes of this beam, in arms that give way to them",
-            "simulation.step = null, a softer, lighter or less damped beam, or fewer elements",
+            "an automatic step (simulation.step = null), a softer, lighter or less damped beam, or fewer elements",
         )
     if _grew(assembly, time):
         cure = "some damping (payload.damping), fewer elements or a softer beam"
         return (
-            "errors of the steps grew in modes that next to nothing damps",
+            "errors of the steps grew in nearly undamped modes",
             f"a shorter step (simulation.step), {cure}" if given else cure,
         )
     return (

@@ -1,6 +1,7 @@
 """A run in one HTML file opens from disk without network: it moves, the plots follow, nothing is fetched."""
 
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from lab_page import wait_until
@@ -45,4 +46,17 @@ def test_it_plays_from_disk_and_the_plots_follow(chromium: Browser, tmp_path: Pa
     assert "left:" in style
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert not [url for url in asked if url.startswith(("http:", "https:", "ws:", "wss:"))]
+    context.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_picture_is_as_light_or_dark_as_its_page(
+    chromium: Browser, tmp_path: Path, scheme: Literal["light", "dark"]
+):
+    write_run_page(flexlab.simulate("paper", 0.1), tmp_path / "run.html", "paper", "1")
+    context = chromium.new_context(offline=True, viewport={"width": 390, "height": 800}, color_scheme=scheme)
+    page = context.new_page()
+    page.goto((tmp_path / "run.html").as_uri())
+    picture = page.frame_locator("#picture").locator("html")
+    wait_until(lambda: picture.get_attribute("data-mantine-color-scheme") == scheme, f"the picture is {scheme}", 60)
     context.close()

@@ -111,7 +111,9 @@ def test_the_poles_know_the_lag_of_the_rate():
 
 
 def test_what_cannot_be_measured_is_said():
-    with pytest.raises(ScenarioError, match=r"joints\.encoders belong to sampled control: .*control_period.* or .* 0"):
+    with pytest.raises(
+        ScenarioError, match=r"joints\.encoders\) belong to sampled control: .*control_period.* or .* 0"
+    ):
         load_preset("paper").replace({COUNTS: (1e4,) * 3})
     with pytest.raises(StudyError, match=r"joints\.encoders are not in the environment"):
         WorldBatch(Settings(with_counts(1e4)), 1)

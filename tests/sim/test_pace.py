@@ -20,7 +20,11 @@ def announced(changes: dict, preset: str = "paper") -> str:
     [
         (DENSE, "the damping couples its 128 modes", "damping of kind modal or stiffness, which couples none"),
         ({"simulation.integrator": "rk4", "payload.bending_stiffness": 1e6}, "with rk4", "the integrator auto"),
-        ({"simulation.step": 1e-6}, "simulation.step = 10⁻⁶ s", "a longer step (simulation.step), or null"),
+        (
+            {"simulation.step": 1e-6},
+            "the step is set to 10⁻⁶ s (simulation.step)",
+            "a longer step (simulation.step), or null",
+        ),
     ],
 )
 def test_what_is_slow_is_announced_with_its_cause_and_cure(changes: dict, cause: str, cure: str):

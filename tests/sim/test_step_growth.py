@@ -123,7 +123,7 @@ def test_what_grew_is_named():
     world = World(undamped(5e3, LOUD))
     world.run(1000)
     assert world.status.failed
-    assert "errors of the steps grew in modes that next to nothing damps" in world.status.text
+    assert "errors of the steps grew in nearly undamped modes" in world.status.text
     assert "payload.damping" in world.status.text
 
 

@@ -33,7 +33,8 @@ def kind_of(name: str) -> str:
 
 def digest(source: str) -> str:
     """What tells one source from another."""
-    return hashlib.sha256(source.encode()).hexdigest()[:16]
+    # Halves of characters, of which no file is made, are refused where the text is read.
+    return hashlib.sha256(source.encode(errors="surrogatepass")).hexdigest()[:16]
 
 
 def is_finite(value: Any) -> bool:

@@ -19,10 +19,11 @@ from flexlab.recording.export import FORMATS, LONGEST_REASON, event_from_values,
 from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
+from flexlab.recording.rerun_internals.tool import crashes_readers
 from flexlab.recording.run_encoder import END
 from flexlab.recording.run_info import RunInfo, these_versions
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.recording.store.run_files import SUFFIX, claim_run_file, file_word, list_runs, remove_run
+from flexlab.recording.store.run_files import SUFFIX, check_recording, claim_run_file, file_word, list_runs, remove_run
 from flexlab.recording.store.run_index import LONGEST_NAME
 from flexlab.recording.table_columns import check_events, check_period, checked_blocks
 from flexlab.scenario import Scenario
@@ -48,6 +49,9 @@ def import_into(path: Path, logs: Path, **notes: str) -> Path:
 
 
 def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
+    check_recording(path)
+    if crashes_readers(path):
+        raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
     recording = read_recording(path, with_samples=False)
     check_period(path.name, recording.sample_period)
     check_events(path.name, recording.events)

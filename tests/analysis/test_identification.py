@@ -1,6 +1,7 @@
 """Fits of a ring: exact on exact data, honest about noise, and a sentence for what cannot be told or read."""
 
 import json
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -310,3 +311,21 @@ def test_what_is_no_single_ring_is_not_fitted_as_one(seed: int):
         fit = fit_ring(time, signal)
         assert not fit.is_ring
         assert fit.first.frequency.reason == fit.problem
+
+
+@pytest.mark.parametrize(
+    ("time", "signal", "says"),
+    [
+        (1e-300, 1.0, "check the unit of time"),
+        (1e300, 1.0, "check the unit of time"),
+        (1e10, 1.0, "check the unit of time"),
+        (1.0, 1e300, "over 1e+100: check its unit"),
+    ],
+)
+def test_numbers_beyond_any_measurement_are_told(time: float, signal: float, says: str, tmp_path: Path):
+    t = np.arange(0.0, 1.0, 1e-3)
+    y = np.exp(-2 * t) * np.cos(2 * np.pi * 45 * t)
+    rows = "".join(f"{time * a!r},{signal * b!r}\n" for a, b in zip(t.tolist(), y.tolist(), strict=True))
+    (tmp_path / "odd.csv").write_text("t [s],laser [m]\n" + rows)
+    with pytest.raises(StudyError, match=re.escape(says)):
+        fit_file(tmp_path / "odd.csv")

@@ -170,3 +170,9 @@ def test_one_law_or_path_for_all_has_to_be_one(word: str, tmp_path: Path):
 def test_a_scenario_that_a_law_does_not_suit_is_a_run_that_says_so():
     runs = flexlab.simulate_many(["paper", {"gravity": "x"}], 0.002, law="pd", progress=False)
     assert [str(run.status) for run in runs] == ["finished", "invalid"]
+
+
+@pytest.mark.parametrize("part", ["controller", "trajectory"])
+def test_a_text_with_half_a_character_is_refused(part: str):
+    with pytest.raises(ScenarioError, match="is no Python text"):
+        parse_scenario({part: {"source": "x = '\ud800'\n"}})

@@ -41,6 +41,12 @@ class Measured:
     """Sentences on what was missing."""
 
 
+SHORTEST_STEP, LONGEST_STEP, LATEST = 1e-9, 1e6, 1e12
+"""s between samples, and after t = 0: beyond that squares of times leave the numbers that a float holds exactly."""
+LARGEST_SIGNAL = 1e100
+"""In whatever unit: its square must be finite."""
+
+
 def read_measured(path: Path, time: str | None = None, signal: str | None = None) -> Measured:
     """Two columns of a CSV file: `time` and `signal` name them, with a unit in brackets if the file does not say it.
 
@@ -75,6 +81,11 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
     if not good.all():
         notes.append(f"{np.sum(~good)} of {len(good)} rows have no number and are left out.")
     steps = np.diff(t)
+    if not SHORTEST_STEP <= np.median(steps) <= LONGEST_STEP or np.abs(t).max() > LATEST:
+        usual = f"{np.median(steps):.3g} s apart, up to t = {t[np.abs(t).argmax()]:.3g} s"
+        raise StudyError(f"{path}: samples are {usual}, which is no vibration of a beam: check the unit of time.")
+    if np.abs(y).max() > LARGEST_SIGNAL:
+        raise StudyError(f"{path}: the signal reaches {np.abs(y).max():.3g}, over {LARGEST_SIGNAL:g}: check its unit.")
     gaps = steps > GAP * np.median(steps)
     if gaps.any():
         notes.append(

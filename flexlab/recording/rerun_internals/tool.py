@@ -101,6 +101,20 @@ class Mending:
         return self._process.returncode == 0 and target.exists() and has_footer(target)
 
 
+HARMLESS = (0, 1)
+"""Exit codes of the tool that has read a file, without or with something to say about it."""
+
+
+def crashes_readers(path: Path) -> bool:
+    """Whether rerun's reader crashes on a damaged file: within this process it would end it, so its tool tries."""
+    command, nothing = [rerun_tool(), "rrd", "verify", str(path.resolve())], subprocess.DEVNULL
+    try:
+        tried = subprocess.run(command, stdin=nothing, stdout=nothing, stderr=nothing, timeout=LONGEST, check=False)
+    except subprocess.TimeoutExpired:
+        return False
+    return tried.returncode not in HARMLESS
+
+
 LOOPBACK = "127.0.0.1"
 UNPACK_TIME = 20.0
 """s that rerun's program may take to serve its viewer."""

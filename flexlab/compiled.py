@@ -67,7 +67,7 @@ _DIGEST = _digest()
 
 def is_warm() -> bool:
     """Whether the engine's main kernel has been compiled for these sources before."""
-    return any(cache_folder().rglob("advance*.nbi"))
+    return any(cache_folder().rglob("advance*.nbc"))
 
 
 A_MOMENT = 1.5

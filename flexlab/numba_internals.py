@@ -7,6 +7,8 @@ Contract tests say so when a version of numba does this differently.
 """
 
 import gc
+import hashlib
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,8 +16,8 @@ from typing import Any
 import numpy as np
 from llvmlite.binding import parse_bitcode
 from numba import _dispatcher, _dynfunc
-from numba.core import ir
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core import config, ir
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
@@ -46,8 +48,45 @@ class LoadedLibrary(JITCodeLibrary):
         return self._shared_module
 
 
+class _BySource(_CacheLocator):
+    """Files a kernel under its module's name and text.
+
+    Numba files it under the path of the source: each checkout and each environment of one version would compile it again.
+    """
+
+    def __init__(self, function: Any, file: str):
+        self._folder = os.path.join(config.CACHE_DIR, function.__module__)  # type: ignore[attr-defined]
+        self._line = function.__code__.co_firstlineno
+        with open(file, "rb") as source:
+            self._stamp = hashlib.sha256(source.read()).hexdigest()
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> "_BySource | None":
+        """None if the source cannot be read or the folder cannot be written: numba then looks for another place."""
+        try:
+            found = cls(py_func, py_file)
+            found.ensure_cache_path()
+        except OSError:
+            return None
+        return found
+
+    def get_cache_path(self) -> str:
+        """The folder of the kernel's module."""
+        return self._folder
+
+    def get_source_stamp(self) -> str:
+        """A digest of the module's text."""
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        """The kernel's line."""
+        return str(self._line)
+
+
 class _KeptResults(CompileResultCacheImpl):
     """What is kept of a compiled kernel: as numba keeps it, and the names in its machine code, so that nobody looks for them."""
+
+    _locator_classes = (_BySource, *CompileResultCacheImpl._locator_classes)
 
     def reduce(self, cres: Any) -> Any:
         """As plain data. An environment without constants goes unread: only the kernel's own is asked for by its wrapper."""
@@ -74,6 +113,29 @@ class _KeptResults(CompileResultCacheImpl):
             codegen._library_class = usual
 
 
+class _FileEach(IndexDataCacheFile):
+    """A file for each kernel and its argument types.
+
+    Numba numbers its files and keeps an index of them. Two processes that compile at the same time could give one number to two
+    kernels, and a third process would run the wrong machine code.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep a kernel; whoever does so last wins, with the same machine code."""
+        self._save_data(self._name(key), data)
+
+    def load(self, key: Any) -> Any:
+        """The kernel, or None."""
+        try:
+            return self._load_data(self._name(key))
+        except OSError:
+            return None
+
+    def _name(self, key: Any) -> str:
+        digest = hashlib.sha256(f"{self._version} {self._source_stamp} {key}".encode()).hexdigest()
+        return self._data_name_pattern.format(number=int(digest[:16], 16))
+
+
 class QuickCache(FunctionCache):
     """Machine code on disk, taken up without first loading what only compiling needs: how numba translates all of numpy.
 
@@ -81,6 +143,11 @@ class QuickCache(FunctionCache):
     """
 
     _impl_class = _KeptResults
+
+    def __init__(self, function: Any):
+        super().__init__(function)
+        locator = self._impl.locator
+        self._cache_file = _FileEach(locator.get_cache_path(), self._impl.filename_base, locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """As numba's, but for the refreshing of `target_context`, which its compiler does itself where it is needed."""

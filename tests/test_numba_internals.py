@@ -1,6 +1,7 @@
 """What flexlab uses of numba without its promise is still there, and is left as it was found."""
 
 import gc
+import importlib
 import os
 import subprocess
 import sys
@@ -103,6 +104,48 @@ def test_machine_code_on_disk_is_taken_up_without_what_compiling_needs(monkeypat
         return 2 * again(a, b)
 
     assert caller(np.ones(2), 2.0) == 2 * expected
+
+
+def twice(number):
+    return number + number
+
+
+def test_machine_code_serves_every_checkout_of_the_same_text(monkeypatch, tmp_path):
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+
+    def kernel(checkout, text):
+        folder = tmp_path / checkout
+        folder.mkdir()
+        (folder / "kernels_of_a_checkout.py").write_text(text)
+        with monkeypatch.context() as circumstances:
+            circumstances.syspath_prepend(str(folder))
+            circumstances.delitem(sys.modules, "kernels_of_a_checkout", raising=False)
+            function = importlib.import_module("kernels_of_a_checkout").kernel
+            made = numba.njit(cache=True, nogil=True, _nrt=False)(function)
+            made._cache = QuickCache(function)
+            assert made(3.0) == 6.0
+        return sum(made.stats.cache_hits.values())
+
+    text = "def kernel(number):\n    return number + number\n"
+    assert kernel("here", text) == 0
+    assert kernel("elsewhere", text) == 1
+    assert kernel("changed", text + "OTHER = 1\n") == 0
+
+
+def test_two_processes_never_keep_two_kernels_under_one_name(monkeypatch, tmp_path):
+    """Numba's index is read and written in two steps, between which another process may take the same number."""
+
+    def names(folder, argument):
+        monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / folder))
+        made = numba.njit(cache=True, nogil=True, _nrt=False)(twice)
+        made._cache = QuickCache(twice)
+        made(argument)
+        return {file.name for file in (tmp_path / folder).rglob("*.nb?")}
+
+    whole, real = names("whole", 3), names("real", 3.0)
+    assert len(whole) == len(real) == 1
+    assert not whole & real
+    assert names("again", 4.0) == real
 
 
 class Pair(NamedTuple):

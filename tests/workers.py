@@ -73,5 +73,4 @@ def _compile_kernels() -> None:
 
     if not is_everything_compiled():
         print("compiling the equations of motion, once ...", flush=True)
-        program = "from flexlab.sim.compile_all import compile_everything; compile_everything()"
-        subprocess.run([sys.executable, "-c", program], check=True)
+        subprocess.run([sys.executable, "-m", "flexlab.sim.compile_all"], check=True)

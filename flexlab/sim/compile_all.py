@@ -1,13 +1,18 @@
 """Compiles what a first picture does not need: other integrators, laws and paths, sampled control, joints, once per machine.
 
-`python -m flexlab.sim.compile_all` does it in a process of its own, so that the lab, which needs them when somebody chooses
-them, finds them on disk.
+`python -m flexlab.sim.compile_all` does it in processes of its own, one per core. The lab starts one beside itself, so that it
+finds on disk what somebody chooses later.
 """
 
+import multiprocessing
 import os
 import sys
 import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from itertools import combinations
+from typing import Any
 
 from flexlab.compiled import PLAIN_PYTHON, cache_folder
 from flexlab.control.law import laws
@@ -38,8 +43,27 @@ def is_everything_compiled() -> bool:
     return PLAIN_PYTHON or (cache_folder() / DONE).exists()
 
 
-def compile_everything() -> None:
-    """Compile what is not yet on disk, in the order in which it is likely to be wanted."""
+def compile_everything(processes: int = 1) -> None:
+    """Compile what is not yet on disk: in the order in which it is likely to be wanted, or by several processes at once.
+
+    Numba compiles one kernel at a time in a process. Raises what compiling raises.
+    """
+    if processes == 1:
+        for part in PARTS:
+            part()
+    else:
+        with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+            for _ in pool.map(_compile_part, range(len(PARTS))):
+                pass
+    (cache_folder() / DONE).touch()
+
+
+def _compile_part(number: int) -> None:
+    PARTS[number]()
+
+
+def _compile_paper() -> None:
+    """The paper's plant with every integrator, and with sampled control; all laws and paths."""
     scenario = Scenario()
     World(scenario).apply(CHANGE)
     _compile_loops(scenario)
@@ -47,16 +71,31 @@ def compile_everything() -> None:
         _ = law.addresses
     for path in paths().values():
         _ = path.address
-    _compile_loops(scenario.replace(JOINTS))
+
+
+def _compile_joints() -> None:
+    _compile_loops(Scenario().replace(JOINTS))
     # The first mode of a shaped path asks for the rates alone, as rest points do.
-    World(scenario.replace({"trajectory.shaper": "zvd"}))
-    for count in range(1, len(FURTHER) + 1):
-        for parts in combinations(FURTHER, count):
-            changes = {name: value for part in parts for name, value in part.items()}
-            world = World(scenario.replace({**changes, "controller.control_period": 0.001}))
-            world.run(1)
-            world.apply(CHANGE)
-    (cache_folder() / DONE).touch()
+    World(Scenario().replace({"trajectory.shaper": "zvd"}))
+
+
+def _compile_plant(changes: Mapping[str, Any]) -> None:
+    """A plant beyond the paper's, with sampled control."""
+    world = World(Scenario().replace({**changes, "controller.control_period": 0.001}))
+    world.run(1)
+    world.apply(CHANGE)
+
+
+PARTS: tuple[Callable[[], None], ...] = (
+    _compile_paper,
+    _compile_joints,
+    *(
+        partial(_compile_plant, {name: value for part in parts for name, value in part.items()})
+        for count in range(1, len(FURTHER) + 1)
+        for parts in combinations(FURTHER, count)
+    ),
+)
+"""What can be compiled apart."""
 
 
 def _compile_loops(scenario: Scenario) -> None:
@@ -73,6 +112,7 @@ def _end_with_the_input() -> None:
 
 if __name__ == "__main__":
     os.nice(PATIENCE)
-    if WHILE_OPEN in sys.argv:
+    beside_a_lab = WHILE_OPEN in sys.argv
+    if beside_a_lab:
         threading.Thread(target=_end_with_the_input, name="flexlab-starter", daemon=True).start()
-    compile_everything()
+    compile_everything(1 if beside_a_lab else os.cpu_count() or 1)

@@ -21,7 +21,7 @@ from flexlab.lab.scene.beam import Beam
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.forces import Forces
 from flexlab.lab.scene.overlays import Overlays
-from flexlab.lab.scene.stage import Stage, set_light
+from flexlab.lab.scene.stage import draw_floor, set_light
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
 from flexlab.lab.viser_internals import in_the_systems_colors
 from flexlab.lab.viser_server import open_server
@@ -71,7 +71,7 @@ def animation_html(run: Run) -> str:
         shot = overview(scenario, WINDOW)
         server.initial_camera.fov = FIELD_OF_VIEW
         server.initial_camera.look_at, server.initial_camera.position = shot.look_at, shot.position
-        _ = Stage(scene, scenario)
+        draw_floor(scene, scenario)
         arms, beam = Arms(scene, scenario), Beam(scene, scenario)
         overlays, forces = Overlays(scene, scenario), Forces(scene, scenario)
         rows = np.searchsorted(run.time, times - 1e-9).clip(0, len(run) - 1)

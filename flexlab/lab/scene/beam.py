@@ -91,11 +91,6 @@ class Beam:
             self.mesh.vertices = self._around(line)
         self.grab.vertices = self._grab_around(line)
 
-    def remove(self) -> None:
-        """Take the beam out of the scene."""
-        self.mesh.remove()
-        self.grab.remove()
-
 
 OPACITY = 0.45
 SHARE = 0.9
@@ -103,7 +98,7 @@ SHARE = 0.9
 
 
 class ReferenceBeam:
-    """Drawn while a run is kept and has a sample for the present time."""
+    """The beam of the kept run, drawn while that has a sample for the present time."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._size = scene_size(scenario)
@@ -126,10 +121,6 @@ class ReferenceBeam:
             line = beam_points(kept.scenario, past, STATIONS, view.exaggeration)[0]
             height = arms.BEAM_HEIGHT * self._size
             self._tube.vertices = tube_vertices(line, SHARE * TUBE_RADIUS * self._size, height)
-
-    def remove(self) -> None:
-        """Take the beam out of the scene."""
-        self._tube.remove()
 
 
 PIECES = 48
@@ -158,7 +149,7 @@ def strain_colors(share: np.ndarray) -> np.ndarray:
     share = np.clip(share, -1, 1)[:, None]
     end = np.where(share < 0, NEGATIVE, POSITIVE)
     mixed = NEUTRAL + np.abs(share) * (end - np.array(NEUTRAL))
-    return np.round(255 * (mixed / 255) ** 2.2).astype(np.uint8)
+    return colors.for_instances(mixed)
 
 
 def axial_loads(scenario: Scenario, sample: Samples, count: int) -> np.ndarray:
@@ -227,7 +218,3 @@ class StrainBeam:
         self._pieces.batched_wxyzs = turn_about_z(np.arctan2(along[:, 1], along[:, 0])).astype(np.float32)
         self._pieces.batched_scales = np.column_stack([length, np.ones((PIECES, 2))]).astype(np.float32)
         self._pieces.batched_colors = strain_colors(strain / self._range.limit)
-
-    def remove(self) -> None:
-        """Take the beam out of the scene."""
-        self._pieces.remove()

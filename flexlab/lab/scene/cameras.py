@@ -107,9 +107,9 @@ def _from(center: np.ndarray, distance: float, tilt: float) -> Shot:
 
 
 STANDING = ""
-"""View of a camera that stays where it is, and is the person's own."""
+"""The view of a camera that stays where it is."""
 LOWEST = 0.1
-"""Height above the floor below which no camera goes, m: from below, the picture is a riddle."""
+"""Least height of a camera above the floor, m."""
 STILL = 1e-3
 """A camera this near to where it was put counts as not moved by the person, m."""
 SAME_ASPECT = 0.02
@@ -124,7 +124,7 @@ def _at_rest(one: np.ndarray, other: np.ndarray) -> bool:
 
 @dataclass
 class _Watch:
-    """One browser."""
+    """One browser's camera."""
 
     client: viser.ClientHandle
     view: str = VIEWS[0]
@@ -176,7 +176,7 @@ class ClientCameras:
                 elif watch.run != snapshot.run_number:
                     self._fit_run(watch, snapshot)
             except Exception:
-                # One browser's camera is that browser's affair: everybody else's picture goes on.
+                # A failure of one browser's camera must not stop the others.
                 log.exception("the camera of browser %s cannot follow: it stays where it is", watch.client.client_id)
                 watch.view = STANDING
 

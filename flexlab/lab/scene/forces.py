@@ -116,7 +116,6 @@ class Forces:
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         count, size = len(scenario.arms), scene_size(scenario)
         height = (arms.BEAM_HEIGHT + 0.05) * size
-        self._root = scene.add_frame("/forces", show_axes=False)
         self._internal = StraightArrows(scene, "/forces/internal", colors.INTERNAL_FORCE, scenario, height)
         self._moving = StraightArrows(scene, "/forces/moving", colors.MOVING_FORCE, scenario, height + 0.01 * size)
         self._moment = BentArrows(scene, "/forces/moment", colors.INTERNAL_FORCE, count, size, height)
@@ -139,10 +138,6 @@ class Forces:
         if view.moments:
             rows.append(("internal moment, ¼ turn =", f"{self._moment.per_quarter_turn:g} N·m"))
         return rows
-
-    def remove(self) -> None:
-        """Take the forces out of the scene."""
-        self._root.remove()
 
 
 def held_point(scenario: Scenario, sample: Samples, pull: Pull, exaggeration: float = 1.0) -> np.ndarray:
@@ -187,8 +182,3 @@ class PullArrow:
         self._arrow.points = ends[None].astype(np.float32)
         self._label.text = f"pull {force:.1f} N"
         self._label.position = (*pull.target, height)
-
-    def remove(self) -> None:
-        """Take the arrow out of the scene."""
-        self._arrow.remove()
-        self._label.remove()

@@ -11,12 +11,12 @@ import viser
 from flexlab.control.motion import poses
 from flexlab.control.path import build_motion
 from flexlab.lab import colors
-from flexlab.lab.panel.number_control import put
 from flexlab.lab.scene import arms
 from flexlab.lab.scene.arms import scene_size
 from flexlab.lab.scene.beam import SIDES, tube_faces, tube_vertices
 from flexlab.lab.scene.stage import floor_extent
 from flexlab.lab.view_settings import ViewSettings
+from flexlab.lab.widgets import put
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import link_points
 from flexlab.sim.samples import Samples
@@ -57,7 +57,6 @@ class Overlays:
         self._height = arms.BEAM_HEIGHT * self._size
         self._path_source: object = None
         self._trail_places: deque[np.ndarray] = deque(maxlen=TRAIL_POINTS)
-        self._root = scene.add_frame("/overlays", show_axes=False)
         self._ghost = scene.add_mesh_simple(
             "/overlays/desired",
             np.zeros((4 * SIDES, 3)),
@@ -116,10 +115,6 @@ class Overlays:
             missing = TRAIL_POINTS - len(self._trail_places)
             line = np.array([self._trail_places[0]] * missing + list(self._trail_places))
             self._trail.points = segments(line, self._height + 0.015 * self._size)
-
-    def remove(self) -> None:
-        """Take the overlays out of the scene."""
-        self._root.remove()
 
 
 CELL = 0.02
@@ -187,7 +182,3 @@ class Reach:
             return
         self._picture.image = shade(elbow_sines(scenario, self._x, self._y, angle))
         self._shown_for = (scenario, angle)
-
-    def remove(self) -> None:
-        """Take the shading out of the scene."""
-        self._picture.remove()

@@ -13,7 +13,7 @@ from flexlab.lab.scene.arms import Arms
 from flexlab.lab.scene.beam import Beam, ReferenceBeam, StrainBeam
 from flexlab.lab.scene.forces import Forces, PullArrow
 from flexlab.lab.scene.overlays import Overlays, Reach
-from flexlab.lab.scene.stage import Stage, set_light
+from flexlab.lab.scene.stage import draw_floor, set_light
 from flexlab.lab.view_settings import Legend, ViewSettings, fitting_exaggeration
 from flexlab.lab.viser_server import set_theme
 from flexlab.scenario import Scenario
@@ -34,12 +34,10 @@ class Scene:
     def __init__(
         self, server: viser.ViserServer, scenario: Scenario, study: ModeStudy, touch: Picking, shadows: bool = True
     ):
-        self._server, self._study, self._touch = server, study, touch
-        set_light(server.scene, shadows)
+        self._server, self._study, self._touch, self._shadows = server, study, touch, shadows
         self._built_for: object = None
         self._run_number = -1
         self._caption = ""
-        self._parts: list[Stage | Reach | Arms | Beam | StrainBeam | Overlays | Forces | PullArrow | ReferenceBeam] = []
         self._build(scenario)
 
     def update(self, snapshot: Snapshot, view: ViewSettings, pull: Pull | None, kept: ReferenceRun | None) -> None:
@@ -84,25 +82,15 @@ class Scene:
 
     def _build(self, scenario: Scenario) -> None:
         scene = self._server.scene
-        for part in self._parts:
-            part.remove()
-        self._stage, self._reach = Stage(scene, scenario), Reach(scene, scenario)
+        scene.reset()
+        set_light(scene, self._shadows)
+        draw_floor(scene, scenario)
+        self._reach = Reach(scene, scenario)
         self._arms, self._overlays = Arms(scene, scenario), Overlays(scene, scenario)
         self._beam, self._strain = Beam(scene, scenario), StrainBeam(scene, scenario)
         self._forces, self._pull = Forces(scene, scenario), PullArrow(scene, scenario)
         self._kept = ReferenceBeam(scene, scenario)
         self._touch.attach(self._beam.grab, self._arms.grab)
-        self._parts = [
-            self._stage,
-            self._reach,
-            self._arms,
-            self._overlays,
-            self._beam,
-            self._strain,
-            self._forces,
-            self._pull,
-            self._kept,
-        ]
         self._built_for = _structure(scenario)
 
 
@@ -126,7 +114,8 @@ class Window:
         set_theme(server.gui, dark=False)
         server.gui.add_markdown(f"Deflection drawn × {number_text(self._view.exaggeration)}")
         set_light(server.scene, shadows=True)
-        self._stage, self._arms, self.beam = (part(server.scene, scenario) for part in (Stage, Arms, Beam))
+        draw_floor(server.scene, scenario)
+        self._arms, self.beam = Arms(server.scene, scenario), Beam(server.scene, scenario)
 
         @server.on_client_connect
         def _(client: viser.ClientHandle) -> None:

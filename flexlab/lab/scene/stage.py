@@ -47,39 +47,32 @@ def _lengths(axis: str, places: np.ndarray) -> list[tuple[float, str]]:
     return list(zip(places.tolist(), [*texts[:-1], *(f"{axis} = {text} m" for text in texts[-1:])], strict=True))
 
 
-class Stage:
-    """The floor of one scenario."""
-
-    def __init__(self, scene: viser.SceneApi, scenario: Scenario):
-        x_min, x_max, y_min, y_max = floor_extent(scenario)
-        self._root = scene.add_frame("/floor", show_axes=False)
-        scene.add_grid(
-            "/floor/grid",
-            width=x_max - x_min + 2 * BEYOND,
-            height=y_max - y_min + 2 * BEYOND,
-            position=((x_min + x_max) / 2, (y_min + y_max) / 2, 0.0),
-            cell_size=CELL,
-            cell_color=colors.GRAY,
-            cell_thickness=0.3,
-            section_size=SECTION,
-            section_color=colors.GRAY,
-            section_thickness=0.7,
-            plane_color=FLOOR_COLOR,
-            plane_opacity=FLOOR_OPACITY,
-            shadow_opacity=0.25,
-        )
-        for x, text in _lengths("x", _sections(x_min, x_max)):
-            place = (x, y_min + LABEL_INSET, LABEL_HEIGHT)
-            # At the floor's corners, which the window's edge may cut, words stand inside.
-            side = "left" if x - x_min < CELL else "right" if x_max - x < CELL else "center"
-            scene.add_label(f"/floor/x{x:g}", text, position=place, anchor=f"bottom-{side}", depth_test=True)
-        for y, text in _lengths("y", _sections(y_min, y_max)):
-            place = (x_min + LABEL_INSET, y, LABEL_HEIGHT)
-            scene.add_label(f"/floor/y{y:g}", text, position=place, anchor="center-left", depth_test=True)
-
-    def remove(self) -> None:
-        """Take the floor out of the scene."""
-        self._root.remove()
+def draw_floor(scene: viser.SceneApi, scenario: Scenario) -> None:
+    """The grid below the arms, with lengths along its edges."""
+    x_min, x_max, y_min, y_max = floor_extent(scenario)
+    scene.add_grid(
+        "/floor/grid",
+        width=x_max - x_min + 2 * BEYOND,
+        height=y_max - y_min + 2 * BEYOND,
+        position=((x_min + x_max) / 2, (y_min + y_max) / 2, 0.0),
+        cell_size=CELL,
+        cell_color=colors.GRAY,
+        cell_thickness=0.3,
+        section_size=SECTION,
+        section_color=colors.GRAY,
+        section_thickness=0.7,
+        plane_color=FLOOR_COLOR,
+        plane_opacity=FLOOR_OPACITY,
+        shadow_opacity=0.25,
+    )
+    for x, text in _lengths("x", _sections(x_min, x_max)):
+        place = (x, y_min + LABEL_INSET, LABEL_HEIGHT)
+        # At the floor's corners, which the window's edge may cut, words stand inside.
+        side = "left" if x - x_min < CELL else "right" if x_max - x < CELL else "center"
+        scene.add_label(f"/floor/x{x:g}", text, position=place, anchor=f"bottom-{side}", depth_test=True)
+    for y, text in _lengths("y", _sections(y_min, y_max)):
+        place = (x_min + LABEL_INSET, y, LABEL_HEIGHT)
+        scene.add_label(f"/floor/y{y:g}", text, position=place, anchor="center-left", depth_test=True)
 
 
 def set_light(scene: viser.SceneApi, shadows: bool) -> None:

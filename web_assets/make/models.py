@@ -1,10 +1,19 @@
-"""Simple solids as triangle meshes with crisp edges, and as binary glTF files (GLB): what arms and beam are made of."""
+"""Makes the parts of the arms as binary glTF files (GLB): simple solids as triangle meshes with crisp edges.
+
+    .venv/bin/python web_assets/make/models.py
+
+They fit arms of any size: a link's bar is one unit long and stretched to the link, joints and gripper keep their proportions.
+All lengths in m, for the paper's arm (0.7, 0.6, 0.2 m links).
+"""
 
 import json
 import struct
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
+from flexlab.lab.scene.arms import GRIPPER_LENGTH, JOINT_RADIUS
 
 CORNER_STEPS = 3
 """Facets per rounded corner of a bar: enough to catch the light, few enough to draw fast without a graphics card."""
@@ -60,11 +69,6 @@ def drum(radius: float, bottom: float, top: float, chamfer: float, sections: int
         ],
         sections,
     )
-
-
-def ring(inner: float, outer: float, bottom: float, top: float, sections: int = 32) -> Solid:
-    """A flat ring about z, m, closed on top and outside (its inside is never seen)."""
-    return turned([(outer, bottom), (outer, top), (inner, top)], sections)
 
 
 def bar(start: float, end: float, width: float, height: float, corner: float) -> Solid:
@@ -180,3 +184,54 @@ def _linear(channel: float) -> float:
     """sRGB to linear light, both 0..1: glTF factors are linear."""
     value = channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4
     return round(value, 6)
+
+
+SHELL = Material((118, 126, 138), metallic=0.05, roughness=0.6)
+"""Of links and joints: darker than what they carry, which is to be seen first."""
+DARK = Material((62, 68, 78), metallic=0.2, roughness=0.55)
+STEEL = Material((132, 140, 152), metallic=0.2, roughness=0.4)
+BRIGHT = Material((246, 247, 249), metallic=0.0, roughness=0.35)
+"""Of the grips."""
+
+
+def link_parts() -> list[tuple[Solid, Material]]:
+    """A bar from x = 0 to x = 1 (stretched to the link's length), and a dark keel under it."""
+    return [(bar(0.0, 1.0, 0.062, 0.034, 0.012), SHELL), (moved(bar(0.0, 1.0, 0.03, 0.012, 0.004), z=-0.02), DARK)]
+
+
+def joint_parts() -> list[tuple[Solid, Material]]:
+    """A housing about z with a dark foot and cap, its middle at z = 0."""
+    housing = drum(JOINT_RADIUS, -0.024, 0.024, 0.006)
+    foot = drum(0.8 * JOINT_RADIUS, -0.05, -0.02, 0.003)
+    cap = drum(0.5 * JOINT_RADIUS, 0.02, 0.033, 0.004, 24)
+    return [(housing, SHELL), (joined(foot, cap), DARK)]
+
+
+def base_parts() -> list[tuple[Solid, Material]]:
+    """A pedestal on the floor, under joint 1."""
+    plate = drum(0.115, 0.0, 0.014, 0.004, 40)
+    column = turned([(0.088, 0.012), (0.066, 0.03), (0.06, 0.062), (0.0, 0.062)])
+    bolts = [moved(drum(0.009, 0.012, 0.02, 0.002, 8), x=x, y=y) for x in (-0.07, 0.07) for y in (-0.07, 0.07)]
+    return [(joined(plate, *bolts), DARK), (column, STEEL)]
+
+
+def gripper_parts() -> list[tuple[Solid, Material]]:
+    """A fork along x with the grip at the origin: two prongs above and below the beam, and the pin that it turns on."""
+    palm = bar(-GRIPPER_LENGTH - 0.012, -GRIPPER_LENGTH + 0.012, 0.05, 0.05, 0.006)
+    prongs = [moved(bar(-GRIPPER_LENGTH, 0.012, 0.03, 0.007, 0.003), z=z) for z in (-0.0205, 0.0205)]
+    pin = drum(0.008, -0.03, 0.03, 0.002, 16)
+    return [(palm, BRIGHT), (joined(*prongs), BRIGHT), (pin, DARK)]
+
+
+MODELS = {"link": link_parts, "joint": joint_parts, "base": base_parts, "gripper": gripper_parts}
+
+
+def write_models(folder: Path) -> None:
+    """Write every part as a GLB file into `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, parts in MODELS.items():
+        (folder / f"{name}.glb").write_bytes(encode_glb(parts()))
+
+
+if __name__ == "__main__":
+    write_models(Path(__file__).resolve().parent.parent / "models")

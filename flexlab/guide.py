@@ -9,6 +9,7 @@ own: nothing that a person typed gets into them.
 import html
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -275,3 +276,37 @@ def _inline(file: Path, alt: str) -> str:
     picture = re.sub(r">\s+<", "><", file.read_text(encoding="utf-8").strip())
     label = f'<svg role="img" aria-label="{html.escape(alt)}" style="max-width:100%;height:auto" '
     return f'<div style="margin:0.4em 0;overflow-x:auto">{picture.replace("<svg ", label, 1)}</div>'
+
+
+LOCKED = "The teacher has locked this lab: nothing can be played or changed until they unlock it."
+
+
+def step_text(step: int) -> str:
+    """A step in words."""
+    return f"step {step} of {len(STEPS)} ({STEPS[step - 1]})"
+
+
+@dataclass(frozen=True)
+class ClassRules:
+    """What a teacher asks of every lab of a class."""
+
+    lesson: str = ""
+    """The one lesson that is open, as the guide's menu calls it; empty: each chooses."""
+    step: int = len(STEPS)
+    """Of that lesson, the last step that is shown, 1 to 3."""
+    locked: bool = False
+    """Whether nobody but the teacher can play or change anything."""
+    hides_names: bool = False
+    """Whether the teacher's page shows numbers instead of names."""
+
+    @property
+    def pace(self) -> str:
+        """Where the class is, as a sentence; empty if each chooses."""
+        if not self.lesson:
+            return ""
+        return f"The class is at {step_text(self.step)} of “{self.lesson}”: open the Guide. The teacher moves on."
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What people in a lab are told as long as these rules hold."""
+        return tuple(filter(None, (self.pace, LOCKED if self.locked else "")))

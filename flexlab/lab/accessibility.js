@@ -1,13 +1,13 @@
 // What viser's page lacks for keyboards and screen readers: names, values in their unit, words for pictures, landmarks.
 (() => {
-  const LOOK = 100, CALM = 1000; // ms between two looks: at values, and at all that changes seldom
+  const LOOK = 100, CALM = 1000; // ms between two checks: of values, and of what changes seldom
   const ICONS = { "list-search": "Commands (Ctrl+K)", adjustments: "Connection and scene", "arrow-back": "Back to the controls",
     maximize: "Enlarge the plot" };
   const REGIONS = { '[data-dock-region="right"]': "Controls", '[data-dock-region="left"]': "Guide",
     "[data-floating-window]": "Plots" };
   const PRESSED = "data-fl-pressed"; // takes Enter and Space as a button does
 
-  // What stands there, whatever language is shown.
+  // The English text of a part, or of its attribute, whatever language is shown.
   const english = (part, name) => window.flexlabEnglish?.(part, name) ?? (name ? part.getAttribute(name) : part.textContent);
 
   function mark(part, attributes) {

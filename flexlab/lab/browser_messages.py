@@ -1,4 +1,4 @@
-"""What the lab's page may say: every message that it uses, with the type and range of each field. Nothing else is heard."""
+"""The messages that the lab's page sends, with type and range of each field. All others are refused."""
 
 import math
 from collections.abc import Iterator
@@ -9,12 +9,12 @@ import msgspec
 LARGEST_MESSAGE = 1_200_000
 """Bytes: the page sends files in parts of 512 kB, everything else in a few hundred bytes."""
 FARTHEST = 1e9
-"""m, or pixels: no place that a person points at, or looks from, is farther away."""
+"""Largest coordinate that is accepted, m or pixels."""
 LEAST_DIRECTION = 1e-6
-"""Length of a direction below which it shows nowhere."""
+"""Length of the shortest vector that counts as a direction."""
 
 MAPS = frozenset((*range(0x80, 0x90), 0xDE, 0xDF))
-"""First bytes of what has fields, in MessagePack."""
+"""First bytes of a map in MessagePack."""
 
 Identifier = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
 NodeName = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
@@ -47,7 +47,7 @@ class ViewerCameraMessage(BrowserMessage, frozen=True, tag=True):
 
 
 class GuiUpdateMessage(BrowserMessage, frozen=True, tag=True):
-    """A person changed a widget. What its value may be depends on the widget."""
+    """A person changed a widget. The widget decides which values are valid."""
 
     uuid: Identifier
     updates: dict[str, Any]
@@ -67,7 +67,7 @@ class CommandTriggerMessage(BrowserMessage, frozen=True, tag=True):
 
 
 class FileTransferStartUpload(BrowserMessage, frozen=True, tag=True):
-    """A file is to come."""
+    """An upload begins."""
 
     source_component_uuid: Identifier
     transfer_uuid: Identifier
@@ -78,7 +78,7 @@ class FileTransferStartUpload(BrowserMessage, frozen=True, tag=True):
 
 
 class FileTransferPart(BrowserMessage, frozen=True, tag=True):
-    """A part of a file."""
+    """A part of an upload."""
 
     source_component_uuid: Identifier
     transfer_uuid: Identifier
@@ -123,13 +123,13 @@ Heard = (
     | SceneNodeClickMessage
     | SceneNodeDragMessage
 )
-"""All that is heard."""
+"""All messages that are accepted."""
 
 _DECODER = msgspec.msgpack.Decoder(Heard)
 
 
 class Refused(Exception):
-    """A message that goes no further; the text says why, for the log. `told`: a sentence for the screen, or nothing."""
+    """A message that is refused; the text says why, for the log. `told`: a sentence for the screen, or nothing."""
 
     def __init__(self, why: str, told: str = ""):
         self.told = told
@@ -137,7 +137,7 @@ class Refused(Exception):
 
 
 class Unreadable(Refused):
-    """What is not even a message: whoever sends it is no page of the lab."""
+    """Bytes that are no message: their sender is not the lab's page."""
 
 
 def decode(raw: Any) -> Heard:

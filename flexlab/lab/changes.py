@@ -1,4 +1,4 @@
-"""Changes on their way: undone and done again, and those with a person's own code carried out beside the page."""
+"""Undo and redo, and changes that run a person's own code, on a thread of their own."""
 
 import threading
 import time
@@ -20,9 +20,9 @@ ONE_GESTURE = 1.0
 
 @dataclass(frozen=True)
 class Settings:
-    """What can be gone back to. `baseline`: the preset or file, unchanged, that `scenario` came from as `name`.
+    """One state of the undo history. `baseline`: the preset or file `name`, unchanged, that `scenario` came from.
 
-    `origin`: the instant of an earlier run from which the run went on that had these settings.
+    `origin`: the instant of an earlier run that the run with these settings continued from.
     """
 
     scenario: Scenario
@@ -73,10 +73,10 @@ log = limited(__name__)
 
 
 class SlowChanges:
-    """What is asked for while another change is worked at waits, merged: the last value of a field counts."""
+    """Carries out changes one at a time. Those that arrive meanwhile are merged: the last value of each field counts."""
 
     def __init__(self, carry_out: Callable[[Mapping[str, Any]], None], say: Callable[[str, str], None]):
-        """`say(sentence, level)`: what becomes of a change that is refused."""
+        """`say(sentence, level)` reports a change that was refused."""
         self._carry_out, self._say = carry_out, say
         self._lock = threading.Lock()
         self._waiting: dict[str, Any] = {}

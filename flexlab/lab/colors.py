@@ -33,6 +33,6 @@ def css(color: Color) -> str:
     return "#{:02x}{:02x}{:02x}".format(*color)
 
 
-def for_instances(palette: Sequence[Color]) -> np.ndarray:
+def for_instances(palette: Sequence[Color] | np.ndarray) -> np.ndarray:
     """Colours (N, 3) as viser's batched meshes want them: it shows their numbers as linear light, all else as sRGB."""
     return np.round(255 * (np.asarray(palette) / 255) ** 2.2).astype(np.uint8)

@@ -1,6 +1,6 @@
 // The beam's ring as sound, off until somebody asks for it: a sine for each tone that the lab tells (`ring_sound.py`).
 (() => {
-  const LOOK = 33, STALE = 700; // ms between two looks; after which tones that did not come again fall silent
+  const LOOK = 33, STALE = 700; // ms between two checks; after which tones that were not sent again fall silent
   const GLIDE = 0.03; // s in which pitch and loudness follow
   const VOLUME = 0.3; // of all tones together, so that several at their loudest do not clip
   const button = Object.assign(document.createElement("button"), { className: "fl-hear", type: "button", textContent: "Hear it" });

@@ -1,8 +1,8 @@
-"""Stands between browsers and viser: what the page would not say, or cannot mean, goes no further.
+"""Checks every message of a browser before viser reads it.
 
-viser writes whatever a browser sends into its own state, names of attributes included, keeps some of it for every browser to
-come, and does both before any callback of ours can look. So each raw message is checked before viser reads it: its type, the
-type and range of every field, that what it names is there, and how much and how often one browser sends.
+viser writes whatever a browser sends into its own state, names of attributes included, keeps some of it for all later browsers,
+and does both before any callback runs. So each raw message is checked first: its type, the type and range of every field, that
+what it names exists, and how much and how often one browser sends.
 """
 
 import asyncio
@@ -46,23 +46,23 @@ LONGEST_INPUT = 10_000
 LARGEST_UPLOAD = 1_000_000
 """Bytes of a file that a browser may send: a scenario has a few thousand."""
 SMALLEST_PART = 100_000
-"""Bytes: the page cuts a file into larger parts, so no file has more parts than this gives."""
+"""Bytes: the page cuts a file into larger parts, which bounds their number."""
 MOST_UPLOADS = 4
-"""Files of one browser whose parts are to come, or whose acknowledgements viser still keeps."""
+"""Uploads of one browser that are not complete, or whose acknowledgements viser still keeps."""
 
 RATE, BURST = 100.0, 300.0
 """Messages a second, and at once, of one browser: its page sends at most some 40 a second. What comes faster waits."""
 BYTES_PER_MESSAGE = 10_000
 """A longer message counts as several."""
 PRESS_COST = 10.0
-"""What a key, a button or a menu counts: 10 a second, and 30 at once, are more than fingers do."""
+"""Cost of a key, a button or a menu, in messages: 10 a second, and 30 at once, are more than fingers do."""
 
 log: logging.Logger = limited(__name__)
 
 
 @dataclass
 class _Upload:
-    """A file whose parts are to come."""
+    """An upload that has begun."""
 
     source: str
     size: int
@@ -73,7 +73,7 @@ class _Upload:
 
 @dataclass
 class _Browser:
-    """What is remembered of one browser while it is connected."""
+    """State of one connected browser."""
 
     credit: float = BURST
     counted_at: float = field(default_factory=time.monotonic)
@@ -99,13 +99,13 @@ class InputGuard:
         """Messages refused so far, of all browsers."""
 
     def watch(self, server: GuardedServer, lab_state: LabState) -> None:
-        """Begin: until now nothing passes but where browsers look from."""
+        """Begin to accept input; until now only messages of cameras pass."""
         on_disconnect(server, self._forget)
         self._lab_state = lab_state
         self._server = server
 
     async def check(self, client: int, raw: Any) -> Verdict:
-        """What becomes of a message. A browser that sends too much waits, and nobody else does."""
+        """The verdict on a message. A browser that sends too much has to wait, and no other one."""
         browser = self._browsers.setdefault(client, _Browser())
         try:
             message = decode(raw)
@@ -139,7 +139,7 @@ class InputGuard:
             log.warning("Refused %s messages of browser %s, which has left.", browser.refused, client)
 
     def _possible(self, client: int, browser: _Browser, message: Heard) -> float:
-        """What the message counts beside its length. Raises `Refused` if it names what is not there, or cannot be meant."""
+        """The message's cost beside its length. Raises `Refused` if it names what does not exist, or has an impossible value."""
         server = self._server
         if isinstance(message, ViewerCameraMessage):
             return 0.0
@@ -222,7 +222,7 @@ def _check_update(server: GuardedServer, client: int, message: GuiUpdateMessage)
 
 
 def _problem(handle: Any, updates: Any) -> str:
-    """Why an update cannot be meant, as a sentence; empty if it can."""
+    """What is wrong with an update, as a sentence; empty if it is valid."""
     label, present, _, options = input_state(handle)
     if not isinstance(updates, dict) or set(updates) != {"value"}:
         return f"{label}: the browser sent something that is not a value. Nothing was changed."

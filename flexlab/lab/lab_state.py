@@ -1,23 +1,21 @@
-"""What all controls of one lab share: the way to the runner, the scenario as asked for, the way back, the view, notices."""
+"""What all controls of one lab share: commands to the runner, the requested scenario, undo, view settings, notices."""
 
 import contextlib
 import dataclasses
 import math
 import threading
 import time
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
 from flexlab.errors import FlexlabError, LabError, ScenarioError
-from flexlab.guide import LessonProgress
+from flexlab.guide import LOCKED, ClassRules, LessonProgress
 from flexlab.lab.changes import Settings, SlowChanges, Undo, changes_towards
-from flexlab.lab.class_rules import LOCKED, ClassRules
 from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.reference_run import ReferenceRun, differences
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration, fitting_window, tamed_exaggeration
-from flexlab.log_limits import limited
 from flexlab.own.path import needs_running, with_table
 from flexlab.physics.plant import ON_BEAM, Hand
 from flexlab.presets import load_preset
@@ -32,11 +30,10 @@ from flexlab.sim.world_state import Origin
 NOTICE_TIME = 12.0
 """How long a notice stays on screen, wall seconds: time to read two lines twice."""
 SEEN_AT_ONCE = 0.3
-"""Simulated s whose largest deflection is taken for the present one: a period of the softest beam that is offered."""
+"""Simulated seconds over which the largest deflection counts as the present one: a period of the softest beam offered."""
 
-log = limited(__name__)
-_by_person: ContextVar[bool] = ContextVar("by_person", default=False)
-"""Whether a person at the page asks: the teacher's lock is for them, not for the teacher."""
+BY_PERSON: ContextVar[bool] = ContextVar("by_person", default=False)
+"""Whether a person at the page asks: the teacher's lock holds for them only."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,7 @@ class Notice:
 
 
 class LabState:
-    """Callbacks of the page (on the server's event loop) ask here; the drawing thread reads here. Any thread."""
+    """Takes changes from callbacks, on the server's event loop; the drawing thread reads it. Thread-safe."""
 
     def __init__(self, runner: Runner, origin: Origin | None = None):
         """`origin`: where the runner's first run went on from."""
@@ -67,15 +64,15 @@ class LabState:
         self.kept: ReferenceRun | None = None
         """The run that is drawn behind the present one."""
         self.touched_at = -math.inf
-        """When a person last did anything with a control, monotonic s."""
+        """When a person last used a control, monotonic s."""
         self.lesson = ""
-        """The lesson that is open, and how far it is, in words; empty: none."""
+        """The open lesson and its progress, in words; empty: none."""
         self.lessons: dict[str, LessonProgress] = {}
-        """Of each lesson that was opened."""
+        """Progress in each lesson that was opened."""
         self.rules = ClassRules()
-        """What the teacher asks."""
+        """The teacher's rules."""
         self.company: Callable[[], int] = lambda: 0
-        """How many browsers look at this lab."""
+        """Number of browsers connected to this lab."""
         self._view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
         self._lesson_holds_factor = False
         self._fitted_speed = snapshot.target_speed
@@ -89,7 +86,7 @@ class LabState:
 
     @property
     def intended(self) -> Scenario:
-        """The scenario with every accepted change, even those that the engine has not yet taken up."""
+        """The scenario with every accepted change, also those that the engine has not applied yet."""
         return self._settings.scenario
 
     @property
@@ -130,20 +127,20 @@ class LabState:
             self._view = dataclasses.replace(self._view, **changes)
 
     def hold_exaggeration(self, factor: float | None) -> None:
-        """Draw deflections by one factor, whatever is run, as in a lesson; None: as each run suits again."""
+        """Draw deflections by a fixed factor, as in a lesson; None: by the factor that suits each run."""
         self._lesson_holds_factor = factor is not None
         if factor is not None and self._view.follow_deflection:
             self.set_view(exaggeration=factor)
 
     @property
     def _chooses_exaggeration(self) -> bool:
-        """Whether a run is drawn as suits it: within a lesson, and beside a kept run, one factor lets runs be compared."""
+        """Whether the factor follows the run. It stays in a lesson and beside a kept run, so that runs can be compared."""
         return self._view.follow_deflection and not self._lesson_holds_factor and self.kept is None
 
     def change(self, changes: Mapping[str, Any]) -> None:
         """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid.
 
-        What has a person's own path run is asked for beside the page; if it is refused, a notice says why.
+        A change that runs a person's own path is carried out on another thread; if it is refused, a notice says why.
         """
         self._check_lock()
         of_path = any(path.partition(".")[0] == "trajectory" for path in changes)
@@ -153,7 +150,7 @@ class LabState:
             self._change(changes)
 
     def _change_slowly(self, changes: Mapping[str, Any]) -> None:
-        # The poses are kept once they are made: what follows has not to wait for them.
+        # The poses are cached once they are computed: the change itself does not wait for them.
         self.intended.replace(changes)
         self._change(changes)
 
@@ -182,7 +179,7 @@ class LabState:
             self._start(Settings(scenario, self.name, self.baseline, origin))
 
     def saved(self, scenario: Scenario, name: str) -> None:
-        """`scenario`, the present one but for its title, now has a file of its own: changes count from there."""
+        """`scenario`, the present one apart from its title, was saved as a file: changes are counted against it."""
         with self._lock:
             self._settings = Settings(self.intended, name, scenario)
 
@@ -229,10 +226,10 @@ class LabState:
         return self._pull
 
     def settle(self, snapshot: Snapshot) -> None:
-        """Fall in with the engine where it did not follow: a change that it refused, or one, or a run, from elsewhere."""
+        """Adopt the engine's scenario where it differs: after a change that it refused, or a change or run from elsewhere."""
         with self._lock:
             if snapshot.run_number != self._run_number:
-                # A new run knows of no hand.
+                # Nobody pulls at a new run.
                 self._run_number, self._pull = snapshot.run_number, None
             if snapshot.answered < self._asked:
                 return
@@ -243,7 +240,7 @@ class LabState:
                 self._settings = dataclasses.replace(self._settings, scenario=snapshot.scenario)
 
     def fit_view(self, snapshot: Snapshot) -> None:
-        """Let what is drawn follow the run, where the person has chosen nothing; called ten times a second."""
+        """Adapt exaggeration and plot window to the run, unless a person chose them; called ten times a second."""
         if snapshot.target_speed != self._fitted_speed:
             self._fitted_speed = snapshot.target_speed
             if self._view.follow_speed:
@@ -273,7 +270,7 @@ class LabState:
 
     def _check_lock(self) -> None:
         """Raises `LabError` if a person at the page asks while the teacher has locked the lab."""
-        if self.rules.locked and _by_person.get():
+        if self.rules.locked and BY_PERSON.get():
             raise LabError(LOCKED)
 
     def _step(self, move: Callable[[Settings], Settings | None], otherwise: str) -> None:
@@ -300,13 +297,13 @@ class LabState:
             self.set_view(exaggeration=fitting_exaggeration(settings.scenario))
         self._ask(LoadScenario(settings.scenario, settings.name, settings.origin))
         self._let_go_of(settings.origin)
-        if _by_person.get() and self.company() > 1:
+        if BY_PERSON.get() and self.company() > 1:
             self.say(
                 f'Somebody in this lab opened "{settings.scenario.title or settings.name}". Undo (Ctrl+Z) goes back.'
             )
 
     def _let_go_of(self, origin: Origin | None) -> None:
-        """End a pull that was going on at `origin`: its hand is not here, and nobody would see its spring."""
+        """End a pull that was active at `origin`: nobody holds it now, and no arrow would show it."""
         if origin is None or not (hand := Hand(*map(float, origin.state.pull))).stiffness:
             return
         held = None if hand.arm == ON_BEAM else (int(hand.arm) + 1, int(hand.link) + 1)
@@ -314,33 +311,9 @@ class LabState:
 
 
 def _settings(scenario: Scenario, name: str, origin: Origin | None) -> Settings:
-    """Those of a new run. One that goes on from an earlier run is compared with, and goes back to, that run's preset."""
+    """Settings of a new run. A run that continues an earlier one is compared with that run's preset."""
     baseline = scenario
     if origin is not None:
         with contextlib.suppress(FlexlabError):
             baseline = load_preset(name)
     return Settings(scenario, name, baseline, origin)
-
-
-def handler(lab_state: LabState, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
-    """A callback for a widget: runs `action(event)` for what a person did, and shows what went wrong as a sentence.
-
-    Events without a client are the server's own writes to the widget, and ask for nothing.
-    """
-
-    async def callback(event: Any) -> None:
-        if event.client is None:
-            return
-        lab_state.touched_at = time.monotonic()
-        asked = _by_person.set(True)
-        try:
-            action(event)
-        except FlexlabError as error:
-            lab_state.say(str(error), "error")
-        except Exception as error:
-            log.exception("a control failed")
-            lab_state.say(f"This control failed ({type(error).__name__}: {error}); the simulation goes on.", "error")
-        finally:
-            _by_person.reset(asked)
-
-    return callback

@@ -1,4 +1,4 @@
-"""Looking back at the last minute of the run: what the screen shows of it, and going on from there."""
+"""Looking back at the last minute of the run, and continuing from an earlier instant."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,19 +15,19 @@ from flexlab.sim.world_state import Origin
 
 @dataclass(frozen=True)
 class _Past:
-    """What is looked at. It ends when anything else happens to the run."""
+    """The instant that is shown. It is dropped when anything else happens to the run."""
 
     ago: float
     """s before the instant at which the run stands."""
     run_number: int
     asked: int
-    """The command that had the run hold, as `Snapshot.answered` counts them."""
+    """Number of the command that paused the run, as `Snapshot.answered` counts."""
     went: bool
-    """Whether the run went on before."""
+    """Whether the run was playing before."""
 
 
 class LookBack:
-    """The run holds while somebody looks back. Any thread."""
+    """Pauses the run while somebody looks back. Thread-safe."""
 
     def __init__(self, lab_state: LabState, runner: Runner, recorded_as: Callable[[], str]):
         """`recorded_as`: the name of the present run's recording; empty: there is none."""
@@ -53,7 +53,7 @@ class LookBack:
         return min(max(float(now.latest.time[0]) - max(oldest, now.start_time), 0.0), HISTORY_SECONDS)
 
     def look(self, ago: float) -> None:
-        """Show the run as it was `ago` s ago, and let it hold; 0 or less: the present. Raises `LabError` if it is locked."""
+        """Pause the run and show it as it was `ago` s ago; 0 or less: the present. Raises `LabError` if it is locked."""
         if ago <= 0:
             self.back_to_now()
         elif self.ago > 0 and self._past is not None:
@@ -64,14 +64,14 @@ class LookBack:
             self._past = _Past(ago, now.run_number, asked, went)
 
     def back_to_now(self) -> None:
-        """Show the present; a run that went on before goes on again."""
+        """Show the present; a run that was playing before plays again."""
         went = self._past is not None and self.ago > 0 and self._past.went
         self._past = None
         if went and not self._runner.snapshot.status.failed:
             self._lab_state.submit(Play())
 
     def go_on(self) -> None:
-        """Begin a run that goes on from the instant that is shown, with its exact state. Raises `FlexlabError`."""
+        """Start a run that continues from the shown instant, with its exact state. Raises `FlexlabError`."""
         ago = self.ago
         if not ago:
             raise LabError("There is nothing to continue from: look back first.")
@@ -84,7 +84,7 @@ class LookBack:
         self._past = None
 
     def seen(self, now: Snapshot) -> Snapshot:
-        """What the screen shows where `now` is the present."""
+        """The snapshot that the screen shows; `now` is the present."""
         ago = self.ago
         if not ago:
             return now

@@ -1,6 +1,6 @@
-"""Computes modes, conditions and what explanations need of the present scenario beside the lab.
+"""Computes modes, stability conditions and the background of explanations on a thread of its own.
 
-So a fine mesh holds up neither picture nor controls.
+So a fine mesh delays neither picture nor controls.
 """
 
 import logging
@@ -21,8 +21,7 @@ REST = 0.3
 """s without a change of the scenario after which its modes are computed at once."""
 
 PAUSE_SHARE = 9
-"""How many times as long as a computation the pause after it is while changes go on, as when a slider is dragged: the picture
-needs the processor more."""
+"""Pause after a computation while changes go on (a slider is dragged), as a multiple of its duration: the picture comes first."""
 
 PEAK_POINTS = 101
 """Places along the beam at which its largest deflection is sought."""
@@ -69,7 +68,7 @@ class ModeStudy:
             self._thread.start()
 
     def background(self, scenario: Scenario) -> Background | None:
-        """What explanations need to know of `scenario` before they look at a run; None while it is not computed."""
+        """What explanations need to know of `scenario`; None until it is computed."""
         found = self._background
         return found if found is not None and _key(found.scenario) == _key(scenario) else None
 

@@ -1,8 +1,9 @@
-"""Follows the files of a person's own laws and paths while a lab runs: what is saved acts at once, in the run that is on."""
+"""Reloads a person's own laws and paths in the running lab when their files are saved."""
 
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 from flexlab.control.law import laws
 from flexlab.errors import FlexlabError
@@ -10,16 +11,21 @@ from flexlab.lab.lab_state import LabState
 from flexlab.own import hosts
 from flexlab.own.files import LAW_FILES, PATH_FILES, add_own_law_file, add_own_path_file
 from flexlab.own.law import PythonLaw, same_declaration
+from flexlab.quantities import Part
 
 LOOK = 0.25
 """s between two looks: an editor that writes a file in several goes is done by then."""
 
+OF_A_LAW = ("kind", "source")
+OF_A_PATH = (*OF_A_LAW, "table", "table_of", "transition")
+"""Fields that belong to one text, or to the way to it: a new text has its own."""
+
 Stamp = tuple[int, int, int]
-"""What changes when a file is written or replaced: when, which one and how long."""
+"""Time of change, inode and size of a file."""
 
 
 class OwnFileWatch:
-    """Looks at the files whose laws and paths may run here, and for new ones in a person's folders, made later too."""
+    """Watches the files whose laws and paths may run here, and a person's folders for new ones."""
 
     def __init__(self, lab_state: LabState):
         self._lab_state = lab_state
@@ -60,64 +66,53 @@ class OwnFileWatch:
     def _take(self, file: Path, is_first: bool) -> None:
         folder = PATH_FILES if file.parent == self._folders[1] or PATH_FILES.holds(file) else LAW_FILES
         if folder.holds(file):
-            (self._reload_path if folder is PATH_FILES else self._reload_law)(file)
+            self._reload(file, folder is PATH_FILES)
         elif is_first:
             try:
                 kind = folder.kind_of(file)
                 self._lab_state.say(f"{file.name} was saved: the {folder.kinds.registry.what} {kind} is new.")
             except FlexlabError as error:
                 self._lab_state.say(f"{file.name} was saved, but cannot be used: {error}", level="error")
-        # So that the menus look at what there is.
+        # So that the menus are brought up to date.
         self._lab_state.touched_at = time.monotonic()
 
-    def _reload_law(self, path: Path) -> None:
-        present = self._lab_state.intended.controller
-        old = laws().get(present.kind)
+    def _reload(self, file: Path, is_path: bool) -> None:
+        """Take up a file's new text; the run goes on with it if it can."""
+        lab_state = self._lab_state
+        what, present = ("path", lab_state.intended.trajectory) if is_path else ("law", lab_state.intended.controller)
         try:
-            law = add_own_law_file(path)
-            source = law.model.model_fields["source"].default
-            if present.kind != law.kind or getattr(present, "source", "") == source:
-                self._lab_state.say(f"{path.name} was saved: the control law {law.kind} is new.")
-            elif isinstance(old, PythonLaw) and same_declaration(old, law) and law.goes_on:
-                self._lab_state.change({"controller.source": source})
-                self._lab_state.say(f"{path.name} was saved: the control law {law.kind} goes on with the new text.")
+            old = laws().get(present.kind)
+            new = add_own_path_file(file) if is_path else add_own_law_file(file)
+            source = new.model.model_fields["source"].default
+            title = f"path {new.kind}" if is_path else f"control law {new.kind}"
+            if present.kind != new.kind or getattr(present, "source", "") == source:
+                told = f"the {title} is new."
+            elif isinstance(new, PythonLaw) and not (
+                isinstance(old, PythonLaw) and same_declaration(old, new) and new.goes_on
+            ):
+                changed = lab_state.intended.replace({"controller": _with_text(new, present, source, OF_A_LAW)})
+                lab_state.load(changed, lab_state.name)
+                told = "the run starts anew with it."
             else:
-                self._restart(law)
-                self._lab_state.say(f"{path.name} was saved: the run starts anew with it.")
+                lab_state.change(
+                    {"trajectory": _with_text(new, present, source, OF_A_PATH)}
+                    if is_path
+                    else {"controller.source": source}
+                )
+                told = f"the {title} goes on with the new text."
+            lab_state.say(f"{file.name} was saved: {told}")
         except FlexlabError as error:
-            self._lab_state.say(f"{path.name} was saved, but the law goes on as it was: {error}", level="error")
+            lab_state.say(f"{file.name} was saved, but the {what} goes on as it was: {error}", level="error")
 
-    def _reload_path(self, file: Path) -> None:
-        """The target goes on to the new path, with the options that it still has."""
-        present = self._lab_state.intended.trajectory
-        try:
-            path = add_own_path_file(file)
-            fields = path.model.model_fields
-            source = fields["source"].default
-            if present.kind != path.kind or getattr(present, "source", "") == source:
-                self._lab_state.say(f"{file.name} was saved: the path {path.kind} is new.")
-                return
-            kept = {
-                name: value
-                for name, value in present.model_dump().items()
-                if name in fields and name not in ("kind", "source", "table", "table_of", "transition")
-            }
-            self._lab_state.change({"trajectory": {"kind": path.kind, **kept, "source": source}})
-            self._lab_state.say(f"{file.name} was saved: the path {path.kind} goes on with the new text.")
-        except FlexlabError as error:
-            self._lab_state.say(f"{file.name} was saved, but the path goes on as it was: {error}", level="error")
 
-    def _restart(self, law: PythonLaw) -> None:
-        """Begin anew with a law that declares something else, with the gains that it still has."""
-        scenario, fields = self._lab_state.intended, law.model.model_fields
-        source = fields["source"].default
-        kept = {
-            name: value
-            for name, value in scenario.controller.model_dump().items()
-            if name in fields and name not in ("kind", "source")
-        }
-        changed = scenario.replace({"controller": {**kept, "kind": law.kind, "source": source}})
-        self._lab_state.load(changed, self._lab_state.name)
+def _with_text(kind: Any, present: Part, source: str, left_out: tuple[str, ...]) -> dict[str, Any]:
+    """A part of the scenario with a new text, and the options of the present one that it still has."""
+    kept = {
+        name: value
+        for name, value in present.model_dump().items()
+        if name in kind.model.model_fields and name not in left_out
+    }
+    return {"kind": kind.kind, **kept, "source": source}
 
 
 def _stamp(file: Path) -> Stamp | None:

@@ -1,7 +1,7 @@
 // What the lab adds to viser's page. It tells the lab which run this browser has drawn, which charts are on the screen and
 // whether the system is dark, and lets Esc close the list of keys. Without it the lab shows everything to everybody.
 (() => {
-  // viser works on messages while it draws. Where WebGL is missing it draws onto nothing: panel and plots then work all the same.
+  // viser handles messages in its drawing loop. Without WebGL it gets a context that draws nothing: panel and plots still work.
   const NO_PICTURE = "This browser cannot draw the scene: WebGL is off or missing. Turn on graphics (hardware) acceleration in its " +
     "settings and load this page again, or take another browser. Plots and controls work.";
 
@@ -44,8 +44,8 @@
     });
   }
 
-  const LOOK = 100; // ms between two looks, in a page that nobody sees as well
-  const english = (part) => window.flexlabEnglish?.(part) ?? part.textContent; // whatever language is shown
+  const LOOK = 100; // ms between two checks, also in a hidden page
+  const english = (part) => window.flexlabEnglish?.(part) ?? part.textContent; // the English text in any language
   const SHEET = 'div[style*="position: fixed"][style*="width: 20em"]'; // the panel of a page in one column
   // viser lays a page out in one column below 36em; beside a panel the scene has no room below 60em either.
   const match = window.matchMedia.bind(window);
@@ -87,7 +87,7 @@
 
   const share = (value) => Math.round(1000 * Math.min(Math.max(value, 0), 1)) / 1000;
 
-  // Of each chart on the screen the part that is zoomed into, as shares of all that it has.
+  // For each chart on the screen: the visible part of its time axis, as shares of the whole.
   function openCharts() {
     const open = {};
     if (document.hidden) return open;
@@ -102,7 +102,7 @@
     return open;
   }
 
-  // Of the picture's height the shares that something lies over, from above and from below.
+  // The shares of the picture's height that are covered, from above and from below.
   function covered() {
     const picture = window.__viserMutable?.canvas?.getBoundingClientRect();
     if (!picture?.height) return [0, 0];
@@ -116,7 +116,7 @@
     return [share(above / picture.height), share(below / picture.height)];
   }
 
-  // Which panels are open is kept per browser: this one opens them again.
+  // Each browser remembers which panels were open.
   const KEPT = "flexlab-open-panels";
   let lastOpen = [];
   try { lastOpen = JSON.parse(localStorage.getItem(KEPT) ?? "[]").filter((name) => ["guide", "plots"].includes(name)); }
@@ -143,7 +143,7 @@
     requestAnimationFrame(() => requestAnimationFrame(() => { drawnRun = run; look(); }));
   }
 
-  // Where the picture is between the panels: what floats over it stands in the middle of what is free of it.
+  // The place of the picture between the panels: what floats over it is centred in its free part.
   function measurePicture() {
     const box = window.__viserMutable?.canvas?.getBoundingClientRect();
     if (!box?.width) return;
@@ -156,7 +156,7 @@
     style.setProperty("--fl-picture-width", `${Math.round(box.width)}px`);
   }
 
-  // What a curve lacks at an instant, as a level outside the picture, is no number; and nothing is less than nothing.
+  // A legend shows a missing value as –, and −0 as 0.
   function tellPlainly(series) {
     if (series.isPlain) return;
     const told = series.value;
@@ -164,7 +164,7 @@
     series.value = (chart, value, ...place) => Number.isFinite(value) ? told(chart, value, ...place).replace(/^[-−]0$/, "0") : "–";
   }
 
-  // Where no cursor points into a chart its legend tells the newest values.
+  // Without a cursor in a chart, its legend shows the newest values.
   function tellNewest() {
     for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
       chart.series.slice(1).forEach(tellPlainly);
@@ -193,9 +193,9 @@
     history.replaceState(null, "", location.pathname);
   }, true);
 
-  // The lab tells its time each second. Of all that came over this connection the quickest shows how far its clock is from ours,
-  // and so how old the picture is when the line is slow or cut.
-  const BEHIND = 3000, LASTING = 10; // ms of age that are said; looks in a row that must find it
+  // The lab sends its time each second. The quickest message of this connection gives the offset of its clock, and so the age
+  // of the picture when the line is slow or cut.
+  const BEHIND = 3000, LASTING = 10; // ms of age from which it is shown; checks in a row that must find it
   const old = Object.assign(document.createElement("p"), { className: "fl-behind", hidden: true });
   old.setAttribute("role", "status");
   let connection = "", labTime = NaN, quickest = Infinity, found = 0;
@@ -212,7 +212,7 @@
     if (!old.isConnected) document.body?.append(old); // The page may still be on its way.
   }
 
-  // What is there to be touched, and not to be seen, hides nothing behind it: viser would keep its depth.
+  // Invisible parts that can be touched must not hide what is behind them: viser would write their depth.
   function showBehindUnseen() {
     for (const name of ["/grab", "/arms/grab"]) {
       window.__viserMutable?.nodeRefFromName?.[name]?.traverse(({ material }) => {
@@ -231,7 +231,7 @@
     tellNewest();
     measurePicture();
     const way = document.querySelector(".fl-reports")?.dataset.way;
-    if (way !== connection) someoneActed = false; // A line that is lost takes the panels along, and a new one brings them folded.
+    if (way !== connection) someoneActed = false; // A new connection brings the panels folded.
     keepOpenPanels();
     watchAge(way ?? connection);
     if (!way || !window.__viserMutable?.sendMessage) return;
@@ -243,7 +243,7 @@
     window.__viserMutable.sendMessage({ type: "GuiUpdateMessage", uuid: way, updates: { value: report } });
   }
 
-  // Charts of one tab show the same time: what is zoomed in one is zoomed in all, also while the window moves on.
+  // The charts of one tab are zoomed together, also while the window moves on.
   const chartAt = (target) => Object.values(window.__viserTestpoints?.uplots ?? {})
     .map((entry) => entry.chart).find((chart) => chart.root.contains(target));
   let zooming = null;
@@ -273,7 +273,7 @@
     const buttons = [...document.querySelectorAll(".mantine-Modal-content button")];
     buttons.find((button) => english(button).trim() === "Close")?.click();
   }, true);
-  // A menu tells nothing when the option is chosen that it shows; for the presets that means: start it anew.
+  // A menu reports nothing when the shown option is chosen again; in the menu of presets that restarts the preset.
   addEventListener("click", (event) => {
     const option = event.target.closest?.('[role="option"][aria-selected="true"]');
     const list = option?.closest('[role="listbox"]');

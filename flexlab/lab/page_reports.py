@@ -1,4 +1,4 @@
-"""What browsers tell of themselves: which run they have drawn, which charts they show, whether their system is dark."""
+"""Reports of the browsers: the run that they have drawn, the charts on their screen, whether their system is dark."""
 
 import html
 import math
@@ -13,21 +13,21 @@ import msgspec
 import viser
 
 from flexlab.lab.browser_messages import Count, Identifier
-from flexlab.lab.panel.number_control import put
 from flexlab.lab.viser_internals import widget_uuid
 from flexlab.lab.viser_server import set_theme
+from flexlab.lab.widgets import put
 from flexlab.log_limits import limited
 from flexlab.text import escaped
 
-PAGE_SCRIPT = "".join(
-    Path(__file__).with_name(name).read_text(encoding="utf-8")
-    for name in ("page.js", "accessibility.js", "hear.js", "number_boxes.js")
+PAGE_SCRIPT, PAGE_SHEET = (
+    "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in names)
+    for names in (("page.js", "accessibility.js", "hear.js", "number_boxes.js"), ("page.css",))
 )
-"""What a page needs to tell it, and what viser's page lacks for keyboards and screen readers."""
+"""What the lab adds to viser's page."""
 LONGEST_SILENCE = 10.0
-"""s after which a browser that never told anything counts as one that sees whatever it is sent."""
+"""Seconds after which a browser that never reported counts as one that has drawn everything."""
 AGAIN_PERIOD = 1.0
-"""s between two runs that a preset chosen once more begins, whichever browsers ask: each is a recording."""
+"""Least time between two runs that begin because the shown preset was chosen again, s: each is a recording."""
 
 log = limited(__name__)
 
@@ -47,13 +47,13 @@ class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     width: Count
     """Of the window, px."""
     covered: tuple[Share, Share]
-    """Of the picture's height, by what lies over it: from above and from below."""
+    """Shares of the picture's height that are covered, from above and from below."""
     open: Annotated[tuple[str, ...], msgspec.Meta(max_length=2)]
-    """Names of the panels that this browser last had open, of `guide` and `plots`."""
+    """The panels that this browser last had open: `guide`, `plots`."""
     hears: bool
-    """Whether somebody wants to hear the beam."""
+    """Whether its sound is on."""
     again: Count
-    """How often the preset that is shown was chosen once more."""
+    """How often the shown preset was chosen again."""
 
 
 _DECODER = msgspec.json.Decoder(Report)
@@ -66,15 +66,25 @@ class _Page:
     way: str
     """uuid of the field in which it reports."""
     mark: viser.GuiHtmlHandle
-    """What is told to it alone."""
+    """The element that tells it what no other browser needs."""
     since: float = field(default_factory=time.monotonic)
     report: Report | None = None
     said: int = 0
-    """Sentences that were said to it."""
+    """Number of sentences that its screen reader was given."""
+    sentence: str = ""
+    """The last one."""
+    presents: bool = False
+    """Whether it shows the presentation."""
+
+    def show(self) -> None:
+        """Write its element anew."""
+        kind = "fl-reports fl-presentation" if self.presents else "fl-reports"
+        told = f'data-way="{html.escape(self.way)}" data-count="{self.said}" data-said="{escaped(self.sentence)}"'
+        put(self.mark, content=f'<i hidden class="{kind}" {told}></i>')
 
 
 class PageReports:
-    """The newest report of every browser of one server. Any thread."""
+    """The newest report of every browser of one server. Thread-safe."""
 
     def __init__(
         self,
@@ -85,7 +95,7 @@ class PageReports:
         cover: Callable[[viser.ClientHandle, float, float], None],
         start_anew: Callable[[], None],
     ):
-        """`arrange` lays out a new page by its first report; `cover` is told what lies over the picture.
+        """`arrange` lays out a new page by its first report; `cover` takes the covered shares of the picture.
 
         `start_anew` loads the preset that is shown.
         """
@@ -98,16 +108,16 @@ class PageReports:
         server.on_client_disconnect(self._forget)
 
     def show_run(self, run_number: int, name: str) -> None:
-        """Tell the pages which run it is that they have just been sent, and what it is called."""
+        """Tell the pages number and name of the run that they have just been sent."""
         put(self._mark, content=_mark(run_number, name))
 
     @property
     def count(self) -> int:
-        """Browsers that look."""
+        """Number of connected browsers."""
         return len(self._pages)
 
     def have_drawn(self, run_number: int) -> bool:
-        """Whether somebody can see a run."""
+        """Whether a browser has drawn a run."""
         now = time.monotonic()
         return any(
             page.report.run == run_number if page.report is not None else now - page.since > LONGEST_SILENCE
@@ -115,10 +125,7 @@ class PageReports:
         )
 
     def open_charts(self) -> dict[str, tuple[float, float]] | None:
-        """The charts that somebody has on the screen, and the part of the window that is seen.
-
-        None: perhaps all charts, as not every page has told.
-        """
+        """The charts on any screen, and the part of the window that is seen; None: a page has not reported, perhaps all."""
         found: dict[str, tuple[float, float]] = {}
         for page in self._all():
             if page.report is None:
@@ -130,25 +137,35 @@ class PageReports:
 
     @property
     def somebody_hears(self) -> bool:
-        """Whether a page wants to hear the beam."""
+        """Whether the sound is on in any page."""
         return any(page.report is not None and page.report.hears for page in self._all())
 
     def say(self, client: viser.ClientHandle, text: str) -> None:
         """Have one browser's screen reader say a text."""
         page = self._pages.get(client.client_id)
         if page is not None:
-            page.said += 1
-            page.mark.content = _own_mark(page.way, page.said, text)
+            page.said, page.sentence = page.said + 1, text
+            page.show()
+
+    def toggle_presentation(self, client: viser.ClientHandle) -> bool:
+        """Begin or end the presentation in one browser; returns whether it presents now."""
+        page = self._pages.get(client.client_id)
+        if page is None:
+            return False
+        page.presents = not page.presents
+        page.show()
+        return page.presents
 
     def _all(self) -> list[_Page]:
         with self._lock:
             return list(self._pages.values())
 
     async def _greet(self, client: viser.ClientHandle) -> None:
-        # Of this browser alone: what one tells is no news for the others.
+        # It belongs to this browser alone: the others need not get its reports.
         way = client.gui.add_text("page", "", visible=False)
         uuid = widget_uuid(way)
-        page = _Page(uuid, client.gui.add_html(_own_mark(uuid, 0, "")))
+        page = _Page(uuid, client.gui.add_html(""))
+        page.show()
         with self._lock:
             self._pages[client.client_id] = page
 
@@ -175,11 +192,7 @@ class PageReports:
             self._pages.pop(client.client_id, None)
 
 
-def _own_mark(way: str, said: int, text: str) -> str:
-    return f'<i hidden class="fl-reports" data-way="{html.escape(way)}" data-count="{said}" data-said="{escaped(text)}"></i>'
-
-
 def _mark(run_number: int, name: str) -> str:
-    """What all pages are told; its time, s, shows a page how old its picture is."""
+    """The element for all pages; by its time, s, a page knows how old its picture is."""
     told = f'data-run="{run_number}" data-name="{html.escape(name)}" data-at="{int(time.monotonic())}"'
     return f'<i hidden class="fl-run" {told}></i>'

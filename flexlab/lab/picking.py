@@ -1,4 +1,4 @@
-"""Hands on the machine: dragging beam or link pulls it with a spring, clicking the beam taps it with a calibrated impulse.
+"""Dragging beam or link pulls it with a spring; clicking the beam taps it with a calibrated impulse.
 
 Both are commands, so they are in the log and a replay contains them.
 """
@@ -11,9 +11,10 @@ import numpy as np
 import viser
 
 from flexlab.errors import LabError
-from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.number_control import NumberControl, Scale
+from flexlab.lab.lab_state import LabState
+from flexlab.lab.panel.number_control import NumberControl
 from flexlab.lab.scene.arms import BEAM_HEIGHT, LINK_HEIGHTS, scene_size
+from flexlab.lab.widgets import add_button, handler
 from flexlab.quantities import Quantity
 from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.geometry import arm_points
@@ -22,11 +23,11 @@ STIFFNESS = Quantity("Pull stiffness", unit="N/m", low=1, high=1e5, slider=(10, 
 IMPULSE = Quantity("Tap impulse", unit="N·s", low=1e-4, high=100, slider=(1e-3, 1), logarithmic=True)
 PLACE = Quantity("Tap place s/L", low=-0.5, high=0.5, slider=(-0.5, 0.5))
 STEEPEST = 0.05
-"""Least downward part of a line of sight that can be followed to the plane of motion."""
+"""Least downward component of a line of sight that is followed to the plane of motion."""
 
 
 class Held(NamedTuple):
-    """What a hand has taken hold of: `position` and `link` as in `Pull`, `height` above the floor, m."""
+    """The point that is held: `position` and `link` as in `Pull`, `height` above the floor, m."""
 
     position: float
     link: tuple[int, int] | None
@@ -124,8 +125,8 @@ class DisturbanceSettings:
         self._controls = {}
         for about, name in ((STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place")):
             self._controls[name] = self._control(gui, lab_state, about, name)
-        tap = gui.add_button("Tap", icon=viser.Icon.HAND_CLICK, color="gray", hint="An impulse across the beam")
-        tap.on_click(handler(lab_state, lambda _: touch.tap()))
+        icon, hint = viser.Icon.HAND_CLICK, "An impulse across the beam"
+        add_button(gui, lab_state, "Tap", lambda _: touch.tap(), icon=icon, hint=hint)
 
     def settle(self) -> None:
         """Show the true values where nobody is at them."""
@@ -134,6 +135,5 @@ class DisturbanceSettings:
 
     def _control(self, gui: viser.GuiApi, lab_state: LabState, about: Quantity, name: str) -> NumberControl:
         usual = getattr(self._touch, name)
-        hint = f"Allowed: {about.range_text()}."
         ask = partial(self._touch.set, name)
-        return NumberControl(gui, lab_state, about.title, about.unit, Scale(about), hint, usual, ask, lambda: usual)
+        return NumberControl(gui, lab_state, about, usual, ask, lambda: usual, hint=f"Allowed: {about.range_text()}.")

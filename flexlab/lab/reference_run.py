@@ -1,4 +1,4 @@
-"""A run that was kept to compare others with: its samples, and what sets it apart from the present run."""
+"""A run that is kept for comparison: its samples, and its differences from the present run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -2,31 +2,24 @@
 
 import threading
 import time
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Callable
 
 import viser
 
 from flexlab.lab.lab_state import LabState
-from flexlab.lab.look_back import LookBack
 from flexlab.lab.page_reports import PageReports
-from flexlab.lab.panel.panel import Panel
-from flexlab.lab.plots.plots import Plots
-from flexlab.lab.scene.cameras import ClientCameras
-from flexlab.lab.scene.scene import Scene
 from flexlab.lab.viser_internals import GuardedServer
 from flexlab.log_limits import limited
 from flexlab.sim.commands import Pause, Play
 from flexlab.sim.runner import Runner
-from flexlab.sim.snapshot import Snapshot
 from flexlab.text import number_text
 
 UNATTENDED_TIME = 60.0
-"""s without a browser after which a lab holds, and so records nothing more: a reload takes ten."""
+"""Seconds without a browser after which a lab pauses, and so records no more; a reload takes ten."""
 
 
 class Attendance:
-    """Releases and holds the runs of one lab. `update` is to be called often, from one thread."""
+    """Starts runs that a browser has drawn, and pauses them while no browser is connected. One thread calls `update` often."""
 
     def __init__(
         self,
@@ -36,14 +29,14 @@ class Attendance:
         longest: float = UNATTENDED_TIME,
         clock: Callable[[], float] = time.monotonic,
     ):
-        """`longest`: s without a browser before the lab holds."""
+        """`longest`: seconds without a browser before the lab pauses."""
         self._runner, self._lab_state, self._reports = runner, lab_state, reports
         self._longest, self._clock = longest, clock
         self._seen_at = clock()
         self._held_run = 0
 
     def update(self) -> None:
-        """Look who is there, and act on it."""
+        """Release or pause the run, depending on who is connected."""
         snapshot = self._runner.snapshot
         if self._reports.count:
             self._seen_at = self._clock()
@@ -56,7 +49,7 @@ class Attendance:
                 self._lab_state.submit(Pause())
 
     def _go_on(self) -> None:
-        """Somebody has come: what was held for want of them goes on."""
+        """Resume a run that was paused because no browser was connected."""
         snapshot = self._runner.snapshot
         if self._held_run == snapshot.run_number and not snapshot.playing and not self._lab_state.rules.locked:
             time_now = number_text(float(snapshot.latest.time[0]), 5)
@@ -71,43 +64,26 @@ READOUT_EVERY = 3
 """Pictures per update of plots and readouts: 10 Hz, as fast as numbers can be read."""
 
 UNSEEN_TIME = 0.25
-"""Wall seconds between two looks whether somebody has come: who comes is seen at once, so this bounds nothing that shows."""
+"""Wall seconds between two checks for browsers; a new connection also wakes the thread at once."""
 
 log = limited(__name__)
 
 
-class Readout(Protocol):
-    """What follows the run, a few times a second."""
-
-    def update(self, snapshot: Snapshot) -> None:
-        """Bring it up to date."""
-
-
 class RenderLoop:
-    """Owns the thread. It only reads the runner; while nobody looks it does nothing."""
+    """Owns the drawing thread. While nobody looks it does nothing."""
 
     def __init__(
         self,
         server: GuardedServer,
-        runner: Runner,
         lab_state: LabState,
-        look_back: LookBack,
-        scene: Scene,
-        cameras: ClientCameras,
-        panel: Panel,
-        plots: Plots,
-        readouts: Sequence[Readout],
-        sound: Readout,
-        reports: PageReports,
+        draw: Callable[[bool], None],
         attendance: Attendance | None,
     ):
-        """`readouts`: what else follows the run; `sound`: as often as the picture.
+        """`draw(readouts)` draws a picture, with plots and numbers or without.
 
-        `attendance`: who releases and holds runs; None: nobody has to look.
+        `attendance`: releases and holds runs; None: they run whoever looks.
         """
-        self._server, self._runner, self._lab_state, self._look_back = server, runner, lab_state, look_back
-        self._scene, self._cameras, self._panel, self._plots, self._readouts = scene, cameras, panel, plots, readouts
-        self._sound, self._reports, self._attendance = sound, reports, attendance
+        self._server, self._lab_state, self._draw, self._attendance = server, lab_state, draw, attendance
         self._stop, self._come = threading.Event(), threading.Event()
         server.on_client_connect(self._greet)
         self._thread = threading.Thread(target=self._run, name="flexlab-drawing", daemon=True)
@@ -147,20 +123,3 @@ class RenderLoop:
                 self._stop.wait(max(FRAME_TIME - (time.monotonic() - began), 0.002))
             else:
                 self._come.wait(UNSEEN_TIME)
-
-    def _draw(self, readouts: bool) -> None:
-        snapshot, view = self._runner.snapshot, self._lab_state.view
-        seen = self._look_back.seen(snapshot)
-        self._scene.update(seen, view, self._lab_state.pulled, self._lab_state.kept)
-        if self._reports.somebody_hears:
-            with self._server.inputs:
-                self._sound.update(seen)
-        self._reports.show_run(snapshot.run_number, snapshot.name)
-        self._cameras.follow(seen)
-        if readouts:
-            with self._server.inputs:
-                self._panel.update(snapshot, seen, self._scene.legend(view))
-                for readout in self._readouts:
-                    readout.update(snapshot)
-            opened = self._reports.open_charts()
-            self._plots.update(self._look_back.recent, seen, view, self._lab_state.kept, opened)

@@ -1,4 +1,4 @@
-"""The beam's ring as tones for a browser that asked to hear it: each mode's frequency, shifted, and how loud it is.
+"""The beam's ring as tones for a browser whose sound is on: each mode's shifted frequency and its loudness.
 
 All frequencies are shifted by one factor, so that their ratios are the beam's own; `hear.js` makes the sound.
 """
@@ -21,7 +21,7 @@ from flexlab.sim.snapshot import TICK, Snapshot
 FACTOR, STEP = 16.0, 4.0
 """The paper's beam rings at 45 Hz, which is heard at 714 Hz. Beams that would not be heard so get another factor."""
 LOWEST, HIGHEST = 50.0, 2500.0
-"""Hz, between which the first mode is heard."""
+"""Range of the first mode's tone, Hz."""
 TOP = 12_000.0
 """Hz: higher modes are left out, as few people or loudspeakers have them."""
 SILENT, LOUDEST = 1e-6, 1e-2
@@ -32,7 +32,7 @@ MOST_TONES = 8
 
 
 def heard_factor(first_frequency: float) -> float:
-    """By what frequencies are shifted, 1, so that a first mode of so many Hz is heard."""
+    """The factor on all frequencies that makes a first mode of so many Hz audible."""
     factor = FACTOR
     while factor * first_frequency < LOWEST:
         factor *= STEP
@@ -42,12 +42,12 @@ def heard_factor(first_frequency: float) -> float:
 
 
 def loudness(amplitude: float) -> float:
-    """Of a mode's amplitude, m: 0 to 1. Its root, so that a ring is heard from 10 mm down to µm."""
+    """Loudness, 0 to 1, of a mode's amplitude, m: its root, so that a ring is heard from 10 mm down to µm."""
     return math.sqrt(min(amplitude, LOUDEST) / LOUDEST) if amplitude > SILENT else 0.0
 
 
 class Tones:
-    """What is heard of one beam."""
+    """The tones of one beam."""
 
     def __init__(self, payload: Payload):
         self.payload = payload
@@ -65,14 +65,13 @@ class Tones:
 
     @property
     def window(self) -> float:
-        """s of the run that are looked at."""
+        """Seconds of the run that count."""
         return self._window
 
     def amplitudes(self, recent: Samples) -> np.ndarray:
-        """Of each mode's vibration at its widest place, m, (modes,).
+        """Amplitude of each mode at its widest place, m, (modes,).
 
-        From how much the modal velocity changes from sample to sample: the slow bending, which does not ring, has next to no
-        part in that.
+        It follows from the change of the modal velocity between samples, in which the slow bending hardly shows.
         """
         if len(recent) < 2 or recent.beam_rates.shape[1] != len(self._to_modes):
             return np.zeros(len(self.omega))

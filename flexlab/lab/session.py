@@ -1,6 +1,5 @@
 """One lab: a server for browsers, the simulation behind it, and whoever records it, on one object."""
 
-import threading
 from collections.abc import Callable, Sequence
 
 import viser
@@ -11,7 +10,7 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.own_file_watch import OwnFileWatch
-from flexlab.lab.page_reports import PAGE_SCRIPT, PageReports, Report
+from flexlab.lab.page_reports import PAGE_SCRIPT, PAGE_SHEET, PageReports, Report
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.panel.readouts import SpokenSummary
@@ -31,64 +30,18 @@ from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Consumer
 from flexlab.sim.world_state import Origin
 
-SHEET = """
-[data-dock-region], [data-dock-root] > div[style*="box-shadow"] { visibility: hidden; pointer-events: none; }
-#server-bar { display: none !important; }
-[data-dock-root] > div:first-child { left: 0 !important; right: 0 !important; }
-/* One plot along the upper edge: of the motion that of the deflection, which is the second. */
-[data-floating-window] { left: 0.5rem !important; width: calc(100vw - 20rem) !important; height: 26.5rem !important;
-  max-width: none !important; }
-[data-dock-strip], [data-floating-handle] { display: none !important; }
-div:has(> div > .uplot-container):has(> :nth-child(2) .uplot-container) > :not(:nth-child(2)) { display: none; }
-div:has(> div > .uplot-container):not(:has(> :nth-child(2) .uplot-container)) > :not(:first-child) { display: none; }
-div:has(> div > .uplot-container) { grid-template-columns: 1fr !important; }
-.uplot-container { zoom: 1.6; }
-.fl-number { display: grid !important; }
-.fl-number, .fl-caption, .fl-float { visibility: visible; }
-.fl-caption, .fl-float { font-size: 1.6rem; }
-.fl-hear[aria-pressed="false"], div:has(> .fl-scrub) + div:has(.mantine-Slider-root) { display: none; }
-"""
-"""Over that of the panel."""
-
-
-class Presentation:
-    """Which browsers present."""
-
-    def __init__(self, server: viser.ViserServer, plots: viser.PanelHandle):
-        """`plots`: their panel, which the presentation opens."""
-        self._plots = plots
-        self._sheets: dict[int, viser.GuiHtmlHandle] = {}
-        self._lock = threading.Lock()
-        server.on_client_disconnect(self._forget)
-
-    def toggle(self, client: viser.ClientHandle) -> None:
-        """Begin or end the presentation in one browser."""
-        with self._lock:
-            sheet = self._sheets.pop(client.client_id, None)
-            if sheet is None:
-                style = f'<style class="fl-presentation">{SHEET}</style>'
-                self._sheets[client.client_id] = client.gui.add_html(style)
-        if sheet is not None:
-            sheet.remove()
-        fold_panel(client, self._plots, sheet is not None)
-
-    async def _forget(self, client: viser.ClientHandle) -> None:
-        with self._lock:
-            self._sheets.pop(client.client_id, None)
-
-
 PANEL_WIDTH, NARROW_PANEL = 330, 300
-"""px: enough for the longest label with its unit on one line; and beside a narrow picture."""
+"""Width of the panel, px: holds the longest label with its unit on one line; the second in a narrow window."""
 NARROW_WINDOW = 1200
-"""px: windows narrower than this leave the panel less room."""
+"""Windows narrower than this, px, get the narrow panel."""
 GUIDE_WIDTH, FOLDED_WIDTH = 280, 36
-"""px: of the guide's column, open and folded."""
+"""Width of the guide's column, px, open and folded."""
 PLOTS_HEIGHT, GAP = 300, 8
-"""px: two charts side by side with their legends; the distance from the picture's edges."""
+"""Height of the panel of plots, two charts with their legends, and its distance from the picture's edges, px."""
 GUIDE, PLOTS = "guide", "plots"
-"""What a page calls the panels that can be folded."""
+"""Names of the foldable panels in a page's report."""
 FIRST_WINDOW = Window(1.0)
-"""The picture on an ordinary screen beside both panels, until a browser tells its own."""
+"""The picture that is assumed until a browser reports its own."""
 
 
 class Session:
@@ -97,10 +50,10 @@ class Session:
     `consumers` get every sample and event (a recorder, say). `recording` gives the sentence that the panel shows about
     the recording, `link` the address that opens a scenario in another browser. `port` 0 takes any free port. `shadows`
     costs a slow graphics card most of its time. With an `origin` the first run goes on from there.
-    With a `secret` the page answers only a server in front of it that sends it along. `attended`: runs begin when a browser
-    has drawn them, and hold while nobody looks; else they run whoever looks.
-    `recorded` gives back what the engine remembers no longer of the present run; `recorded_as` is the name of its recording,
-    empty without one.
+    With a `secret` the page answers only requests that carry it. `attended`: a run begins when a browser has drawn it, and
+    pauses while no browser is connected.
+    `recorded` reads the part of the present run that the engine no longer keeps; `recorded_as` names its recording, empty
+    without one.
     """
 
     def __init__(
@@ -127,7 +80,7 @@ class Session:
         self._origin, self._secret, self._attended = origin, secret, attended
         self._recorded, self._recorded_as = recorded, recorded_as
         self.guard = InputGuard()
-        """Looks at every message of a browser; counts those that it refuses."""
+        """Checks every message of every browser, and counts the refused ones."""
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin, hold_starts=attended)
         self._server: GuardedServer | None = None
         self._lab_state: LabState | None = None
@@ -162,7 +115,7 @@ class Session:
 
     def start(self) -> None:
         """Serve the page and start the simulation. Raises `LabError`, and leaves nothing running, if it cannot."""
-        self._server = open_server(self._host, self._port, "flexlab", self.guard, self._secret, PAGE_SCRIPT)
+        self._server = open_server(self._host, self._port, "flexlab", self.guard, self._secret, PAGE_SCRIPT, PAGE_SHEET)
         try:
             self._drawing = self._furnish(self._server)
             self._own_files = OwnFileWatch(self.lab_state)
@@ -197,45 +150,47 @@ class Session:
         """Fill the server's page."""
         lab_state = self._lab_state = LabState(self.runner, self._origin)
         lab_state.company = lambda: len(server.get_clients())
-        look_back = LookBack(lab_state, self.runner, self._recorded_as)
+        gui, runner, study = server.gui, self.runner, self._study
+        self._look_back = look_back = LookBack(lab_state, runner, self._recorded_as)
         touch = Picking(lab_state)
-        scene = Scene(server, self._scenario, self._study, touch, self._shadows)
-        cameras = ClientCameras(server, self.runner)
-        board, reading = server.gui.add_panel(), server.gui.add_panel()
-        presentation = Presentation(server, board)
-        panel = Panel(
-            server.gui,
+        self._scene = Scene(server, self._scenario, study, touch, self._shadows)
+        self._cameras = ClientCameras(server, runner)
+        board, reading = gui.add_panel(), gui.add_panel()
+        self._panel = Panel(
+            gui,
             lab_state,
             look_back,
-            self.runner,
-            self._study,
+            runner,
+            study,
             touch,
-            cameras.choose,
+            self._cameras.choose,
             self._recording,
             self._link,
-            presentation.toggle,
-            lambda client: reports.say(client, summary.text),
+            lambda client: fold_panel(client, board, not self._reports.toggle_presentation(client)),
+            lambda client: self._reports.say(client, summary.text),
             self._recorded,
         )
-        plots = Plots(server.gui, board, self._scenario, lab_state.view.plot_window)
-        explanations = ExplanationList(server.gui, self.runner, self._study, plots.homes)
-        summary = SpokenSummary(server.gui, self.runner, look_back, lambda: explanations.sentences)
+        self._plots = Plots(gui, board, self._scenario, lab_state.view.plot_window)
+        explanations = ExplanationList(gui, runner, study, self._plots.homes)
+        summary = SpokenSummary(gui, runner, look_back, lambda: explanations.sentences)
         with reading.add_tab("Guide"):
-            guide = Guide(server.gui, lab_state, self.runner)
+            guide = Guide(gui, lab_state, runner)
+        self._readouts = (guide, explanations, summary)
 
         def arrange(client: viser.ClientHandle, report: Report) -> None:
             panel_width = PANEL_WIDTH if report.width >= NARROW_WINDOW else NARROW_PANEL
-            set_panel_width(client, server.gui.main_panel, panel_width)
+            set_panel_width(client, gui.main_panel, panel_width)
             set_panel_width(client, board, max(report.width - panel_width - FOLDED_WIDTH - 2 * GAP, PANEL_WIDTH))
             for name, foldable in ((GUIDE, reading), (PLOTS, board)):
                 if name in report.open:
                     fold_panel(client, foldable, False)
 
-        first = self.runner.snapshot
-        reports = PageReports(server, first.run_number, first.name, arrange, cameras.cover, lab_state.back_to_baseline)
-        attendance = Attendance(self.runner, lab_state, reports) if self._attended else None
-        server.gui.main_panel.dock_right()
-        server.gui.main_panel.set_width(PANEL_WIDTH)
+        first = runner.snapshot
+        self._reports = PageReports(
+            server, first.run_number, first.name, arrange, self._cameras.cover, lab_state.back_to_baseline
+        )
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(PANEL_WIDTH)
         board.float(x=GAP, y=GAP, height=PLOTS_HEIGHT)
         board.minimize()
         reading.dock_left()
@@ -246,19 +201,24 @@ class Session:
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position
         self.guard.watch(server, lab_state)
-        sound = RingSound(server.gui, look_back)
-        readouts = (guide, explanations, summary)
-        return RenderLoop(
-            server,
-            self.runner,
-            lab_state,
-            look_back,
-            scene,
-            cameras,
-            panel,
-            plots,
-            readouts,
-            sound,
-            reports,
-            attendance,
-        )
+        self._sound = RingSound(gui, look_back)
+        attendance = Attendance(runner, lab_state, self._reports) if self._attended else None
+        return RenderLoop(server, lab_state, self._draw, attendance)
+
+    def _draw(self, readouts: bool) -> None:
+        """Bring the newest snapshot to the screen; `readouts`: with plots and numbers."""
+        lab_state, reports, inputs = self.lab_state, self._reports, self.server.inputs
+        snapshot, view = self.runner.snapshot, lab_state.view
+        seen = self._look_back.seen(snapshot)
+        self._scene.update(seen, view, lab_state.pulled, lab_state.kept)
+        if reports.somebody_hears:
+            with inputs:
+                self._sound.update(seen)
+        reports.show_run(snapshot.run_number, snapshot.name)
+        self._cameras.follow(seen)
+        if readouts:
+            with inputs:
+                self._panel.update(snapshot, seen, self._scene.legend(view))
+                for readout in self._readouts:
+                    readout.update(snapshot)
+            self._plots.update(self._look_back.recent, seen, view, lab_state.kept, reports.open_charts())

@@ -1,4 +1,4 @@
-"""What a person chose to see: settings of the screen only, which the simulation knows nothing of."""
+"""Settings of the screen, which the simulation does not know."""
 
 import math
 from dataclasses import dataclass
@@ -10,14 +10,13 @@ from flexlab.scenario import Scenario
 USUAL_FACTOR, USUAL_BENDING = 50.0, 3.6e-4
 """The factor that suits the paper's beam, and that beam's ordinary bending as a share of its length."""
 SOFTER_BENDS_MORE = 0.25
-"""Power of the ordinary bending with which its drawing grows: a softer beam is always drawn more bent, but none is wild."""
+"""Exponent with which the drawn bending grows with the true one: a softer beam looks more bent, but not wildly."""
 FACTOR_DIGITS = 2
 EXAGGERATION = Quantity(
     "Exaggeration of the deflection", unit="×", low=0, high=HIGHEST_EXAGGERATION, slider=(1, 1000), logarithmic=True
 )
 MOST_DRAWN = 0.35
-"""Share of the beam's length that a drawn deflection reaches at most while the lab chooses the factor: what is lowered to
-it is drawn no straighter than anything else."""
+"""Largest drawn deflection, as a share of the beam's length, while the lab chooses the factor."""
 PLOT_WINDOWS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 """Choices for the plots' time window, s."""
 
@@ -54,14 +53,14 @@ class ViewSettings:
 
 @dataclass(frozen=True)
 class Legend:
-    """What the picture is drawn to. `scales`: (what, how much); `strain`: µm/m at the ends of the colours, 0 without."""
+    """Scales of the picture. `scales`: (what, how much); `strain`: µm/m at the ends of the colours, 0 without."""
 
     scales: tuple[tuple[str, str], ...] = ()
     strain: float = 0.0
     axial: float = 0.0
     """N at the ends of the colours of the force along the beam, 0 without."""
     caption: str = ""
-    """What the drawn deflection is of the true one."""
+    """How the drawn deflection relates to the true one."""
 
 
 SWITCHES = {
@@ -82,7 +81,7 @@ SWITCHES = {
 
 
 def fitting_exaggeration(scenario: Scenario) -> float:
-    """A factor at which the beam's bending in steady motion is seen but not wild, and a softer beam's is seen to be more."""
+    """A factor at which the beam's bending in steady motion is visible but moderate, and a softer beam looks more bent."""
     payload, path = scenario.payload, scenario.trajectory
     load = payload.linear_density * math.hypot(*path.peak_acceleration[:2], scenario.gravity)
     bending = 5 * load * payload.length**3 / (384 * payload.bending_stiffness)
@@ -105,7 +104,7 @@ def tamed_exaggeration(factor: float, deflection: float, length: float) -> float
 
 
 def fitting_window(speed: float) -> float:
-    """The plots' window, s, that passes by in the usual wall time at a speed, of those on offer."""
+    """The plot window, s, of those offered that takes about the usual wall time at a speed."""
     return min(PLOT_WINDOWS, key=lambda window: abs(math.log(window / (USUAL_WINDOW * speed))))
 
 

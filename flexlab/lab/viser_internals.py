@@ -1,4 +1,4 @@
-"""Every use of what viser does not promise, in one place. `tests/lab/test_viser_contract.py` says when viser has changed."""
+"""Every use of viser's private parts. `tests/lab/test_viser_contract.py` says when viser has changed."""
 
 import asyncio
 import dataclasses
@@ -6,7 +6,7 @@ import functools
 import gzip
 import socket
 import threading
-from collections.abc import Awaitable, Callable, Collection, Iterator
+from collections.abc import Awaitable, Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Literal, cast
 
@@ -19,7 +19,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 VERSION = "1.1"
-"""Of viser, whose internals these are."""
+"""The version of viser that these belong to."""
 SEND_BUFFER = 64 * 1024
 """Bytes that may wait in the kernel for one browser: without this bound a slow one shows pictures 36 s old."""
 OPENING_TIME = 5.0
@@ -35,26 +35,26 @@ Verdict = Literal["pass", "drop", "hang up"]
 Check = Callable[[int, Any], Awaitable[Verdict]]
 """(client id, raw message) → what becomes of it. May wait: then that one browser waits."""
 UNREADABLE = 1011
-"""Websocket code with which a browser is left that does not speak the page's language."""
+"""Websocket close code for a client whose messages cannot be decoded."""
 
 _OPENING = threading.Lock()
 
 
 class _News(asyncio.Event):
-    """That messages came. viser sets it in the thread that sends, and once more in the loop of those who wait for it.
+    """Event for new messages. viser sets it in the sending thread, and again in the loop of those who wait.
 
-    In another thread it must leave those alone: Python's own event goes through their list there while the loop changes it.
+    In the sending thread it must not wake them: Python's own event would iterate over their list while the loop changes it.
     """
 
     _waiting_thread: int | None = None
 
     async def wait(self) -> Literal[True]:
-        """Until messages come."""
+        """Wait for messages."""
         self._waiting_thread = threading.get_ident()
         return await super().wait()
 
     def set(self) -> None:
-        """In the loop: wake all, also if it was set before by another thread, which can only say so."""
+        """In the loop wake all, even if another thread has set it before; in another thread only set the flag."""
         if threading.get_ident() == self._waiting_thread:
             self.clear()
             super().set()
@@ -71,20 +71,32 @@ cast(Any, _infra).AsyncMessageBuffer = _MessageBuffer
 
 
 class GuardedServer(viser.ViserServer):
-    """A viser server on a socket of ours, whose every request and message is looked at before viser sees it.
+    """A viser server on a given socket that checks every request and message before viser sees it.
 
     It never opens viser's tunnel through an outside machine, whatever a browser asks.
     """
 
     def __init__(
-        self, plug: socket.socket, label: str, admission: Admission, check: Check, largest_message: int, script: str
+        self,
+        plug: socket.socket,
+        label: str,
+        admission: Admission,
+        check: Check,
+        largest_message: int,
+        script: str,
+        sheet: str,
     ):
-        """`largest_message`: bytes that a browser may send at once; more ends its connection. `script` runs in the page."""
+        """`largest_message`: bytes that a browser may send at once; more ends its connection.
+
+        `script` and style `sheet` are added to the page.
+        """
         self._check = check
         connection = functools.partial(_GuardedConnection, self)
         self.inputs = threading.RLock()
-        """Held while what a person set is taken up; who writes to widgets by itself holds it too, see `_take_up_whole`."""
-        with _serving_on(plug, admission, connection, largest_message, f"<script>{script}</script>".encode()):
+        """Held while a person's input is handled; other code that writes to widgets holds it too, see `_take_up_whole`."""
+        # viser's page puts its own styles at the end of its head: what comes after the body has the last word.
+        added = {"</head>": f"<script>{script}</script>", "</body>": f"<style>{sheet}</style>"}
+        with _serving_on(plug, admission, connection, largest_message, added):
             super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label=label, verbose=False)
         self._take_up_whole()
 
@@ -93,7 +105,7 @@ class GuardedServer(viser.ViserServer):
         return await self._check(client_of(self, connection), raw)
 
     def _take_up_whole(self) -> None:
-        """Let nobody write to a widget between a person's value there and the callback that reads it: it would be lost."""
+        """Let no other code write to a widget between a person's input and the callback that reads it: it would be lost."""
         (take_up,) = self._websock_server._incoming_handlers[_messages.GuiUpdateMessage]
 
         async def alone(client: int, message: Any) -> None:
@@ -105,7 +117,7 @@ class GuardedServer(viser.ViserServer):
         self._websock_server.register_handler(_messages.GuiUpdateMessage, alone)
 
     def stop(self) -> None:
-        """Close the page. Browsers get a goodbye; one that does not read it is not waited for."""
+        """Close the page. Browsers get a closing message; one that does not read it is cut off."""
         loop = self._websock_server._background_event_loop
         if loop is not None and not loop.is_closed():
             loop.call_soon_threadsafe(loop.call_later, GOODBYE_TIME, self._cut)
@@ -121,14 +133,14 @@ class GuardedServer(viser.ViserServer):
 
 
 class _GuardedConnection(ServerConnection):
-    """What viser reads messages from: it is given those only that pass."""
+    """The connection that viser reads from: it passes on accepted messages only."""
 
     def __init__(self, owner: GuardedServer, *arguments: Any, **options: Any):
         super().__init__(*arguments, **options)
         self._owner = owner
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """The next message that passes."""
+        """The next accepted message."""
         while True:
             raw = await super().recv(decode)
             verdict = await self._owner.verdict(self, raw)
@@ -140,14 +152,14 @@ class _GuardedConnection(ServerConnection):
 
 @contextmanager
 def _serving_on(
-    plug: socket.socket, admission: Admission, connection: Any, largest: int, addition: bytes
+    plug: socket.socket, admission: Admission, connection: Any, largest: int, added: Mapping[str, str]
 ) -> Iterator[None]:
-    """While this is open, viser's server listens on `plug` and answers whom `admission` lets in.
+    """While this is open, viser's server listens on `plug` and answers only requests that `admission` accepts.
 
-    viser opens its socket by itself, on the next free port if need be, and asks nobody who may come.
+    By itself viser opens a socket on the next free port, and accepts everybody.
     """
     original: Any = websockets.asyncio.server.serve
-    furnished = functools.partial(_with_addition, addition=addition, pages={})
+    furnished = functools.partial(_with_additions, added=added, pages={})
 
     def serve(handler: Any, host: Any, port: Any, *, process_request: Any, **options: Any) -> Any:
         def look(at: ServerConnection, request: Request) -> Response | None:
@@ -170,15 +182,16 @@ def _serving_on(
             websockets.asyncio.server.serve = original
 
 
-def _with_addition(answer: Response | None, addition: bytes, pages: dict[int, bytes]) -> Response | None:
-    """An answer with our part of the page at the end of its head. `pages`: those furnished before, by length."""
+def _with_additions(answer: Response | None, added: Mapping[str, str], pages: dict[int, bytes]) -> Response | None:
+    """A page with our parts, each before the closing tag that is its key. `pages`: those completed before, by length."""
     if answer is None or not answer.headers.get("Content-Type", "").startswith("text/html"):
         return answer
     packed, length = answer.headers.get("Content-Encoding") == "gzip", len(answer.body)
     if length not in pages:
         page = gzip.decompress(answer.body) if packed else answer.body
-        head, mark, rest = page.rpartition(b"</head>")
-        page = head + addition + mark + rest
+        for tag, part in added.items():
+            before, mark, rest = page.rpartition(tag.encode())
+            page = before + part.encode() + mark + rest
         pages[length] = gzip.compress(page) if packed else page
     answer.body = pages[length]
     del answer.headers["Content-Length"]
@@ -187,7 +200,7 @@ def _with_addition(answer: Response | None, addition: bytes, pages: dict[int, by
 
 
 def widget_uuid(handle: Any) -> str:
-    """How the page calls a widget or a chart."""
+    """The page's identifier of a widget or chart."""
     return handle._impl.uuid
 
 
@@ -216,7 +229,7 @@ def client_of(server: viser.ViserServer, connection: ServerConnection) -> int:
 
 
 def on_disconnect(server: viser.ViserServer, tell: Callable[[int], None]) -> None:
-    """Hear of every connection that ends, also of one that never became a client."""
+    """Call `tell` for every connection that ends, also one that never became a client."""
 
     async def gone(connection: Any) -> None:
         tell(connection.client_id)
@@ -225,7 +238,7 @@ def on_disconnect(server: viser.ViserServer, tell: Callable[[int], None]) -> Non
 
 
 def bound_buffer(server: viser.ViserServer, client: viser.ClientHandle) -> None:
-    """Let little wait in the kernel for a browser. viser offers no way to the socket; without it only the picture lags."""
+    """Limit what the kernel buffers for a browser: else a slow one shows old pictures. viser gives no access to the socket."""
     connection = server._websock_server._live_connections.get(client.client_id)
     transport = getattr(connection, "transport", None)
     plug = transport.get_extra_info("socket") if transport is not None else None
@@ -264,7 +277,7 @@ def input_state(handle: Any) -> tuple[str, Any, bool, Collection[str] | None]:
 
 
 def show_true_value(handle: Any) -> None:
-    """Send a widget's value to the browsers again, which believe another one."""
+    """Send a widget's value again to browsers that show another one."""
     update = _messages.GuiUpdateMessage(handle._impl.uuid, {"value": handle._impl.value})
     handle._impl.gui_api._websock_interface.queue_message(update)
 
@@ -279,7 +292,7 @@ def scene_instances(server: viser.ViserServer, name: str) -> int | None:
 
 
 def forget_acknowledgements(server: viser.ViserServer, transfers: Collection[str]) -> None:
-    """Drop the acknowledgements of uploads that are over: viser keeps them all, for every browser to come."""
+    """Drop the acknowledgements of finished uploads: viser keeps them all, and sends them to every new browser."""
     acknowledgement = _messages.FileTransferPartAck
     server._websock_server.get_message_buffer().remove_from_buffer(
         lambda message: isinstance(message, acknowledgement) and message.transfer_uuid in transfers
@@ -287,13 +300,13 @@ def forget_acknowledgements(server: viser.ViserServer, transfers: Collection[str
 
 
 def send_plot_data(handle: viser.GuiUplotHandle, columns: tuple[Any, ...]) -> None:
-    """Show new data in a chart, as they are: by assignment viser would blow every number up to eight bytes."""
+    """Send new data to a chart in their own type: assigned to viser's handle, every number would take eight bytes."""
     handle._impl.props.data = columns
     handle._queue_update("data", columns)
 
 
 def mark_slider(handle: viser.GuiInputHandle[Any], marks: tuple[tuple[float, str], ...]) -> None:
-    """Give a slider that is there other marks, (value, label) each: viser takes them only with a new one."""
+    """Change the marks, (value, label) each, of an existing slider: viser takes them only when it is made."""
     shown = tuple(_messages.GuiSliderMark(value, label) for value, label in marks)
     handle._impl.props._marks = shown
     handle._queue_update("_marks", shown)

@@ -20,12 +20,12 @@ LIBRARY_LOGS = ("websockets.server", "asyncio")
 
 
 def open_server(
-    host: str, port: int, label: str, guard: InputGuard, secret: str = "", script: str = ""
+    host: str, port: int, label: str, guard: InputGuard, secret: str = "", script: str = "", sheet: str = ""
 ) -> GuardedServer:
     """A running server on `host`:`port` (0: any free one); raises `LabError` if it cannot have exactly that.
 
     With a `secret` it answers only requests that carry it; without one, only what comes from its own page.
-    `script` runs in the page.
+    `script` and style `sheet` are added to the page.
     """
     for name in LIBRARY_LOGS:
         limited(name)
@@ -36,7 +36,7 @@ def open_server(
         return _knows(request, secret) if secret else _own_page(request, host, address)
 
     try:
-        server = GuardedServer(plug, label, admission, guard.check, LARGEST_MESSAGE, script)
+        server = GuardedServer(plug, label, admission, guard.check, LARGEST_MESSAGE, script, sheet)
     except BaseException:
         plug.close()
         raise

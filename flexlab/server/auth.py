@@ -1,4 +1,4 @@
-"""Who may come in, from where, and with what: every request passes here before any page sees it."""
+"""Checks every request before a page sees it: its form, where it comes from, and its token."""
 
 import codecs
 import errno
@@ -15,8 +15,8 @@ from flexlab.log_limits import limited
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.limits import BusyError, network_of
 from flexlab.server.pages.page_context import Context, context_of
-from flexlab.server.pages.templating import HAS_CLASS, button, message, render
-from flexlab.server.visitors import COOKIE_AGE, has_class, is_teacher, keep_visitor, known_visitor_of
+from flexlab.server.pages.templating import HAS_CLASS, button, message, part
+from flexlab.server.visitors import has_class, is_teacher, keep_visitor, known_visitor_of, same, set_cookie
 from flexlab.sockets import LOOPBACK
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -24,7 +24,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 LARGEST_BODY = 64 * 1024
 """Bytes of a form: the server takes notes on a run, nothing larger."""
 OPEN_TO_ALL = "/static/"
-"""Style sheet and scripts, which are no secret and which the sign-in page needs."""
+"""Style sheet and scripts: no secret, and the sign-in page needs them."""
 WITH_A_PASS = "/pass/"
 """Recordings whose address carries a pass: rerun's viewer sends no cookies."""
 COMPARISON, LIVE = "comparison/", "live/"
@@ -116,21 +116,16 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
         if context.guesses.is_flooding(address):
             return refuse(request, 429, TOO_MANY)
         for kind, token in (("teacher", context.teacher_token), ("token", context.token)):
-            if token is not None and _same(request.query["token"], token):
+            if token is not None and same(request.query["token"], token):
                 return _sign_in(request, kind, token)
         await context.guesses.slow_down(address)
         return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
     # Cookies hold no token but a signature, which nobody finds by trying: a wrong one need not be held back.
     given = request.cookies.get(context.token_cookie, "")
-    if is_teacher(request) or context.token is None or _same(given, context.signed("token", context.token)):
+    if is_teacher(request) or context.token is None or same(given, context.signed("token", context.token)):
         return await handler(request)
     log.warning("Refused %.20s %.200r from %s: no token.", request.method, request.path, request.remote)
     return ask_for_token(request)
-
-
-def scheme_of(request: web.Request) -> str:
-    """http or https, as the visitor's browser has it: of several proxies, the first one says."""
-    return request.headers.get("X-Forwarded-Proto", request.scheme).partition(",")[0].strip()
 
 
 def is_websocket(request: web.Request) -> bool:
@@ -230,15 +225,8 @@ def _sign_in(request: web.Request, kind: str, token: str) -> web.Response:
     else:
         answer = web.Response(status=303, headers={hdrs.LOCATION: to})
     context = context_of(request)
-    answer.set_cookie(
-        context.teacher_cookie if kind == "teacher" else context.token_cookie,
-        context.signed(kind, token),
-        max_age=COOKIE_AGE,
-        httponly=True,
-        samesite="Strict",
-        path="/",
-        secure=scheme_of(request) == "https",
-    )
+    cookie = context.teacher_cookie if kind == "teacher" else context.token_cookie
+    set_cookie(request, answer, cookie, context.signed(kind, token), "Strict")
     keep_visitor(request, answer, known_visitor_of(request))
     return answer
 
@@ -251,21 +239,21 @@ OPENS_WITH_TOKEN = (
 
 def ask_for_token(request: web.Request, sentence: str = OPENS_WITH_TOKEN) -> web.Response:
     """A page on which a token can be entered."""
-    # Who came by a link should get where it leads.
+    # The form leads to where the link would have led.
     here = request.method == "GET" and not is_websocket(request)
     query = request.query.items() if here else ()
     query = [(name, value) for name, value in query if name != "token"]
-    form = render("sign_in.html", path=request.rel_url.raw_path if here else "/", query=query)
+    form = part("sign_in", request.rel_url.raw_path if here else "/", query)
     return message("Sign in", sentence, 401, form)
 
 
 def recording_address(context: Context, run: str) -> str:
-    """Where the viewer of a signed-in visitor finds one recording, comparison or live stream, and with it nothing else."""
+    """The address at which a signed-in visitor's viewer finds one recording, comparison or live stream, and nothing else."""
     return recording_path(context.pass_key, run)
 
 
 def recording_path(key: str | None, run: str) -> str:
-    """The same for a server whose passes are made with this key, or that needs none."""
+    """The same for a server that makes its passes with this key; None: it needs none."""
     place = quote(run)
     if key is None:
         return f"/{place}{SUFFIX}" if run.startswith((COMPARISON, LIVE)) else f"/runs/{place}{SUFFIX}"
@@ -273,19 +261,15 @@ def recording_path(key: str | None, run: str) -> str:
 
 
 def has_pass(request: web.Request) -> bool:
-    """Whether the address of a recording carries the pass to it; where none is needed, every one does."""
+    """Whether the address of a recording carries its pass, or none is needed."""
     key = context_of(request).pass_key
     if key is None:
         return True
     if not request.path.startswith(WITH_A_PASS) or request.method not in SAFE_METHODS:
         return False
     given, _, run = request.path.removeprefix(WITH_A_PASS).partition("/")
-    return _same(given, _pass(key, run.removesuffix(SUFFIX)))
+    return same(given, _pass(key, run.removesuffix(SUFFIX)))
 
 
 def _pass(key: str, run: str) -> str:
     return hmac.new(key.encode(), f"recording {run}".encode(), "sha256").hexdigest()
-
-
-def _same(given: str, token: str) -> bool:
-    return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode())

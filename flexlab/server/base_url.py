@@ -20,7 +20,7 @@ JUPYTER = "X-Forwarded-Context"
 
 
 def take_off(base: str, make_request: Callable[..., Any]) -> Callable[..., Any]:
-    """How a web server makes its requests, without the prefix `base`."""
+    """A request factory of aiohttp that removes the prefix `base`."""
 
     def made(message: Any, *words: Any) -> Any:
         if message.path == base or message.path.startswith((f"{base}/", f"{base}?")):

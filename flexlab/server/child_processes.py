@@ -1,4 +1,4 @@
-"""What every process that the server starts has in common, and where it comes from."""
+"""How the server starts the processes of labs and jobs, and what these have in common."""
 
 import contextlib
 import multiprocessing
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
 
 LAB_PROGRAM = "flexlab.server.labs.preloaded"
-"""What the process has read, and tried out once, from which labs and jobs are forked."""
+"""The module that the process has imported from which labs and jobs are forked."""
 LONGEST_SOCKET = 107
 """Bytes of a socket's path on Linux."""
 SOCKET_NAME = 40
@@ -26,7 +26,7 @@ SOCKET_NAME = 40
 
 
 def _forks() -> bool:
-    """Whether they are forked: on Linux, where the folder of temporary files leaves room for the name of a socket."""
+    """Whether processes are forked: on Linux, if the folder of temporary files leaves room for the name of a socket."""
     return sys.platform == "linux" and len(os.fsencode(tempfile.gettempdir())) + SOCKET_NAME <= LONGEST_SOCKET
 
 
@@ -43,7 +43,7 @@ def job_processes() -> "ForkServerContext | SpawnContext":
 
 
 def prepare_lab_processes() -> None:
-    """Let the program of labs be read into memory, beside: the first visitor then waits no longer than the others."""
+    """Start reading the labs' program into memory, so that the first visitor waits no longer than the others."""
     job_processes()
     if _forks():
         with without_interrupt():
@@ -66,7 +66,7 @@ def without_interrupt() -> Generator[None, None, None]:
 
 
 def leave_interrupts_to_the_server() -> None:
-    """In the process itself: a closed terminal, too, is for the server to answer."""
+    """Called in the process itself: the server answers Ctrl-C and a closed terminal."""
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -74,7 +74,7 @@ def leave_interrupts_to_the_server() -> None:
 
 @contextlib.contextmanager
 def failures_told_plainly() -> Generator[None, None, None]:
-    """In the process itself: end with a traceback that no terminal obeys, as it may quote what a visitor sent."""
+    """Used in the process itself: a traceback may quote what a visitor sent, so it is printed without control characters."""
     tell_failures_plainly()
     try:
         yield
@@ -84,7 +84,7 @@ def failures_told_plainly() -> Generator[None, None, None]:
 
 
 def end_with_the_server() -> None:
-    """In the process itself: when the server is killed, nobody waits for this work any more."""
+    """Called in the process itself: end when the server is killed, as nobody waits for the result."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return

@@ -1,4 +1,4 @@
-"""Who may stay connected: connections that ask for nothing make room, slow heads and bodies end, accepting never floods."""
+"""Limits on connections: resting ones make room for others, slow requests are closed, accepting survives a lack of handles."""
 
 import asyncio
 import contextlib
@@ -22,17 +22,16 @@ KEPT_OPEN = 30.0
 BODY_TIME, BODY_RATE = 10.0, 5_000.0
 """s after which a body must have come at least this fast on average, bytes/s: modems are faster."""
 MOST_RESTING, MOST_RESTING_PER_ADDRESS = 400, 240
-"""Connections in which no request is going on; beyond it the oldest make room, those first that never had one. A class of 40
-behind one address has 240, as browsers open six each."""
+"""Connections without a request; beyond it the oldest are closed, first those that never had one. A class of 40 behind one
+address has 240, as browsers open six each."""
 RESTING_SHARE = 4
-"""Of all handles that this process may have, one in so many may be such a connection."""
+"""One in so many of all handles that this process may have can be such a connection."""
 MOST_OF_ADDRESS, ADDRESS_SHARE = 1000, 2
 """Connections of one address, resting or not, and the share of all handles that they may take: others must come in too."""
 MOST_HANDLES = 65_536
 """Handles asked of the system at start: far more than labs and visitors need."""
 STALLED_TIME = 60.0
-"""s after which a visitor who takes nothing of what is sent is left: their connection would stay for ever. On Linux; elsewhere
-only who is gone is noticed."""
+"""Seconds after which a visitor who takes nothing of what is sent is cut off, on Linux: else the connection would stay."""
 LOOK = 1.0
 """s between two looks at slow connections."""
 PAUSE = 0.2
@@ -48,7 +47,7 @@ limited("aiohttp.server")
 
 
 class Visit(web.RequestHandler):
-    """One connection, with what is known of its patience."""
+    """One connection, with the times that show whether it is too slow."""
 
     __slots__ = ("address", "began", "body_before", "busy", "connections", "known", "received", "request")
 
@@ -60,14 +59,14 @@ class Visit(web.RequestHandler):
         self.request: web.BaseRequest | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """It begins."""
+        """The connection begins."""
         super().connection_made(transport)
         peer = transport.get_extra_info("peername")
         self.address = network_of(str(peer[0])) if peer else ""
         self.connections.add(self)
 
     def connection_lost(self, exc: BaseException | None) -> None:
-        """It is over."""
+        """The connection is over."""
         self.connections.remove(self)
         super().connection_lost(exc)
 
@@ -83,7 +82,7 @@ class Visit(web.RequestHandler):
         self.busy, self.request, self.began, self.body_before = True, request, time.monotonic(), self.received
 
     def ends(self, is_known: bool) -> None:
-        """It is answered. `is_known`: by somebody who may come in."""
+        """The request is answered. `is_known`: its sender may come in."""
         self.busy, self.request, self.began, self.received = False, None, time.monotonic(), 0
         self.known = self.known or is_known
 
@@ -114,7 +113,7 @@ class Visit(web.RequestHandler):
         return answer
 
     def log_exception(self, *words: Any, **more: Any) -> None:
-        """Tell of a visitor who took nothing of a file in one line: there aiohttp takes the timeout for a defect."""
+        """Log in one line a visitor who took nothing of a file: aiohttp would log the timeout as a defect."""
         if isinstance(more.get("exc_info"), TimeoutError):
             log.warning("Left %s, who took nothing of what was sent for %g s.", self.address, STALLED_TIME)
         else:
@@ -160,7 +159,7 @@ class Connections:
         return Counter(visit.address for visit in self._open)
 
     async def close(self) -> None:
-        """Accept nobody any more."""
+        """Stop accepting connections."""
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -203,7 +202,7 @@ class Connections:
 
 
 def _raise_handles() -> int:
-    """Let this process have many handles; how many it may have now."""
+    """Raise the limit on this process's handles; returns it."""
     if sys.platform == "win32":
         return MOST_HANDLES
     import resource

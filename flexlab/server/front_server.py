@@ -22,9 +22,9 @@ from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sente
 from flexlab.server.base_url import put_before, take_off
 from flexlab.server.connections import Connections, watch_patience
 from flexlab.server.labs.hub_labs import tell_class
-from flexlab.server.labs.lab_provider import Choice, LabProvider
+from flexlab.server.labs.lab_provider import Choice, LabProvider, Order
 from flexlab.server.labs.per_visitor import PrivateLabs
-from flexlab.server.labs.recorded_lab import RecordedLab, SharedLabProvider
+from flexlab.server.labs.recorded_lab import RecordedLab, SharedLab
 from flexlab.server.limits import Limit
 from flexlab.server.pages.compare_page import add_compare_pages
 from flexlab.server.pages.lab_pages import add_lab_pages, add_live_pages
@@ -103,14 +103,14 @@ log = logging.getLogger(__name__)
 
 
 async def tidy_up(settings: Settings) -> None:
-    """Look at once and then again and again; returns only if there are no limits."""
+    """Delete runs over the limits, at once and then every minute; returns only if there are no limits."""
     while settings.most_bytes is not None or settings.most_days is not None:
         await asyncio.to_thread(delete_over_limits, settings)
         await asyncio.sleep(LOOK)
 
 
 def delete_over_limits(settings: Settings) -> None:
-    """Delete them, and tell the person at the terminal."""
+    """Delete runs over the limits, and log their names."""
     try:
         for path in removable_runs(settings.logs, settings.most_bytes, settings.most_days):
             remove_run(path)
@@ -123,7 +123,7 @@ CLOSING_TIME = 1.0
 """s that open pages get when the server closes: a lab's page never ends by itself."""
 
 MOST_THREADS = 32
-"""That wait for disks and processes, beside one for each private lab: labs that open together must not hold up pages."""
+"""Threads that wait for disks and processes, beside one for each private lab: labs that open together do not delay pages."""
 
 
 class FrontServer:
@@ -142,7 +142,7 @@ class FrontServer:
         self.settings, self.places, self.token = settings, places, token
         """`token`: the word that opens the server; None if it does not ask for one."""
         self.teacher_token = teacher_token
-        """The word of who may do everything; None: everybody may."""
+        """The teacher's token, which opens everything; None: there is none."""
         has_words = token is not None or teacher_token is not None
         # Where each visitor has a lab of their own, others need its pass even without a token.
         self._pass_key = secrets.token_urlsafe(SECRET_BYTES) if has_words or settings.private else None
@@ -152,7 +152,7 @@ class FrontServer:
         """For files that nobody keeps; gone when the server closes."""
         self._plug, self._app_of = plug, app_of
         self.port = port
-        """The public one, really taken."""
+        """The public port that it listens on."""
         self._opened = threading.Event()
         self._problem: BaseException | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -162,7 +162,7 @@ class FrontServer:
         self._thread.start()
         self._opened.wait()
         if self._problem is not None:
-            raise LabError(f"The server's server did not start ({self._problem}).") from self._problem
+            raise LabError(f"The server did not start ({self._problem}).") from self._problem
 
     @property
     def url(self) -> str:
@@ -218,7 +218,7 @@ class FrontServer:
             asyncio.run(self._serve())
         except BaseException as error:
             if self._opened.is_set():
-                log.exception("The server's server failed.")
+                log.exception("The server failed.")
             self._problem = error
         finally:
             self._opened.set()
@@ -303,17 +303,12 @@ def open_front_server(
         if settings.private:
             return FrontServer(settings, port, token, teacher_token, PrivateLabs(settings, choice, address), plug)
         live = LiveHub() if settings.live else None
-        laboratory = RecordedLab(
-            choice,
-            settings.logs,
-            address,
-            live=live.take if live else None,
-            on_problem=on_problem,
-            shadows=settings.shadows,
-            secret=secrets.token_urlsafe(SECRET_BYTES),
-        )
+        secret = secrets.token_urlsafe(SECRET_BYTES)
+        order = Order(choice, settings.logs, address, settings.shadows, settings.live, secret)
+        laboratory = RecordedLab(order, live.take if live else None, on_problem)
+        laboratory.live = live
         try:
-            return FrontServer(settings, port, token, teacher_token, SharedLabProvider(laboratory, live), plug)
+            return FrontServer(settings, port, token, teacher_token, SharedLab(laboratory), plug)
         except BaseException:
             laboratory.close()
             raise

@@ -26,7 +26,6 @@ from flexlab.server.auth import (
     answer_in_sentences,
     is_from_elsewhere,
     refuse,
-    scheme_of,
 )
 from flexlab.server.base_url import put_before
 from flexlab.server.connections import watch_patience
@@ -36,6 +35,7 @@ from flexlab.server.pages.page_context import CONTEXT, Context, context_of
 from flexlab.server.pages.teacher_page import add_teacher_pages
 from flexlab.server.pages.templating import OF_HUB
 from flexlab.server.settings import SECRET_BYTES, Settings
+from flexlab.server.visitors import scheme_of, set_cookie
 from flexlab.sockets import listen
 
 CALLBACK = "/oauth_callback"
@@ -111,7 +111,7 @@ class Hub:
         # In full: what begins with a slash is an address of this service.
         hub = self._hub if "://" in self._hub else f"{scheme_of(request)}://{request.host}{self._hub}"
         answer = web.Response(status=302, headers={hdrs.LOCATION: f"{hub}api/oauth2/authorize?{urlencode(words)}"})
-        self._keep(request, answer, STATE, state)
+        set_cookie(request, answer, STATE, state, age=None)
         return answer
 
     async def finish_sign_in(self, request: web.Request) -> web.Response:
@@ -135,12 +135,8 @@ class Hub:
         word = secrets.token_urlsafe(SECRET_BYTES)
         self._sessions[word] = Session(token, time.monotonic())
         answer = web.Response(status=303, headers={hdrs.LOCATION: "/teacher"})
-        self._keep(request, answer, SESSION, word)
+        set_cookie(request, answer, SESSION, word, age=None)
         return answer
-
-    def _keep(self, request: web.Request, answer: web.Response, cookie: str, word: str) -> None:
-        secure = scheme_of(request) == "https"
-        answer.set_cookie(cookie, word, httponly=True, samesite="Lax", path="/", secure=secure)
 
 
 def hub_app(hub: Hub, context: Context) -> web.Application:

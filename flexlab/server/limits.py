@@ -1,14 +1,18 @@
-"""How many things of a kind one visitor, one address and all together may have at once; the teacher finds a place beside."""
+"""How much one visitor may have: of things at once, of wrong tokens, and of the disk for their runs."""
 
 import asyncio
 import contextlib
+import hashlib
 import ipaddress
 import time
 from collections import OrderedDict
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from pathlib import Path
 
 from flexlab.errors import LabError
+from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.run_files import list_runs
 
 
 class BusyError(LabError):
@@ -20,7 +24,7 @@ HOUSEHOLD = 64
 
 
 def network_of(address: str) -> str:
-    """By what addresses are told from one another: of IPv6 its network, as one machine has as many addresses as it likes."""
+    """What counts as one address: of IPv6 the network, as one machine has as many addresses as it likes."""
     try:
         number = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
@@ -43,19 +47,19 @@ class Asker:
 
     @property
     def person(self) -> str:
-        """By what one visitor is told from another: those without a cookie by their address."""
+        """Identifies a visitor: by their cookie, else by their address."""
         return self.visitor or self.address
 
 
 THE_SERVER = Asker("", "", is_teacher=True)
-"""Who asks for what the server does of its own accord."""
+"""The server itself, which asks for its own work."""
 
 
 class Limit:
     """Bounds one kind of thing. For the server's event loop only."""
 
     def __init__(self, what: str, of_one: int, of_address: int, of_all: int, for_teacher: int):
-        """`what`: its name, plural. `for_teacher`: so many more of all for who teaches, to whom the other bounds do not apply."""
+        """`what`: its name, plural. `for_teacher`: places beyond `of_all`, for the teacher, whom no other bound holds."""
         self._what, self._of_one, self._of_address, self._of_all = what, of_one, of_address, of_all
         self._for_teacher = for_teacher
         self._taken: list[Asker] = []
@@ -67,7 +71,7 @@ class Limit:
         else:
             mine = sum(other.visitor == asker.visitor for other in self._taken)
             near = sum(other.address == asker.address for other in self._taken)
-            # Those without a cookie are many at some addresses, so that only their address bounds them.
+            # Many visitors without a cookie may share an address, so only their address bounds them.
             bounds = [
                 ("You have", mine if asker.visitor else 0, self._of_one),
                 ("Your address has", near, self._of_address),
@@ -91,7 +95,7 @@ class Limit:
 
 
 FREE = 10.0
-"""Wrong tokens of one address that are answered at once: somebody who mistypes."""
+"""Wrong tokens of one address that are answered at once: people mistype."""
 SPACING = 0.5
 """s between two later answers."""
 MOST_PENDING, MOST_HELD = 8, 64
@@ -128,3 +132,57 @@ class Guesses:
             await asyncio.sleep(due - now)
         finally:
             self._held -= 1
+
+
+def owner_word(visitor: str) -> str:
+    """The mark of a visitor's runs in their notes; it does not reveal the secret that it is made from. Empty for nobody."""
+    return hashlib.sha256(f"flexlab run of {visitor}".encode("utf-8", "replace")).hexdigest()[:32] if visitor else ""
+
+
+LOOK = 5.0
+"""s between two looks at the folder."""
+MEGABYTE = 1e6
+PER_SECOND = 0.5 * MEGABYTE
+"""Bytes that a simulated second of the paper's run takes, about."""
+
+
+class Quota:
+    """Bounds what one visitor's runs take on the disk. Called by one recorder's thread."""
+
+    def __init__(self, logs: Path, owner: str, most: float | None, clock: Callable[[], float] = time.monotonic):
+        """`most`: bytes; None or no owner: any number. `owner`: the mark of the visitor's runs."""
+        self._logs, self._owner, self._most, self._clock = logs, owner, most, clock
+        self._owners: dict[Path, str] = {}
+        self._looked_at = float("-inf")
+        self._known = self._granted = 0.0
+        """Bytes at the last look, and those granted since then."""
+
+    def __call__(self, size: int = 0) -> str:
+        """Why `size` more bytes may not be written, as a sentence; empty if they may, and then they count."""
+        if self._most is None or not self._owner:
+            return ""
+        if self._clock() - self._looked_at >= LOOK:
+            self._looked_at = self._clock()
+            self._known, self._granted = self._taken(), 0.0
+        taken = self._known + self._granted
+        if taken + size <= self._most:
+            self._granted += size
+            return ""
+        return (
+            f"Your runs take {taken / MEGABYTE:.0f} MB of the {self._most / MEGABYTE:.0f} MB that each visitor has"
+            f"{f', and this needs {size / MEGABYTE:.1f} MB' if taken <= self._most else ''}: "
+            "delete some of them on the page Runs. A simulated second takes about "
+            f"{PER_SECOND / MEGABYTE:g} MB, so that {self._most / PER_SECOND:.0f} s fit in all."
+        )
+
+    def _taken(self) -> float:
+        """Bytes of the visitor's runs."""
+        runs = list_runs(self._logs)
+        # The owner of a run does not change, but a run that is just being opened has none yet.
+        known = {path: self._owners.get(path) or str(read_notes(path).get("owner", "")) for path in runs}
+        self._owners = {path: owner or ("-" if path in self._owners else "") for path, owner in known.items()}
+        total = 0
+        for path, owner in known.items():
+            with contextlib.suppress(OSError):
+                total += path.stat().st_size if owner == self._owner else 0
+        return total

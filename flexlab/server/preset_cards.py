@@ -13,7 +13,7 @@ from flexlab.errors import FlexlabError
 from flexlab.presets import load_scenario_file, preset_files
 from flexlab.scenario import Scenario
 from flexlab.server.limits import THE_SERVER
-from flexlab.server.pages.templating import render
+from flexlab.server.pages.templating import part
 from flexlab.server.tasks import Tasks
 from flexlab.sim.geometry import arm_points, beam_points
 from flexlab.sim.target import build_trajectory
@@ -39,13 +39,8 @@ def thumbnail(scenario: Scenario) -> Markup:
     everything = np.concatenate([arms.reshape(-1, 2), beam, path])
     if not np.isfinite(everything).all():
         return Markup("")
-    return render(
-        "drawing.svg",
-        box=_box(everything),
-        path=_points(path),
-        arms=[{"points": _points(arm), "x": f"{arm[0, 0]:.3f}", "y": f"{-arm[0, 1]:.3f}"} for arm in arms],
-        beam=_points(beam),
-    )
+    drawn = [{"points": _points(arm), "x": f"{arm[0, 0]:.3f}", "y": f"{-arm[0, 1]:.3f}"} for arm in arms]
+    return part("drawing", _box(everything), _points(path), drawn, _points(beam))
 
 
 def _box(points: np.ndarray) -> str:

@@ -31,11 +31,10 @@ LAB_POLICY = (
 )
 """viser unpacks its program, and a compiled part of it, inside the page. It may talk to this address and to nobody else."""
 
-ADDITION = Markup("""<link rel="stylesheet" href="/static/lab.css">
-{language}
+ADDITION = Markup("""{language}
 <script src="/static/lab.js" data-state="{state}" defer></script>
 """)
-"""What the server adds to the lab's page: its language, the way back, and a word when the lab is gone."""
+"""What the server adds to the lab's page: its language, links to other pages, and a notice when the lab is gone."""
 
 log = limited(__name__)
 
@@ -59,7 +58,7 @@ async def proxy_page(request: web.Request, place: Lab, path: str) -> web.StreamR
     if not path:
         context_of(request).pages.check(
             asker_of(request)
-        )  # Said here: a page that gets no connection would say nothing.
+        )  # Checked here, as a page without a connection could not say why.
     inside = context_of(request).inside
     try:
         url = f"http://{LOOPBACK}:{place.port}/{path}"

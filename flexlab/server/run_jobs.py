@@ -32,8 +32,7 @@ from flexlab.recording.store.run_index import RunRow
 from flexlab.scenario.field_text import field_title
 from flexlab.server.child_processes import end_with_the_server, failures_told_plainly, job_processes
 from flexlab.server.labs.lab_provider import Choice
-from flexlab.server.labs.quota import Quota
-from flexlab.server.limits import Asker
+from flexlab.server.limits import Asker, Quota
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
 from flexlab.sim.samples import Samples
 

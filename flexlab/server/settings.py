@@ -1,4 +1,4 @@
-"""What a front server is told when it is opened, how many labs the machine takes, and where other machines find it."""
+"""The settings of a front server, how many labs the machine takes, and its addresses for other machines."""
 
 import contextlib
 import ipaddress
@@ -18,14 +18,12 @@ from flexlab.sockets import LOOPBACK, UNIX
 
 WILDCARDS = ("0.0.0.0", "::", "")
 """Hosts that stand for all addresses of this machine."""
-SOMEWHERE = ("192.0.2.1", 9)
-"""An address that nobody has (RFC 5737): asking for the way there sends nothing."""
 SECRET_BYTES = 18
 """Randomness of a word that is made up."""
 SHORTEST_TOKEN = 16
 """Characters of a chosen token: at two guesses a second nobody finds it."""
 TOKEN_LETTERS = frozenset(string.ascii_letters + string.digits + "-._~")
-"""What addresses and cookies hold unchanged."""
+"""Characters that need no quoting in addresses and cookies."""
 MOST_SESSIONS = 1000
 """Private labs that may be asked for at once: far more than any machine can run."""
 SHORTEST_IDLE, LONGEST_IDLE = 1.0, 604_800.0
@@ -45,7 +43,7 @@ class Settings:
     port: int = 8080
     """0: any free one."""
     token: str | None = None
-    """The word that opens the server; None: made up if the host is not loopback, otherwise not asked for."""
+    """The token that opens the server; None: made up if the host is not loopback, otherwise not needed."""
     private: bool = False
     """Whether each visitor gets a lab, and a process, of their own."""
     max_sessions: int = 4
@@ -57,13 +55,13 @@ class Settings:
     live: bool = False
     """Whether the data of each lab are to be had live, for rerun viewers."""
     most_bytes: float | None = None
-    """Over which the oldest runs that are not kept are deleted; None: never."""
+    """Size of all runs, bytes, over which the oldest that are not kept are deleted; None: never."""
     most_days: float | None = None
-    """After which a run that is not kept is deleted; None: never."""
+    """Age, days, after which a run that is not kept is deleted; None: never."""
     teacher_token: str | None = None
-    """The word that opens everything: all labs and all runs; None: made up where `token` is, else everybody may."""
+    """The token that opens everything, all labs and all runs; None: made up where `token` is, else not needed."""
     most_bytes_per_visitor: float | None = None
-    """Which the runs of one visitor with a private lab may take; None: any number."""
+    """Bytes that the runs of one visitor with a private lab may take; None: any number."""
     max_per_address: int | None = None
     """Private labs of one address at once; None: one less than in all."""
     base_url: str = ""
@@ -113,8 +111,8 @@ class Settings:
         return self.max_per_address or max(self.max_sessions - 1, 1)
 
     def public_host(self) -> str:
-        """How other browsers know this machine."""
-        return _own_address() if self.host in WILDCARDS else self.host
+        """This machine's name or address for other machines."""
+        return next(iter(network_addresses()), socket.gethostname()) if self.host in WILDCARDS else self.host
 
     @property
     def is_local(self) -> bool:
@@ -139,16 +137,6 @@ def _check_token(token: str, name: str) -> None:
         )
 
 
-def _own_address() -> str:
-    """This machine's address in its network; its name where it has none."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(SOMEWHERE)
-            return probe.getsockname()[0]
-        except OSError:
-            return socket.gethostname()
-
-
 FAR_AWAY = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
 """Addresses of no machine: the way there would lead over the interface that others are on. Nothing is sent."""
 
@@ -171,7 +159,7 @@ def _is_reachable(address: str) -> bool:
 
 
 def base_address(host: str, port: int) -> str:
-    """Of a web server, without a path."""
+    """The address of a web server, without a path."""
     return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
@@ -209,7 +197,7 @@ MEMORY_TABLE = Path("/proc/meminfo")
 
 @dataclass(frozen=True)
 class Capacity:
-    """What a machine has."""
+    """Cores and memory of a machine."""
 
     cores: int
     memory: float | None
@@ -224,13 +212,13 @@ class Capacity:
 
     @property
     def text(self) -> str:
-        """What it has, in words."""
+        """Cores and memory in words."""
         cores = "1 core" if self.cores == 1 else f"{self.cores} cores"
         return cores if self.memory is None else f"{cores}, {self.memory / 1e9:.1f} GB of memory free"
 
 
 def capacity() -> Capacity:
-    """Of this machine, now."""
+    """Cores and memory of this machine, now."""
     return Capacity(_cores(), _free_memory())
 
 

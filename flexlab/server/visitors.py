@@ -1,4 +1,4 @@
-"""Who a request comes from: the teacher or a visitor, what a visitor is called, and whose runs they may touch."""
+"""Who a request comes from: the teacher or a visitor, a visitor's name, and the runs that they may see."""
 
 import asyncio
 import contextlib
@@ -10,6 +10,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import Literal
 from urllib.parse import quote, unquote
 
 from aiohttp import web
@@ -18,17 +19,16 @@ from flexlab.errors import LabError, RecordingError
 from flexlab.recording.store.notes import is_regular
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import RunRow, find_row, no_such_run, read_rows
-from flexlab.server.labs.quota import owner_word
-from flexlab.server.limits import Asker, network_of
+from flexlab.server.limits import Asker, network_of, owner_word
 from flexlab.server.pages.page_context import Context, context_of
 
 KEY_FILE = ".flexlab-cookie-key"
-"""In the logs folder: whoever visited before a restart keeps their runs."""
+"""In the logs folder, so that visitors keep their runs when the server starts again."""
 KEY_BYTES = 32
 VISITOR_BYTES = 18
 """Randomness of the cookie by which a visitor finds their own lab and runs again."""
 COOKIE_AGE = 30 * 24 * 3600
-"""s that a browser stays signed in, keeps a name, and finds its runs again."""
+"""Seconds for which a browser stays signed in, keeps a name, and finds its runs again."""
 LONGEST_NAME = 40
 """Characters of a visitor's name: a first and a last one."""
 MOST_PARTS = 4
@@ -36,23 +36,46 @@ MOST_PARTS = 4
 LONGEST_COOKIE = 500
 """Characters of such a name as a cookie holds it."""
 UNNAMED = ""
-"""The name of who has not given one."""
+"""The name of a visitor who gave none."""
 
 
 @dataclass(frozen=True)
 class Visitor:
-    """Who has a lab."""
+    """A visitor, as their cookies tell."""
 
     id: str
-    """The word of their cookie, a secret."""
+    """The secret word of their cookie."""
     name: str = UNNAMED
     address: str = ""
-    """Where they come from."""
+    """Their address."""
 
     @property
     def owner(self) -> str:
-        """By which their runs are known as theirs; empty for nobody."""
+        """The mark of their runs; empty for nobody."""
         return owner_word(self.id)
+
+
+def same(given: str, wanted: str) -> bool:
+    """Whether two words are equal, in a time that tells nothing of the wanted one."""
+    return hmac.compare_digest(given.encode("utf-8", "replace"), wanted.encode())
+
+
+def scheme_of(request: web.Request) -> str:
+    """http or https, as the visitor's browser has it: of several proxies, the first one says."""
+    return request.headers.get("X-Forwarded-Proto", request.scheme).partition(",")[0].strip()
+
+
+def set_cookie(
+    request: web.Request,
+    answer: web.StreamResponse,
+    name: str,
+    value: str,
+    same_site: Literal["Strict", "Lax"] = "Lax",
+    age: int | None = COOKIE_AGE,
+) -> None:
+    """Have the browser keep a word for `age` s (None: until it is closed); no script reads it."""
+    secure = scheme_of(request) == "https"
+    answer.set_cookie(name, value, max_age=age, httponly=True, samesite=same_site, path="/", secure=secure)
 
 
 def cookie_key(logs: Path | None) -> bytes:
@@ -90,7 +113,7 @@ def checked_name(text: str) -> str:
 
 
 def visitor_of(request: web.Request) -> Visitor:
-    """Who asks; without an id if their browser has none yet."""
+    """The visitor; without an id if their browser has none yet."""
     context = context_of(request)
     try:
         given = request.cookies.get(context.name_cookie, "")[:LONGEST_COOKIE]
@@ -106,17 +129,17 @@ def _issued(context: Context, given: str) -> str:
     """A visitor's id if this server gave it; else none: a made-up one would be a new visitor at every request."""
     word, _, signature = given.rpartition(".")
     wanted = context.signed("visitor", word)
-    return given if hmac.compare_digest(signature.encode("utf-8", "replace"), wanted.encode()) else ""
+    return given if same(signature, wanted) else ""
 
 
 def asker_of(request: web.Request) -> Asker:
-    """Who asks, as limits know them."""
+    """The visitor as limits count them."""
     visitor = visitor_of(request)
     return Asker(visitor.id, visitor.address, is_teacher(request))
 
 
 def known_visitor_of(request: web.Request) -> Visitor:
-    """Who asks, with an id made up for who has none; `keep_visitor` lets their browser keep it."""
+    """The visitor, with a new id if they have none; `keep_visitor` lets their browser keep it."""
     visitor = visitor_of(request)
     if visitor.id:
         return visitor
@@ -129,7 +152,7 @@ def known_visitor_of(request: web.Request) -> Visitor:
 async def greet(
     request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
 ) -> web.StreamResponse:
-    """Give whoever sees a first page a cookie, so that many at one address are not one person."""
+    """Give a new visitor a cookie, so that many at one address are told apart."""
     answer = await handler(request)
     first = answer.status == 200 and answer.content_type == "text/html" and not answer.prepared
     known = is_teacher(request) or visitor_of(request).id or context_of(request).visitor_cookie in answer.cookies
@@ -139,23 +162,16 @@ async def greet(
 
 
 def keep_visitor(request: web.Request, answer: web.StreamResponse, visitor: Visitor) -> None:
-    """Let a visitor's browser keep who they are."""
+    """Let a visitor's browser keep their id and name."""
     context = context_of(request)
-    # Lax, not strict: whoever follows a link from elsewhere should find their lab too.
-    answer.set_cookie(context.visitor_cookie, visitor.id, max_age=COOKIE_AGE, httponly=True, samesite="Lax", path="/")
+    # Lax, not strict: a visitor who follows a link from another site finds their lab, too.
+    set_cookie(request, answer, context.visitor_cookie, visitor.id)
     if visitor.name != visitor_of(request).name:
-        answer.set_cookie(
-            context.name_cookie,
-            quote(visitor.name, safe=""),
-            max_age=COOKIE_AGE,
-            httponly=True,
-            samesite="Lax",
-            path="/",
-        )
+        set_cookie(request, answer, context.name_cookie, quote(visitor.name, safe=""))
 
 
 def is_teacher(request: web.Request) -> bool:
-    """Whether who asks may do everything: with the teacher's token, or where there is none."""
+    """Whether the visitor may do everything: they have the teacher's token, or there is none."""
     context = context_of(request)
     if context.teacher_token is None:
         return True
@@ -163,30 +179,30 @@ def is_teacher(request: web.Request) -> bool:
 
 
 def has_teacher_cookie(request: web.Request) -> bool:
-    """Whether who asks has shown the teacher's token or, where there is none, opened the teacher's page."""
+    """Whether the visitor has shown the teacher's token or, where there is none, opened the teacher's page."""
     context = context_of(request)
     given = request.cookies.get(context.teacher_cookie, "")
     wanted = context.signed("teacher", context.teacher_token)
-    return hmac.compare_digest(given.encode("utf-8", "replace"), wanted.encode())
+    return same(given, wanted)
 
 
 def has_class(request: web.Request) -> bool:
-    """Whether who asks has labs of others to look after."""
+    """Whether the visitor is the teacher of others."""
     context = context_of(request)
     return is_teacher(request) and (context.places.is_private or not context.settings.is_local)
 
 
 def may_touch(request: web.Request, row: RunRow) -> bool:
-    """Whether a run is for who asks: their own; all runs for the teacher. What a shared lab recorded is everybody's."""
+    """Whether the visitor may see a run: their own, a shared lab's, and all if they are the teacher."""
     if is_teacher(request):
         return True
     if row.owner:
-        return hmac.compare_digest(row.owner.encode(), visitor_of(request).owner.encode())
+        return same(row.owner, visitor_of(request).owner)
     return not context_of(request).places.is_private
 
 
 async def runs_for(request: web.Request, most: int | None = None) -> list[RunRow]:
-    """The runs that who asks may see, newest first, or the newest `most`."""
+    """The runs that the visitor may see, newest first, or the newest `most`."""
     logs = context_of(request).settings.logs
 
     def found() -> Iterator[RunRow]:
@@ -196,7 +212,7 @@ async def runs_for(request: web.Request, most: int | None = None) -> list[RunRow
 
 
 async def run_for(request: web.Request, run: str) -> RunRow:
-    """One of the runs that who asks may see. Raises `RecordingError`: whose run it is, or that there is one, is not told."""
+    """One of the runs that the visitor may see. Raises `RecordingError`, the same for another's run as for none."""
     context: Context = context_of(request)
     logs: Path = context.settings.logs
     row = await asyncio.to_thread(find_row, logs, run)

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser
 from waiting import PATIENCE
 
 from flexlab.lab import lab_state, render_loop
-from flexlab.lab.panel import field, number_control, panel
+from flexlab.lab.panel import number_control, panel
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
@@ -31,8 +31,7 @@ def session() -> Iterator[Session]:
 @pytest.fixture
 def soon_put_right(monkeypatch: pytest.MonkeyPatch) -> None:
     """A number that was refused stands in its box for one second, not for four."""
-    for module in (field, number_control):
-        monkeypatch.setattr(module, "SETTLE_TIME", 1.0)
+    monkeypatch.setattr(number_control, "SETTLE_TIME", 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +71,7 @@ def window(_lasting_window: LastingWindow) -> Iterator[LastingWindow]:
         patch.setattr(render_loop, "FRAME_TIME", PAUSE / 1000)
         patch.setattr(render_loop, "READOUT_EVERY", 1)
         patch.setattr(lab_state, "NOTICE_TIME", PATIENCE)  # A busy page may draw a sentence late.
-        for module in (field, number_control, panel):
+        for module in (number_control, panel):
             patch.setattr(module, "READING_TIME", PATIENCE)
         yield _lasting_window
         _lasting_window.rest()

@@ -164,7 +164,7 @@ def test_a_sentence_outlives_a_new_run_as_long_as_it_is_true(
         status = panel._status.content
         wait_until(lambda: panel._status.content != status, "and has done so", 20)
 
-    panel: Any = session._drawing._panel
+    panel: Any = session._panel
     paper = load_preset("paper")
     with RawBrowser(session) as browser:
         begin_run(paper)

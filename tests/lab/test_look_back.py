@@ -7,7 +7,7 @@ import pytest
 from lab_page import wait_until
 
 from flexlab.errors import LabError
-from flexlab.lab.class_rules import ClassRules
+from flexlab.guide import ClassRules
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.session import Session
 from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, Tap

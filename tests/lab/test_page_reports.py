@@ -62,7 +62,7 @@ def test_a_run_begins_when_a_page_has_drawn_it() -> None:
 def test_a_senseless_report_is_no_report(session: Session, text: str) -> None:
     with RawBrowser(session) as browser:
         report(browser, session, 1, some=(0.0, 0.5))
-        reports: PageReports = session._drawing._reports  # type: ignore[union-attr]
+        reports: PageReports = session._reports
         wait_until(lambda: reports.open_charts() == {"some": (0.0, 0.5)}, "the report is heard", 20)
         browser.update(way(session), {"value": text})
         report(browser, session, 1, other=(0.1, 0.2))
@@ -70,7 +70,7 @@ def test_a_senseless_report_is_no_report(session: Session, text: str) -> None:
 
 
 def test_charts_that_nobody_sees_are_not_sent(session: Session) -> None:
-    plots = session._drawing._plots  # type: ignore[union-attr]
+    plots = session._plots
     (first, *others) = [chart for charts in plots._charts for chart in charts]
     with RawBrowser(session) as browser:
         report(browser, session, 1, **{first.uuid: (0.0, 1.0)})
@@ -84,7 +84,7 @@ def test_charts_that_nobody_sees_are_not_sent(session: Session) -> None:
 
 def test_a_lab_without_anybody_holds_and_goes_on_for_the_next_one(session: Session) -> None:
     clock = [0.0]
-    reports: PageReports = session._drawing._reports  # type: ignore[union-attr]
+    reports: PageReports = session._reports
     attendance = Attendance(session.runner, session.lab_state, reports, longest=60.0, clock=lambda: clock[0])
     clock[0] = 59.0
     attendance.update()
@@ -104,7 +104,7 @@ def test_what_a_person_paused_stays_paused(session: Session) -> None:
     from flexlab.sim.commands import Pause
 
     clock = [0.0]
-    reports: PageReports = session._drawing._reports  # type: ignore[union-attr]
+    reports: PageReports = session._reports
     attendance = Attendance(session.runner, session.lab_state, reports, longest=60.0, clock=lambda: clock[0])
     session.runner.submit(Pause())
     wait_until(lambda: not session.runner.snapshot.playing, "the lab holds", 20)
@@ -134,7 +134,7 @@ def test_a_preset_chosen_again_and_again_begins_few_runs(session: Session) -> No
                 "again": again,
             }
             browser.update(way(session), {"value": json.dumps(said)})
-        reports: PageReports = session._drawing._reports  # type: ignore[union-attr]
+        reports: PageReports = session._reports
         wait_until(lambda: [page.report.again for page in reports._all() if page.report] == [500], "all are heard", 30)
         asked = session.lab_state._asked
         session.runner.submit(Reset())

@@ -103,7 +103,7 @@ def test_a_click_is_not_lost_to_a_picture_that_is_drawn_meanwhile(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between viser's taking a value and our reading of it, the drawing thread must not write the old one back."""
-    drawn, panel = threading.Event(), session._drawing._panel  # type: ignore[union-attr]
+    drawn, panel = threading.Event(), session._panel
     update = panel.update
 
     def seen(*arguments: typing.Any) -> None:

@@ -198,7 +198,7 @@ def main(messages: int = 20_000, seed: int = 1) -> None:
     with open_front_server(Settings(logs=folder / "logs", port=0), load_preset("paper"), "paper") as front_server:
         address = f"ws://127.0.0.1:{front_server.port}/lab"
         (place,) = front_server.places.running()
-        runner = place._laboratory._session.runner  # type: ignore[attr-defined]
+        runner = place._session.runner  # type: ignore[attr-defined]
         with open_socket(address) as watcher:
             threading.Thread(target=_read, args=(watcher,), daemon=True).start()
             time.sleep(WARM_UP)
@@ -208,7 +208,7 @@ def main(messages: int = 20_000, seed: int = 1) -> None:
             taken = time.monotonic() - began
             time.sleep(10)
             grown = lab.memory_info().rss - memory
-        guard = place._laboratory._session.guard  # type: ignore[attr-defined]
+        guard = place._session.guard  # type: ignore[attr-defined]
         closing = time.monotonic()
     closing = time.monotonic() - closing
     print(f"{messages} messages in {taken:.0f} s, {guard.refused} refused, {runner.snapshot.run_number} runs begun")

@@ -6,7 +6,7 @@ from urllib.parse import urlencode
 from http_client import Answer, ask
 
 from flexlab.server.front_server import FrontServer
-from flexlab.server.labs.quota import owner_word
+from flexlab.server.limits import owner_word
 
 TOKEN, TEACHER = "the-token-of-the-class", "the-teacher-s-own-token"
 FORM = "application/x-www-form-urlencoded"

@@ -24,8 +24,7 @@ from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import list_runs
 from flexlab.server.front_server import FrontServer, open_front_server
 from flexlab.server.labs.lab_provider import MOST_OF_ADDRESS, FullError, WaitingLine
-from flexlab.server.labs.quota import Quota, owner_word
-from flexlab.server.limits import THE_SERVER, Asker, BusyError, Limit
+from flexlab.server.limits import THE_SERVER, Asker, BusyError, Limit, Quota, owner_word
 from flexlab.server.pages import run_actions, runs_pages
 from flexlab.server.pages.page_context import MOST_PAGES, MOST_VIEWERS
 from flexlab.server.settings import Settings

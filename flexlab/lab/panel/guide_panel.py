@@ -44,12 +44,12 @@ from flexlab.guide import (
     chapters,
     lessons,
     read_lesson,
+    step_text,
     without_html,
 )
-from flexlab.lab.class_rules import step_text
-from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.number_control import put
+from flexlab.lab.lab_state import LabState
 from flexlab.lab.view_settings import fitting_exaggeration
+from flexlab.lab.widgets import add_button, handler, put
 from flexlab.presets import load_preset, preset_names
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
@@ -143,12 +143,19 @@ class Guide:
         self._guess_question = gui.add_html("", visible=False)
         self._guess = gui.add_dropdown("What do you guess?", (OPEN,), initial_value=OPEN, visible=False)
         self._steps = gui.add_markdown("", visible=False)
-        self._start = gui.add_button("Load its preset", color="gray", visible=False, hint="Starts a new run")
+        self._start = add_button(
+            gui, lab_state, "Load its preset", lambda _: self._load(), visible=False, hint="Starts a new run"
+        )
         self._verdict = gui.add_html("", visible=False)
-        self._unfold = gui.add_button("Show the answer", color="gray", visible=False, hint="Before the check is done")
+        self._unfold = add_button(
+            gui,
+            lab_state,
+            "Show the answer",
+            lambda _: self._show_answer(),
+            visible=False,
+            hint="Before the check is done",
+        )
         self._answer = gui.add_markdown("", visible=False)
-        self._start.on_click(handler(lab_state, lambda _: self._load()))
-        self._unfold.on_click(handler(lab_state, lambda _: self._show_answer()))
         self._guess.on_update(handler(lab_state, lambda _: self._take_guess(self._guess.value)))
         self._menu.on_update(handler(lab_state, lambda _: self._choose(self._menu.value)))
         self._turn_to(first)

@@ -8,10 +8,11 @@ import viser
 from flexlab.analysis.modes import Modes, PoleRow, sampling_text
 from flexlab.analysis.stability import DiskMargin, Margin
 from flexlab.errors import LabError
-from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.lab_state import LabState
 from flexlab.lab.mode_computation import ModeStudy, peak_deflection
 from flexlab.lab.panel.playback import SPEEDS
 from flexlab.lab.view_settings import EXAGGERATION, nice
+from flexlab.lab.widgets import add_button, handler
 from flexlab.sim.commands import Pause, Play, SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
@@ -20,7 +21,7 @@ from flexlab.text import escaped, number_text
 MOST_POLES = 6
 """Rows of poles: the growing ones first."""
 MOST_MODES = 8
-"""Rows of the table and choices of the menu: higher modes are seen by nobody."""
+"""Rows of the table and choices of the menu: higher modes are too small to be seen."""
 SEEN_AT = 2.0
 """Frequency on the screen that slow motion stays just below, Hz."""
 SEEN_SIZE = 0.06
@@ -44,14 +45,14 @@ class ModePanel:
         study.ask(lab_state.intended)
         self._table = gui.add_html("")
         self._choice = gui.add_dropdown("Mode", tuple(str(k + 1) for k in range(MOST_MODES)), initial_value="1")
-        slow = gui.add_button("Slow motion for it", color="gray", hint=f"Speed so that it is seen below {SEEN_AT:g} Hz")
-        start = gui.add_button(
-            "Start in it", color="gray", hint="A new run that starts with the beam bent in this mode"
+        seen, bent = (
+            f"Speed so that it is seen below {SEEN_AT:g} Hz",
+            "A new run that starts with the beam bent in this mode",
         )
+        add_button(gui, lab_state, "Slow motion for it", lambda _: self._slow_down(self._chosen()), hint=seen)
+        add_button(gui, lab_state, "Start in it", lambda _: self._start_in(self._chosen()), hint=bent)
         self._animate = gui.add_checkbox("Animate its shape", False, hint="Draws the mode instead of the run")
         self._problem = gui.add_html("")
-        slow.on_click(handler(lab_state, lambda _: self._slow_down(self._chosen())))
-        start.on_click(handler(lab_state, lambda _: self._start_in(self._chosen())))
         self._animate.on_update(handler(lab_state, lambda _: self._set_animation()))
         self._choice.on_update(handler(lab_state, lambda _: self._set_animation()))
 
@@ -79,13 +80,13 @@ class ModePanel:
     def _set_animation(self) -> None:
         wanted = bool(self._animate.value)
         if wanted and self._lab_state.snapshot.playing:
-            # Two things that move are one too many to look at.
+            # The run stands while the mode's shape moves.
             self._paused_run = self._lab_state.snapshot.run_number
             self._lab_state.submit(Pause())
         elif not wanted and self._paused_run == self._lab_state.snapshot.run_number:
             self._paused_run = 0
             self._lab_state.submit(Play())
-        # Modes of a beam that was just changed may be on their way: they are shown as soon as they are there.
+        # The modes of a beam that was just changed are shown as soon as they are computed.
         self._awaited = wanted and self._study.result is None
         self._lab_state.set_view(shown_mode=None)
         if wanted and not self._awaited:

@@ -1,4 +1,4 @@
-"""A number on the screen: a box that takes any value and a slider below it, kept together."""
+"""Numbers on the screen: a box for each that takes any value, and a slider below it where the quantity has one."""
 
 import math
 import time
@@ -8,8 +8,9 @@ from typing import Any
 import viser
 
 from flexlab.errors import FlexlabError, LabError
-from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.lab_state import LabState
 from flexlab.lab.viser_internals import mark_slider
+from flexlab.lab.widgets import add_button, handler, put
 from flexlab.quantities import Quantity
 from flexlab.text import escaped, number_text
 
@@ -20,29 +21,40 @@ READING_TIME = 30.0
 SLIDER_STEPS = 200
 CROWDED = 0.12
 """Share of a slider within which the labels of two marks would overlap."""
-BOX_DIGITS = 12
-"""Decimals that a number box takes."""
+BOX_DIGITS, FINEST_DIGITS = 12, 14
+"""Decimals that a number box takes; and one whose range begins below the last of these."""
+
+LIVE_HINTS = {
+    "continuous": "Acts at once.",
+    "projected": "Reshapes the beam's mesh; its shape is carried over.",
+    "restart": "Starts a new run.",
+}
+
+Numbers = float | tuple[float, ...] | None
+"""What one control holds; None: its switch is off."""
 
 
-def put(widget: Any, **values: Any) -> None:
-    """Write what has changed: viser takes 20 µs for every write, even of the value that is there."""
-    for name, value in values.items():
-        if getattr(widget, name) != value:
-            setattr(widget, name, value)
+def _check_range(about: Quantity, name: str, unit: str, value: Numbers) -> None:
+    """Raises `LabError` for a number outside the range of `about`, by the name and unit of its label."""
+    items = value if isinstance(value, tuple) else () if value is None else (value,)
+    space = f" {unit}" if unit not in ("", "1") else ""
+    for place, item in enumerate(items, 1):
+        if not about.low <= item <= about.high:
+            which = f"{name}, {place} of {len(items)}" if len(items) > 1 else name
+            raise LabError(
+                f"{which} = {number_text(item, 6)}{space} is outside the allowed range {number_text(about.low)} to "
+                f"{number_text(about.high)}{space}: choose a value within it."
+            )
 
 
-def check_range(about: Quantity, name: str, unit: str, value: float) -> None:
-    """Refuse a number outside the range of `about`, by the name and unit that its label has: raises `LabError`."""
-    if not about.low <= value <= about.high:
-        space = f" {unit}" if unit not in ("", "1") else ""
-        raise LabError(
-            f"{name} = {number_text(value, 6)}{space} is outside the allowed range {number_text(about.low)} to "
-            f"{number_text(about.high)}{space}: choose a value within it."
-        )
+def _text(value: Numbers) -> str:
+    if value is None:
+        return "none"
+    return ", ".join(number_text(item, 6) for item in (value if isinstance(value, tuple) else (value,)))
 
 
 class Scale:
-    """The way between a value and its place on the slider: even or, from above 0 on, logarithmic; in whole numbers or not."""
+    """Maps values to places on a slider and back: linearly or, above 0, logarithmically; to whole numbers or not."""
 
     def __init__(self, about: Quantity, whole: bool = False):
         self.about = about
@@ -56,7 +68,7 @@ class Scale:
         """What an arrow key adds in the box: about a hundredth of the slider, but no more than 1."""
 
     def place(self, value: float) -> float:
-        """Where a value stands on the slider, at its end if outside."""
+        """The place of a value on the slider; that of its end for a value beyond it."""
         if self._logarithmic and value <= 0:
             return self.low
         return min(max(self._place(value), self.low), self.high)
@@ -88,40 +100,55 @@ class Scale:
 
 
 class NumberControl:
-    """Box, slider, the way back and a line for what is wrong, in the GUI container that is open while it is made.
-
-    `name` and `unit` make the label. `ask(value)` carries out what a person wants, or raises a `FlexlabError`. `usual()` is
-    the value that the small button goes back to; None: no button.
-    """
+    """Box, slider, the way back and a line for what is wrong, in the GUI container that is open while it is made."""
 
     def __init__(
         self,
         gui: viser.GuiApi,
         lab_state: LabState,
-        name: str,
-        unit: str,
-        scale: Scale,
+        about: Quantity,
+        value: Numbers,
+        ask: Callable[[Numbers], None],
+        usual: Callable[[], Numbers] | None = None,
+        *,
         hint: str,
-        value: float,
-        ask: Callable[[float], None],
-        usual: Callable[[], float] | None = None,
+        name: str = "",
+        unit: str | None = None,
+        slider: bool = True,
+        whole: bool = False,
+        switch: tuple[str, Callable[[], Numbers]] | None = None,
     ):
-        self._name, self._unit = name, unit
-        self._scale, self._ask, self._value, self._usual = scale, ask, value, usual
-        self._touched, self._marked = -math.inf, []
-        self._box = gui.add_number(f"{name} ({unit})" if unit else name, value, step=scale.box_step, hint=hint)
-        self._box.precision = BOX_DIGITS
-        self._slider = gui.add_slider(
-            f"{name}, slider", scale.low, scale.high, scale.step, scale.place(value), marks=scale.marks, hint=hint
-        )
-        self._back = gui.add_button("↺", color="gray", visible=False, hint=f"{name}: back to its usual value")
-        self._problem = gui.add_html("", visible=False)
-        self._box.on_update(handler(lab_state, lambda _: self._type(self._box.value)))
-        self._slider.on_update(handler(lab_state, lambda _: self._slide(self._slider.value)))
-        self._back.on_click(handler(lab_state, lambda _: self._go_back()))
-        self._offer_way_back()
+        """`ask` carries out what a person wants, or raises a `FlexlabError`; `usual` gives what ↺ goes back to.
 
-    def settle(self, value: float) -> None:
+        `name` and `unit` make the label; else those of `about` do. `slider`: only for a single number. `whole`: only whole
+        numbers count. `switch`: label of the switch that gives the field a value, and which; None: it always has one.
+        """
+        self._about, self._name, self._unit = about, name or about.title, about.unit if unit is None else unit
+        self._ask, self._usual, self._value = ask, usual, value
+        self._stays_at = value  # As the sentence below the box says.
+        self._touched, self._marked = -math.inf, []
+        self._scale = Scale(about, whole) if slider else None
+        self._switch = self._slider = None
+        if switch is not None:
+            self._switch = checkbox = gui.add_checkbox(switch[0], value is not None, hint=LIVE_HINTS[about.live])
+            checkbox.on_update(handler(lab_state, lambda _: self._turn(switch[1]() if checkbox.value else None)))
+        shown = switch[1]() if switch is not None and value is None else value
+        label = f"{self._name} ({self._unit})" if self._unit not in ("", "1") else self._name
+        self._box = self._add_box(gui, label, shown, 1.0 if whole else None, hint)
+        put(self._box, visible=value is not None)
+        self._box.on_update(handler(lab_state, lambda _: self._type(self._box.value)))
+        if self._scale is not None:
+            low, high, place = self._scale.low, self._scale.high, self._scale.place(shown)
+            name = f"{self._name}, slider"
+            slide = gui.add_slider(name, low, high, self._scale.step, place, marks=self._scale.marks, hint=hint)
+            slide.on_update(handler(lab_state, lambda _: self._slide(slide.value)))
+            self._slider = slide
+        back = f"{self._name}: back to its usual value"
+        self._back = add_button(gui, lab_state, "↺", lambda _: self._go_back(), visible=False, hint=back)
+        self._problem = gui.add_html("", visible=False)
+        self._show(value)
+
+    def settle(self, value: Numbers) -> None:
         """Show the true value, unless a person is at this control."""
         if time.monotonic() - self._touched > SETTLE_TIME:
             self._show(value)
@@ -130,23 +157,30 @@ class NumberControl:
         else:
             self._value = value
 
-    def show(self, value: float) -> None:
+    def show(self, value: Numbers) -> None:
         """Show the true value at once: after a reset, a preset, an undo. A sentence stays while what it says is true."""
-        if value != self._value:
+        if value != self._stays_at:
             self._complain("")
         self._show(value)
 
-    def _show(self, value: float) -> None:
+    def _show(self, value: Numbers) -> None:
         self._value = value
         self._offer_way_back()
-        if self._box.value != value:
-            self._box.value = value
-        place = self._scale.place(value)
-        if not math.isclose(self._slider.value, place, abs_tol=self._scale.step):
-            self._slider.value = place
+        if self._switch is not None:
+            put(self._switch, value=value is not None)
+        put(self._box, visible=value is not None)
+        if value is None:
+            return
+        put(self._box, value=value)
+        if self._scale is not None and self._slider is not None:
+            place = self._scale.place(value)
+            if not math.isclose(self._slider.value, place, abs_tol=self._scale.step):
+                self._slider.value = place
 
     def mark(self, values: tuple[tuple[float, str], ...]) -> None:
         """Mark values on the slider, between its ends; those outside it have no place there."""
+        if self._scale is None or self._slider is None:
+            return
         places = [(self._scale.place(value), label) for value, label in values if self._scale.shows(value)]
         if places != self._marked:
             self._marked = places
@@ -154,25 +188,43 @@ class NumberControl:
 
     def remove(self) -> None:
         """Take the control off the screen."""
-        for widget in (self._box, self._slider, self._back, self._problem):
-            widget.remove()
+        for widget in (self._switch, self._box, self._slider, self._back, self._problem):
+            if widget is not None:
+                widget.remove()
+
+    def _add_box(self, gui: viser.GuiApi, label: str, value: Any, step: float | None, hint: str) -> Any:
+        if isinstance(value, tuple):
+            add = gui.add_vector2 if len(value) == 2 else gui.add_vector3
+            box: Any = add(label, value, hint=hint)
+        else:
+            # As a float: where it holds a whole number, viser would cut every other down to one and say nothing.
+            step = self._scale.box_step if self._scale is not None else step
+            box = gui.add_number(label, float(value), step=step, hint=hint)
+        box.precision = FINEST_DIGITS if 0 < self._about.low < 10.0**-BOX_DIGITS else BOX_DIGITS
+        return box
+
+    def _turn(self, value: Numbers) -> None:
+        # A switch that was refused goes back at once: there is nothing to go on typing at.
+        self._accepted(value)
+        self._show(self._value)
 
     def _slide(self, place: float) -> None:
-        if self._accepted(self._scale.value(place)):
+        if self._scale is not None and self._accepted(self._scale.value(place)):
             self._box.value = self._value
 
-    def _type(self, value: float) -> None:
-        if self._accepted(value):
+    def _type(self, value: Numbers) -> None:
+        if self._accepted(value) and self._scale is not None and self._slider is not None:
             self._slider.value = self._scale.place(value)
 
-    def _accepted(self, value: float) -> bool:
+    def _accepted(self, value: Numbers) -> bool:
         """Ask for a value; if it is refused, say why below and leave what was typed to be mended."""
         self._touched = time.monotonic()
         try:
-            check_range(self._scale.about, self._name, self._unit, value)
+            _check_range(self._about, self._name, self._unit, value)
             self._ask(value)
         except FlexlabError as error:
-            self._complain(f"{error} It stays at {number_text(self._value, 6)}.")
+            self._stays_at = self._value
+            self._complain(f"{error} It stays at {_text(self._stays_at)}.")
             return False
         self._value = value
         self._offer_way_back()

@@ -2,31 +2,65 @@
 
 import time
 from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
 
 import viser
 
+from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import ModeStudy
-from flexlab.lab.panel.keys import Key, add_keys
 from flexlab.lab.panel.mode_table import ModePanel
-from flexlab.lab.panel.number_control import READING_TIME, SETTLE_TIME, put
-from flexlab.lab.panel.play_screen import PlayScreen
-from flexlab.lab.panel.playback import Events, Playback, Scrub
+from flexlab.lab.panel.number_control import READING_TIME, SETTLE_TIME
+from flexlab.lab.panel.playback import Events, Playback, PlayScreen, Scrub
 from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html, number_html, status_html
 from flexlab.lab.panel.ring_panel import RingPanel
 from flexlab.lab.panel.run_comparison import Comparing
 from flexlab.lab.panel.scenario_files import Presets, ScenarioFiles
-from flexlab.lab.panel.sections import GROUPS, SECTIONS, Details, Section, conditions_html, three_valued
-from flexlab.lab.panel.style import style_element
+from flexlab.lab.panel.sections import (
+    GROUPS,
+    SECTIONS,
+    Folder,
+    conditions_html,
+    group_rows,
+    section_rows,
+    three_valued,
+)
 from flexlab.lab.panel.view_controls import Look, ViewControls
 from flexlab.lab.picking import DisturbanceSettings, Picking
 from flexlab.lab.reference_run import Recorded
 from flexlab.lab.view_settings import Legend
+from flexlab.lab.widgets import handler, put
+from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event, Snapshot
 from flexlab.text import escaped
+
+NUMBER_KEYS = 9
+MORE = (
+    "Tab goes from one control to the next; arrows move a slider. "
+    "Elsewhere arrows turn the camera, and A, D, W, S, Q, E move it. Ctrl+K opens the palette of commands, Esc closes."
+)
+
+
+class Key(NamedTuple):
+    """One command: name, what it does, key, modifier (None: none), action (gets the event)."""
+
+    label: str
+    words: str
+    key: str | None
+    modifier: str | None
+    action: Callable[[Any], None]
+
+    @property
+    def shown(self) -> str:
+        """The key as it is printed on keyboards."""
+        names = {"space": "Space", "arrowright": "→", "?": "?"}
+        key = names.get(self.key or "", (self.key or "").upper())
+        modifier = {None: "", "shift": "" if self.key == "?" else "Shift+", "cmd/ctrl": "Ctrl+"}
+        return modifier.get(self.modifier, "Ctrl+Shift+") + key
 
 
 class Panel:
@@ -56,7 +90,6 @@ class Panel:
         self._last_event: Event | None = None
         self._told: Scenario | None = None
         self._settled: tuple[Scenario | None, Scenario | None] = (None, None)
-        gui.add_html(style_element())
         self._notices = gui.add_html("")
         self._caption, self._number = gui.add_html(""), gui.add_html("")
         self._status = gui.add_html("")
@@ -67,10 +100,17 @@ class Panel:
         with tabs.add_tab("Parameters"):
             self._note = gui.add_html("", visible=False)
             notes = {"controller": lambda: conditions_html(study.conditions)}
-            sections = {path: Section(gui, lab_state, title, path, notes.get(path)) for title, path in SECTIONS}
+            sections = {
+                path: Folder(
+                    gui, lab_state, title, partial(section_rows, part_path=path), is_open=True, note=notes.get(path)
+                )
+                for title, path in SECTIONS
+            }
             self._noted = sections["controller"]
-            self._sections: list[Section | Details] = list(sections.values())
-            self._sections += [Details(gui, lab_state, group) for group in GROUPS]
+            details = [
+                Folder(gui, lab_state, group.title, partial(group_rows, group=group), is_open=False) for group in GROUPS
+            ]
+            self._sections = [*sections.values(), *details]
         with tabs.add_tab("View"):
             self._viewing = ViewControls(gui, lab_state, look)
         with tabs.add_tab("Touch"):
@@ -170,3 +210,46 @@ class Panel:
             if event.level == "error":
                 self._lab_state.say(event.text, "error")
         self._last_event = events[-1]
+
+
+def add_keys(gui: viser.GuiApi, lab_state: LabState, keys: list[Key]) -> None:
+    """Give the page keys for `keys`, the presets by number, and ? for the list of all."""
+    everything = [*keys, *(_preset_key(lab_state, number) for number in range(1, NUMBER_KEYS + 1))]
+    everything.append(Key("List of all keys", "This list", "?", "shift", lambda event: _show_list(event, everything)))
+    for key in everything:
+        # "?" is not among the keys that viser names, but its page takes any key.
+        command = gui.add_command(
+            key.label,
+            description=key.words,
+            hotkey=key.key,  # type: ignore[arg-type]  # As above.
+            modifier=key.modifier,  # type: ignore[arg-type]  # As above.
+        )
+        command.on_trigger(handler(lab_state, key.action))
+
+
+def _preset_key(lab_state: LabState, number: int) -> Key:
+    def load(_: Any) -> None:
+        names = preset_names()
+        if number > len(names):
+            raise LabError(f"There is no preset number {number}: the menu has {len(names)}.")
+        lab_state.load(load_preset(names[number - 1]), names[number - 1])
+
+    return Key(f"Preset number {number}", "In the order of the menu", str(number), None, load)
+
+
+def _show_list(event: Any, keys: list[Key]) -> None:
+    rows = "".join(
+        f"<tr><td>{escaped(key.shown)}</td><td>{escaped(key.label)}</td><td>{escaped(key.words)}</td></tr>"
+        for key in keys
+        if key.key is not None and not key.key.isdecimal()
+    )
+    rows += f"<tr><td>1 … {NUMBER_KEYS}</td><td>Load a preset</td><td>In the order of the menu</td></tr>"
+    gui = event.client.gui
+    with gui.add_modal("Keys") as modal:
+        gui.add_html(f'<div class="fl"><table class="fl-table">{rows}</table>{MORE}</div>')
+        close = gui.add_button("Close")
+
+    async def shut(_: Any) -> None:
+        modal.close()
+
+    close.on_click(shut)

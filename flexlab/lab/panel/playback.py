@@ -1,4 +1,8 @@
-"""The clock: play and pause, single step, reset, speed, and the way back to what has happened in this run."""
+"""The clock: play and pause, single step, reset, speed, and the way back to what has happened in this run.
+
+And the play screen: the beam, a tap, three sliders and a sentence; its *More* opens the lab with the same run. The page decides
+which of the two it shows (`page.js`, `?play` in its address): both stand in the same panel.
+"""
 
 import math
 import time
@@ -6,10 +10,17 @@ import time
 import viser
 
 from flexlab.errors import LabError
-from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.lab_state import LabState
 from flexlab.lab.look_back import LookBack
-from flexlab.lab.panel.number_control import BOX_DIGITS, put
+from flexlab.lab.panel.field import Entry, Field
+from flexlab.lab.panel.number_control import BOX_DIGITS, NumberControl
 from flexlab.lab.panel.readouts import events_html
+from flexlab.lab.panel.view_controls import Look
+from flexlab.lab.picking import Picking
+from flexlab.lab.scene.cameras import VIEWS
+from flexlab.lab.widgets import add_button, handler, put
+from flexlab.quantities import Quantity
+from flexlab.scenario import Scenario
 from flexlab.sim.command_queue import MOST_STEPS
 from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, StepOnce
 from flexlab.sim.snapshot import TICK, Snapshot
@@ -38,13 +49,19 @@ class Playback:
         step = gui.add_button(
             "Step", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", hint="1 ms further; hold the button to go on"
         )
-        reset = gui.add_button(
-            "Reset", icon=viser.Icon.REFRESH, color="gray", hint="A new run from t = 0, same settings"
-        )
+        anew = "A new run from t = 0, same settings"
+        add_button(gui, lab_state, "Reset", lambda _: self.reset(), icon=viser.Icon.REFRESH, hint=anew)
         # The style sheet puts the button that follows this mark into the middle of the picture.
         self._begin_mark = gui.add_html('<i class="fl-begin"></i>', visible=False)
-        self._begin = gui.add_button("Begin", icon=viser.Icon.PLAYER_PLAY, visible=False)
-        self._begin.on_click(handler(lab_state, lambda _: lab_state.submit(Play())))
+        self._begin = add_button(
+            gui,
+            lab_state,
+            "Begin",
+            lambda _: lab_state.submit(Play()),
+            icon=viser.Icon.PLAYER_PLAY,
+            color=None,
+            visible=False,
+        )
         self._speeds = {speed_text(speed): speed for speed in SPEEDS}
         self._speed = gui.add_dropdown(
             "Speed", tuple(self._speeds), initial_value=speed_text(1.0), hint="Simulated time per real time"
@@ -53,7 +70,6 @@ class Playback:
         # Pressing steps once and holding goes on; the click that ends it is no step, but that of the keyboard is one.
         step.on_hold(handler(lab_state, lambda _: self._held_step()), callback_hz=STEPS_PER_SECOND)
         step.on_click(handler(lab_state, lambda _: self._clicked_step()))
-        reset.on_click(handler(lab_state, lambda _: self.reset()))
         self._speed.on_update(handler(lab_state, lambda _: self._set_speed(self._speed.value)))
 
     def update(self, snapshot: Snapshot) -> None:
@@ -128,16 +144,21 @@ class Scrub:
         self._bar = gui.add_slider(
             "Look back", -1.0, 0.0, FINE, 0.0, visible=False, hint="Drag it to the left: the last minute of the run"
         )
-        self._back = gui.add_button("Back to now", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", visible=False)
-        self._go_on = gui.add_button(
+        now, go_on, hint = viser.Icon.PLAYER_TRACK_NEXT, viser.Icon.PLAYER_PLAY, "A new run that begins with this state"
+        self._back = add_button(
+            gui, lab_state, "Back to now", lambda _: look_back.back_to_now(), icon=now, visible=False
+        )
+        self._go_on = add_button(
+            gui,
+            lab_state,
             "Continue from here",
-            icon=viser.Icon.PLAYER_PLAY,
+            lambda _: look_back.go_on(),
+            icon=go_on,
+            color=None,
             visible=False,
-            hint="A new run that begins with this state",
+            hint=hint,
         )
         self._bar.on_update(handler(lab_state, lambda _: look_back.look(-float(self._bar.value))))
-        self._back.on_click(handler(lab_state, lambda _: look_back.back_to_now()))
-        self._go_on.on_click(handler(lab_state, lambda _: look_back.go_on()))
         self._ago = 0.0
 
     def update(self) -> None:
@@ -161,8 +182,8 @@ class Events:
         self._lab_state = lab_state
         self._goal = gui.add_number("Run to t (s)", 1.0, step=0.1, hint="As fast as this machine can, then hold")
         self._goal.precision = BOX_DIGITS
-        run = gui.add_button("Run to it", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray")
-        run.on_click(handler(lab_state, lambda _: self.run_to(float(self._goal.value))))
+        icon = viser.Icon.PLAYER_SKIP_FORWARD
+        add_button(gui, lab_state, "Run to it", lambda _: self.run_to(float(self._goal.value)), icon=icon)
         self._list = gui.add_html("")
 
     def update(self, snapshot: Snapshot) -> None:
@@ -178,3 +199,58 @@ class Events:
         if ticks > MOST_STEPS + 0.5:
             raise LabError(f"t = {goal:g} s is more than {MOST_STEPS * TICK:g} s ahead: go there in steps.")
         self._lab_state.submit(StepOnce(round(ticks)))
+
+
+SPEED = Quantity("Simulation speed", unit="×", low=SPEEDS[-1], high=SPEEDS[0], slider=(0.01, 1), logarithmic=True)
+SENTENCE = (
+    "Tap the beam or drag it: a stiffer one rings faster, a damped one comes to rest sooner, "
+    "and slow motion shows how it bends."
+)
+
+
+def _damping_path(scenario: Scenario) -> str:
+    """The number of the beam's damping, whatever its kind."""
+    (name,) = set(type(scenario.payload.damping).model_fields) - {"kind"}
+    return f"payload.damping.{name}"
+
+
+class PlayScreen:
+    """Controls of the play screen, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, touch: Picking, look: Look):
+        self._gui, self._lab_state = gui, lab_state
+        self._folder = gui.add_folder("Play")
+        with self._folder:
+            gui.add_html(f'<div class="fl fl-play">{SENTENCE}</div>')  # By which the page finds the screen.
+            icon, hint = viser.Icon.HAND_CLICK, "A blow across the beam"
+            add_button(gui, lab_state, "Tap", lambda _: touch.tap(), icon=icon, color=None, hint=hint)
+            hint = "The camera back to where it stood, in this browser"
+            add_button(gui, lab_state, "Reset view", lambda event: look(event.client, VIEWS[0]), hint=hint)
+            gui.add_button("More", color="gray", hint="The whole lab, with this run")
+            self._stiffness = Field(gui, lab_state, Entry("payload.bending_stiffness", None, "Stiffness EI", "N·m²"))
+        self._build_damping(lab_state.intended)
+        with self._folder:
+            self._speed = NumberControl(gui, lab_state, SPEED, self._present_speed(), self._ask, hint="Slow motion")
+
+    def update(self, scenario: Scenario) -> None:
+        """Follow the run, leaving alone what a person is at."""
+        if _damping_path(scenario) != self._damping_shown or type(scenario.payload.damping) is not self._kind:
+            self._damping.remove()
+            self._build_damping(scenario)
+        for field in (self._stiffness, self._damping):
+            field.settle(scenario)
+        self._speed.settle(self._present_speed())
+
+    def _build_damping(self, scenario: Scenario) -> None:
+        self._kind, self._damping_shown = type(scenario.payload.damping), _damping_path(scenario)
+        unit = scenario.about(self._damping_shown).unit
+        with self._folder:
+            self._damping = Field(self._gui, self._lab_state, Entry(self._damping_shown, None, "Beam's damping", unit))
+
+    def _present_speed(self) -> float:
+        return float(f"{self._lab_state.target_speed:.3g}")
+
+    def _ask(self, value: float) -> None:
+        # The menu of the lab knows powers of two: both say the same.
+        nearest = min(SPEEDS, key=lambda speed: abs(math.log(speed / value)) if value > 0 else speed)
+        self._lab_state.submit(SetSpeed(nearest))

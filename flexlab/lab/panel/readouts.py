@@ -1,4 +1,4 @@
-"""What the panel says about the run: time, speed, status, events as HTML, and the picture in sentences to hear."""
+"""What the panel says about the run: time, speed, status and events as HTML, and a spoken summary."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,8 +10,8 @@ from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import peak_deflection
-from flexlab.lab.panel.number_control import put
 from flexlab.lab.view_settings import Legend, ViewSettings
+from flexlab.lab.widgets import put
 from flexlab.sim.commands import Pull
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
@@ -24,7 +24,7 @@ CLEARLY_SLOWER = 0.95
 """Share of the wanted speed below which being too slow is worth a sentence, not just a word."""
 SHOWN_EVENTS = 40
 SEEN_TOGETHER = 1.0
-"""Simulated s whose largest vibration is said as one number."""
+"""Simulated seconds over which the largest vibration is taken."""
 SMALLEST_IN_MM = 0.1
 """mm: smaller vibrations are said in µm."""
 
@@ -57,14 +57,14 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
 
 
 def number_html(recent: Samples, snapshot: Snapshot) -> str:
-    """What matters of the run at a glance, for the back rows of a room: `recent` holds what is seen together."""
+    """The run's main numbers in large type, for a presentation; `recent`: the samples over which the vibration is taken."""
     shown = largest_vibration(recent)
     first = f"f<sub>1</sub> = {fixed_text(snapshot.first_frequency, 1)} Hz"
     return f'<div class="fl fl-number"><span>largest vibration</span><b>{shown}</b><span>{first}</span></div>'
 
 
 def largest_vibration(recent: Samples) -> str:
-    """With its unit."""
+    """The largest vibration of some samples, with its unit."""
     vibration = 1e3 * float(np.abs(recent.vibration).max()) if len(recent) else 0.0
     return f"{fixed_text(vibration, 2)} mm" if vibration >= SMALLEST_IN_MM else f"{fixed_text(1e3 * vibration, 1)} µm"
 
@@ -88,9 +88,9 @@ def _color_legend(limit: float, unit: str) -> str:
 
 
 def notices_html(snapshot: Snapshot, notice: Notice, standing: Sequence[str] = ()) -> str:
-    """What needs attention now, floating over the picture so that nothing in the panel moves; empty if all is well.
+    """Warnings and notices, floating over the picture so that nothing in the panel moves; empty if there are none.
 
-    `standing`: what holds for as long as it is told.
+    `standing`: sentences that are shown as long as they are given.
     """
     boxes = [_box(text, "info") for text in standing]
     cautions = _cautions(snapshot)
@@ -112,7 +112,7 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
 
 
 def status_word(snapshot: Snapshot) -> str:
-    """Whether it runs."""
+    """The run's state in a word or two."""
     return _status(snapshot)[1]
 
 
@@ -139,7 +139,7 @@ def warnings(snapshot: Snapshot) -> list[str]:
 
 
 def _cautions(snapshot: Snapshot) -> list[str]:
-    """What the run's numbers are to be read with; the play screen, which has no numbers, leaves it to the lab."""
+    """Warnings about the accuracy of numbers; the play screen, which has no numbers, hides them."""
     return [text for text in (snapshot.accuracy_warning, snapshot.axial_warning) if text]
 
 
@@ -198,7 +198,7 @@ class SpokenSummary:
 
 
 def summary_text(snapshot: Snapshot, recent: Samples, sentences: Sequence[Explained]) -> str:
-    """State of the run, its numbers, what is wrong, and what the plots show; `recent` holds what is seen together."""
+    """State of the run, its numbers, warnings, and what the plots show; `recent` as in `number_html`."""
     scenario, sample = snapshot.scenario, snapshot.latest
     arms = f"{len(scenario.arms)} arms hold" if len(scenario.arms) > 1 else "One arm holds"
     deflection = fixed_text(1e3 * float(sample.midspan_deflection[0]), 3, signed=True)

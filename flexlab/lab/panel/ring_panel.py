@@ -5,14 +5,15 @@ The newest free ring is fitted beside the running lab.
 
 import threading
 from dataclasses import dataclass
+from functools import partial
 
 import viser
 
 from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Remedies, remedies
 from flexlab.analysis.identification.ring import RingFit, fit_ring, recent_ring
 from flexlab.errors import FlexlabError, LabError
-from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.number_control import put
+from flexlab.lab.lab_state import LabState
+from flexlab.lab.widgets import add_button, put
 from flexlab.log_limits import limited
 from flexlab.sim.runner import Runner
 from flexlab.text import escaped, number_text
@@ -81,29 +82,16 @@ class RingPanel:
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner):
         self._lab_state, self._study = lab_state, RingStudy(runner)
-        fit = gui.add_button(
-            "Fit the ring",
-            icon=viser.Icon.WAVE_SINE,
-            color="gray",
-            hint="Frequency and damping of the vibration since the last tap, release or stop",
-        )
+        hint = "Frequency and damping of the vibration since the last tap, release or stop"
+        add_button(gui, lab_state, "Fit the ring", lambda _: self._study.ask(), icon=viser.Icon.WAVE_SINE, hint=hint)
         self._found = gui.add_html("")
+        hint = "The path goes through this input shaper, made for the fitted ring"
         self._shapers = [
-            gui.add_button(
-                f"Use {name}",
-                color="gray",
-                visible=False,
-                hint="The path goes through this input shaper, made for the fitted ring",
-            )
+            add_button(gui, lab_state, f"Use {name}", partial(self._use, name), visible=False, hint=hint)
             for name in SHAPERS
         ]
-        self._damp = gui.add_button(
-            "Use this gain", color="gray", visible=False, hint="Sets the vibration gain of the control law"
-        )
-        fit.on_click(handler(lab_state, lambda _: self._study.ask()))
-        for name, button in zip(SHAPERS, self._shapers, strict=True):
-            button.on_click(handler(lab_state, lambda _, name=name: self._use(name)))
-        self._damp.on_click(handler(lab_state, lambda _: self._use_gain()))
+        hint = "Sets the vibration gain of the control law"
+        self._damp = add_button(gui, lab_state, "Use this gain", lambda _: self._use_gain(), visible=False, hint=hint)
 
     def update(self) -> None:
         """Show what was found."""
@@ -127,7 +115,7 @@ class RingPanel:
     def _has(self, field: str) -> bool:
         return field in type(self._lab_state.intended.controller).model_fields
 
-    def _use(self, shaper: str) -> None:
+    def _use(self, shaper: str, _: object = None) -> None:
         offered = self._offered()
         if offered is None:
             raise LabError("Fit a ring first: its frequency is what the shaper is made for.")

@@ -7,8 +7,9 @@ import viser
 
 from flexlab.analysis.metrics import MetricRow
 from flexlab.errors import FlexlabError
-from flexlab.lab.lab_state import LabState, handler
+from flexlab.lab.lab_state import LabState
 from flexlab.lab.reference_run import LONGEST, Recorded, ReferenceRun, common_metrics, differences, keep_run, whole_run
+from flexlab.lab.widgets import add_button
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import field_title, told, value_text
 from flexlab.sim.runner import Runner
@@ -32,11 +33,10 @@ class Comparing:
             "its beam in grey and its curves dotted."
         )
         gui.add_html(f'<div class="fl fl-dim">{words}</div>')
-        keep = gui.add_button("Keep this run", icon=viser.Icon.GHOST_2, color="gray", hint="As it was computed")
-        forget = gui.add_button("Forget it", color="gray", hint="Remove the kept run from the screen")
+        ghost, hint = viser.Icon.GHOST_2, "Remove the kept run from the screen"
+        add_button(gui, lab_state, "Keep this run", lambda _: self._keep(), icon=ghost, hint="As it was computed")
+        add_button(gui, lab_state, "Forget it", lambda _: self._forget(), hint=hint)
         self._table = gui.add_html("")
-        keep.on_click(handler(lab_state, lambda _: self._keep()))
-        forget.on_click(handler(lab_state, lambda _: self._forget()))
 
     def update(self, snapshot: Snapshot) -> None:
         """Bring the table up to date."""

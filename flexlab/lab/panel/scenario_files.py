@@ -11,10 +11,10 @@ import viser
 
 from flexlab.assets import presets_folder
 from flexlab.errors import PresetError, ScenarioError
-from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.number_control import put
+from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.run_comparison import told_html
 from flexlab.lab.reference_run import differences
+from flexlab.lab.widgets import add_button, handler, put
 from flexlab.presets import OWN_FOLDER, load_preset, load_scenario_file, preset_names, save_scenario, scenario_text
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import field_title, told, value_text
@@ -154,16 +154,14 @@ class ScenarioFiles:
             ("Redo", viser.Icon.ARROW_FORWARD_UP, "Make it again (Ctrl+Shift+Z)", lab_state.redo),
             ("Back to preset", None, "A new run without your changes", lab_state.back_to_baseline),
         ):
-            button = gui.add_button(label, icon=icon, color="gray", hint=hint)
-            button.on_click(handler(lab_state, _without_event(action)))
+            add_button(gui, lab_state, label, _without_event(action), icon=icon, hint=hint)
         self.name = gui.add_text("Name", self._suggestion(), hint="Of the preset; its file gets it in small letters")
         self.words = gui.add_text(
             "What to watch", "", multiline=True, hint="Your own words; left empty: what is changed"
         )
-        save = gui.add_button("Save as preset", icon=viser.Icon.DEVICE_FLOPPY, hint="Into the folder presets")
-        save.on_click(handler(lab_state, lambda _: self.save()))
-        download = gui.add_button("Download", icon=viser.Icon.DOWNLOAD, color="gray", hint="The scenario as a file")
-        download.on_click(handler(lab_state, self._download))
+        save, file, hint = viser.Icon.DEVICE_FLOPPY, viser.Icon.DOWNLOAD, "Into the folder presets"
+        add_button(gui, lab_state, "Save as preset", lambda _: self.save(), icon=save, color=None, hint=hint)
+        add_button(gui, lab_state, "Download", self._download, icon=file, hint="The scenario as a file")
         self._gui, self._front_server = gui, gui.add_folder(None)
         self._offer_upload()
         self._address = gui.add_html("")

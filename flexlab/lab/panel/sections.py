@@ -9,10 +9,11 @@ import viser
 from flexlab.control.conditions import Condition
 from flexlab.control.path import Trajectory
 from flexlab.lab.lab_state import LabState
-from flexlab.lab.panel.field import Choice, Field, NumericField
-from flexlab.lab.panel.number_control import put
+from flexlab.lab.panel.field import Choice, Entry, Field, Switch
+from flexlab.lab.widgets import put
 from flexlab.quantities import Part, Quantity, describe, own_numbers
 from flexlab.scenario import Scenario
+from flexlab.scenario.field_text import short_title
 from flexlab.scenario.scenario import COMMON_FIELDS
 from flexlab.sim.target import build_trajectory, desired_at
 from flexlab.text import escaped, number_text
@@ -36,15 +37,6 @@ LAST = ("load_share", "wanted_internal_force", "mass_change")
 """Fields that stand after the others: what all laws share, and what few payloads have."""
 SHOWN_PARTS = ("payload.mass_change",)
 """Parts without a kind whose numbers stand among those of what they are a part of."""
-
-
-class Entry(NamedTuple):
-    """A number to show: path, component (None: all at once), label without unit, unit."""
-
-    path: str
-    component: int | None
-    name: str
-    unit: str
 
 
 def entries(scenario: Scenario, part_path: str) -> list[Entry]:
@@ -83,62 +75,6 @@ def _components(path: str, about: Quantity, value: object) -> Iterator[Entry]:
             yield Entry(path, index, f"{listed[1]} {name}", "" if unit == "1" else unit)
         return
     yield Entry(path, None, f"{about.title} {about.symbol}".strip(), "" if about.unit == "1" else about.unit)
-
-
-class Section:
-    """One folder. Its fields are built anew when the scenario's part changes its kind."""
-
-    def __init__(
-        self, gui: viser.GuiApi, lab_state: LabState, title: str, path: str, note: Callable[[], str] | None = None
-    ):
-        """`note`: HTML to show below the fields, asked for at every update."""
-        self._gui, self._lab_state, self._path, self._note = gui, lab_state, path, note
-        self._noted: viser.GuiHtmlHandle | None = None
-        self._folder = gui.add_folder(title)
-        self._built_for: list[Entry] | None = None
-        self._followed: Scenario | None = None
-        self._fields: list[Field] = []
-        self._choices: list[Choice] = []
-        self._build(lab_state.intended)
-
-    def settle(self, scenario: Scenario) -> None:
-        """Follow the scenario, leaving alone what a person is at."""
-        self._follow(scenario)
-        for choice in self._choices:
-            choice.show(scenario)
-        for field in self._fields:
-            field.settle(scenario)
-
-    def show(self, scenario: Scenario) -> None:
-        """Show the scenario in every field, at once."""
-        self._follow(scenario)
-        for choice in self._choices:
-            choice.show(scenario)
-        for field in self._fields:
-            field.show(scenario)
-
-    def _follow(self, scenario: Scenario) -> None:
-        if scenario is not self._followed and entries(scenario, self._path) != self._built_for:
-            self._build(scenario)
-        self._followed = scenario
-
-    def _build(self, scenario: Scenario) -> None:
-        for widget in (*self._fields, *self._choices):
-            widget.remove()
-        self._built_for = entries(scenario, self._path)
-        chosen = [path for path in CHOSEN if self._path and path.startswith(f"{self._path}.") and scenario.has(path)]
-        with self._folder:
-            self._choices = [Choice(self._gui, self._lab_state, path) for path in chosen]
-            self._fields = [Field(self._gui, self._lab_state, *entry) for entry in self._built_for]
-            if self._note is not None:
-                if self._noted is not None:
-                    self._noted.remove()
-                self._noted = self._gui.add_html(self._note())
-
-    def write_note(self) -> None:
-        """Bring the note below the fields up to date."""
-        if self._note is not None and self._noted is not None:
-            put(self._noted, content=self._note())
 
 
 def conditions_html(conditions: Iterable[Condition]) -> str:
@@ -239,7 +175,7 @@ def _start(order: int) -> Callable[[Scenario], Any]:
     return lambda scenario: tuple(map(float, desired_at(build_trajectory(scenario), 0.0)[order]))
 
 
-SWITCHES: dict[str, tuple[str, Callable[[Scenario], Any]]] = {
+SWITCHES: dict[str, Switch] = {
     "controller.torque_limit": ("Limited torques", lambda _: (FIRST_TORQUE_LIMIT,) * 3),
     "controller.control_period": ("Sampled control", lambda _: FIRST_PERIOD),
     "initial.pose": ("Start elsewhere than on the path", _start(0)),
@@ -291,14 +227,45 @@ def _one_or_three(part: type[Part], name: str) -> bool:
     return part.model_fields[name].annotation == float | tuple[float, float, float]
 
 
-class Details:
-    """One folder. Its fields are built anew when the scenario's parts change their kind."""
+def section_rows(scenario: Scenario, part_path: str) -> list[Entry]:
+    """What the folder of one part of the scenario shows: its menus, then its numbers with a slider."""
+    menus = [path for path in CHOSEN if part_path and path.startswith(f"{part_path}.") and scenario.has(path)]
+    return [*(Entry(path, is_menu=True) for path in menus), *entries(scenario, part_path)]
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, group: Group):
-        self._gui, self._lab_state, self._group = gui, lab_state, group
-        self._folder = gui.add_folder(group.title, expand_by_default=False)
-        self._fields: list[NumericField | Choice] = []
-        self._built_for: tuple[str, ...] | None = None
+
+def group_rows(scenario: Scenario, group: Group) -> list[Entry]:
+    """What the folder of a group shows: menus, and boxes for all numbers of a field."""
+    return [_row(scenario, path) for path in present(scenario, group)]
+
+
+def _row(scenario: Scenario, path: str) -> Entry:
+    if path in CHOSEN_HERE:
+        return Entry(path, is_menu=True)
+    parent, name = path.rsplit(".", 1)
+    about = scenario.about(path)
+    boxes = 3 if _one_or_three(type(scenario.get(parent)), name) else 1
+    return Entry(path, None, f"{short_title(about)} {about.symbol}".strip(), about.unit, boxes)
+
+
+class Folder:
+    """A folder of fields. They are built anew when the scenario's parts change their kind."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        lab_state: LabState,
+        title: str,
+        rows: Callable[[Scenario], list[Entry]],
+        *,
+        is_open: bool,
+        note: Callable[[], str] | None = None,
+    ):
+        """`rows`: what it shows of a scenario. `note`: HTML below the fields, asked for at every update."""
+        self._gui, self._lab_state, self._rows, self._note = gui, lab_state, rows, note
+        self._folder = gui.add_folder(title, expand_by_default=is_open)
+        self._noted: viser.GuiHtmlHandle | None = None
+        self._fields: list[Field | Choice] = []
+        self._built_for: list[Entry] | None = None
         self._followed: Scenario | None = None
         self._follow(lab_state.intended)
 
@@ -306,7 +273,7 @@ class Details:
         """Follow the scenario, leaving alone what a person is at."""
         self._follow(scenario)
         for field in self._fields:
-            field.show(scenario) if isinstance(field, Choice) else field.settle(scenario)
+            field.settle(scenario)
 
     def show(self, scenario: Scenario) -> None:
         """Show the scenario in every field, at once."""
@@ -314,22 +281,26 @@ class Details:
         for field in self._fields:
             field.show(scenario)
 
+    def write_note(self) -> None:
+        """Bring the note below the fields up to date."""
+        if self._note is not None and self._noted is not None:
+            put(self._noted, content=self._note())
+
     def _follow(self, scenario: Scenario) -> None:
         if scenario is self._followed:
             return
-        self._followed = scenario
-        paths = present(scenario, self._group)
-        if paths == self._built_for:
+        self._followed, rows = scenario, self._rows(scenario)
+        if rows == self._built_for:
             return
-        for field in self._fields:
-            field.remove()
-        self._built_for, self._folder.visible = paths, bool(paths)
+        for widget in (*self._fields, self._noted):
+            if widget is not None:
+                widget.remove()
+        self._built_for, self._folder.visible = rows, bool(rows)
         with self._folder:
-            self._fields = [self._field(path) for path in paths]
+            self._fields = [self._field(row) for row in rows]
+            self._noted = self._gui.add_html(self._note()) if self._note is not None else None
 
-    def _field(self, path: str) -> NumericField | Choice:
-        if path in CHOSEN_HERE:
-            return Choice(self._gui, self._lab_state, path)
-        parent, name = path.rsplit(".", 1)
-        parts = 3 if _one_or_three(type(self._lab_state.intended.get(parent)), name) else 1
-        return NumericField(self._gui, self._lab_state, path, SWITCHES.get(path), parts)
+    def _field(self, row: Entry) -> Field | Choice:
+        if row.is_menu:
+            return Choice(self._gui, self._lab_state, row.path)
+        return Field(self._gui, self._lab_state, row, SWITCHES.get(row.path) if row.boxes else None)

@@ -5,10 +5,11 @@ from typing import Any
 
 import viser
 
-from flexlab.lab.lab_state import LabState, handler
-from flexlab.lab.panel.number_control import NumberControl, Scale, put
+from flexlab.lab.lab_state import LabState
+from flexlab.lab.panel.number_control import NumberControl
 from flexlab.lab.scene.cameras import VIEWS
 from flexlab.lab.view_settings import EXAGGERATION, PLOT_WINDOWS, SWITCHES, fitting_window
+from flexlab.lab.widgets import add_button, handler, put
 
 Look = Callable[[viser.ClientHandle, str], None]
 """Show a named camera view in one browser."""
@@ -25,24 +26,13 @@ class ViewControls:
         self._lab_state = lab_state
         view = lab_state.view
         hint = f"Drawing only, {EXAGGERATION.range_text()}; plots stay in true mm."
-        self._exaggeration = NumberControl(
-            gui,
-            lab_state,
-            EXAGGERATION.title,
-            "×",
-            Scale(EXAGGERATION),
-            hint,
-            view.exaggeration,
-            self._exaggerate,
-        )
+        self._exaggeration = NumberControl(gui, lab_state, EXAGGERATION, view.exaggeration, self._exaggerate, hint=hint)
         self._seen_window = view.plot_window
         self._windows = {f"{window:g} s": window for window in PLOT_WINDOWS}
         self._window = gui.add_dropdown("Plot window", tuple(self._windows), initial_value=f"{view.plot_window:g} s")
         self._window.on_update(handler(lab_state, lambda _: self._choose_window(self._windows[self._window.value])))
         for view in VIEWS:
-            gui.add_button(view, color="gray", hint="Camera view, in this browser").on_click(
-                handler(lab_state, _looker(look, view))
-            )
+            add_button(gui, lab_state, view, _looker(look, view), hint="Camera view, in this browser")
         self._switches = {setting: self._switch(gui, label, setting) for setting, label in SWITCHES.items()}
 
     def settle(self) -> None:

@@ -27,7 +27,7 @@ from flexlab.text import escaped
 STRETCHES = 140
 """Per window, or per part of it that is zoomed into: one per two screen pixels of a plot."""
 WHOLE = (0.0, 1.0)
-"""What is seen of a window where nobody has zoomed in, as shares of it."""
+"""The visible part of a window that nobody has zoomed into, as shares of it."""
 
 
 class Curve:
@@ -182,7 +182,7 @@ def limit_series(limit: Limit) -> list[uplot.Series]:
 
 
 def compact(time: np.ndarray, lines: Sequence[np.ndarray], spacing: float) -> tuple[np.ndarray, ...]:
-    """The columns of a chart in half the bytes; `time`, `spacing` s apart, only while that leaves it exact to a tenth."""
+    """The columns of a chart in single precision; `time`, `spacing` s apart, only while that is exact to a tenth of it."""
     narrow = np.spacing(np.float32(np.abs(time).max())) < 0.1 * spacing
     return (time.astype(np.float32) if narrow else time, *(line.astype(np.float32) for line in lines))
 
@@ -225,7 +225,7 @@ class Chart:
 
     @property
     def uuid(self) -> str:
-        """How the page calls it."""
+        """The page's identifier of this chart."""
         return widget_uuid(self._handle)
 
     def restart(self, window: float) -> None:

@@ -7,7 +7,7 @@ import viser
 from flexlab.analysis.explanations import EXPLANATIONS, LONGEST_LOOK, Evidence, Explained, explain
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.lab.mode_computation import ModeStudy
-from flexlab.lab.panel.number_control import put
+from flexlab.lab.widgets import put
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event, Snapshot

@@ -84,7 +84,7 @@ class Spectrum:
 
     @property
     def uuid(self) -> str:
-        """How the page calls it."""
+        """The page's identifier of this chart."""
         return widget_uuid(self._handle)
 
     def clear(self) -> None:
@@ -198,7 +198,7 @@ class Plots:
         return opened is None or self._spectrum.uuid in opened
 
     def _show(self, recent: Recent, scenario: Scenario, window: float, spectrum: bool) -> None:
-        """Send what somebody sees: most of the page's traffic would else be charts that nobody looks at."""
+        """Send the charts that are on a screen: hidden ones would be most of the page's traffic."""
         self._count += 1
         for chart in self._every():
             if self._opened is None:

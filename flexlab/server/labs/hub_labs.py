@@ -9,6 +9,7 @@ import contextlib
 import itertools
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import quote
@@ -17,8 +18,8 @@ import aiohttp
 import msgspec
 from aiohttp import web
 
-from flexlab.errors import FlexlabError, LabError
-from flexlab.lab.class_rules import ClassRules
+from flexlab.errors import FlexlabError
+from flexlab.guide import ClassRules
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabProvider, LabStatus
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 
@@ -44,7 +45,7 @@ class Report:
 
 @dataclass(frozen=True)
 class Order:
-    """What the service asks of a lab; what is None or empty it does not ask."""
+    """What the service asks of a lab; None or empty: nothing."""
 
     scenario: str = ""
     """As a word of `encode_scenario`."""
@@ -76,7 +77,7 @@ async def _report(plug: aiohttp.ClientWebSocketResponse, places: LabProvider) ->
     while True:
         [place] = places.running()
         status = replace(place.status(), recording=None, link="")
-        if not math.isfinite(status.error):  # JSON has no such number; the word for it is the state.
+        if not math.isfinite(status.error):  # JSON has no such number; the state says that the run failed.
             status = replace(status, error=0.0)
         await plug.send_str(msgspec.json.encode(Report(status, place.visitors)).decode())
         await asyncio.sleep(PERIOD)
@@ -93,14 +94,11 @@ async def _follow(places: LabProvider, order: Order) -> None:
             await places.ask(place, Choice(await asyncio.to_thread(decode_scenario, order.scenario), order.name))
 
 
-class HubLab:
+class HubLab(Lab):
     """A student's lab, as it reports itself."""
 
-    live = None
-    port, secret = 0, ""
-
     def __init__(self, number: int, name: str, server: str, plug: web.WebSocketResponse):
-        self.number, self.name, self.visitors = number, name, 0
+        self.number, self.name = number, name
         # From the service, at /services/NAME, to what the student's own server passes on.
         own = "/".join(quote(word, safe="") for word in (name, server) if word)
         self.path = f"/../../user/{own}/flexlab/lab"
@@ -112,14 +110,14 @@ class HubLab:
         return self._status
 
     async def follow_reports(self) -> None:
-        """Until the lab is gone, or says what no lab does."""
+        """Take its reports until it is gone, or sends what is no report."""
         with contextlib.suppress(msgspec.MsgspecError):
             async for said in self._plug:
                 report = msgspec.json.decode(said.data, type=Report, dec_hook=_no_path)
                 self._status, self.visitors = report.status, report.visitors
 
     async def send(self, order: Order) -> None:
-        """Ask it; one that is just going is not asked."""
+        """Send an order, unless the lab is just leaving."""
         with contextlib.suppress(ConnectionError):
             await self._plug.send_str(msgspec.json.encode(order).decode())
 
@@ -128,13 +126,13 @@ def _no_path(kind: type, value: object) -> Path:
     raise ValueError(f"a report has no {kind.__name__} such as {value!r:.40}")
 
 
-class HubLabs:
+class HubLabs(LabProvider):
     """All labs that report to this service."""
 
     is_private = True
 
     def __init__(self) -> None:
-        self.rules = ClassRules()
+        super().__init__()
         self._labs: dict[str, HubLab] = {}
         self._numbers = itertools.count(1)
 
@@ -154,17 +152,6 @@ class HubLabs:
         await plug.close()
         return plug
 
-    async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
-        """Raises `LabError`: the hub has everybody's lab."""
-        raise LabError("Your lab is in the launcher of your own server.")
-
-    def of_visitor(self, visitor: str) -> Lab | None:
-        """None: see `enter`."""
-
-    def ended(self, visitor: str, lab: str) -> str:
-        """Nothing: see `enter`."""
-        return ""
-
     async def ask(self, place: Lab, what: Choice | Hold) -> None:
         """Pass it on."""
         assert isinstance(place, HubLab)
@@ -179,15 +166,6 @@ class HubLabs:
         self.rules = rules
         await asyncio.gather(*(lab.send(Order(rules=rules)) for lab in list(self._labs.values())))
 
-    def call(self, visitor: str, name: str) -> None:
-        """Nothing: names are the hub's."""
-
-    def left(self, place: Lab) -> None:
-        """Nothing: each lab counts its own pages."""
-
-    def running(self) -> list[Lab]:
+    def running(self) -> Sequence[Lab]:
         """All of them, by name."""
         return sorted(self._labs.values(), key=lambda lab: lab.path)
-
-    async def close(self) -> Path | None:
-        """Nothing: the labs go on."""

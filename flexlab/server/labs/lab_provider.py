@@ -1,18 +1,16 @@
-"""What the server's pages ask of labs, whether all visitors share one or each has their own.
+"""What the server's pages need of labs, whether all visitors share one or each has their own.
 
-Visitors who wait for a lab stand in a line: addresses take turns, and of one who came first, as long as their page looks again.
+Visitors who wait for a lab stand in a line: addresses take turns, and within one address the first comes first.
 """
 
 import time
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 from flexlab.errors import LabError
-from flexlab.guide import LessonProgress
-from flexlab.lab.class_rules import ClassRules
+from flexlab.guide import ClassRules, LessonProgress
 from flexlab.recording.live import LiveHub
 from flexlab.scenario import Scenario
 from flexlab.sim.world_state import Origin
@@ -27,19 +25,19 @@ class Choice:
     origin: Origin | None = None
     """Where in an earlier run it goes on; None: at the scenario's own start."""
     stands: bool = False
-    """Whether the run stands until the visitor lets it play; else it begins when their page is drawn."""
+    """Whether the run waits for the visitor to press Play; else it begins when their page is drawn."""
 
 
 @dataclass(frozen=True)
 class Hold:
-    """What the teacher asks of a lab: to pause, or to go on."""
+    """The teacher's request to pause a lab, or to resume it."""
 
     playing: bool
 
 
 @dataclass(frozen=True)
 class LabStatus:
-    """What others may know of a running lab."""
+    """The state of a running lab, as other people may see it."""
 
     name: str
     """The preset, or file, that its scenario came from."""
@@ -57,9 +55,9 @@ class LabStatus:
     error: float = 0.0
     """Distance of the payload from where it should be, m."""
     lesson: str = ""
-    """The lesson that is open, and how far it is; empty: none."""
+    """The open lesson and its progress; empty: none."""
     lessons: tuple[LessonProgress, ...] = ()
-    """Of each lesson that was opened."""
+    """Progress in each lesson that was opened."""
 
 
 class FullError(LabError):
@@ -71,93 +69,105 @@ class FullError(LabError):
         self.place = place
 
 
-class Lab(Protocol):
+@dataclass(frozen=True)
+class Order:
+    """What a lab is opened with."""
+
+    choice: Choice
+    logs: Path
+    address: str
+    """Of the server, for links that open a scenario."""
+    shadows: bool = True
+    live: bool = False
+    """Whether its data are served live."""
+    secret: str = ""
+    """The word without which the lab's own port answers nobody."""
+    owner: str = ""
+    """Marks its visitor's runs; empty: they belong to nobody."""
+    visitor: str = ""
+    """What the visitor is called."""
+    quota: float | None = None
+    """Bytes that the owner's runs may take; None: any number."""
+    own_files: dict[str, str] = field(default_factory=dict[str, str])
+    """Laws and paths in Python that may run: `hosts.allowed`."""
+
+
+class Lab:
     """One running lab behind the server."""
 
-    path: str
+    number = 1
+    """Among all labs of this server, from 1; it never changes."""
+    path = "/lab"
     """Where visitors find it: `/lab` or `/s/<id>`."""
-    visitors: int
-    """Open pages; whoever relays a page counts."""
-    name: str
-    """What its visitor is called; empty: not said."""
-    number: int
-    """Among all labs of this server, from 1; it stays."""
-
-    @property
-    def port(self) -> int:
-        """Of its own server on loopback."""
-        ...
-
-    @property
-    def secret(self) -> str:
-        """The word without which that server answers nobody."""
-        ...
-
-    @property
-    def live(self) -> LiveHub | None:
-        """Its live data, if they are served."""
-        ...
+    name = ""
+    """What its visitor is called; empty: not known."""
+    visitors = 0
+    """Open pages."""
+    secret = ""
+    """The word without which its own server answers nobody."""
+    live: LiveHub | None = None
+    """Its live data, if they are served."""
+    port: int = 0
+    """Of its own server on loopback; 0 until it listens."""
 
     def status(self) -> LabStatus:
-        """How it stands."""
-        ...
+        """Its present state."""
+        raise NotImplementedError
 
 
 def state_of(place: Lab) -> str:
-    """How a lab stands, in a word: one that begins when somebody looks is waiting for them."""
+    """The state of a lab in a word: one that begins when somebody looks is waiting for them."""
     status = place.status()
     waits = status.state == "running" and not status.time and not place.visitors
     return "waiting" if waits else status.state
 
 
-class LabProvider(Protocol):
+class LabProvider:
     """All labs of one server. Everything but `close` is called on the server's event loop."""
 
-    is_private: bool
-    rules: ClassRules
-    """What the teacher asks of all labs."""
+    is_private = False
+    """Whether each visitor has a lab of their own."""
+
+    def __init__(self) -> None:
+        self.rules = ClassRules()
+        """The teacher's rules for all labs."""
 
     async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
-        """The lab of a visitor, made if need be, with what they chose. Raises `FullError` or another `LabError`.
+        """The visitor's lab, opened if need be, with what they chose. Raises `FullError` or another `LabError`.
 
         `address`: where the visitor comes from; `name`: what they are called.
         """
-        ...
+        raise NotImplementedError
 
     def of_visitor(self, visitor: str) -> Lab | None:
         """The running lab of a visitor, if there is one."""
-        ...
+        return None
 
     def ended(self, visitor: str, lab: str) -> str:
-        """Why a visitor's lab is no more, as a sentence; empty if it never was."""
-        ...
+        """Why a visitor's lab ended, as a sentence; empty if there never was one."""
+        return ""
 
     async def ask(self, place: Lab, what: Choice | Hold) -> None:
-        """Have a lab show a scenario, pause or go on, as the teacher wishes."""
-        ...
+        """The teacher has a lab show a scenario, pause or resume."""
+        raise NotImplementedError
 
     async def rule(self, rules: ClassRules) -> None:
-        """Have all labs, those to come too, follow rules."""
-        ...
+        """Apply rules to all labs, also to those opened later."""
+        raise NotImplementedError
 
     def call(self, visitor: str, name: str) -> None:
-        """A visitor is called so from now on."""
-        ...
+        """A visitor has a new name."""
 
     def left(self, place: Lab) -> None:
-        """A page of this place was closed."""
+        """A page of this lab was closed."""
 
-    def running(self) -> list[Lab]:
-        """All of them."""
-        ...
+    def running(self) -> Sequence[Lab]:
+        """All running labs."""
+        raise NotImplementedError
 
     async def close(self) -> Path | None:
-        """End all; returns the newest recording."""
-        ...
-
-
-Complain = Callable[[str], None]
-"""Tells the person at the terminal a sentence."""
+        """End all labs; returns the newest recording."""
+        return None
 
 
 LOOK_AGAIN = 5

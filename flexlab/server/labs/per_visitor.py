@@ -7,20 +7,28 @@ import logging
 import secrets
 import time
 from collections import OrderedDict
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import Any
 
 from flexlab.errors import FlexlabError, LabError
-from flexlab.lab.class_rules import ClassRules
+from flexlab.guide import ClassRules
 from flexlab.own import hosts
-from flexlab.recording.live import LiveHub
 from flexlab.recording.repair import finish, finish_abandoned
 from flexlab.server.child_processes import prepare_lab_processes
-from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Hold, Lab, WaitingLine
-from flexlab.server.labs.quota import owner_word
-from flexlab.server.labs.recorded_lab import LabStatus
-from flexlab.server.labs.worker import STOP_TIME, Name, Order, Teacher, Worker
+from flexlab.server.labs.lab_provider import (
+    LOOK_AGAIN,
+    Choice,
+    FullError,
+    Hold,
+    Lab,
+    LabProvider,
+    LabStatus,
+    Order,
+    WaitingLine,
+)
+from flexlab.server.labs.worker import STOP_TIME, Name, Teacher, Worker
+from flexlab.server.limits import owner_word
 from flexlab.server.settings import SECRET_BYTES, Settings
 
 ID_BYTES = 12
@@ -32,12 +40,12 @@ ROUNDS_PER_IDLE_TIME = 5
 LONGEST_ROUND = 1.0
 """s between two such looks at most."""
 SILENCE = 8.0
-"""s without a report after which a lab counts as hanging: a new one is to be had."""
+"""Seconds without a report after which a lab counts as hanging, and its visitor may open a new one."""
 LAST_CHANCE = 7.0
 """s that a hanging lab then gets to close its run before it is ended by force."""
 
 SILENT_AT_CLOSING, GOODBYE = 3.0, 1.0
-"""s without a report after which a lab is not waited for when the server closes, but for so long."""
+"""Seconds without a report after which a closing server waits for a lab only `GOODBYE` s."""
 
 CRASHED = (
     "This lab ended unexpectedly ({reason}). Everybody else's lab runs on, and your run was kept up to that moment."
@@ -49,24 +57,16 @@ CLOSED = "This lab was closed. Its run was kept."
 log = logging.getLogger(__name__)
 
 
-class PrivateLab:
+class PrivateLab(Lab):
     """One visitor's lab."""
 
-    def __init__(self, number: int, lab: str, visitor: str, name: str, worker: Worker, choice: Choice):
-        self.number, self.lab, self.visitor, self.name, self.worker = number, lab, visitor, name, worker
-        self.path = f"/s/{lab}"
-        self.secret = worker.secret
-        self.port = 0
-        self.visitors = 0
+    def __init__(self, number: int, lab: str, visitor: str, worker: Worker, order: Order):
+        self.number, self.visitor, self.worker = number, visitor, worker
+        self.path, self.secret, self.live, self.name = f"/s/{lab}", order.secret, worker.live, order.visitor
         self.seen = time.monotonic()
         self.why = ""
         """Why the server closes it; empty as long as it does not."""
-        self._choice = choice
-
-    @property
-    def live(self) -> LiveHub | None:
-        """Its live data, if they are served."""
-        return self.worker.live
+        self._choice = order.choice
 
     def status(self) -> LabStatus:
         """Its last report; before the first one, what it is about to show."""
@@ -75,16 +75,16 @@ class PrivateLab:
         return self.worker.status or starting
 
 
-class PrivateLabs:
+class PrivateLabs(LabProvider):
     """All private labs of one server."""
 
     is_private = True
 
     def __init__(self, settings: Settings, first: Choice, address: str):
-        """`first`: what a visitor sees who chose nothing. `address`: of the server."""
+        """`first`: the scenario of a visitor who chose none. `address`: of the server."""
+        super().__init__()
         prepare_lab_processes()
         self._settings, self._first, self._address = settings, first, address
-        self.rules = ClassRules()
         self._numbers = itertools.count(1)
         self._places: dict[str, PrivateLab] = {}
         self._opening: dict[str, asyncio.Future[PrivateLab]] = {}
@@ -102,7 +102,7 @@ class PrivateLabs:
             return await asyncio.shield(opening)
         place = self.of_visitor(visitor)
         if place is None:
-            # At once, before others who ask in this moment count as having a lab.
+            # Before anything is awaited, so that simultaneous visitors are counted one by one.
             self._admit(visitor, address)
             # Two pages opened at once by one visitor share what the first one starts.
             opening = asyncio.ensure_future(self._open(visitor, choice or self._first, name))
@@ -110,7 +110,7 @@ class PrivateLabs:
             opening.add_done_callback(lambda _: self._opening.pop(visitor, None))
             return await asyncio.shield(opening)
         if choice is not None:
-            await asyncio.to_thread(place.worker.load, choice)
+            await asyncio.to_thread(place.worker.send, choice)
         return place
 
     def _admit(self, visitor: str, address: str) -> None:
@@ -148,9 +148,9 @@ class PrivateLabs:
             hosts.allowed(),
         )
         worker = await asyncio.to_thread(Worker, order, tell)
-        place = self._places[lab] = PrivateLab(next(self._numbers), lab, visitor, name, worker, choice)
+        place = self._places[lab] = PrivateLab(next(self._numbers), lab, visitor, worker, order)
         if self.rules != ClassRules():
-            worker.tell(Teacher(self.rules))
+            worker.send(Teacher(self.rules))
         try:
             place.port = await asyncio.to_thread(place.worker.wait_until_ready)
         except LabError:
@@ -176,13 +176,13 @@ class PrivateLabs:
     async def ask(self, place: Lab, what: Choice | Hold) -> None:
         """Have a lab follow the teacher."""
         if isinstance(place, PrivateLab):
-            await asyncio.to_thread(place.worker.tell, Teacher(what))
+            await asyncio.to_thread(place.worker.send, Teacher(what))
 
     async def rule(self, rules: ClassRules) -> None:
         """All labs follow, also those that are just being opened."""
         self.rules = rules
         await asyncio.gather(
-            *(asyncio.to_thread(place.worker.tell, Teacher(rules)) for place in list(self._places.values()))
+            *(asyncio.to_thread(place.worker.send, Teacher(rules)) for place in list(self._places.values()))
         )
 
     def call(self, visitor: str, name: str) -> None:
@@ -190,7 +190,7 @@ class PrivateLabs:
         place = self.of_visitor(visitor)
         if place is not None and place.name != name:
             place.name = name
-            self._keep(asyncio.to_thread(place.worker.tell, Name(name)))
+            self._keep(asyncio.to_thread(place.worker.send, Name(name)))
 
     def of_visitor(self, visitor: str) -> PrivateLab | None:
         """The visitor's running lab."""
@@ -208,7 +208,7 @@ class PrivateLabs:
         if isinstance(place, PrivateLab):
             place.seen = time.monotonic()
 
-    def running(self) -> list[Lab]:
+    def running(self) -> Sequence[Lab]:
         """All of them."""
         return [place for place in self._places.values() if place.port]
 
@@ -264,14 +264,14 @@ class PrivateLabs:
             self._ended.popitem(last=False)
 
     def _keep(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run something beside; held, because an event loop forgets tasks that nobody holds."""
+        """Run something in the background; the task is held, because an event loop drops tasks that nobody holds."""
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
 
 def _mend(logs: Path, recording: Path | None) -> None:
-    """Make whole what a worker left that may have died while it wrote.
+    """Finish the recordings of a worker that may have died while it wrote.
 
     Its last report says which run that was, but up to a second late: a run begun since then is known from the folder alone.
     """

@@ -6,22 +6,21 @@ import math
 import shutil
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from flexlab.analysis.run_summary import run_notes
 from flexlab.errors import RecordingError
-from flexlab.guide import LessonProgress
-from flexlab.lab.class_rules import LOCKED, ClassRules
+from flexlab.guide import LOCKED, ClassRules, LessonProgress
 from flexlab.lab.session import Session
-from flexlab.recording.live import LiveHub, Take
+from flexlab.recording.live import Take
 from flexlab.recording.reader import read_range
 from flexlab.recording.recorder import Recorder
 from flexlab.scenario import Scenario
-from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabStatus
-from flexlab.server.labs.quota import Quota
+from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabProvider, LabStatus, Order
+from flexlab.server.limits import Quota
 from flexlab.server.scenario_links import encode_scenario, scenario_path
 from flexlab.sim.commands import Pause, Play
 from flexlab.sim.samples import Samples
@@ -86,53 +85,34 @@ class RecordingText:
         return f", {60 * (now - before) / (last - first) / MEGABYTE:.0f} MB/min"
 
 
-class RecordedLab:
+class RecordedLab(Lab):
     """A session and its recorder, opened and closed together."""
 
-    def __init__(
-        self,
-        choice: Choice,
-        logs: Path,
-        address: str,
-        *,
-        live: Take | None = None,
-        on_problem: Callable[[str], None] | None = None,
-        shadows: bool = True,
-        secret: str = "",
-        owner: str = "",
-        visitor: str = "",
-        quota: float | None = None,
-    ):
-        """Start it. Raises `FlexlabError`, and leaves nothing running, if it cannot.
-
-        `address`: of the server, for links that open a scenario. `live` takes what viewers watch.
-        `secret`: the word without which the lab's own port answers nobody. `owner`, `visitor`: whose the runs are.
-        `quota`: bytes that the owner's runs may take; None: any number.
-        """
-        self.secret = secret
-        self._owner, self.visitor = owner, visitor
+    def __init__(self, order: Order, live: Take | None = None, on_problem: Callable[[str], None] | None = None):
+        """Start it; `live` takes its data as they come. Raises `FlexlabError`, and leaves nothing running, if it cannot."""
+        self.secret, self.name, self._owner = order.secret, order.visitor, order.owner
         self._lessons: Callable[[], Iterable[LessonProgress]] = tuple
         self._recorder = recorder = Recorder(
-            logs,
+            order.logs,
             live,
             on_problem=on_problem,
             start_notes=run_notes,
             circumstances=self._circumstances,
-            refusal=Quota(logs, owner, quota),
+            refusal=Quota(order.logs, order.owner, order.quota),
         )
         self._shown: tuple[Scenario | None, str] = (None, "")
         try:
             self._session = Session(
-                choice.scenario,
-                choice.name,
+                order.choice.scenario,
+                order.choice.name,
                 consumers=[recorder],
                 port=0,
-                shadows=shadows,
-                recording=RecordingText(recorder, logs),
-                link=lambda scenario: address + scenario_path(encode_scenario(scenario)),
-                origin=choice.origin,
-                secret=secret,
-                playing=not choice.stands,
+                shadows=order.shadows,
+                recording=RecordingText(recorder, order.logs),
+                link=lambda scenario: order.address + scenario_path(encode_scenario(scenario)),
+                origin=order.choice.origin,
+                secret=order.secret,
+                playing=not order.choice.stands,
                 # Live data may be watched where no page of the lab is open.
                 attended=live is None,
                 recorded=self._recorded,
@@ -140,19 +120,15 @@ class RecordedLab:
             )
             with _quiet():
                 self._session.start()
+            self.port = self._session.port
             lab_state = self._session.lab_state
             self._lessons = lambda: lab_state.lessons.values()  # Its run ends after the session.
         except BaseException:
             recorder.close()
             raise
 
-    @property
-    def port(self) -> int:
-        """Where the lab's own server listens, on loopback."""
-        return self._session.port
-
     def load(self, choice: Choice) -> None:
-        """Begin a run of a scenario, or go on from an earlier run; a lab that runs just this scenario goes on undisturbed."""
+        """Start a run of a scenario, or continue an earlier run; a lab that already shows this scenario is left alone."""
         if self._session.lab_state.rules.locked:
             self._session.lab_state.say(LOCKED, "error")
         elif self._open(choice) and not self._owner and self._session.lab_state.company():
@@ -168,14 +144,14 @@ class RecordedLab:
         if choice.stands or self._session.lab_state.rules.locked:
             self._session.lab_state.submit(Pause())
         elif not snapshot.playing:
-            # One that plays already begins by itself, as soon as its page is drawn; this would not wait for it.
+            # A lab that plays begins the new run by itself once its page is drawn; this command would not wait for that.
             self._session.lab_state.submit(Play())
         return True
 
     def _circumstances(self) -> dict[str, Any]:
-        """What is noted of whose run it is, and of the lessons that were begun in this lab."""
+        """The notes of a run: whose it is, and the lessons that were begun in this lab."""
         lessons = [met._asdict() | {"answer": met.told_answer} for met in self._lessons() if met.guess or met.passed]
-        whose = {"owner": self._owner, "visitor": self.visitor} if self._owner else {}
+        whose = {"owner": self._owner, "visitor": self.name} if self._owner else {}
         return whose | ({"lessons": lessons} if lessons else {})
 
     def _recorded(self, end: float) -> Samples:
@@ -186,7 +162,7 @@ class RecordedLab:
         return read_range(path, None, end)
 
     def ask(self, what: Choice | Hold | ClassRules) -> None:
-        """Follow the teacher."""
+        """Carry out the teacher's request."""
         lab_state = self._session.lab_state
         if isinstance(what, Choice):
             self._open(what)
@@ -201,7 +177,7 @@ class RecordedLab:
             lab_state.say("The teacher paused this lab.")
 
     def _follow(self, rules: ClassRules) -> None:
-        """Take up new rules; what holds from now on stands in the lab, what ended is said."""
+        """Apply new rules; the lab shows those that hold, and says which have ended."""
         lab_state = self._session.lab_state
         before, lab_state.rules = lab_state.rules, rules
         if rules.locked and not before.locked:
@@ -215,7 +191,7 @@ class RecordedLab:
             lab_state.say(f"The teacher's page {names}.")
 
     def status(self) -> LabStatus:
-        """How it stands now."""
+        """Its present state."""
         snapshot, recorder = self._session.runner.snapshot, self._recorder
         if self._shown[0] is not snapshot.scenario:
             self._shown = snapshot.scenario, encode_scenario(snapshot.scenario)
@@ -243,81 +219,42 @@ class RecordedLab:
 
 
 def _quiet() -> contextlib.AbstractContextManager[object]:
-    """Keep viser's own banner to itself: what matters of it is said in this lab's words."""
+    """Suppress viser's own banner."""
     return contextlib.redirect_stdout(StringIO())
 
 
-class SharedLab:
-    """The lab at `/lab`."""
+class SharedLab(LabProvider):
+    """The one lab of all visitors: they look at, and move, the same arms."""
 
-    def __init__(self, laboratory: RecordedLab, live: LiveHub | None):
+    def __init__(self, laboratory: RecordedLab):
+        super().__init__()
         self._laboratory = laboratory
-        self.live = live
-        self.path = "/lab"
-        self.visitors = 0
-        self.name = ""
-        self.number = 1
-
-    @property
-    def port(self) -> int:
-        """Of its own server on loopback."""
-        return self._laboratory.port
-
-    @property
-    def secret(self) -> str:
-        """The word without which that server answers nobody."""
-        return self._laboratory.secret
-
-    def status(self) -> LabStatus:
-        """How it stands."""
-        return self._laboratory.status()
-
-
-class SharedLabProvider:
-    """All visitors look at, and move, the same arms."""
-
-    is_private = False
-
-    def __init__(self, laboratory: RecordedLab, live: LiveHub | None = None):
-        self._laboratory = laboratory
-        self.rules = ClassRules()
-        self._place = SharedLab(laboratory, live)
 
     async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
-        """The one lab, with what this visitor chose."""
+        """The lab, with what this visitor chose."""
         if choice is not None:
             self._laboratory.load(choice)
-        return self._place
+        return self._laboratory
 
     def of_visitor(self, visitor: str) -> Lab | None:
-        """The one lab."""
-        return self._place
-
-    def ended(self, visitor: str, lab: str) -> str:
-        """It runs as long as the server does."""
-        return ""
+        """The lab."""
+        return self._laboratory
 
     async def ask(self, place: Lab, what: Choice | Hold) -> None:
-        """The one lab follows."""
+        """The lab follows."""
         self._laboratory.ask(what)
 
     async def rule(self, rules: ClassRules) -> None:
-        """The one lab follows."""
+        """The lab follows."""
         self.rules = rules
         self._laboratory.ask(rules)
 
-    def call(self, visitor: str, name: str) -> None:
-        """Nothing: the lab is everybody's."""
-
-    def left(self, place: Lab) -> None:
-        """Nothing: it waits for the next visitor."""
-
-    def running(self) -> list[Lab]:
-        """The one lab."""
-        return [self._place]
+    def running(self) -> Sequence[Lab]:
+        """The lab."""
+        return [self._laboratory]
 
     async def close(self) -> Path | None:
         """End it; returns its last recording."""
-        if self._place.live is not None:
-            self._place.live.close()
+        if self._laboratory.live is not None:
+            self._laboratory.live.close()
         return await asyncio.to_thread(self._laboratory.close)

@@ -1,4 +1,4 @@
-"""A lab in a process of its own: what runs inside that process, and how the server holds it."""
+"""A lab in a process of its own: the code that runs in that process, and the server's handle on it."""
 
 import contextlib
 import signal
@@ -7,10 +7,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from pathlib import Path
 
 from flexlab.errors import FlexlabError, LabError, RecordingError
-from flexlab.lab.class_rules import ClassRules
+from flexlab.guide import ClassRules
 from flexlab.own.files import know_own_files
 from flexlab.recording.live import LiveHub, Take
 from flexlab.server.child_processes import (
@@ -19,13 +18,13 @@ from flexlab.server.child_processes import (
     leave_interrupts_to_the_server,
     without_interrupt,
 )
-from flexlab.server.labs.lab_provider import Choice, Hold
-from flexlab.server.labs.recorded_lab import LabStatus, RecordedLab
+from flexlab.server.labs.lab_provider import Choice, Hold, LabStatus, Order
+from flexlab.server.labs.recorded_lab import RecordedLab
 
 STATUS_PERIOD = 0.25
 """s between two reports of a worker, as long as there is news."""
 LONGEST_SILENCE = 1.0
-"""s after which it reports although there is none: whoever says nothing at all hangs."""
+"""Seconds after which it reports even without news: a worker that is silent for longer hangs."""
 START_TIME = 120.0
 """s that a worker may take to open its lab: two on a warm machine, most of a minute if it must compile first."""
 STOP_TIME = 15.0
@@ -33,38 +32,15 @@ STOP_TIME = 15.0
 
 
 @dataclass(frozen=True)
-class Order:
-    """What a worker is to open."""
-
-    choice: Choice
-    logs: Path
-    address: str
-    """Of the server."""
-    shadows: bool
-    live: bool
-    """Whether its data are to be had live."""
-    secret: str
-    """The word without which the lab's own port answers nobody."""
-    owner: str
-    """By which its visitor's runs are known."""
-    visitor: str
-    """What the visitor is called."""
-    quota: float | None
-    """Bytes that the visitor's runs may take; None: any number."""
-    own_laws: dict[str, str]
-    """Control laws in Python that may run: `hosts.allowed`."""
-
-
-@dataclass(frozen=True)
 class Name:
-    """What the visitor is called from now on."""
+    """The visitor's new name."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Teacher:
-    """What the teacher asks."""
+    """The teacher's request."""
 
     what: Choice | Hold | ClassRules
 
@@ -101,21 +77,11 @@ def _sender(pipe: Connection) -> Take:
 def work(order: Order, pipe: Connection, live: Connection | None) -> None:
     """The worker's life: open, report, follow, close. Ends when the server says so or is no more."""
     leave_interrupts_to_the_server()
-    know_own_files(order.own_laws)
+    know_own_files(order.own_files)
     stopping = threading.Event()
     signal.signal(signal.SIGTERM, lambda number, frame: stopping.set())
     try:
-        lab = RecordedLab(
-            order.choice,
-            order.logs,
-            order.address,
-            live=None if live is None else _sender(live),
-            shadows=order.shadows,
-            secret=order.secret,
-            owner=order.owner,
-            visitor=order.visitor,
-            quota=order.quota,
-        )
+        lab = RecordedLab(order, None if live is None else _sender(live))
     except FlexlabError as error:
         pipe.send(Refusal(str(error)))
         return
@@ -143,13 +109,13 @@ def _follow(lab: RecordedLab, word: Choice | Name | Teacher) -> None:
     if isinstance(word, Choice):
         lab.load(word)
     elif isinstance(word, Name):
-        lab.visitor = word.name
+        lab.name = word.name
     else:
         lab.ask(word.what)
 
 
 class Worker:
-    """The server's hold on one worker process. Blocking calls are marked; they belong on a thread."""
+    """The server's handle on one worker process. Blocking calls are marked; they belong on a thread."""
 
     def __init__(self, order: Order, on_end: Callable[[], None]):
         """Start the process. `on_end` is called, on a thread, when it is over for whatever reason."""
@@ -161,7 +127,7 @@ class Worker:
             self._process.start()
         other.close()
         self.live: LiveHub | None = None
-        """What its visitor may watch in a viewer."""
+        """The live data for its visitor's viewer."""
         if source is not None and target is not None:
             target.close()
             self.live = LiveHub()
@@ -172,7 +138,7 @@ class Worker:
         self._sending = threading.Lock()
         self._answer: Ready | Refusal | None = None
         self.heard_at = time.monotonic()
-        """When it last said anything."""
+        """When it last sent anything, monotonic s."""
         self.status: LabStatus | None = None
         """Its latest report."""
         self._listener = threading.Thread(target=self._listen, name="flexlab-worker", daemon=True)
@@ -180,7 +146,7 @@ class Worker:
 
     @property
     def pid(self) -> int:
-        """Of the process."""
+        """Number of the process."""
         return self._process.pid or 0
 
     @property
@@ -198,28 +164,21 @@ class Worker:
             raise LabError(self._answer.sentence)
         raise LabError(f"The lab ended while it was being opened (exit code {self.exit_code}): try again.")
 
-    def load(self, choice: Choice) -> None:
-        """Begin a run of another scenario."""
-        self._send(choice)
-
-    def tell(self, word: Name | Teacher) -> None:
-        """A new name, or what the teacher asks."""
-        self._send(word)
-
-    def stop(self, patience: float) -> None:
-        """Close lab and recording, by force if that takes longer than `patience` s. Blocks."""
-        self._send(None)
-        self._process.join(patience)
-        if self._process.is_alive():
-            self._process.kill()
-        self._listener.join()
-
-    def _send(self, word: Word) -> None:
+    def send(self, word: Word) -> None:
+        """A scenario to show, a name, the teacher's wish, or None: close."""
         with self._sending:
             try:
                 self._pipe.send(word)
             except OSError:
                 pass  # It has just ended; the listener tells.
+
+    def stop(self, patience: float) -> None:
+        """Close lab and recording, by force if that takes longer than `patience` s. Blocks."""
+        self.send(None)
+        self._process.join(patience)
+        if self._process.is_alive():
+            self._process.kill()
+        self._listener.join()
 
     def _listen(self) -> None:
         try:
@@ -238,7 +197,7 @@ class Worker:
 
 
 def _feed(source: Connection, hub: LiveHub) -> None:
-    """Bring what a worker tells live to who watches it, until it ends."""
+    """Pass a worker's live data on to its viewers, until it ends."""
     with contextlib.suppress(EOFError, OSError, RecordingError):
         while True:
             hub.take(*source.recv())

@@ -52,7 +52,6 @@ async def comparison(request: web.Request) -> web.Response:
         "Comparison",
         here="/runs",
         kind="compare",
-        scripts=("review",),
         rows=rows,
         labels=labels,
         window=tables.window,

@@ -20,11 +20,10 @@ from flexlab.server.auth import (
     is_websocket,
     recording_address,
     refuse,
-    scheme_of,
 )
 from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab
 from flexlab.server.limits import Asker
-from flexlab.server.pages.page_context import Context, context_of
+from flexlab.server.pages.page_context import Context, context_of, fresh
 from flexlab.server.pages.templating import button, message
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
@@ -35,6 +34,7 @@ from flexlab.server.visitors import (
     has_teacher_cookie,
     keep_visitor,
     known_visitor_of,
+    scheme_of,
     visitor_of,
 )
 
@@ -110,7 +110,7 @@ def _running(request: web.Request) -> Lab | None:
 
 
 def _would_disturb(request: web.Request, choice: Choice, place: Lab) -> bool:
-    """Whether a scenario that came by a link would end what others watch in the shared lab just now."""
+    """Whether a scenario from a link would end a run that others watch in the shared lab."""
     return (
         choice.stands
         and not context_of(request).places.is_private
@@ -120,7 +120,7 @@ def _would_disturb(request: web.Request, choice: Choice, place: Lab) -> bool:
 
 
 def _ask_first(request: web.Request, choice: Choice, what: str) -> web.Response:
-    """A link must not end a run that people watch: whoever came by it says so here."""
+    """A page that asks before a link ends a run that people watch."""
     shared = "" if context_of(request).places.is_private else " for everybody who watches"
     title = choice.scenario.title or choice.name
     sentence = f"{what} to {title}. Opening it ends the present run{shared}; the run is kept."
@@ -146,7 +146,7 @@ async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamRe
 
 
 def _let_wait(request: web.Request, visitor: Visitor, error: FullError) -> web.Response:
-    """A page that says why there is no lab just now; one that waits looks again by itself."""
+    """A page that says why no lab is free; it reloads itself while the visitor waits in line."""
     here = str(request.rel_url) if request.method == "GET" else "/lab/"
     answer = message("No free lab", str(error), 503, button("/" + here.lstrip("/"), "Try again"))
     if error.place:
@@ -156,7 +156,7 @@ def _let_wait(request: web.Request, visitor: Visitor, error: FullError) -> web.R
 
 
 async def take_name(request: web.Request) -> web.StreamResponse:
-    """What a visitor is called from now on; then on into the lab."""
+    """Take a visitor's name, then lead into the lab."""
     form, visitor = await request.post(), known_visitor_of(request)
     try:
         named = Visitor(visitor.id, checked_name(str(form.get("name", ""))), visitor.address)
@@ -219,21 +219,14 @@ async def private_state(request: web.Request) -> web.Response:
     if place is not None:
         return _state(request, place)
     sentence = context_of(request).places.ended(_visitor(request), request.match_info["lab"])
-    return web.json_response({"open": False, "sentence": sentence or NOT_YOURS, "unknown": not sentence})
+    return fresh({"open": False, "sentence": sentence or NOT_YOURS, "unknown": not sentence})
 
 
 def _state(request: web.Request, place: Lab) -> web.Response:
     status = place.status()
-    return web.json_response(
-        {
-            "open": True,
-            "name": status.name,
-            "state": status.state,
-            "link": scenario_path(status.link),
-            "live": "/live" if place.live is not None else "",
-        },
-        headers={"Cache-Control": "no-store"},
-    )
+    live = "/live" if place.live is not None else ""
+    link = scenario_path(status.link)
+    return fresh({"open": True, "name": status.name, "state": status.state, "link": link, "live": live})
 
 
 LOOK = 0.1
@@ -252,7 +245,7 @@ def add_live_pages(router: web.UrlDispatcher) -> None:
 
 
 def live_name(lab: Lab) -> str:
-    """The word under which a lab's live data are found: nobody guesses that of a private lab."""
+    """The name of a lab's live data in addresses; that of a private lab cannot be guessed."""
     return lab.path.rsplit("/", 1)[-1]
 
 
@@ -285,7 +278,7 @@ async def stream(request: web.Request) -> web.StreamResponse:
 
 
 def _may_watch(request: web.Request, lab: Lab) -> bool:
-    """Whether live data are for who asks: the shared lab's for all, others with a pass, for the lab's visitor and the teacher."""
+    """Whether the visitor may watch live data: those of the shared lab, of their own, with a pass, or as the teacher."""
     places = context_of(request).places
     if not places.is_private or (request.path.startswith(WITH_A_PASS) and has_pass(request)):
         return True

@@ -95,7 +95,6 @@ async def leaderboard(request: web.Request) -> web.Response:
         "Leaderboard",
         here=PLACE,
         kind="board",
-        scripts=("progress",),
         name=name,
         task=context.boards.get(TABLE) or IDLE,
         came_along=came_along(board),

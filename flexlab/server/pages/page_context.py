@@ -16,7 +16,7 @@ from flexlab.server.task_book import IDLE, Task, TaskBook
 from flexlab.server.tasks import Tasks
 
 MOST_PAGES = 12, 120, 128, 8
-"""Live connections of lab's pages: of one visitor, of one address, of all, and more for the teacher."""
+"""Open pages of labs: of one visitor, of one address, of all, and more for the teacher."""
 MOST_VIEWERS = 4, 40, 48, 4
 """Viewers of live data: each takes as much of the line as a film, and a class behind one address has one each."""
 MOST_FILES = 2, 30, 40, 4
@@ -31,15 +31,15 @@ class Context:
 
     settings: Settings
     port: int
-    """The public one, really taken."""
+    """The public port that it listens on."""
     token: str | None
-    """The word that opens the server; None: it asks for none."""
+    """The token that opens the server; None: it needs none."""
     teacher_token: str | None
-    """The word of who may do everything; None: everybody may."""
+    """The teacher's token, which opens everything; None: there is none."""
     cookie_key: bytes
-    """Which signs cookies; the same for every server of these logs, so that a restart signs nobody out."""
+    """The key that signs cookies; the same for every server of these logs, so that a restart signs nobody out."""
     pass_key: str | None
-    """Which makes passes to single recordings; None: they need none."""
+    """The key that makes passes to single recordings; None: they need none."""
     places: LabProvider
     inside: aiohttp.ClientSession
     """Calls to the labs on loopback."""
@@ -68,27 +68,27 @@ class Context:
         return self.token is None and self.teacher_token is None
 
     def signed(self, kind: str, word: str | None) -> str:
-        """What a cookie of this kind holds for a word: nobody finds the word from it, and nobody guesses it."""
+        """The signature of a word, which a cookie of this kind holds: it neither reveals the word nor can be guessed."""
         return hmac.new(self.cookie_key, f"{kind} {word or ''}".encode(), "sha256").hexdigest()[:SIGNATURE]
 
     @property
     def token_cookie(self) -> str:
-        """Browsers keep cookies by host, not by port: two server of one machine must not sign each other out."""
+        """Browsers keep cookies by host, not by port: two servers of one machine must not sign each other out."""
         return f"flexlab-token-{self.port}"
 
     @property
     def teacher_cookie(self) -> str:
-        """Beside the other one: a teacher who opens the students' address stays the teacher."""
+        """A cookie of its own: a teacher who opens the students' address stays the teacher."""
         return f"flexlab-teacher-{self.port}"
 
     @property
     def name_cookie(self) -> str:
-        """What a visitor is called."""
+        """Holds a visitor's name."""
         return f"flexlab-name-{self.port}"
 
     @property
     def visitor_cookie(self) -> str:
-        """Who comes back to which private lab."""
+        """Holds a visitor's id."""
         return f"flexlab-visitor-{self.port}"
 
 
@@ -100,6 +100,11 @@ def context_of(request: web.Request) -> Context:
     return request.app[CONTEXT]
 
 
+def fresh(data: object) -> web.Response:
+    """JSON for a page's script; no browser keeps it."""
+    return web.json_response(data, headers={hdrs.CACHE_CONTROL: "no-store"})
+
+
 def told(task: Task | None) -> web.Response:
-    """How a task stands, for the script in its page; of one that nobody has begun, too."""
-    return web.json_response((task or IDLE).as_data(), headers={hdrs.CACHE_CONTROL: "no-store"})
+    """The state of a task, for the script in its page; also of one that nobody has begun."""
+    return fresh((task or IDLE).as_data())

@@ -305,7 +305,7 @@ async def delete(request: web.Request) -> web.StreamResponse:
             stay[row.id] = str(error)
     going = [row for row in rows if row.id not in stay]
     if not sure:
-        return page("delete_many.html", "Delete?", here="/runs", going=going, stay=list(stay.values()))
+        return page("delete.html", "Delete?", here="/runs", going=going, stay=list(stay.values()))
     if stay:
         gone = f"{len(going)} of {len(rows)} runs were deleted."
         return message("Some runs stay", "\n".join((gone, *stay.values())), 409, ALL_RUNS)

@@ -38,7 +38,7 @@ from flexlab.server.pages.run_actions import (
     recorded_row_of,
     row_of,
 )
-from flexlab.server.pages.templating import button, message, page, render
+from flexlab.server.pages.templating import button, message, page, part
 from flexlab.server.run_jobs import replay_key, take_in
 from flexlab.server.task_book import IDLE
 from flexlab.server.visitors import asker_of, is_teacher, runs_for, visitor_of
@@ -66,7 +66,7 @@ COLUMNS = tuple(
     )
 )
 METRIC_COLUMNS = [column for metric in METRICS.values() for column in metric.columns if column.listed]
-"""Those of which a table has room; a run's own page has all."""
+"""The metrics in the table; a run's own page has all."""
 LAST_COLUMNS = (
     TableColumn("Note, changes", "text", "Note, and what was changed against the preset"),
     TableColumn("", "text", ""),
@@ -146,7 +146,7 @@ async def upload(request: web.Request) -> web.StreamResponse:
 
 
 def _owner(request: web.Request) -> tuple[dict[str, str], float | None]:
-    """(notes of whose the run is: the visitor's, where each has their own; bytes that all of theirs may take)."""
+    """(notes that mark the run as the visitor's, where each has their own; bytes that all of theirs may take)."""
     visitor = visitor_of(request)
     if is_teacher(request) or not context_of(request).places.is_private:
         return {}, None
@@ -209,7 +209,7 @@ VIEWER_POLICY = (
 FETCHING = '<script src="../static/fetch_recordings.js"></script>'
 """How the viewer asks for recordings."""
 NO_FILE_NAME = r"[^\w.-]+"
-"""What is left out of the name under which a recording is downloaded."""
+"""What is replaced in the name of a downloaded recording."""
 
 
 def add_runs_pages(router: web.UrlDispatcher) -> None:
@@ -234,7 +234,6 @@ async def library(request: web.Request) -> web.Response:
         "Runs",
         here="/runs",
         kind="wide" if rows else "text",
-        scripts=("runs", "import", "pop") if rows else ("import", "pop"),
         missing=await asyncio.to_thread(context.measuring.look, rows) if rows else 0,
         folder=context.settings.logs,
         little=await asyncio.to_thread(little_space, context.settings.logs),
@@ -263,14 +262,13 @@ async def review(request: web.Request) -> web.Response:
             await asyncio.to_thread(finish, row.path)
             row = await row_of(request)
     except RecordingError as error:
-        return message("This run cannot be shown", str(error), 422, render("unshown.html", row=row))
+        return message("This run cannot be shown", str(error), 422, part("unshown", row))
     end = f"{row.begins + row.duration:.10g}" if row.duration is not None else ""
     return page(
         "review.html",
         f"{row.preset} {row.started:%H:%M:%S}",
         here="/runs",
         kind="review",
-        scripts=("review", "progress", "pop"),
         row=row,
         address=recording_address(context_of(request), row.id),
         replay=context_of(request).replays.get(replay_key(row)) or IDLE,
@@ -333,7 +331,7 @@ async def ask_to_delete(request: web.Request) -> web.Response:
         row = await row_of(request)
     except RecordingError as error:
         return _no_such_run(error)
-    return page("delete.html", "Delete?", here="/runs", row=row)
+    return page("delete.html", "Delete?", here="/runs", going=[row], stay=[])
 
 
 async def delete(request: web.Request) -> web.Response:

@@ -21,7 +21,7 @@ PICTURE_KINDS = ("webp", "png", "jpg", "svg")
 
 
 async def start_page(request: web.Request) -> web.Response:
-    """The page that says hello."""
+    """The start page."""
     context, pictures = context_of(request), _pictures()
     presets, rows = await asyncio.gather(
         context.preset_cards.look(pictures),

@@ -5,6 +5,7 @@ What the teacher asks of the class is kept beside the runs: a server that is sta
 
 import asyncio
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,23 +15,22 @@ from aiohttp import hdrs, web
 from pydantic import TypeAdapter, ValidationError
 
 from flexlab.errors import LabError
-from flexlab.guide import STEPS
-from flexlab.lab.class_rules import ClassRules, step_text
+from flexlab.guide import STEPS, ClassRules, step_text
 from flexlab.lab.panel.guide_panel import lesson_menu, lesson_mistakes, own_lessons
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.server.auth import COOKIE_AGE, ask_for_token
+from flexlab.server.auth import ask_for_token
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, state_of
 from flexlab.server.labs.recorded_lab import little_space
-from flexlab.server.pages.page_context import context_of
+from flexlab.server.pages.page_context import context_of, fresh
 from flexlab.server.pages.templating import page
-from flexlab.server.visitors import is_teacher
+from flexlab.server.visitors import is_teacher, set_cookie
 
 FILE = Path(".class")
 """In the folder of the runs; `notes` gives it its ending."""
 RULES = "rules"
 MOST_CHARACTERS = 200
-"""Of a lesson's name."""
+"""Longest name of a lesson."""
 
 _RULES = TypeAdapter(ClassRules)
 
@@ -42,7 +42,7 @@ def keep_rules(logs: Path, rules: ClassRules) -> None:
 
 
 def kept_rules(logs: Path) -> ClassRules:
-    """Those that were kept; none for a file that is not there or says something else."""
+    """The rules that were kept; the usual ones for a file that is missing or malformed."""
     try:
         rules = _RULES.validate_python(read_notes(logs / FILE).get(RULES, {}))
     except ValidationError:
@@ -84,15 +84,8 @@ async def teacher(request: web.Request) -> web.Response:
         little=await asyncio.to_thread(little_space, context.settings.logs),
     )
     if context.teacher_token is None:
-        # Where everybody is the teacher, other people's labs open to who has been here, and to nobody by accident.
-        answer.set_cookie(
-            context.teacher_cookie,
-            context.signed("teacher", context.teacher_token),
-            max_age=COOKIE_AGE,
-            httponly=True,
-            samesite="Strict",
-            path="/",
-        )
+        # Where everybody is the teacher, other people's labs open only to those who have been on this page.
+        set_cookie(request, answer, context.teacher_cookie, context.signed("teacher", None), "Strict")
     return answer
 
 
@@ -107,7 +100,7 @@ async def labs(request: web.Request) -> web.Response:
         "questions": _questions(running, rules),
         "rules": {"lesson": rules.lesson, "step": str(rules.step), "lock": rules.locked, "hide": rules.hides_names},
     }
-    return web.json_response(told, headers={hdrs.CACHE_CONTROL: "no-store"})
+    return fresh(told)
 
 
 def _told(place: Lab, rules: ClassRules) -> dict[str, Any]:
@@ -130,10 +123,10 @@ def _told(place: Lab, rules: ClassRules) -> dict[str, Any]:
     }
 
 
-def _questions(places: list[Lab], rules: ClassRules) -> list[dict[str, Any]]:
+def _questions(places: Sequence[Lab], rules: ClassRules) -> list[dict[str, Any]]:
     """The question of the class's lesson, or all that labs have met: how many chose which answer.
 
-    Which one is right is told once the whole class may see it.
+    The right answer is marked once the whole class may see it.
     """
     found = [progress for place in places for progress in place.status().lessons if progress.options]
     met = [progress for progress in found if rules.lesson in ("", progress.lesson)]
@@ -155,7 +148,7 @@ def _questions(places: list[Lab], rules: ClassRules) -> list[dict[str, Any]]:
 
 
 def who(place: Lab) -> str:
-    """What a lab is called: its visitor's name, or a number."""
+    """A lab's name: its visitor's, or a number."""
     return place.name or ("Everybody" if place.path == "/lab" else f"Visitor {place.number}")
 
 
@@ -200,7 +193,7 @@ async def pause(request: web.Request) -> web.StreamResponse:
 
 
 async def resume(request: web.Request) -> web.StreamResponse:
-    """Let one lab, or all that somebody looks at, go on: the others wait for who comes back."""
+    """Resume one lab, or all that somebody looks at; the others wait until somebody comes back."""
     places = await _tell(request, Hold(True), watched=True)
     nobody = "Nobody looks: a lab goes on when somebody comes back to it."
     return _answer(request, f"{_count(places)} running again." if places else nobody)
@@ -228,7 +221,7 @@ def _count(places: list[Lab]) -> str:
 
 
 def _answer(request: web.Request, sentence: str) -> web.StreamResponse:
-    """The sentence for the page's script, or for who has none the page again."""
+    """The sentence as JSON for the page's script; without the script, the page again."""
     if request.headers.get(hdrs.ACCEPT, "") == "application/json":
-        return web.json_response({"sentence": sentence})
+        return fresh({"sentence": sentence})
     raise web.HTTPSeeOther("/teacher?" + urlencode({"said": sentence}))

@@ -83,6 +83,11 @@ def render(template: str, **values: object) -> Markup:
     return Markup(_environment.get_template(template).render(values))
 
 
+def part(macro: str, *values: object) -> Markup:
+    """A macro of `parts.html` with its values."""
+    return Markup(getattr(_environment.get_template("parts.html").module, macro)(*values))
+
+
 def button(address: str, words: str) -> Markup:
     """A link that looks like a button."""
     return Markup('<a class="button" href="{}">{}</a>').format(address, words)

@@ -1,6 +1,6 @@
-// What the server adds to the lab's page: the way back, a link to share, and a word when the lab is gone.
+// What the server adds to the lab's page: links to other pages, a link to share, and a notice when the lab is gone.
 (() => {
-  const LOOK = 3000; // ms between two looks at whether the lab is still there
+  const LOOK = 3000; // ms between two checks whether the lab is still there
   const stateAddress = document.currentScript.dataset.state;
   const base = document.currentScript.src.replace(/\/static\/[^/]*$/, ""); // A proxy may have a path before ours.
 

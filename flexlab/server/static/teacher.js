@@ -7,7 +7,7 @@ const form = document.getElementById("class");
 const said = document.getElementById("said");
 const rules = document.getElementById("rules");
 const tiles = new Map();
-let changing = 0; // Changes of the rules on their way: what the server told before them is old.
+let changing = 0; // Changes of the rules that the server has not confirmed: what it told before is old.
 const DIGITS = { time: 1, error: 2 };
 
 function write(node, text) {
@@ -15,7 +15,7 @@ function write(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-// How many chose which answer; the bars are for the eye, the counts beside them for everybody.
+// How many chose which answer, as bars and as counts.
 function showQuestions(questions) {
   const places = document.getElementById("questions");
   const now = JSON.stringify(questions);

@@ -79,7 +79,7 @@ class OwnFileWatch:
     def _reload(self, file: Path, is_path: bool) -> None:
         """Take up a file's new text; the run goes on with it if it can."""
         lab_state = self._lab_state
-        what, present = ("path", lab_state.intended.trajectory) if is_path else ("law", lab_state.intended.controller)
+        present = lab_state.intended.trajectory if is_path else lab_state.intended.controller
         try:
             old = laws().get(present.kind)
             new = add_own_path_file(file) if is_path else add_own_law_file(file)
@@ -102,7 +102,8 @@ class OwnFileWatch:
                 told = f"the {title} goes on with the new text."
             lab_state.say(f"{file.name} was saved: {told}")
         except FlexlabError as error:
-            lab_state.say(f"{file.name} was saved, but the {what} goes on as it was: {error}", level="error")
+            goes_on = "the path goes on as it was" if is_path else "the law goes on as it was"
+            lab_state.say(f"{file.name} was saved, but {goes_on}: {error}", level="error")
 
 
 def _with_text(kind: Any, present: Part, source: str, left_out: tuple[str, ...]) -> dict[str, Any]:

@@ -1,8 +1,13 @@
-"""Finds the data files that belong to flexlab: `presets/` and `web_assets/`.
+"""Finds the data files that belong to flexlab: `presets/` and `web_assets/`, and where to keep what can be made again.
 
 In a source checkout they are folders beside the package; in an installed wheel they are inside it, under `_data`.
 """
 
+import atexit
+import os
+import shutil
+import tempfile
+from functools import cache
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -24,3 +29,21 @@ def presets_folder() -> Path:
 def web_assets_folder() -> Path:
     """Where models, pictures and the guide of the lab lie."""
     return data_folder("web_assets")
+
+
+def user_cache() -> Path:
+    """The user's cache folder."""
+    given = os.environ.get("XDG_CACHE_HOME")
+    try:
+        return Path(given) if given else Path.home() / ".cache"
+    except RuntimeError:  # A container's user may have no home, and no name.
+        return _passing_cache()
+
+
+@cache
+def _passing_cache() -> Path:
+    """One for as long as this process runs: machine code in a folder that others could make first would not be safe."""
+    folder = Path(tempfile.mkdtemp(prefix="flexlab-cache-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    os.environ["XDG_CACHE_HOME"] = str(folder)  # For processes that this one starts.
+    return folder

@@ -19,6 +19,8 @@ from llvmlite import ir
 from numba.core import config, event
 from numba.extending import intrinsic
 
+from flexlab.assets import user_cache
+
 _settings: Any = config
 """Numba gives this module its names while the program runs."""
 PLAIN_PYTHON = bool(_settings.DISABLE_JIT)
@@ -58,7 +60,7 @@ def _digest() -> str:
 def cache_folder() -> Path:
     """Where machine code is kept: below NUMBA_CACHE_DIR or the user's cache folder, one folder per source version."""
     base = os.environ.get("NUMBA_CACHE_DIR")
-    root = Path(base) if base else Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    root = Path(base) if base else user_cache()
     return root / "flexlab" / f"kernels-{_DIGEST}"
 
 

@@ -8,7 +8,7 @@ own: nothing that a person typed gets into them.
 
 import html
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -41,11 +41,22 @@ Mistakes = Iterable[tuple[int, str]]
 """(line of the file, what is wrong there)."""
 
 
+MOST_TOLD = 20
+"""Mistakes of one file that are told."""
+
+
+def told_together(mistakes: Sequence[str]) -> str:
+    """The sentences on what is wrong with a file; of very many the first."""
+    more = len(mistakes) - MOST_TOLD
+    last = [f"{more} more lines are wrong: mend these first."] if more > 0 else []
+    return " ".join([*mistakes[:MOST_TOLD], *last])
+
+
 class LessonError(FlexlabError, ValueError):
-    """A file that is no lesson; says all that is wrong with it."""
+    """A file that is no lesson; says what is wrong with it."""
 
     def __init__(self, file: Path, mistakes: Mistakes):
-        told = " ".join(f"line {line}: {reason}" for line, reason in sorted(mistakes))
+        told = told_together([f"line {line}: {reason}" for line, reason in sorted(mistakes)])
         super().__init__(f"{file.name} is not a lesson: {told}")
 
 

@@ -2,9 +2,11 @@
 
 import errno
 import os
+import secrets
 import socket
 import sys
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from flexlab.errors import LabError
 
@@ -20,6 +22,36 @@ UNIX = "unix:"
 
 class PortInUse(LabError):
     """Another program listens there."""
+
+
+def hidden_loopback() -> str:
+    """A random one of this machine's loopback addresses; 127.0.0.1 where the system has no other (macOS).
+
+    For servers that answer under any name: a foreign page whose name leads to this machine cannot find one there.
+    """
+    address = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        try:
+            probe.bind((address, 0))
+        except OSError:
+            return LOOPBACK[0]
+    return address
+
+
+def name_in(host: str) -> str:
+    """The name in a request's Host header, without its port; empty for what is no such header."""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:  # As for "[1]".
+        return ""
+
+
+def is_of_host(origin: str, host: str) -> bool:
+    """Whether a request's Origin header names the site that its Host header names."""
+    try:
+        return urlsplit(origin).netloc.lower() == host.lower()
+    except ValueError:
+        return False
 
 
 def free_ports(count: int, host: str = LOOPBACK[0]) -> list[int]:

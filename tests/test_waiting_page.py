@@ -10,8 +10,9 @@ import pytest
 from flexlab.cli.showing import WaitingPage
 
 
-def test_programs_are_told_that_the_lab_is_not_there_yet():
-    with WaitingPage("127.0.0.1", 0) as page, pytest.raises(urllib.error.HTTPError) as caught:
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0", "::1", "::"])
+def test_programs_are_told_that_the_lab_is_not_there_yet(host: str):
+    with WaitingPage(host, 0) as page, pytest.raises(urllib.error.HTTPError) as caught:
         urllib.request.urlopen(page.url + "/any/path")
     assert caught.value.code == 503
     assert "compiling the equations of motion" in caught.value.read().decode()

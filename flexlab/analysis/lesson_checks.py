@@ -18,7 +18,7 @@ from typing import NamedTuple
 from flexlab.analysis.lesson_expressions import Comparison, Expression, ExpressionError, LookedAt
 from flexlab.analysis.lesson_measures import Look, length
 from flexlab.errors import FlexlabError
-from flexlab.guide import Lesson, lessons
+from flexlab.guide import Lesson, lessons, told_together
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
@@ -82,7 +82,7 @@ class Check:
             if not re.match("(done|else) *:", lines[-1] if lines else ""):
                 mistakes.append("the last rule must be done: or else: and what to say where no other holds.")
             if mistakes:
-                raise ExpressionError(" ".join(mistakes))
+                raise ExpressionError(told_together(mistakes))
 
     def _read(self, line: str) -> str:
         """Take a rule or a name in; what is wrong with the line, empty if nothing is."""

@@ -195,6 +195,8 @@ def _signal(node: ast.AST) -> tuple[str, Any]:
 def eval_index(node: ast.AST) -> Any:
     """An index of whole numbers, ranges and tuples of both. Raises ValueError for anything else."""
     if isinstance(node, ast.Tuple):
+        if any(isinstance(part, ast.Tuple) for part in node.elts):  # NumPy would make arrays of any size of them.
+            raise ValueError
         return tuple(eval_index(part) for part in node.elts)
     if isinstance(node, ast.Slice):
         return slice(*(None if part is None else eval_index(part) for part in (node.lower, node.upper, node.step)))

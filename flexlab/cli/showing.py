@@ -110,8 +110,10 @@ class WaitingPage:
     @property
     def url(self) -> str:
         """Where a browser on this machine finds the page."""
-        host, port = self._server.server_address[:2]
-        return f"http://{'127.0.0.1' if host == '0.0.0.0' else host}:{port}"
+        from flexlab.server.settings import WILDCARDS, base_address
+
+        host, port = str(self._server.server_address[0]), int(self._server.server_address[1])
+        return base_address("127.0.0.1" if host in WILDCARDS else host, port)
 
     def __enter__(self) -> "WaitingPage":
         self._thread.start()

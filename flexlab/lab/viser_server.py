@@ -1,7 +1,6 @@
 """A viser server as the lab needs it: on the asked port or not at all, for callers who may come, slow readers bounded."""
 
 import hmac
-from urllib.parse import urlsplit
 
 import viser
 from websockets.http11 import Request
@@ -10,7 +9,7 @@ from flexlab.lab.browser_messages import LARGEST_MESSAGE
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.viser_internals import GuardedServer, bound_buffer
 from flexlab.log_limits import limited
-from flexlab.sockets import LOOPBACK, listen
+from flexlab.sockets import LOOPBACK, is_of_host, listen, name_in
 
 SECRET_HEADER = "Flexlab-Proxy"
 """In which a server in front of the lab shows that it is that server."""
@@ -64,10 +63,11 @@ def _knows(request: Request, secret: str) -> str:
 def _own_page(request: Request, host: str, port: int) -> str:
     """Another site's page must not drive the lab through a visitor's browser, nor under a name that points here."""
     named = request.headers.get_all("Host")
-    name = urlsplit(f"//{named[0]}").hostname if len(named) == 1 else None
-    if host in LOOPBACK and name not in LOOPBACK:
+    if len(named) != 1:
+        return "This request names no host."
+    if host in LOOPBACK and name_in(named[0]) not in LOOPBACK:
         return "This lab is open to this machine only: use 127.0.0.1."
     origins = request.headers.get_all("Origin")
-    if any(urlsplit(origin).netloc.lower() != named[0].lower() for origin in origins):
+    if not all(is_of_host(origin, named[0]) for origin in origins):
         return "This came from a page of another site."
     return ""

@@ -26,8 +26,10 @@ from flexlab.recording.store import formats
 from flexlab.scenario import parse_scenario
 from flexlab.sim import commands
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario
-from flexlab.sim.samples import Samples, join_blocks
+from flexlab.sim.samples import TAKEN, Samples, join_blocks
+from flexlab.sim.signals import TABLE
 from flexlab.sim.world_state import Origin, WorldState
+from flexlab.text import visible
 
 DIFFERENCES = 3
 """Order of the difference: 1 packs the paper's run to 312 kB/s, 2 to 271, 3 to 236, 4 to more again."""
@@ -37,6 +39,11 @@ COMPRESSION = 1
 
 FORMAT = 1
 """Number of this layout of bytes; what the signals mean is the recording's format, which each block says too."""
+
+LONGEST_REASON = 100
+"""Characters of why a block cannot be read."""
+LARGEST_BLOCK = 1_000_000_000
+"""Bytes of a block when unpacked: those of flexlab have a tenth at most, a hostile one could have any number."""
 
 DERIVED: dict[str, Callable[[dict[str, np.ndarray]], np.ndarray]] = {
     "tracking_error": lambda signals: signals["pose"] - signals["desired_pose"],
@@ -77,16 +84,23 @@ def decode_block(data: bytes) -> Samples:
 def decode_with_format(data: bytes) -> tuple[Samples, int]:
     """As `decode_block`, with the format of the recording, on which the meaning of the signals depends."""
     try:
-        header, planes = _unpack(data)
-        rows, signals = header["rows"], header["signals"]
-        unsigned = np.frombuffer(planes, np.uint8).reshape(8, -1).T
-        whole = np.ascontiguousarray(unsigned).view("<u8").reshape(-1, rows)
-        whole = ((whole >> np.uint64(1)) ^ -(whole & np.uint64(1))).view(np.int64)
-        for _ in range(DIFFERENCES):
-            whole = np.cumsum(whole, axis=1)
-        columns = np.ascontiguousarray(whole.view(np.float64).T)
-    except (zlib.error, struct.error, ValueError, KeyError, TypeError) as error:
-        raise RecordingError(f"A block of exact samples cannot be read ({error}): the recording is damaged.") from None
+        return _decode(data)
+    except (zlib.error, struct.error, ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
+        reason = visible(error, LONGEST_REASON)
+        raise RecordingError(f"A block of exact samples cannot be read ({reason}): the recording is damaged.") from None
+
+
+def _decode(data: bytes) -> tuple[Samples, int]:
+    header, planes = _unpack(data)
+    rows, signals, written_in = header["rows"], header["signals"], header.get("recording_format", 1)
+    if not isinstance(written_in, int) or written_in < 1:
+        raise ValueError(f"recording format {written_in!r:.40}")
+    unsigned = np.frombuffer(planes, np.uint8).reshape(8, -1).T
+    whole = np.ascontiguousarray(unsigned).view("<u8").reshape(-1, rows)
+    whole = ((whole >> np.uint64(1)) ^ -(whole & np.uint64(1))).view(np.int64)
+    for _ in range(DIFFERENCES):
+        whole = np.cumsum(whole, axis=1)
+    columns = np.ascontiguousarray(whole.view(np.float64).T)
     found, first = {}, 0
     for name, shape in signals:
         width = prod(shape)
@@ -99,8 +113,9 @@ def decode_with_format(data: bytes) -> tuple[Samples, int]:
             found[name] = DERIVED[name](found)
             found[name].flags.writeable = False
     if "time" not in found:
-        raise RecordingError("A block of exact samples has no times: the recording is damaged.")
-    return Samples(**found), header.get("recording_format", 1)
+        raise ValueError("it has no times")
+    # A name that every run has for something else would hide that.
+    return Samples(**{name: array for name, array in found.items() if name in TABLE or name not in TAKEN}), written_in
 
 
 def _follows(name: str, signals: dict[str, np.ndarray]) -> bool:
@@ -111,7 +126,10 @@ def _follows(name: str, signals: dict[str, np.ndarray]) -> bool:
 
 
 def _unpack(data: bytes) -> tuple[dict, memoryview]:
-    raw = memoryview(zlib.decompress(data))
+    unpacking = zlib.decompressobj()
+    raw = memoryview(unpacking.decompress(data, LARGEST_BLOCK))
+    if not unpacking.eof:
+        raise ValueError("it breaks off" if len(raw) < LARGEST_BLOCK else f"it has over {LARGEST_BLOCK} bytes")
     (length,) = struct.unpack_from("<I", raw)
     header = json.loads(bytes(raw[4 : 4 + length]))
     if header["format"] != FORMAT:

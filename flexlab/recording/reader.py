@@ -7,28 +7,36 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
 from itertools import islice
+from math import isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
-from flexlab.errors import RecordingError, ScenarioError
+from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.codec import command_from_json, decode_with_format, state_from_json
 from flexlab.recording.rerun_internals.chunks import Row, Unreadable, entity_times, stream_rows
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.formats import Changes, migrate, readable, same_numbers
 from flexlab.recording.store.run_files import State, check_recording, run_state
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.signal import COORDINATE
 from flexlab.sim.samples import Run, Samples, Status, empty_samples, join_blocks
-from flexlab.sim.signals import own_signals
+from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world_state import WorldState
+from flexlab.text import visible
 
 PROPERTIES = "/__properties/"
 """Where rerun keeps a recording's properties."""
 COMPARISON = "comparison"
 """The property by which a file of several runs is known."""
+
+PLAIN = (str, int, float)
+"""Types of properties."""
+LONGEST_REASON = 200
+"""Characters of why a file cannot be read."""
 
 MOST_ROWS = 1000
 """Samples of a block that is read: who works through them tells after each how far it is."""
@@ -86,7 +94,9 @@ def read_recording(path: Path | str, with_samples: bool = True) -> Recording:
     `with_samples` False leaves the samples out (N = 0): enough for scenario and events, and quick for hours of data.
     """
     content = ["/exact/**", PROPERTIES + "**"] if with_samples else ["/exact/events", "/exact/start", PROPERTIES + "**"]
-    return _assemble(Path(path), read_rows(Path(path), content))
+    rows = read_rows(Path(path), content)
+    with _telling_what_is_strange(Path(path), rows):
+        return _assemble(Path(path), rows)
 
 
 def read_blocks(path: Path | str) -> Iterator[Samples]:
@@ -95,9 +105,10 @@ def read_blocks(path: Path | str) -> Iterator[Samples]:
     Raises `RecordingError` as `read_recording` does.
     """
     path = Path(path)
+    scenario = read_scenarios(path)[0][1]
     history = cache(lambda: _changes(read_recording(path, with_samples=False)))
     for _, values in rows_in_order(path, "/exact/samples"):
-        block = _block(path, values, history)
+        block = _block(path, scenario, values, history)
         for first in range(0, max(len(block), 1), MOST_ROWS):
             yield block.slice(first, first + MOST_ROWS)
 
@@ -117,11 +128,15 @@ def read_scenarios(path: Path | str) -> tuple[NamedScenario, ...]:
     """
     path = Path(path)
     rows = read_rows(path, [PROPERTIES + "**"])
-    compared = _values(rows, PROPERTIES + COMPARISON)
-    if "runs" in compared:
-        return tuple((name, _scenario(path, {"scenario": text})) for name, text in json.loads(compared["runs"]))
-    properties = _properties(path, rows)
-    return ((properties["preset"], _scenario(path, properties)),)
+    with _telling_what_is_strange(path, rows):
+        compared = _values(rows, PROPERTIES + COMPARISON)
+        if "runs" in compared:
+            runs = tuple((str(name), _scenario(text)) for name, text in json.loads(compared["runs"]))
+            if not runs:
+                raise ValueError("it compares no runs.")
+            return runs
+        properties = _properties(path, rows)
+        return ((str(properties["preset"]), _scenario(properties["scenario"])),)
 
 
 def _values(rows: Rows, entity: str) -> dict[str, Any]:
@@ -140,42 +155,48 @@ def _properties(path: Path, rows: Rows) -> dict[str, Any]:
     return properties
 
 
-def _scenario(path: Path, properties: dict[str, Any]) -> Scenario:
+def _scenario(text: str) -> Scenario:
+    return parse_scenario(json.loads(text))
+
+
+@contextmanager
+def _telling_what_is_strange(path: Path, rows: Rows) -> Iterator[None]:
+    """Make one `RecordingError` of what another version, or another program, has put into a file."""
     try:
-        return parse_scenario(json.loads(properties["scenario"]))
-    except (ValueError, ScenarioError) as error:
-        raise _strange(path, properties, error) from None
-
-
-def _strange(path: Path, properties: dict[str, Any], error: Exception) -> RecordingError:
-    version = properties.get("flexlab_version", "of another version")
-    reason = str(error).split("\n")[0]
-    return RecordingError(f"{path} was written by flexlab {version} and cannot be read by this one: {reason}")
+        yield
+    except RecordingError:
+        raise
+    except (FlexlabError, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
+        version = visible(_values(rows, PROPERTIES + "run").get("flexlab_version", "of another version"), 40)
+        lacks = f"it lacks {error}." if isinstance(error, KeyError) else ""
+        reason = visible(lacks or str(error).split("\n")[0], LONGEST_REASON)
+        raise RecordingError(
+            f"{path} was written by flexlab {version} and cannot be read by this one: {reason}"
+        ) from None
 
 
 def _assemble(path: Path, rows: Rows) -> Recording:
     properties, end = _properties(path, rows), _values(rows, PROPERTIES + "end")
-    scenario = _scenario(path, properties)
-    try:
-        start = _values(rows, "/exact/start").get("state")
-        state = None if start is None else state_from_json(start)
-        records = [json.loads(row["record"]) for _, row in rows.get("/exact/events", [])]
-        events = [_event(record) for record in sorted(records, key=lambda record: record["number"])]
-        started, part = datetime.fromisoformat(properties["started"]), int(properties["part"])
-        period = float(properties["sample_period_s"])
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise _strange(path, properties, error) from None
+    scenario = _scenario(properties["scenario"])
+    start = _values(rows, "/exact/start").get("state")
+    state = None if start is None else state_from_json(start)
+    records = [json.loads(row["record"]) for _, row in rows.get("/exact/events", [])]
+    events = [_event(record) for record in sorted(records, key=lambda record: record["number"])]
+    started, part = datetime.fromisoformat(properties["started"]), int(properties["part"])
+    period, ended = _finite(properties["sample_period_s"]), _finite(end.get("time_s", 0.0))
+    if period <= 0:
+        raise ValueError(f"its sample period is {period:g} s.")
     history = cache(lambda: Changes(scenario, events))
-    blocks = [_block(path, values, history) for _, values in rows.get("/exact/samples", [])]
+    blocks = [_block(path, scenario, values, history) for _, values in rows.get("/exact/samples", [])]
     samples = (
         join_blocks(blocks)
         if blocks
         else empty_samples(len(scenario.arms), scenario.payload.coordinate_count, own_signals(scenario))
     )
-    status = Status(end.get("status", "running"), end.get("text", "The recording breaks off."), end.get("time_s", 0.0))
+    status = Status(str(end.get("status", "running")), str(end.get("text", "The recording breaks off.")), ended)
     return Recording(
         path=path,
-        name=properties["preset"],
+        name=str(properties["preset"]),
         scenario=scenario,
         start=state,
         samples=samples,
@@ -185,7 +206,9 @@ def _assemble(path: Path, rows: Rows) -> Recording:
         sample_period=period,
         part=part,
         state=run_state(path),
-        properties={name: value for name, value in properties.items() if name != "scenario"} | end,
+        properties={
+            name: value for name, value in (properties | end).items() if name != "scenario" and isinstance(value, PLAIN)
+        },
     )
 
 
@@ -193,18 +216,35 @@ def _changes(recording: Recording) -> Changes:
     return Changes(recording.scenario, recording.events)
 
 
-def _block(path: Path, values: dict[str, Any], history: Callable[[], Changes]) -> Samples:
+def _block(path: Path, scenario: Scenario, values: dict[str, Any], history: Callable[[], Changes]) -> Samples:
     try:
-        samples, written_in = decode_with_format(values["data"])
+        samples, written_in = decode_with_format(values.get("data", b""))
+        _check_shapes(samples, scenario)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     return migrate(samples, written_in, history)
 
 
+def _check_shapes(samples: Samples, scenario: Scenario) -> None:
+    """Raises `RecordingError` for a signal of the table in another shape than the scenario's, whose mesh alone may change."""
+    for name in samples.signals().keys() & TABLE:
+        shape, due = samples[name].shape[1:], TABLE[name].shape(len(scenario.arms), 0)
+        sizes = zip(TABLE[name].axes, shape, due, strict=False)
+        if len(shape) != len(due) or any(size != wanted for axis, size, wanted in sizes if axis != COORDINATE):
+            raise RecordingError(f"{name} has the shape {shape}, which is not that of its scenario: it is damaged.")
+
+
 def _event(record: dict[str, Any]) -> Event:
     command = record["command"]
     known = None if command is None else command_from_json(json.dumps(command))
-    return Event(record["time"], record["text"], known, record["level"])
+    return Event(_finite(record["time"]), str(record["text"]), known, str(record["level"]))
+
+
+def _finite(value: Any) -> float:
+    time = float(value)
+    if not isfinite(time):
+        raise ValueError(f"a time in it is {time} s.")
+    return time
 
 
 def read_rows(path: Path, content: list[str]) -> Rows:

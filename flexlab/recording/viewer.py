@@ -23,12 +23,12 @@ from flexlab.recording.run_stream import APPLICATION
 from flexlab.recording.scene_log import exaggeration
 from flexlab.recording.store.run_files import check_recording
 from flexlab.sockets import LOOPBACK as LOOPBACK_NAMES
+from flexlab.sockets import name_in
 
 SECURITY_POLICY = (
-    "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; "
-    "connect-src 'self' http://127.0.0.1:* data: blob:"
+    "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; connect-src 'self' {source} data: blob:"
 )
-"""The viewer may talk to this machine and to nobody else."""
+"""The viewer may talk to this server and to the one of its recording."""
 
 LOOPBACK = "127.0.0.1"
 
@@ -41,12 +41,15 @@ def viewer_link(page: str, source: str) -> str:
 class ViewerServer:
     """Serves the web viewer on one port of this machine until `close`."""
 
-    def __init__(self, host: str = LOOPBACK, port: int = 0):
-        """Start; port 0 takes a free one. Raises `RecordingError` if the port is in use or the viewer is missing."""
+    def __init__(self, host: str = LOOPBACK, port: int = 0, source: str = ""):
+        """Start; port 0 takes a free one. `source`: the server that recordings may come from, besides this one.
+
+        Raises `RecordingError` if the port is in use or the viewer is missing.
+        """
         folder = viewer_folder()
 
         class Handler(_Handler):
-            root = folder
+            root, policy = folder, SECURITY_POLICY.format(source=source)
 
         try:
             self._server = http.server.ThreadingHTTPServer((host, port), Handler)
@@ -75,10 +78,11 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     """Answers with the viewer's files and nothing else."""
 
     root: Path
+    policy: str
     protocol_version = "HTTP/1.1"
 
     def do_GET(self) -> None:
-        if urlsplit(f"//{self.headers.get('Host', '')}").hostname not in LOOPBACK_NAMES:
+        if name_in(self.headers.get("Host", "")) not in LOOPBACK_NAMES:
             self.send_error(403)  # A foreign name that leads here makes a foreign page look like this one.
             return
         name = self.path.partition("?")[0].lstrip("/") or "index.html"
@@ -89,7 +93,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         self.send_response(200)
         self.send_header("Content-Type", VIEWER_FILES[name])
         self.send_header("Content-Length", str(len(data)))
-        self.send_header("Content-Security-Policy", SECURITY_POLICY)
+        self.send_header("Content-Security-Policy", self.policy)
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Referrer-Policy", "no-referrer")
         self.end_headers()
@@ -107,13 +111,16 @@ class Review:
         """Serve; `port` of the viewer, 0 for a free one. Raises `RecordingError`."""
         self.path = path
         application, layout = _layout_of(path)
-        self._viewer = ViewerServer(LOOPBACK, port)
         try:
             self._server, source = serve(path, application, layout)
         except (RuntimeError, ValueError, OSError, LookupError) as error:
-            self._viewer.close()
             reason = str(error).split("\n")[0]
             raise RecordingError(f"{path} cannot be served to the viewer: {reason}") from None
+        try:
+            self._viewer = ViewerServer(LOOPBACK, port, f"http://{urlsplit(source).netloc}")
+        except RecordingError:
+            self._server.shutdown()
+            raise
         self.url = viewer_link(self._viewer.page, source)
 
     def close(self) -> None:

@@ -5,7 +5,7 @@ import errno
 import hmac
 import re
 from collections.abc import Awaitable, Callable
-from urllib.parse import quote, unquote, urlsplit
+from urllib.parse import quote, unquote
 
 from aiohttp import hdrs, web
 from aiohttp.http_exceptions import HttpProcessingError
@@ -17,7 +17,7 @@ from flexlab.server.limits import BusyError, network_of
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import HAS_CLASS, button, message, part
 from flexlab.server.visitors import has_class, is_teacher, keep_visitor, known_visitor_of, same, set_cookie
-from flexlab.sockets import LOOPBACK
+from flexlab.sockets import LOOPBACK, is_of_host, name_in
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -167,7 +167,7 @@ def _malformed(request: web.Request) -> tuple[int, str] | None:
         or any(ord(c) < 32 or ord(c) == 127 for c in path)
     ):
         return 404, "There is nothing outside the server's own pages."
-    if not _HOST.match(request.host):
+    if not _HOST.match(request.host) or not name_in(request.host):
         return 400, "This request names no proper host."
     if any(ord(c) < 32 or ord(c) == 127 for c in unquote(request.rel_url.raw_query_string)):
         return 400, "This address holds control characters: copy it again."
@@ -192,7 +192,7 @@ def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
     """Another site's page must not drive the lab through a visitor's browser."""
     if context.token is None and context.settings.is_local and not context.settings.is_socket:
         # A foreign name that points to 127.0.0.1 would make a foreign page look like one of ours.
-        name = urlsplit(f"//{request.host}").hostname
+        name = name_in(request.host)
         if name not in LOOPBACK:
             return (
                 403,
@@ -209,7 +209,7 @@ def is_from_elsewhere(request: web.Request) -> bool:
     if request.method in SAFE_METHODS and not is_websocket(request):
         return False
     origin = request.headers.get(hdrs.ORIGIN)
-    if origin is not None and urlsplit(origin).netloc.lower() != request.host.lower():
+    if origin is not None and not is_of_host(origin, request.host):
         return True
     return request.headers.get("Sec-Fetch-Site", "same-origin") == "cross-site"
 

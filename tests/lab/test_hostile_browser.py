@@ -250,7 +250,13 @@ def test_a_storm_from_one_browser_waits_and_the_watcher_goes_on(session: Session
 
 @pytest.mark.parametrize(
     "headers",
-    [{"Origin": "http://evil.example"}, {"Host": "evil.example"}, {"Origin": "null"}],
+    [
+        {"Origin": "http://evil.example"},
+        {"Host": "evil.example"},
+        {"Origin": "null"},
+        {"Host": "[::::]"},
+        {"Origin": "http://[1]"},
+    ],
     ids=str,
 )
 def test_a_lab_without_a_server_in_front_hears_its_own_page_only(session: Session, headers: dict[str, str]) -> None:

@@ -1,5 +1,6 @@
 """A person's own lessons: read from files, checked by expressions, and bad ones say line and reason."""
 
+import os
 import re
 from pathlib import Path
 
@@ -88,6 +89,24 @@ def test_all_mistakes_of_a_lesson_are_said_at_once(tmp_path: Path) -> None:
         assert part in said
 
 
+@pytest.mark.parametrize("part", ["head", "rules"])
+def test_of_very_many_mistakes_the_first_are_said(tmp_path: Path, part: str) -> None:
+    bad = EXAMPLE.replace("title: Stiffer", "\n".join(["title: Stiffer", *(f"field {n}" for n in range(9000))]))
+    if part == "rules":
+        bad = re.sub("check: .*\n", "", EXAMPLE) + "\n## Check\n" + "if zeit < 1: Wait.\n" * 9000
+    said = write(tmp_path, bad).problem
+    assert "more lines are wrong" in said
+    assert len(said) < 30_000
+
+
+def test_what_is_no_file_is_no_lesson(tmp_path: Path) -> None:
+    (tmp_path / "folder.md").mkdir()
+    (tmp_path / "gone.md").symlink_to("nowhere")
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "pipe.md")
+    assert [own.lesson for own in own_lessons(tmp_path)] == [None] * len(list(tmp_path.iterdir()))
+
+
 def test_all_mistakes_of_a_lesson_s_rules_are_said_at_once(tmp_path: Path) -> None:
     rules = "\n## Check\nsize = largest(sound)\nif zeit < 1: Wait.\nperhaps\ndone if size > 1: It is loud.\n"
     head = re.sub("check: .*\n", "", EXAMPLE)
@@ -128,6 +147,7 @@ def test_expressions_over_metrics_signals_and_fields(text: str, holds: bool) -> 
         "t.real > 0",
         "[x for x in t] == 1",
         "largest(vibration[t]) > 1",
+        "largest(joint_torque[(0, 0, 0), ((0,), (0,))]) > 1",
         "scenario.__class__ == 1 and open('x') > 1",
         "2 ** 99999999 > 1",
         "(" * 300 + "t" + ")" * 300 + " > 1",

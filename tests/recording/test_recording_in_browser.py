@@ -2,7 +2,7 @@
 
 import io
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 from browser_window import open_window
@@ -34,4 +34,5 @@ def test_opening_a_recording_shows_arms_and_plots_and_calls_nobody(recording_fil
             return min(shares(arms)) > 2e-4 and min(shares(plots)) > 2e-4
 
         wait_until(drawn, "arms, beam and curves are on the screen", patience=120)
-    assert set(asked) <= {"127.0.0.1", ""}
+    (source,) = parse_qs(urlsplit(review.url).query)["url"]
+    assert set(asked) <= {"127.0.0.1", urlsplit(source).hostname, ""}

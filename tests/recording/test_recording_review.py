@@ -1,9 +1,11 @@
 """A recording is served to this machine's browser, mended first, from its own files; what cannot be is said."""
 
+import socket
+import sys
 import urllib.error
 import urllib.request
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from recording_helpers import wait_until
@@ -24,6 +26,24 @@ def test_the_newest_recording_is_opened_and_mended_first(recording_file: Path, t
         assert has_footer(recording_file)
         answer = urllib.request.urlopen(review.url)
         assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="macOS has one loopback address only")
+def test_no_page_whose_name_leads_to_this_machine_finds_the_data(recording_file: Path) -> None:
+    """The server that gives recordings out piece by piece looks at no name, and would read any recording for who asks."""
+    found: set[str] = set()
+    for _ in range(3):
+        with open_review(recording_file) as review:
+            (source,) = parse_qs(urlsplit(review.url).query)["url"]
+            place = urlsplit(source)
+            assert place.hostname
+            assert place.port
+            found.add(place.hostname)
+            with socket.create_connection((place.hostname, place.port)), pytest.raises(ConnectionRefusedError):
+                socket.create_connection(("127.0.0.1", place.port))
+            policy = urllib.request.urlopen(review.url).headers["Content-Security-Policy"]
+            assert f"connect-src 'self' http://{place.netloc} data: blob:" in policy
+    assert len(found) == 3
 
 
 def test_a_run_that_is_being_recorded_opens_without_a_warning(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
@@ -63,6 +83,9 @@ def test_the_viewer_serves_its_own_files_only() -> None:
                 urllib.request.urlopen(server.page + name)
         port = urlsplit(server.page).port
         assert port is not None
+        for host in ("evil.example", "[::::]", "[", ""):
+            with pytest.raises(urllib.error.HTTPError, match="403"):
+                urllib.request.urlopen(urllib.request.Request(server.page, headers={"Host": host}))
         with pytest.raises(RecordingError, match=rf"cannot be served on 127\.0\.0\.1:{port}"):
             ViewerServer(port=port)
     finally:

@@ -125,6 +125,7 @@ def test_what_is_malformed_is_400_and_a_sentence(front_server: FrontServer, reco
         ask(front_server.url, notes, "POST", b"note=x", Content_Type=f"{FORM}; charset=utf-16"),
         ask(front_server.url, notes, "POST", b"\x1f\x8b\x08", Content_Type=FORM, Content_Encoding="gzip"),
         ask(front_server.url, notes, "POST", b"note=\xff\xfe", Content_Type=FORM),
+        *(ask(front_server.url, "/", Host=host) for host in ("[::::]", "[1]", "[", "[:]:80")),
     ]
     for answer in bad:
         assert (answer.status, "failed" in answer.text) == (400, False), answer.text

@@ -108,7 +108,10 @@ def test_the_way_on_after_signing_in_stays_on_this_site(guarded: FrontServer):
     assert not answer.headers.get("Location", "").startswith("//")
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "https://evil.example:8080"])
+@pytest.mark.parametrize(
+    "origin",
+    ["http://evil.example", "null", "http://127.0.0.1:1", "https://evil.example:8080", "http://[", "http://[::::]"],
+)
 def test_foreign_pages_may_not_connect_or_post(front_server: FrontServer, origin: str):
     assert ask(front_server.url, "/lab", **upgrade(Origin=origin)).status == 403
     assert ask(front_server.url, "/runs/x/delete", "POST", Origin=origin).status == 403

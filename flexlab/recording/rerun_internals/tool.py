@@ -17,11 +17,12 @@ import rerun_cli
 from rerun.catalog import DatasetEntry
 from rerun_bindings import CatalogClientInternal
 
+from flexlab.assets import user_cache
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.message_layout import has_footer
 from flexlab.recording.store.notes import replacing
-from flexlab.sockets import free_ports
+from flexlab.sockets import free_ports, hidden_loopback
 
 LARGE_FILE = 500_000_000
 """Bytes: above that the pieces are indexed but not joined, which would take the whole recording into memory."""
@@ -138,8 +139,7 @@ CHANGED = 1
 
 def viewer_folder() -> Path:
     """A folder with the files of `VIEWER_FILES`, unpacked on first use. Raises `RecordingError` if that fails."""
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = base / "flexlab" / f"rerun-{rr.__version__}-{CHANGED}"
+    folder = user_cache() / "flexlab" / f"rerun-{rr.__version__}-{CHANGED}"
     if not all((folder / name).is_file() for name in VIEWER_FILES):
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -180,7 +180,8 @@ DATASET = "runs"
 
 def serve(path: Path, application: str, layout: rrb.Blueprint) -> tuple[rr.server.Server, str]:
     """(server, to be shut down; address that a viewer opens). Raises RuntimeError, ValueError, OSError or LookupError."""
-    server = rr.server.Server(host=LOOPBACK, port=0, datasets={DATASET: [path]})
+    # It answers whoever asks, under any name.
+    server = rr.server.Server(host=hidden_loopback(), port=0, datasets={DATASET: [path]})
     try:
         # Rerun's public client answers what follows only with a 43 MB library of queries, so its core is asked.
         (core,) = CatalogClientInternal(server.url()).datasets(False)

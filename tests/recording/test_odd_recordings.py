@@ -1,0 +1,245 @@
+"""Rerun files that hold what flexlab never writes: each is read, or refused in one sentence, and nothing of it is left."""
+
+import json
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rerun as rr
+from rerun import any_batch_value
+
+from flexlab.errors import RecordingError
+from flexlab.recording import codec, run_encoder, run_stream
+from flexlab.recording.headless import HeadlessRecording
+from flexlab.recording.importing import import_into
+from flexlab.recording.reader import read_blocks, read_recording, read_scenarios
+from flexlab.recording.run_encoder import RunEncoder
+from flexlab.recording.run_info import RunInfo, these_versions
+from flexlab.sim.samples import Run, Samples
+from flexlab.sim.world import World
+
+GONE = "left out"
+"""What stands for a value that is left out."""
+DEEP = "[" * 100_000
+INFINITE = float("inf")
+
+
+def changed(values: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
+    return {key: old for key, old in (values | {name: value}).items() if old is not GONE}
+
+
+@pytest.fixture(autouse=True)
+def any_type(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rerun keeps the type that a value had first, for as long as a process runs."""
+    monkeypatch.setattr(any_batch_value, "ANY_VALUE_TYPE_REGISTRY", any_batch_value.TypeRegistry())
+
+
+@pytest.fixture
+def written(run: Run, tmp_path: Path) -> Callable[[], Path]:
+    """Writes a few samples and an event with what was changed in the writer."""
+
+    def write() -> Path:
+        info = RunInfo("paper", run.scenario, 0.001, World(run.scenario).state())
+        with HeadlessRecording(tmp_path / "odd.rrd", info) as recording:
+            recording.write(run.slice(0, 20))
+            recording.write(run.slice(20, 40))
+            recording.end(run.status)
+        return tmp_path / "odd.rrd"
+
+    return write
+
+
+def check(path: Path, refused: bool) -> None:
+    """Every reader gives something, or one sentence; an import that is refused leaves nothing."""
+    logs = path.parent / "logs"
+    sentences: list[str] = []
+    for read in (
+        read_scenarios,
+        read_recording,
+        lambda odd: list(read_blocks(odd)),
+        lambda odd: import_into(odd, logs),
+    ):
+        try:
+            read(path)
+        except RecordingError as error:
+            sentences.append(str(error))
+    assert all("\n" not in said and len(said) < 600 for said in sentences), sentences
+    if refused:
+        assert sentences
+        assert not list(logs.glob("*"))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *((name, GONE) for name in ("preset", "started", "part", "sample_period_s", "flexlab_version")),
+        *(("format", value) for value in ("x", b"\xff")),
+        *(("oldest_reader", value) for value in ("x", [])),
+        *(("scenario", value) for value in (DEEP, "1", "null", "{", 5, '{"payload": 1}')),
+        *(("started", value) for value in ("x", 5, "0001-01-01T00:00:00")),
+        *(("part", value) for value in ("x", INFINITE)),
+        *(("sample_period_s", value) for value in ("x", 0.0, -1.0, INFINITE)),
+        ("preset", 5),
+    ],
+)
+def test_odd_properties(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], name: str, value: Any) -> None:
+    def properties(info: RunInfo) -> rr.AnyValues:
+        values = {
+            "format": 2,
+            "oldest_reader": 2,
+            "preset": info.name,
+            "started": info.started.isoformat(timespec="seconds"),
+            "part": info.part,
+            "sample_period_s": info.sample_period,
+            "scenario": info.scenario.model_dump_json(),
+            **these_versions(),
+        }
+        return rr.AnyValues(**changed(values, name, value))
+
+    monkeypatch.setattr(run_stream, "run_properties", properties)
+    check(written(), refused=name in ("format", "scenario", "sample_period_s"))
+
+
+def of(signal: str, shape: Any) -> Callable[[dict[str, Any]], Any]:
+    def change(head: dict[str, Any]) -> None:
+        for pair in head["signals"]:
+            if pair[0] == signal:
+                pair[1] = shape
+
+    return change
+
+
+def called(signal: str, name: Any) -> Callable[[dict[str, Any]], Any]:
+    def change(head: dict[str, Any]) -> None:
+        for pair in head["signals"]:
+            if pair[0] == signal:
+                pair[0] = name
+
+    return change
+
+
+def head(name: str, value: Any) -> Callable[[dict[str, Any]], Any]:
+    return lambda given: changed(given, name, value)
+
+
+HEADS: dict[str, Callable[[dict[str, Any]], Any]] = {
+    **{f"rows {value}": head("rows", value) for value in (0, -1, 7, 1e300, "x", None, GONE, 10**12)},
+    **{f"format {value}": head("recording_format", value) for value in (0, -5, 1.5, "x", None)},
+    **{f"derived {value}": head("derived", value) for value in (None, 5, [[1]], GONE)},
+    **{f"signals {value}": head("signals", value) for value in (None, 5, [], "abc", [[1, [2]]], GONE)},
+    **{f"shape {value}": of("pose", value) for value in ([-1], ["a"], [2], [], [3, 1], None, "ab", [1.5], [10**9])},
+    **{f"angles {value}": of("joint_angle", value) for value in ([3, 2], [6], [1, 6], [1, 2, 3])},
+    **{f"name {value}": called("pose", value) for value in (3, [1], None, "time")},
+    "no head": lambda given: [],
+    "no times": called("time", "zeit"),
+}
+
+
+def with_heads(monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any]], Any]) -> None:
+    encode = run_encoder.encode_block
+
+    def odd(samples: Samples) -> bytes:
+        data = zlib.decompress(encode(samples))
+        (length,) = struct.unpack_from("<I", data)
+        given = json.loads(data[4 : 4 + length])
+        found = change(given)
+        text = json.dumps(given if found is None else found).encode()
+        return zlib.compress(struct.pack("<I", len(text)) + text + data[4 + length :])
+
+    monkeypatch.setattr(run_encoder, "encode_block", odd)
+
+
+@pytest.mark.parametrize("kind", HEADS)
+def test_odd_blocks(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], kind: str) -> None:
+    with_heads(monkeypatch, HEADS[kind])
+    check(written(), refused=True)
+
+
+@pytest.mark.parametrize("name", ["slice", "signals", "take", "scenario", "status"])
+def test_a_signal_that_is_called_as_what_every_run_has_hides_nothing(
+    monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], name: str
+) -> None:
+    with_heads(monkeypatch, called("beam_rates", name))
+    path = written()
+    check(path, refused=False)
+    assert len(read_recording(path).run.slice(0, 5).signals()["time"]) == 5
+
+
+BLOCKS = {
+    "nothing": b"",
+    "no zlib": b"x" * 100,
+    "cut": zlib.compress(bytes(range(256)))[:50],
+    "a bomb": zlib.compress(bytes(20_000_000)),
+    "a deep head": zlib.compress(struct.pack("<I", len(DEEP)) + DEEP.encode()),
+    "a long head": zlib.compress(b"\xff\xff\xff\xff{}"),
+}
+
+
+@pytest.mark.parametrize("kind", BLOCKS)
+def test_blocks_that_are_none(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], kind: str) -> None:
+    monkeypatch.setattr(codec, "LARGEST_BLOCK", 10_000_000)
+    monkeypatch.setattr(run_encoder, "encode_block", lambda samples: BLOCKS[kind])
+    check(written(), refused=True)
+
+
+RECORDS: dict[str, Any] = {
+    **{f"time {value}": ("time", value) for value in ("x", None, [], INFINITE)},
+    **{f"number {value}": ("number", value) for value in ("x", None, GONE)},
+    **{f"level {value}": ("level", value) for value in (3, [], GONE)},
+    **{f"command {value}": ("command", value) for value in ("x", [], {}, {"kind": []}, {"kind": "Pull"}, GONE)},
+    "no change": ("command", {"kind": "ChangeScenario", "changes": 5}),
+    "odd changes": ("command", {"kind": "ChangeScenario", "changes": [["x", 1]]}),
+    "odd origin": ("command", {"kind": "LoadScenario", "scenario": {}, "name": 5, "origin": {"run": 1, "time": 1, "state": []}}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [*RECORDS, "[]", "null", "5", "", DEEP])
+def test_odd_events(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], kind: str) -> None:
+    record: Any = RunEncoder._record
+
+    def odd(self: RunEncoder, number: int, event: Any) -> str:
+        if kind not in RECORDS:
+            return kind
+        return json.dumps(changed(json.loads(record(self, number, event)), *RECORDS[kind]))
+
+    monkeypatch.setattr(RunEncoder, "_record", odd)
+    check(written(), refused=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("y", value) for value in ("x", None, [[1]], {"a": 1}, [1, "a"], GONE)),
+        *(("tick", value) for value in ("x", None, [], INFINITE, GONE)),
+        *(("layout", value) for value in ("x", None, [])),
+    ],
+)
+def test_odd_states(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], name: str, value: Any) -> None:
+    state_json = run_stream.state_json
+    monkeypatch.setattr(
+        run_stream, "state_json", lambda state: json.dumps(changed(json.loads(state_json(state)), name, value))
+    )
+    check(written(), refused=False)
+
+
+@pytest.mark.parametrize("text", ["[]", "null", "5", DEEP])
+def test_states_that_are_none(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], text: str) -> None:
+    monkeypatch.setattr(run_stream, "state_json", lambda state: text)
+    check(written(), refused=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("status", 5), ("text", 5), ("text", b"\xff"), *(("time_s", value) for value in ("x", [], INFINITE))],
+)
+def test_odd_ends(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], name: str, value: Any) -> None:
+    def end(self: RunEncoder, status: Any, dropped: int = 0) -> None:
+        values = {"status": "finished", "text": "Over.", "time_s": 0.04, "rows": 40}
+        for sink in self._sinks:
+            sink.send_property("end", rr.AnyValues(**changed(values, name, value)))
+
+    monkeypatch.setattr(RunEncoder, "end", end)
+    check(written(), refused=False)

@@ -14,8 +14,8 @@ import pyarrow as pa
 
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.resume import BLOCK_TICKS, Repetition
-from flexlab.own.elsewhere import address_in
 from flexlab.own.law import OwnController
+from flexlab.own.link import address_in
 from flexlab.own.path import OwnTrajectory
 from flexlab.own.unit import unit_in
 from flexlab.recording.reader import Recording

@@ -65,8 +65,8 @@ def _replay(path: Path, run_own_law: bool) -> int:
 def _allow(kind: str, source: str, allowed: bool) -> None:
     """Let a recording's own law run if the person agrees. Raises `StudyError` if not."""
     from flexlab.own import hosts
-    from flexlab.own.elsewhere import address_in
     from flexlab.own.files import LAW_FILES
+    from flexlab.own.link import address_in
     from flexlab.own.reading import without_data
     from flexlab.own.unit import unit_in
 

@@ -1,13 +1,12 @@
-"""A person's text in a process of its own: reads calls from a socket, answers them, says what goes wrong.
+"""The process in which a person's text runs: it reads calls from a socket, answers them, and reports what goes wrong.
 
 python -m flexlab.own.child CALLS REPORTS LIFELINE FILE SORT  (numbers of inherited sockets and of a pipe; SORT: law or path)
 
-A second process stays behind to end all that the text started: processes of processes too, with the text, and when the lab is
-gone.
+A supervisor process ends all that the text started, with the text or when the lab is gone.
 
-A law is asked with a message and a `LAW_INPUT` record, and answers with the first ANSWER_SIZE numbers of the message. A path is
-asked with two whole numbers (int64), of options and of shares, then both as float64; it answers with a whole number, of poses,
-then how long it lasts and the poses, (1 + 3 poses) of float64. A problem is a report, and a whole number of -1.
+A law's call is a message and a `LAW_INPUT` record; its answer is the first ANSWER_SIZE numbers of the message. A path's call is
+two int64, the numbers of options and of shares, then both as float64; its answer is an int64, the number of poses, then the
+path's length and the poses as (1 + 3 poses) float64. An error is a report and, of a path, the number -1.
 """
 
 import contextlib
@@ -27,22 +26,23 @@ from typing import Any, TypeVar
 import numpy as np
 
 from flexlab.errors import FlexlabError
-from flexlab.own.execution import ANSWER_SIZE, MESSAGE_SIZE, RunningLaw, RunningPath, TextProblem
+from flexlab.own.execution import ANSWER_SIZE, MESSAGE_SIZE, RunningLaw, RunningPath
+from flexlab.own.reading import TextProblem
 from flexlab.physics.law_input import LAW_INPUT
 
 T = TypeVar("T")
 FAILED = -1
-"""Instead of a number of poses."""
+"""Answer of a path in place of a number of poses."""
 PERIOD = 0.25
-"""s between two looks at what a text has started."""
+"""s between two looks at a text's processes."""
 MOST_PROCESSES = 32
-"""That a text may have at once."""
+"""Processes that a text may have at once."""
 MOST_MEMORY = 2_000_000_000
-"""Bytes: of address space for each process of a text, of memory in use for all together."""
+"""Bytes of address space for each process of a text, and of memory in use for all together."""
 SET_PARENT_DEATH_SIGNAL, SET_CHILD_SUBREAPER = 1, 36
 """Of Linux's prctl."""
 ROUNDS = 50
-"""In which all that is found is stopped until nothing new is, before it is killed."""
+"""Rounds of stopping a text's processes, before all are killed."""
 
 
 def receive(calls: socket.socket, size: int) -> bytearray | None:
@@ -58,24 +58,23 @@ def receive(calls: socket.socket, size: int) -> bytearray | None:
 
 
 class Reports:
-    """Sentences for the parent, a line of JSON each."""
+    """Reports to the lab, one line of JSON each."""
 
     def __init__(self, reports: socket.socket):
         self._reports = reports
 
     def say(self, **what: Any) -> None:
-        """Tell the parent."""
+        """Send one report."""
         self._reports.sendall(json.dumps(what).encode() + b"\n")
 
 
 def _watch_exits(reports: Reports, file: str) -> None:
-    """Have os._exit and os.abort say where they were called: nothing else would know."""
-
+    """Make os._exit and os.abort report the line that called them."""
     own = os.getpid()
 
     def telling(name: str, function: Any) -> Any:
         def end(*words: Any) -> None:
-            if os.getpid() != own:  # That of a process which the text started says nothing of the text.
+            if os.getpid() != own:  # A process that the text started may end.
                 function(*words)
             lines = [frame.lineno for frame in traceback.extract_stack() if frame.filename == file]
             line = f", line {lines[-1]}" if lines else ""
@@ -88,10 +87,10 @@ def _watch_exits(reports: Reports, file: str) -> None:
 
 
 def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Reports], None]) -> None:
-    """Run one text for the parent: `load` it (text, file), then `answer` calls until the parent closes the socket.
+    """Run one text: `load` it (text, file), then `answer` calls until the lab closes the socket.
 
-    The text comes first through the socket of the calls, after its length. When the other end of the lifeline is closed, this
-    process ends with all that the text started.
+    The text comes through the socket of the calls, after its length. When the lab closes the lifeline, this process ends with
+    all that the text started.
     """
     calls, reported = socket.socket(fileno=int(sys.argv[1])), socket.socket(fileno=int(sys.argv[2]))
     file, reports = sys.argv[4], Reports(reported)
@@ -99,7 +98,7 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Re
     name = os.path.basename(file)
     _supervised([calls.fileno()], int(sys.argv[3]), lambda text: reports.say(problem=f"{name}: {text}."))
     reports.say(pid=os.getpid())
-    # Asked for by the parent when an answer is late: the handler works even while Python cannot.
+    # The lab asks for a traceback when an answer is late: this handler works even while Python is busy.
     faulthandler.register(signal.SIGUSR1, file=reported.fileno(), all_threads=False, chain=False)
     faulthandler.enable(file=reported.fileno(), all_threads=False)
     length = receive(calls, 8)
@@ -148,12 +147,12 @@ def _answer_path(path: RunningPath, calls: socket.socket, reports: Reports) -> N
 
 
 def _supervised(calls: list[int], lifeline: int, say: Callable[[str], None]) -> None:
-    """Returns in a new process, in which the text may run; this one stays behind, looks after it and ends as it does.
+    """Return in a new process, in which the text may run; this one supervises it and ends as it does.
 
-    calls: numbers of files that only the text's process uses. lifeline: the reading end of a pipe; when its other end is
-    closed, everything ends. `say` tells the lab what was wrong.
+    calls: numbers of files that only the text's process uses. lifeline: the reading end of a pipe; everything ends when its
+    other end is closed. `say` reports what was wrong.
     """
-    _control(SET_CHILD_SUBREAPER, 1)  # What outlives its own parent becomes this one's child, and is found.
+    _control(SET_CHILD_SUBREAPER, 1)  # Orphans become this process's children, and are found.
     above, here = os.getppid(), os.getpid()
     pid = os.fork()
     if pid == 0:
@@ -177,7 +176,7 @@ def _supervised(calls: list[int], lifeline: int, say: Callable[[str], None]) -> 
 
 
 def _watch(pid: int, above: int, lifeline: int, say: Callable[[str], None]) -> int | None:
-    """Wait until the text's process has ended (its status), or has to (None)."""
+    """Wait until the text's process has ended (returns its status), or has to end (None)."""
     while True:
         found, status = os.waitpid(pid, os.WNOHANG)
         if found == pid:
@@ -186,7 +185,7 @@ def _watch(pid: int, above: int, lifeline: int, say: Callable[[str], None]) -> i
             return None
         others = _descendants() - {pid}
         for other in others:
-            with contextlib.suppress(ChildProcessError):  # Of those that became this one's, none is left as a zombie.
+            with contextlib.suppress(ChildProcessError):  # Leave no zombies.
                 os.waitpid(other, os.WNOHANG)
         if len(others) >= MOST_PROCESSES:
             say(f"it started more than {MOST_PROCESSES} processes, which is more than a file may")
@@ -197,7 +196,7 @@ def _watch(pid: int, above: int, lifeline: int, say: Callable[[str], None]) -> i
 
 
 def _end(pid: int) -> None:
-    """Kill the text's process and all that came of it; first all are stopped, so that none starts another meanwhile."""
+    """Kill the text's process and its descendants, after stopping all of them so that none starts another."""
     stopped: set[int] = set()
     for _ in range(ROUNDS):
         new = (_descendants() | {pid}) - stopped
@@ -214,7 +213,7 @@ def _end(pid: int) -> None:
 
 
 def _descendants() -> set[int]:
-    """All processes below this one; none where the system does not tell."""
+    """All processes below this one; empty where the system does not list them."""
     found: set[int] = set()
     above = [os.getpid()]
     while above:
@@ -227,7 +226,7 @@ def _descendants() -> set[int]:
 
 
 def _memory(pid: int) -> int:
-    """Bytes in use that a process shares with no other."""
+    """Bytes that a process uses and shares with no other."""
     try:
         _, resident, shared = map(int, Path(f"/proc/{pid}/statm").read_text().split()[:3])
     except (OSError, ValueError):
@@ -252,7 +251,7 @@ def _limit_memory() -> None:
 
         resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     except (ImportError, ValueError, OSError):
-        pass  # Where the system has no such limit, its own must do.
+        pass  # This system has no such limit.
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
-"""What a person's law or path declares: settings with unit and range, memory, signals, how long; read, not run.
+"""What a person's law or path declares: settings with unit and range, memory, signals, duration.
 
-So a recording, a shared scenario or a menu can show a law whose code nobody has allowed to run.
+Declarations are read without running the text, so that a menu, a shared scenario or a recording can show a law whose code
+nobody has allowed to run.
 """
 
 import ast
@@ -11,7 +12,7 @@ from typing import Any
 from flexlab.own.reading import DeclaredClass, called, is_finite, kind_of
 
 MOST_SETTINGS, MOST_SIGNALS, MOST_MEMORY = 64, 16, 256
-"""Numbers that go with each call, at most."""
+"""Most numbers that go with each call."""
 SHORTEST_PERIOD, LONGEST_PERIOD = 1e-5, 0.1
 """s, as for every sampled controller."""
 DEFAULT_PERIOD = 1e-3
@@ -20,15 +21,14 @@ ON_SAVE = ("go on", "restart")
 SHORTEST, LONGEST = 0.01, 1000.0
 """s that a path may last."""
 LASTING = ("duration", "period")
-"""Names under which a path says how long it lasts, until it stands or until it repeats."""
+"""Attributes that say how long a path lasts until it stands, or until it repeats."""
 
 
 class OwnLaw:
     """Base of a control law written in Python; it runs at control instants, `period` s apart.
 
-    Class attributes declare it: `gain(...)`, `memory(...)`, `readout(...)`, `period` and `on_save`, with numbers that stand
-    in the file.
-    `act(self, at)` returns the inputs of the arms, (arms, 3): forces in N and torques in N·m at the grips, or what
+    Class attributes declare it: `gain(...)`, `memory(...)`, `readout(...)`, `period` and `on_save`, with numbers written in
+    the file. `act(self, at)` returns the inputs of the arms, (arms, 3): forces in N and torques in N·m at the grips, or what
     `at.from_torques(joint_torques)` makes of joint torques. `at`: a `Measurement`. Within it `self.<gain>` is the gain's
     present value, `self.<memory>` an array to read and change, `self.<readout>` a number to set.
 
@@ -83,7 +83,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Memory:
-    """Numbers that the law keeps from one instant to the next."""
+    """Numbers that a law keeps from one instant to the next, all `start` at first."""
 
     size: int
     start: float = 0.0
@@ -91,7 +91,7 @@ class Memory:
 
 @dataclass(frozen=True)
 class OwnSignal:
-    """A number that the law shows."""
+    """A number that a law sets at each instant, to be plotted and recorded."""
 
     unit: str
     title: str = ""
@@ -129,17 +129,17 @@ def readout(unit: str, title: str = "", symbol: str = "") -> Any:
 
 
 option = gain
-"""A path's options are declared as a law's gains are."""
+"""Declares an option of a path, as `gain` does a gain of a law."""
 
 
 @dataclass(frozen=True)
 class Declared:
-    """What is known of any class without running it."""
+    """What is known of a law or path without running it."""
 
     name: str
-    """Of the class."""
+    """Name of the class."""
     line: int
-    """Where it begins in its file."""
+    """Where the class begins in its file."""
     meaning: str
     """First paragraph of its docstring."""
     settings: tuple[tuple[str, Setting], ...]
@@ -147,13 +147,13 @@ class Declared:
 
     @property
     def kind(self) -> str:
-        """Its name in scenarios."""
+        """Its name in scenarios, as "soft-pd"."""
         return kind_of(self.name)
 
 
 @dataclass(frozen=True)
 class Declaration(Declared):
-    """All that is known of a law without running it."""
+    """What a law declares."""
 
     period: float
     """s between control instants, unless the scenario says otherwise."""
@@ -165,10 +165,10 @@ class Declaration(Declared):
 
 @dataclass(frozen=True)
 class PathDeclaration(Declared):
-    """All that is known of a path without running it."""
+    """What a path declares."""
 
     repeats: bool
-    """Whether it says a period."""
+    """Whether it has a period."""
 
 
 def read_declaration(source: str, file: str) -> Declaration:
@@ -245,7 +245,7 @@ def _check(law: DeclaredClass, name: str, made: Any, line: int) -> None:
 
 
 def _check_setting(declared: DeclaredClass, name: str, gain: Setting, line: int) -> None:
-    """Raises `ScenarioError` for a range that is none or a default outside it."""
+    """Raises `ScenarioError` for a range without width or a default outside it."""
     if not is_finite(gain.low) or not is_finite(gain.high) or not gain.low < gain.high:
         raise declared.problem(line, f"{name}: low = {gain.low!r} and high = {gain.high!r} are no range")
     if not all(isinstance(text, str) for text in (gain.unit, gain.title, gain.symbol)):

@@ -1,12 +1,13 @@
-"""Runs the text of a person's class: each question of the engine becomes a call of the law's `act` or the path's `position`.
+"""Runs a person's text: each call of the engine becomes a call of the law's `act` or the path's `position`.
 
-What a text does wrong becomes a sentence with file and line. The numbers of a call go both ways in a message (MESSAGE_SIZE,) of
-float64.
+An error in a text becomes a sentence with file and line. The numbers of a law's call go both ways in a message
+(MESSAGE_SIZE,) of float64.
 """
 
 import ctypes
 import math
 import sys
+import threading
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -29,14 +30,12 @@ from flexlab.own.declaration import (
     read_declaration,
     read_path_declaration,
 )
-from flexlab.own.elsewhere import is_foreign
 from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement, real_numbers
+from flexlab.own.reading import TextProblem, is_foreign
 from flexlab.physics.law_input import LAW_INPUT
 
-TURN = 0
-"""Room for the byte that says whose turn it is."""
 OUTCOME = 1
-"""What became of the call: `ASKED`, `ANSWERED` or `FAILED`; `WAIT` where the answer is late and may still come."""
+"""State of the call: `ASKED`, `ANSWERED` or `FAILED`; `WAIT` where a late answer may still come. At 0 is the turn's byte."""
 ASKED, ANSWERED, FAILED, WAIT = 0.0, 1.0, 2.0, 3.0
 PERIOD = 2
 """T_c, s."""
@@ -46,12 +45,12 @@ SIGNALS = INPUTS + 6
 GAINS = SIGNALS + MOST_SIGNALS
 MEMORY = GAINS + MOST_SETTINGS
 ANSWER_SIZE = MEMORY + MOST_MEMORY
-"""Numbers that go back; those after them are only told."""
+"""Numbers that go back; the ones after them go to the law only."""
 PLANT = ANSWER_SIZE
 MESSAGE_SIZE = PLANT + BELIEVED_SIZE
 
 AnswerFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)
-"""A C function of the addresses of a message and of a `LAW_INPUT` record."""
+"""C function of two addresses: a message and a `LAW_INPUT` record."""
 
 
 class Channel(NamedTuple):
@@ -65,7 +64,7 @@ class Channel(NamedTuple):
 
 
 def address_of(function: Any) -> int:
-    """Of a C function."""
+    """The address of a C function."""
     return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
@@ -80,20 +79,16 @@ def now_at(address: int) -> np.ndarray:
 
 
 FORMER_PLACES = ("flexlab.own_laws.declaration", "flexlab.own_paths.declaration")
-"""Modules from which the texts of classes in earlier recordings import."""
+"""Modules from which texts in earlier recordings import."""
 LONGEST_WORDS = 200
 """Characters of an exception's own text that are shown."""
 
 
-class TextProblem(Exception):
-    """What is wrong with a text, as a sentence with file and line."""
-
-
 class RunningText:
-    """The object of one class of a text. Raises `TextProblem` if the text cannot be run."""
+    """A text whose code was executed, and an object of its class. Raises `TextProblem` if that fails."""
 
     def __init__(self, source: str, file: str, name: str, line: int, what: str):
-        """`name`, `line`: of the class; `what` it is, in sentences."""
+        """`name` and `line` of the class; `what`: "control law" or "path", for sentences."""
         self._file, self._line, self._what = file, line, what
         folder = str(Path(file).resolve().parent)
         if Path(file).exists() and folder not in sys.path:
@@ -109,14 +104,14 @@ class RunningText:
             raise TextProblem(self.where(error)) from None
 
     def set(self, settings: tuple[tuple[str, Setting], ...], numbers: np.ndarray) -> None:
-        """Give the object its gains or options, from their numbers in the order of their declaration, flat."""
+        """Set the object's gains or options from their numbers, flat, in the order of declaration."""
         at = 0
         for name, one in settings:
             setattr(self.made, name, numbers[at : at + 3].copy() if one.size == 3 else float(numbers[at]))
             at += one.size
 
     def at_line(self, line: int | None) -> str:
-        """File and line as sentences begin with them; of a text that nobody wrote, the file alone."""
+        """File and line, as sentences begin; the file alone for a text that no person wrote."""
         return Path(self._file).name if is_foreign(self._file) else f"{Path(self._file).name}, line {line}"
 
     def first_line(self, method: str) -> str:
@@ -124,7 +119,7 @@ class RunningText:
         return self.at_line(getattr(type(self.made), method).__code__.co_firstlineno)
 
     def at_return(self, method: str, again: Callable[[], Any]) -> str:
-        """File and line of the return that gave a wrong answer: the call is made once more, watched."""
+        """File and line of the return that gave a wrong answer, found by making the call `again` under a trace."""
         if is_foreign(self._file):
             return self.at_line(None)
         code = getattr(type(self.made), method).__code__
@@ -148,7 +143,7 @@ class RunningText:
         return self.at_line(last[0])
 
     def where(self, error: BaseException) -> str:
-        """An exception as a sentence with the line of the text that led to it."""
+        """An exception as a sentence that names the line of the text."""
         if isinstance(error, TextProblem):
             return str(error)
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == self._file]
@@ -169,7 +164,10 @@ def short(value: Any) -> str:
 
 
 class RunningLaw:
-    """A law at work. Raises `TextProblem` if its text cannot be run, `ScenarioError` if it declares nothing."""
+    """A law that runs in this process. Raises `TextProblem` if it cannot run, `ScenarioError` if it declares nothing."""
+
+    is_ready = True
+    """Whether a call is answered at once."""
 
     def __init__(self, source: str, file: str):
         self.declaration: Declaration = read_declaration(source, file)
@@ -177,6 +175,20 @@ class RunningLaw:
         self._law = self._text.made
         self._told = b""
         self._believed: Believed | None = None
+        self._lock = threading.Lock()
+        self._function = AnswerFunction(lambda message, now: self.ask(message_at(message), now_at(now)))
+        self.channel = Channel(address_of(self._function), 0, -1, -1, -1)
+        self.problem = ""
+        """What went wrong last, as a sentence; empty if nothing did."""
+
+    def ensure(self) -> None:
+        """Forget what went wrong before: a run begins."""
+        self.problem = ""
+
+    def ask(self, message: np.ndarray, now: np.ndarray) -> None:
+        """One call, as `answer`; a sentence goes to `problem`."""
+        with self._lock:  # Runs of several threads share the object.
+            self.problem = self.answer(message, now) or self.problem
 
     def answer(self, message: np.ndarray, now: np.ndarray) -> str:
         """One call: reads gains and memory of the message (MESSAGE_SIZE,) and `now` (a `LAW_INPUT` record as bytes).
@@ -215,7 +227,7 @@ class RunningLaw:
         return self._write_back(message)
 
     def _measurement(self, now: Any, message: np.ndarray) -> Measurement:
-        """What is believed stays the same object while it does not change; laws that do not ask pay nothing for it."""
+        """`Believed` is made when a law asks for it, and anew only when its numbers change."""
 
         def believed() -> Believed:
             told = message[PLANT:].tobytes()
@@ -254,19 +266,24 @@ class RunningLaw:
 
 
 class RunningPath:
-    """A path at work. Raises `TextProblem` if its text cannot be run, `ScenarioError` if it declares nothing."""
+    """A path that runs in this process. Raises `TextProblem` if it cannot run, `ScenarioError` if it declares nothing."""
 
     def __init__(self, source: str, file: str):
         self.declaration: PathDeclaration = read_path_declaration(source, file)
         self._text = RunningText(source, file, self.declaration.name, self.declaration.line, "path")
         self._path = self._text.made
         self._lasts = LASTING[1] if self.declaration.repeats else LASTING[0]
+        self._lock = threading.Lock()
 
     def poses(self, options: np.ndarray, shares: np.ndarray) -> tuple[float, np.ndarray]:
         """How long it lasts, s, and x, y, θ, (N, 3), at `shares` (N,) of that. Raises `TextProblem`.
 
         options: the numbers of the options in the order of their declaration, flat.
         """
+        with self._lock:  # Runs of several threads share the object.
+            return self._poses(options, shares)
+
+    def _poses(self, options: np.ndarray, shares: np.ndarray) -> tuple[float, np.ndarray]:
         self._text.set(self.declaration.settings, options)
         try:
             span = self._span()

@@ -1,6 +1,6 @@
-"""Files with laws or with paths in Python: those of a person's folder, the examples of flexlab, a given one, and classes.
+"""Where laws and paths come from: files of a person's folder, flexlab's examples, a given file, or a class.
 
-The text of a class that was given as an object is found complete, so that a recording can hold it.
+The text of a class is gathered with all that it uses, so that a recording can hold it.
 """
 
 import ast
@@ -21,11 +21,11 @@ from flexlab.control.path import Path as DesiredPath
 from flexlab.errors import ScenarioError
 from flexlab.own import hosts
 from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration, read_path_declaration
-from flexlab.own.elsewhere import address_in, is_address, is_unit, text_of_program
 from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
+from flexlab.own.link import address_in, text_of_program
 from flexlab.own.path import OWN_PATHS
-from flexlab.own.reading import with_data
+from flexlab.own.reading import is_address, is_unit, with_data
 from flexlab.own.unit import text_of_unit
 from flexlab.text import PARSER, syntax_tree
 
@@ -35,15 +35,15 @@ HEADER = (
     "import numpy as np",
     "from flexlab import OwnLaw, OwnPath, data_file, gain, memory, option, readout",
 )
-"""What the text of a class may take for granted."""
+"""Imports at the head of a class's text."""
 FUTURE = "__future__"
 
 
 def class_text(given: type) -> str:
-    """A class's text with those imports, constants, functions and classes of its file that it uses, each in its own line.
+    """A class's text with the imports, constants, functions and classes of its file that it uses; lines keep their numbers.
 
-    A name that the file (or the notebook's cell) does not define is looked up in the class's module: modules, what can be
-    imported, and numbers. Raises `OSError`, `TypeError` or `SyntaxError` where the text cannot be had.
+    Names that the file or the notebook's cell does not define are looked up in the class's module: modules, what can be
+    imported, and numbers. Raises `OSError`, `TypeError` or `SyntaxError` if the text cannot be found.
     """
     with PARSER:
         own, first = inspect.getsourcelines(given)
@@ -66,14 +66,14 @@ def class_text(given: type) -> str:
     head = [f"from {FUTURE} import annotations"] * any(_is_future(node) for node in nodes)
     module = vars(sys.modules.get(given.__module__, ModuleType("")))
     head += [*HEADER, *(_definition(name, module[name]) for name in sorted(needed - found) if name in module)]
-    # All in the first line, so that the others keep their numbers; one that holds a class or function has to move down.
+    # The head goes into the first line, so that the others keep their numbers, unless that begins a class or function.
     joint = "; " if 1 in kept and isinstance(kept[1], (ast.Import, ast.ImportFrom, ast.Assign)) else "\n"
     above = "; ".join(part for part in head if part)
     return (above + (joint + rows[0] if rows[0] else "") + "\n" + "\n".join(rows[1:])).rstrip("\n") + "\n"
 
 
 def _loaded(tree: ast.AST) -> set[str]:
-    """Names that a text uses."""
+    """Names that a piece of code uses."""
     return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
 
 
@@ -99,17 +99,17 @@ def _is_future(node: ast.stmt) -> bool:
 
 
 def _is_main(node: ast.stmt) -> bool:
-    """Whether a statement is what a file does when it is run by itself."""
+    """Whether a statement runs only when the file is run by itself."""
     return isinstance(node, ast.If) and "__name__" in _loaded(node.test)
 
 
 def _holds(node: ast.stmt, line: int) -> bool:
-    """Whether a statement is the class itself, or what it is defined in."""
+    """Whether a statement is the class itself, or encloses it."""
     return isinstance(node, (ast.ClassDef, ast.FunctionDef)) and node.lineno <= line <= (node.end_lineno or 0)
 
 
 def _definition(name: str, value: Any) -> str:
-    """A statement that defines a name of another cell or of a function's surroundings; empty if there is none."""
+    """A statement that defines a name from another cell or an enclosing function; empty if there is none."""
     if isinstance(value, ModuleType):
         return f"import {value.__name__} as {name}"
     if isinstance(value, (int, float)):
@@ -126,29 +126,29 @@ K = TypeVar("K", bound=Law | DesiredPath)
 
 
 def declares(text: str, base: str) -> bool:
-    """Whether a Python text has a class that inherits from `base`, as it seems without reading it whole."""
+    """Whether a text seems to have a class that inherits from `base`; it is not parsed."""
     return re.search(rf"^class\s+\w+\s*\([^:]*\b{base}\b", text, re.MULTILINE) is not None
 
 
 @dataclass(frozen=True)
 class OwnFolder(Generic[K]):
-    """The files with laws, or with paths, and what they hold."""
+    """The files with laws, or with paths."""
 
     folder: str
-    """Its name, in a person's presets and in those of flexlab."""
+    """Name of the folder within a person's presets and flexlab's own."""
     kinds: OwnKinds[K]
     base: type
-    """The class that one inherits from."""
+    """`OwnLaw` or `OwnPath`."""
     declared: Callable[[str, str], Declared]
-    """What a text declares: of text and file."""
+    """Reads the declaration of (text, file)."""
     holding: str
-    """What is in such a file."""
+    """What such a file holds, in sentences."""
     example: str
     """The name of a built-in one."""
     _added: set[str] = field(default_factory=set)
-    """Files that held a declared class."""
+    """Files that were added."""
     _kernels: dict[str, str] = field(default_factory=dict)
-    """File → kind of those that are kernels: a second one of that kind would be another one."""
+    """File → kind of laws that are kernels, which are loaded once."""
 
     @property
     def own(self) -> Path:
@@ -156,7 +156,7 @@ class OwnFolder(Generic[K]):
         return Path("presets") / self.folder
 
     def files(self) -> list[Path]:
-        """All files, a person's own first; an example of flexlab gives way to an own file of its name."""
+        """All files, a person's own first; they replace flexlab's examples of the same name."""
         found: dict[str, Path] = {}
         for folder in (self.own, presets_folder() / self.folder):
             for path in sorted([*folder.glob("*.py"), *folder.glob("*.fmu")]):
@@ -165,7 +165,7 @@ class OwnFolder(Generic[K]):
         return list(found.values())
 
     def holds(self, file: str | Path) -> bool:
-        """Whether a Python file holds such a class, or did when it was added."""
+        """Whether a file has such a class, or was added before."""
         if str(Path(file).resolve()) in self._added:
             return True
         try:
@@ -174,14 +174,14 @@ class OwnFolder(Generic[K]):
             return False
 
     def add(self, file: str | Path) -> K:
-        """Make what a Python file declares known and let it run. Raises `ScenarioError`, with file and line."""
+        """Make a file's law or path known and let it run. Raises `ScenarioError` with file and line."""
         place = str(Path(file).resolve())
         own = self.kinds.add(self.text(Path(file)), place)
         self._added.add(place)
         return own
 
     def add_all(self) -> list[str]:
-        """Make what is in `files` known; returns a sentence for each that cannot be. No declared class runs by that."""
+        """Make all `files` known; returns a sentence for each that cannot be used. No declared class runs by that."""
         problems = []
         for file in self.files():
             try:
@@ -191,10 +191,7 @@ class OwnFolder(Generic[K]):
         return problems
 
     def kind_of(self, given: Any) -> str:
-        """The kind of what is given by its name, by a Python file, as a class, or, of a law, by a program's address.
-
-        Raises `ScenarioError`.
-        """
+        """The kind of a law or path given by name, as a file, a class or the address of a program. Raises `ScenarioError`."""
         word, what, base = self.kinds.word, self.kinds.registry.what, self.base
         if is_address(given) and base is OwnLaw:
             text = text_of_program(given)
@@ -224,7 +221,7 @@ class OwnFolder(Generic[K]):
         return ScenarioError([(f"{self.kinds.field}.{name}", text)])
 
     def text(self, file: Path) -> str:
-        """With the data that it names; of a unit, what it is as a law in Python. Raises `ScenarioError`."""
+        """The text of a file with the data that it names, or of the law that a unit is. Raises `ScenarioError`."""
         if is_unit(file.name):
             return text_of_unit(file)
         try:
@@ -238,7 +235,7 @@ class OwnFolder(Generic[K]):
             raise self._problem("source", f"{file} cannot be read: {why}.") from None
 
     def _kernel(self, file: Path) -> str:
-        """The kind of what a file defines as a kernel (`LAW = Law(...)`), or nothing. Raises `ScenarioError`."""
+        """The kind of a file that defines a kernel (`LAW = Law(...)`); empty for any other. Raises `ScenarioError`."""
         if not re.search(rf"^{self._constant}\s*=", self.text(file), re.MULTILINE):
             return ""
         place = str(file.resolve())
@@ -278,13 +275,13 @@ path_files, path_kind, add_own_path_file = PATH_FILES.files, PATH_FILES.kind_of,
 
 
 def own_texts() -> list[tuple[str, str]]:
-    """(text, file) of the laws and paths in Python that are known and may run here, for another machine."""
+    """(text, file) of the known laws and paths that may run, for another machine."""
     known = [*OWN_LAWS.known(), *OWN_PATHS.known()]
     return [(text, hosts.file_of(text)) for text in map(default_source, known) if hosts.is_allowed(text)]
 
 
 def know_own_texts(texts: Collection[tuple[str, str]]) -> None:
-    """Know what `own_texts` told on another machine, and let it run in processes of its own."""
+    """Make the `own_texts` of another machine known, and run them in processes of their own."""
     if texts:
         hosts.run_apart()
     for text, file in texts:
@@ -292,10 +289,10 @@ def know_own_texts(texts: Collection[tuple[str, str]]) -> None:
 
 
 def know_own_files(allowed: dict[str, str]) -> None:
-    """Let run what that process allows (`hosts.allowed`), in processes of their own; know its files."""
+    """Allow what another process allows (`hosts.allowed`), in processes of their own, and make its files known."""
     hosts.run_apart()
     hosts.allow_digests(allowed)
     for file in dict.fromkeys(allowed.values()):
         if Path(file).is_file():
-            with contextlib.suppress(ScenarioError):  # Said already by the process that allows it.
+            with contextlib.suppress(ScenarioError):  # The other process has said why.
                 (PATH_FILES if PATH_FILES.holds(file) else LAW_FILES).add(file)

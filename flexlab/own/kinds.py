@@ -1,7 +1,7 @@
-"""Laws and paths in plain Python, as far as they are the same: how a declared text gets a model, a name, and leave to run.
+"""What laws and paths in Python share: how a text gets a model, a name, and permission to run.
 
 A text is part of the scenario (`controller.source`, `trajectory.source`), so that recordings, presets and replays are
-complete. A scenario that comes with one makes its declaration known; it runs only if this process was told to allow it.
+complete. A scenario with a text makes its declaration known; the text runs only if it was allowed in this process.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -21,7 +21,7 @@ from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.registry import Registry
 
 OWN_PLACE = 80
-"""Rank in menus: after the built-in ones, before the motors that are off."""
+"""Rank in menus: after the built-in laws, before "none"."""
 
 K = TypeVar("K", bound=Law | Path)
 
@@ -38,21 +38,21 @@ class OwnKinds(Generic[K]):
     registry: Registry[Any]
     sort: type[K]
     base: type[BaseModel]
-    """What their models share."""
+    """Base of their models."""
     field: str
-    """Where a scenario has one."""
+    """The scenario's field: controller or trajectory."""
     word: str
     owner: str
-    """What is said to have the fields of `base`."""
+    """Word for what has the fields of `base`, in sentences."""
     setting: str
-    """What is said to be declared."""
+    """Word for a declared setting, in sentences."""
     read: Callable[[str, str, str], K]
-    """What a text declares: of text, file and another name, if not empty. Raises `ScenarioError` with file and line."""
+    """Makes a law or path of (text, file, another name or empty). Raises `ScenarioError` with file and line."""
     same: Callable[[K, K], bool]
-    """Whether two texts declare the same, so that a run can go on from one to the other."""
+    """Whether two of them declare the same, so that a run can go on from one to the other."""
 
     def add(self, source: str, file: str) -> K:
-        """Make that of a person's own file known, in place of an earlier text, and let it run. Raises `ScenarioError`."""
+        """Make a file's law or path known in place of an earlier text, and let it run. Raises `ScenarioError`."""
         own: Any = self.read(source, file, "")
         known = self.registry.all().get(own.kind)
         if known is not None and not isinstance(known, self.sort):
@@ -61,7 +61,7 @@ class OwnKinds(Generic[K]):
             )
             raise ScenarioError([(f"{self.field}.source", text)])
         if wrong := _slider_problem(own.declaration.settings):
-            # Said of a person's file alone: recordings whose laws were taken before have to open.
+            # Checked in a person's file only: earlier recordings with such laws have to open.
             raise ScenarioError([(f"{self.field}.source", f"{file}: {wrong}.")])
         hosts.allow(source, file)
         if known is None or default_source(known) != source:
@@ -69,11 +69,11 @@ class OwnKinds(Generic[K]):
         return own
 
     def known(self) -> list[K]:
-        """Those in Python text."""
+        """All known ones in Python."""
         return [own for own in self.registry.all().values() if isinstance(own, self.sort)]
 
     def named(self, data: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Plain data of a scenario in which what came as Python text is known by a name; it does not run by that."""
+        """A scenario's plain data with the name under which its text in Python is known. The text does not run by that."""
         own = data.get(self.field)
         if isinstance(own, self.base):
             known = self.registry.all().get(getattr(own, "kind", ""))
@@ -85,14 +85,14 @@ class OwnKinds(Generic[K]):
         return {**data, self.field: {**own, "kind": self._known_kind(own["source"])}}
 
     def restored(self, data: dict[str, Any]) -> Any:
-        """The model that `model_dump` took apart in another process."""
+        """The model of what `model_dump` gave in another process."""
         kind = self._known_kind(data["source"])
         return self.registry[kind].model.model_validate({**data, "kind": kind})
 
     def _known_kind(self, source: str) -> str:
-        """The name under which a text's declaration is known, made known if it is not.
+        """The name under which a text's declaration is known; it is made known if need be.
 
-        One of the same name that declares something else keeps its name: this one then has a part of its digest after it.
+        If another declaration has its name already, a part of the text's digest is added.
         """
         named = hosts.file_of(source)
         own = self.read(source, named or f"the {self.word} of this scenario", "")
@@ -135,12 +135,12 @@ class OwnKinds(Generic[K]):
 
 
 def default_source(own: Law | Path) -> str:
-    """The text of a law or a path as its file has it."""
+    """The text of a law or a path, as in its file."""
     return own.model.model_fields["source"].default
 
 
 def _slider_problem(settings: Sequence[tuple[str, Setting]]) -> str:
-    """What is wrong with the slider of a gain or an option; empty if nothing is."""
+    """What is wrong with a slider of these settings; empty if nothing is."""
     for name, one in settings:
         about = f"slider = {one.slider!r:.60}"
         if one.slider is not None:

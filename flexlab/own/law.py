@@ -1,7 +1,6 @@
-"""Control laws in plain Python, as the engine sees them: a model of their gains, and one kernel that asks for the answer.
+"""Control laws in Python as the engine sees them: a model of their gains, and one kernel that asks for the inputs.
 
-The text of a law is part of the scenario (`controller.source`), so that recordings, presets and replays are complete. It runs
-only if this process was told to allow it (`allow`), here (`hosts.LawHere`) or in a process of its own.
+The text runs only if it was allowed (`hosts.allow`), in this process or in one of its own.
 """
 
 from dataclasses import dataclass, replace
@@ -50,45 +49,45 @@ from flexlab.quantities import Number, quantity
 from flexlab.signal import Signal
 
 CHANNEL = np.dtype([*((name, "i8") for name in Channel._fields), ("message", "f8", (MESSAGE_SIZE,))])
-"""How the kernel reaches a law. `answer`: address of a C function of message and `LAW_INPUT` record, 0: none. `late`: the
-same, asked where the answer is late. `calls`: socket to a process. `next_turn`, `done`: ends of a pipe with one byte, which
-whoever asks takes and gives back."""
+"""How the kernel reaches a law. `answer`: address of an `AnswerFunction`, 0 for a law in a process of its own. `late`: the
+address of one to call when the answer is late. `calls`: socket to the process. `next_turn`, `done`: ends of a pipe with one
+byte, which whoever asks takes and gives back."""
 
 
 class OwnController(Controller):
-    """What all control laws in Python share."""
+    """Settings of a control law in Python."""
 
     source: str = source_field("", "law")
 
     def __reduce__(self) -> Any:
-        """For other processes, which make the class themselves from the text."""
+        """Another process makes the class anew from the text."""
         return _restored, (self.model_dump(),)
 
     @field_validator("control_period", mode="before")
     @classmethod
     def _own_period(cls, value: Any) -> Any:
-        """A law in Python always runs sampled: null means the period that its file asks for."""
+        """A law in Python always runs sampled: null means the period of its file."""
         return cls.model_fields["control_period"].default if value is None else value
 
 
 def _restored(data: dict[str, Any]) -> OwnController:
-    """What `__reduce__` took apart."""
+    """Undoes `__reduce__`."""
     return OWN_LAWS.restored(data)
 
 
 @dataclass(frozen=True)
 class PythonLaw(Law):
-    """A law in Python, complete. Compared by what it declares: another text of the same declaration is the same law."""
+    """A law in Python, compared by its declaration: another text with the same declaration is the same law."""
 
     declaration: Declaration | None = None
 
     @cached_property
     def gains_type(self) -> np.dtype:
-        """The same for all: so the kernel is compiled once."""
+        """One type for all laws in Python, so that the kernel is compiled once."""
         return CHANNEL
 
     def gains(self, scenario: Any) -> np.ndarray:
-        """The channel to the law, with the gains in its message. Raises `ScenarioError` if its text may not run here."""
+        """The channel to the law, with the gains in its message. Raises `ScenarioError` if the text may not or cannot run."""
         settings = scenario.controller
         host = hosts.host_of(settings.source, settings.kind)
         record = np.zeros(1, CHANNEL)
@@ -103,20 +102,20 @@ class PythonLaw(Law):
         return record.view(np.float64)
 
     def chosen(self) -> dict[str, Any]:
-        """With its text, so that a recording of the choice is complete."""
+        """As for every law, with its text for recordings."""
         return {**super().chosen(), "controller.source": default_source(self)}
 
     def problem(self, settings: Any) -> str:
-        """What its text did wrong last, as a sentence; empty: nothing."""
+        """What went wrong in its text last, as a sentence; empty if nothing did."""
         return hosts.problem(settings.source)
 
     def is_ready(self, settings: Any) -> bool:
-        """Whether its process is there, or it may not have one: then the sentence needs no waiting."""
+        """Whether it answers at once, be it with the sentence that it may not run."""
         return hosts.is_ready(settings.source) or not hosts.is_allowed(settings.source)
 
     @property
     def goes_on(self) -> bool:
-        """Whether a run goes on when the file is saved anew."""
+        """Whether a run goes on when the file is saved."""
         return self._declared.goes_on
 
     @property
@@ -125,12 +124,12 @@ class PythonLaw(Law):
         return self.declaration
 
     def begin(self, _: Start) -> dict[str, np.ndarray]:
-        """The memory's first numbers."""
+        """The memory at the start of a run."""
         return {name: np.full(part.size, float(part.start)) for name, part in self._declared.memory}
 
 
 def _told(scenario: Any) -> dict[str, np.ndarray]:
-    """`BELIEVED` of a scenario, flat."""
+    """The `BELIEVED` record of a scenario, flat."""
     payload, law = scenario.payload, scenario.controller
     model, noise, mesh = law.model, law.sensor_noise, (payload.element_count, payload.boundary)
     count, length = min(MOST_MODES, payload.coordinate_count), payload.length * model.length_factor
@@ -166,7 +165,7 @@ def _told(scenario: Any) -> dict[str, np.ndarray]:
 
 @intrinsic
 def _address(typing, record):
-    """Where a record stands in memory."""
+    """The address of a record."""
 
     def code(context, builder, signature, values):
         return builder.ptrtoint(values[0], context.get_value_type(numba.int64))
@@ -180,7 +179,7 @@ MESSAGE_BYTES, ANSWER_BYTES, INPUT_BYTES = 8 * MESSAGE_SIZE, 8 * ANSWER_SIZE, LA
 
 
 def _ask(gains, message, now):
-    """One call: by a C function of this process, or of a process through its socket, without Python's global lock."""
+    """One call: of a C function in this process, or through the socket of another process, without Python's global lock."""
     now_at = _address(now)
     if gains.answer != 0:
         call_kernel(gains.answer, message, (now_at,))
@@ -198,7 +197,7 @@ def _ask(gains, message, now):
         count = _read(calls, at + got, ANSWER_BYTES - got)
         got += max(count, 0)
         if count <= 0:
-            # The socket's time limit has passed, or its end: somebody who knows the process says whether to wait.
+            # The time limit has passed or the process has ended: `late` decides whether to wait.
             call_kernel(gains.late, message, (now_at,))
             good = message[OUTCOME] == WAIT
     if not good:
@@ -212,7 +211,7 @@ ask: Any = hosts.ask_plainly if PLAIN_PYTHON else _ask_compiled
 
 @pluggable
 def own_law(gains, now, memory, memory_rate, signals):
-    """u_i as the law's `act` answers, not a number where it fails. Its memory changes at once: the law runs sampled only."""
+    """u_i as the law's `act` answers, NaN if it fails. The memory changes at once, as the law runs sampled only."""
     message = gains.message
     message[OUTCOME] = ASKED
     for k in range(len(memory)):
@@ -231,7 +230,7 @@ def own_law(gains, now, memory, memory_rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, memory, S, kappa):
-    """0: between two control instants nothing of the law moves."""
+    """0: a sampled law does not change between two control instants."""
     return 0.0
 
 

@@ -1,4 +1,4 @@
-"""Asks a program at tcp://HOST:PORT for the inputs: one message each way per control instant.
+"""A control law that a program at tcp://HOST:PORT computes: one message each way per control instant.
 
 The program listens; flexlab connects, once for each process that simulates. Every message is four bytes, its length, highest
 byte first, and so many bytes of MessagePack (https://msgpack.org).
@@ -6,15 +6,19 @@ byte first, and so many bytes of MessagePack (https://msgpack.org).
 1. flexlab greets: {"protocol": "flexlab law", "version": 1, "asks": {name: [shape, unit]}, "answers": {name: [shape, unit]}}.
    The program greets back: {"version": 1}.
 2. At each control instant flexlab sends {name: value} of all names in `asks` (`ASKS`; meanings: `flexlab.Measurement`). Numbers
-   are float64, but `arm_count` and `delay`, which are whole; arrays are nested lists.
+   are float64, except `arm_count` and `delay`, which are whole; arrays are nested lists.
 3. The program answers within a second with {"inputs": ...}, forces and torques at the grips, or {"torques": ...}, those of the
-   joints; besides, as it likes, {"memory": ...}, 16 numbers that come back with the next instant and are 0 at first. Or with
-   {"error": "a sentence"}, which stops the run.
+   joints. It may add {"memory": ...}, 16 numbers that come back with the next instant and are 0 at first. An answer
+   {"error": "a sentence"} stops the run.
 
-As `OwnLaw.act`, an answer must follow from its message alone: an instant may be asked again, and a run may begin again, from
+As with `OwnLaw.act`, an answer must follow from its message alone: an instant may be asked again, and a run may begin again from
 anywhere. What is to be remembered belongs into `memory`.
+
+In a scenario such a law is a text in Python, made of the address by one rule and recognised by it: whoever is asked whether it
+may run reads to which address flexlab would connect.
 """
 
+import re
 import socket
 import time
 from typing import Any
@@ -22,10 +26,56 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from flexlab.own.elsewhere import MOST_KEPT, host_and_port
-from flexlab.own.execution import TextProblem
+from flexlab.errors import ScenarioError
 from flexlab.own.measurement import Measurement
+from flexlab.own.reading import SCHEME, TextProblem
 from flexlab.text import visible
+
+MOST_KEPT = 16
+"""Numbers of the program's memory."""
+_ADDRESS = re.compile(r"tcp://([A-Za-z0-9.-]+|\[[0-9A-Fa-f:.]+\]):([0-9]{1,5})/?")
+_TEXT = '''"""A control law that another program computes: flexlab asks it at each control instant."""
+
+from flexlab import OwnLaw, memory
+from flexlab.own.link import Link
+
+
+class {name}(OwnLaw):
+    """The program at {address} computes the inputs: one message each way per control instant."""
+
+    kept = memory({most})
+
+    def __init__(self):
+        self.link = Link("{address}")
+
+    def act(self, at):
+        inputs, self.kept = self.link.ask(at, self.kept)
+        return inputs
+'''
+
+
+def host_and_port(address: str) -> tuple[str, int]:
+    """Of an address tcp://HOST:PORT. Raises `ScenarioError` for anything else."""
+    found = _ADDRESS.fullmatch(address.lower())
+    if found is None or not 1 <= int(found[2]) <= 65535:
+        text = f"law = {address!r:.80} is no address of a program: write tcp://HOST:PORT, as in tcp://localhost:9000."
+        raise ScenarioError([("controller.source", text)])
+    return found[1].strip("[]"), int(found[2])
+
+
+def text_of_program(address: str) -> str:
+    """The text of the law that the program at an address computes. Raises `ScenarioError`."""
+    host, port = host_and_port(address)
+    written = f"{SCHEME}{f'[{host}]' if ':' in host else host}:{port}"
+    return _TEXT.format(name=re.sub(r"\W", "_", f"Tcp_{host}_{port}"), address=written, most=MOST_KEPT)
+
+
+def address_in(source: str) -> str:
+    """The address to which a text of `text_of_program` connects; empty for any other text."""
+    found = re.search(r'Link\("(.{1,300})"\)', source)
+    address = found[1] if found else ""
+    return address if _ADDRESS.fullmatch(address) and source == text_of_program(address) else ""
+
 
 PROTOCOL, VERSION = "flexlab law", 1
 GREETING_LIMIT = 5.0

@@ -1,8 +1,7 @@
-"""Paths in plain Python, as the engine sees them: a model of their options, and the table of poses that they gave.
+"""Paths in Python as the engine sees them: a model of their options, and a table of their poses.
 
-The text of a path is part of the scenario (`trajectory.source`), and so is the table of its poses: the engine follows the
-spline through them, and a replay or a scenario from elsewhere needs nothing else. The text runs only if this process was told
-to allow it, when the table does not belong to text and options.
+Text and table are part of the scenario (`trajectory.source`, `trajectory.table`). The engine follows the spline through the
+table, so that a replay runs no code. The text runs only if it was allowed, to make a table for other options or another text.
 
 The spline of degree five through the poses at N + 1 even instants is compared with the function between them, twice in every
 interval, once at a place that no period of the function can share; N doubles until they agree.
@@ -28,36 +27,35 @@ from flexlab.control.paths.table import FREE_ROWS, along_pieces, polynomials, sp
 from flexlab.errors import FlexlabError
 from flexlab.own import hosts
 from flexlab.own.declaration import PathDeclaration, read_path_declaration
-from flexlab.own.execution import TextProblem
 from flexlab.own.kinds import OWN_PLACE, OwnKinds, source_field
-from flexlab.own.reading import digest
+from flexlab.own.reading import TextProblem, digest
 from flexlab.quantities import Number, quantity
 
 LONGEST_TABLE = 200_000
-"""Characters of a table in letters."""
+"""Characters of a table as text."""
 MILLI = 1e-3
 RECORD = np.dtype([("start", "f8"), ("period", "f8")])
-"""What the kernel takes besides the table; a period of 0: the path ends."""
+"""Numbers of the kernel besides the table; a period of 0 means that the path ends."""
 TABLES_KEPT = 128
-"""Tables that need not be made again when an option comes back to where it was."""
+"""Tables that are kept for options that come back to an earlier value."""
 COMPUTED = ("trajectory.source", "trajectory.table", "trajectory.table_of")
-"""Fields that go with every change of such a path, so that a recording of the change is complete."""
+"""Fields that are recorded with every change of such a path."""
 RESERVED = ("rows", "span", "end", "window")
-"""What every path says of itself, besides its fields."""
+"""Names that options may not have: properties of every path."""
 
 FEWEST, MOST = 64, 4096
 """Intervals of a table."""
 AGREED = 1e-9
-"""m and rad between spline and function that are good enough: a hundred thousandth of the paper's deflection."""
+"""m and rad that the spline may be off: a hundred thousandth of the paper's deflection."""
 TOLERATED = 1e-6
 """The same for a function whose acceleration jumps, which more intervals improve slowly."""
 SMOOTH = 8.0
-"""Factor by which half as long intervals reduce the difference at least where the function is smooth."""
+"""Least factor by which halving the intervals reduces the difference of a smooth function."""
 ROUND = 1e-6
-"""m and rad between the two ends of a period."""
+"""m and rad that the two ends of a period may differ by."""
 GOLDEN = 0.5 * (np.sqrt(5) - 1)
 FARTHEST = 1e6
-"""m and rad: a pose beyond is no pose."""
+"""m and rad: the largest coordinate of a pose."""
 COLUMNS = 4
 
 Poses = Callable[[np.ndarray], tuple[float, np.ndarray]]
@@ -65,7 +63,7 @@ Poses = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
 
 class OwnTrajectory(Trajectory):
-    """What all paths in Python share."""
+    """Settings of a path in Python."""
 
     repeats: ClassVar[bool] = False
     options: ClassVar[tuple[str, ...]] = ()
@@ -74,12 +72,12 @@ class OwnTrajectory(Trajectory):
     start: Number = quantity(0.0, title="Its t = 0 is at", symbol="t_0", unit="s", low=-1e6, high=1e6)
     source: str = source_field("", "path")
     table: str = Field("", max_length=LONGEST_TABLE, title="Poses of the path")
-    """`to_text` of rows (t, x, y, θ)."""
+    """The rows (t, x, y, θ) as `to_text` writes them."""
     table_of: str = Field("", max_length=64, title="What the poses belong to")
-    """Digest of the text and the options."""
+    """Digest of the text and the options that gave the table."""
 
     def __reduce__(self) -> Any:
-        """For other processes, which make the class themselves from the text."""
+        """Another process makes the class anew from the text."""
         return _restored, (self.model_dump(),)
 
     @model_validator(mode="after")
@@ -150,7 +148,7 @@ def _now(time: float) -> float:
 
 
 def _restored(data: dict[str, Any]) -> OwnTrajectory:
-    """What `__reduce__` took apart."""
+    """Undoes `__reduce__`."""
     return OWN_PATHS.restored(data)
 
 
@@ -175,11 +173,11 @@ def _pieces(table: str, repeats: bool) -> np.ndarray:
 
 
 _made_tables: dict[str, str] = {}
-"""Table by digest of text and options, of the texts that ran here; the oldest go first."""
+"""Tables made in this process, by digest of text and options, oldest first."""
 
 
 def _make_table(path: OwnTrajectory, name: str) -> str:
-    """Have the text give its poses. Raises `TextProblem` or `ScenarioError`."""
+    """Run the text for the table of its poses. Raises `TextProblem` or `ScenarioError`."""
     if not hosts.is_allowed(path.source):
         raise TextProblem(
             f"The path {path.kind} came with this scenario as Python code, which does not run by itself, and without the poses "
@@ -189,7 +187,9 @@ def _make_table(path: OwnTrajectory, name: str) -> str:
     sizes = [_option_size(type(path), option) for option in path.options]
     numbers = np.concatenate([np.zeros(0), *(np.broadcast_to(a, n) for a, n in zip(flat, sizes, strict=True))])
     file = hosts.file_of(path.source).replace("\\", "/").rpartition("/")[2]
-    table = to_text(sampled(lambda shares: hosts.poses_of(path.source, numbers, shares), path.repeats, file))
+    table = to_text(
+        sampled(lambda shares: hosts.PATH_HOSTS.get(path.source).poses(numbers, shares), path.repeats, file)
+    )
     while len(_made_tables) >= TABLES_KEPT:
         _made_tables.pop(next(iter(_made_tables)), None)
     _made_tables[name] = table
@@ -202,7 +202,7 @@ def _option_size(model: type[OwnTrajectory], option: str) -> int:
 
 @pluggable
 def own_path(path, rows, t, desired):
-    """The spline through the table's poses from the start on; a path with a period comes round again."""
+    """The spline through the table's poses, repeated if the path has a period."""
     own = t - path.start
     if path.period > 0:
         own -= math.floor(own / path.period) * path.period
@@ -213,13 +213,13 @@ def own_path(path, rows, t, desired):
 
 @dataclass(frozen=True)
 class PythonPath(Path):
-    """A path in Python, complete. Compared by what it declares."""
+    """A path in Python, compared by its declaration."""
 
     declaration: PathDeclaration | None = None
 
     @property
     def record(self) -> np.dtype:  # type: ignore[override]  # Computed there, and kept: one for all here.
-        """The same for all: so the kernel is compiled once."""
+        """One type for all paths in Python, so that the kernel is compiled once."""
         return RECORD
 
     def numbers(self, trajectory: Trajectory) -> np.ndarray:
@@ -253,7 +253,7 @@ add_own_path, with_known_path = OWN_PATHS.add, OWN_PATHS.named
 
 
 def needs_running(trajectory: Trajectory, changes: Mapping[str, Any]) -> bool:
-    """Whether changes of a scenario with this path may have a text in Python run, which takes its time."""
+    """Whether these changes of a scenario with this path may run a text in Python, which can take long."""
     whole = changes.get("trajectory", {})
     kind = changes.get("trajectory.kind", whole.get("kind", trajectory.kind))
     path = PATHS.all().get(kind)
@@ -269,14 +269,14 @@ def needs_running(trajectory: Trajectory, changes: Mapping[str, Any]) -> bool:
 
 
 def with_table(changes: Mapping[str, Any], changed: Trajectory) -> dict[str, Any]:
-    """Changes that made a scenario's path `changed`, with text and table if it is one in Python: complete for a recording."""
+    """Changes that made a scenario's path `changed`, with text and table of a path in Python, for recordings."""
     if not isinstance(changed, OwnTrajectory) or not needs_running(changed, changes):
         return dict(changes)
     return {**changes, **{path: getattr(changed, path.rpartition(".")[2]) for path in COMPUTED}}
 
 
 def sampled(poses: Poses, repeats: bool, file: str) -> np.ndarray:
-    """Rows (t, x, y, θ), (N + 1, 4), of a path. Raises `TextProblem` for one that no spline can follow."""
+    """Rows (t, x, y, θ), (N + 1, 4), of a path. Raises `TextProblem` if no spline can follow it."""
     count, before = FEWEST, np.inf
     span, grid = poses(np.linspace(0.0, 1.0, count + 1))
     _check_size(grid, span, file)
@@ -323,7 +323,7 @@ def _check_round(grid: np.ndarray, span: float, file: str) -> None:
 
 
 def to_text(rows: np.ndarray) -> str:
-    """A table in letters, every bit kept: base64 of little-endian float64, row by row."""
+    """A table as base64 of little-endian float64, row by row."""
     return base64.b64encode(rows.astype("<f8").tobytes()).decode()
 
 

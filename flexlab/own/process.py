@@ -1,4 +1,4 @@
-"""A person's own file in a process of its own, as the lab holds it: reports, crashes, lateness, and the line at fault."""
+"""A law or path in a process of its own, as the lab sees it: its calls, reports and end, late answers, the line at fault."""
 
 import contextlib
 import json
@@ -7,6 +7,7 @@ import re
 import select
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -14,61 +15,75 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from flexlab.own.execution import TextProblem
+import numpy as np
+
+from flexlab.own import child
+from flexlab.own.execution import FAILED, OUTCOME, WAIT, AnswerFunction, Channel, address_of, message_at
+from flexlab.own.reading import TextProblem
 from flexlab.text import visible
 
 PROBE = 0.02
-"""s over which a late process is looked at: whether it works, or waits for a processor that others have."""
+"""s between two looks at a late process: whether it works or waits for a processor."""
 LOADING_LIMIT = 60.0
-"""s that a file may take until its class is there: libraries may have to be compiled."""
+"""s for a file to load: it may have to compile libraries."""
 MOST_READ = 1_000_000
-"""Bytes of reports that one look takes in, and that a line may have."""
+"""Bytes of reports read at a time, and the longest line."""
 LONGEST_PROBLEM = 2000
 """Characters of a sentence from the process."""
 ENDING_LIMIT = 5.0
 """s for the process to end what its text started."""
 LINE_LIMIT, LONGEST_LINE_LIMIT = 0.3, 3.0
-"""s to wait for the line in which a late process is, without and with its own waits for a processor."""
+"""s to find out which line a late process is in, without and with its waits for a processor."""
+ANSWER_LIMIT, LATE_LIMIT = 0.05, 0.03
+"""s until a law's answer is late, fifty control periods of 1 ms; and s of its own work after that until it is given up."""
+POSES_LIMIT = 1.0
+"""s until a path's poses are late, a fifth of a millisecond for each."""
+TURN = b"\0"
+"""The byte that whoever asks a law takes and gives back."""
 
 
 class Look(NamedTuple):
-    """What the system tells of a process at an instant."""
+    """The state of a process at an instant, as the system reports it."""
 
     time: float
     """s, of the monotonic clock."""
     worked: float
     """s on a processor so far."""
     waited: float
-    """s in the queue for one so far, but for the wait that goes on."""
+    """s in the queue for a processor so far, without the wait that is going on."""
     is_runnable: bool
     """Whether it works, or would if a processor were free."""
 
 
 class OwnProcess:
-    """A text in a process of its own: what it does wrong ends that process with a sentence, and nothing else."""
+    """A text in a process of its own. An error in it ends that process and becomes a sentence; nothing else is harmed."""
 
     sort = ""
-    """Of the text: law or path."""
+    """law or path."""
     output: int = subprocess.DEVNULL
     """The file to which all texts print."""
+    limit = patience = longest = 0.0
+    """s of work after which a late answer is given up if the text itself is at work, or wherever the process is; s in all."""
+    late = ""
+    """What a late process is said to have done."""
 
     def __init__(self, source: str, file: str):
         """Starts the process; `ensure` waits until it is ready."""
         self._source, self._file = source, file
         self._lock = threading.RLock()
-        self._calls = socket.socket(socket.AF_UNIX)  # holds a number that stays the same for all processes to come
+        self._calls = socket.socket(socket.AF_UNIX)  # Its number stays the same for all processes to come.
         self._reports: socket.socket | None = None
-        self._said, self._heard = b"", 0
+        self._said, self._trace, self._heard = b"", "", 0
         self._process: subprocess.Popen[bytes] | None = None
         self._lifeline = -1
         self._worker = 0
-        self._is_loaded = False
+        self.is_loaded = False
         self._problem = ""
         self._start()
 
     @property
     def problem(self) -> str:
-        """What went wrong last, as a sentence; empty: nothing."""
+        """What went wrong last, as a sentence; empty if nothing did."""
         self._listen(0.0)
         return self._problem
 
@@ -76,18 +91,18 @@ class OwnProcess:
     def is_ready(self) -> bool:
         """Whether a call is answered at once."""
         self._listen(0.0)
-        return self._is_alive() and self._is_loaded and not self._problem
+        return self._is_alive() and self.is_loaded and not self._problem
 
     def ensure(self) -> None:
         """Be ready, in a new process if need be. Raises `TextProblem` for a text that cannot be run."""
         if self.problem or not self._is_alive():
             self._start_again()
         end = time.monotonic() + LOADING_LIMIT
-        while not self._is_loaded and not self._problem:
+        while not self.is_loaded and not self._problem:
             self._listen(PROBE)
-            if not self._is_loaded and not self._problem and not self._is_alive():
+            if not self.is_loaded and not self._problem and not self._is_alive():
                 self._problem = self._how_it_ended()
-            elif time.monotonic() > end and not self._is_loaded:
+            elif time.monotonic() > end and not self.is_loaded:
                 self._problem = f"{self._name}{self._line()}: it was not loaded within {LOADING_LIMIT:g} s."
         if self._problem:
             problem = self._problem
@@ -95,7 +110,7 @@ class OwnProcess:
             raise TextProblem(problem)
 
     def close(self) -> None:
-        """End the process and all that its text started. Any thread may: who waits for it to load is told."""
+        """End the process and all that its text started, from any thread; whoever waits for it to load gets a sentence."""
         process, self._process = self._process, None
         if process is None:
             return
@@ -110,16 +125,11 @@ class OwnProcess:
             process.wait()
 
     def dispose(self) -> None:
-        """End the process and give back its files: nobody may ask any more."""
+        """End the process and close its sockets: nobody may ask any more."""
         self.close()
         self._calls.close()
         if self._reports is not None:
             self._reports.close()
-
-    def close_unless_loaded(self) -> None:
-        """End a process that is not ready yet: nothing is to wait for it any more."""
-        if not self._is_loaded:
-            self.close()
 
     @property
     def _name(self) -> str:
@@ -137,9 +147,8 @@ class OwnProcess:
         self.close()
         ours, theirs = socket.socketpair()
         reports, reporting = socket.socketpair()
-        self._prepare(ours)
         command = [sys.executable, "-m", "flexlab.own.child"]
-        # One thread each: a text that multiplies small matrices must not take all cores from the lab.
+        # One thread each: a text that multiplies small matrices must leave the lab its cores.
         threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
         lifeline, self._lifeline = os.pipe()
         handed = theirs.fileno(), reporting.fileno(), lifeline
@@ -155,7 +164,7 @@ class OwnProcess:
         theirs.close()
         reporting.close()
         os.close(lifeline)
-        self._reports, self._said, self._problem, self._is_loaded = reports, b"", "", False
+        self._reports, self._said, self._trace, self._problem, self.is_loaded = reports, b"", "", "", False
         self._worker = 0
         reports.setblocking(False)
         text = self._source.encode()
@@ -164,14 +173,11 @@ class OwnProcess:
         os.dup2(ours.fileno(), self._calls.fileno(), inheritable=False)
         ours.close()
 
-    def _prepare(self, calls: socket.socket) -> None:
-        """Options of a new socket for calls."""
-
-    def _listen(self, patience: float) -> str:
-        """Take note of what the process reports; returns what is no report of its own: the lines of its crash or stall."""
+    def _listen(self, patience: float) -> None:
+        """Read the process's reports, and the tracebacks that it writes between them."""
         reports = self._reports
         if reports is None:
-            return ""
+            return
         with self._lock:
             if patience:
                 select.select([reports], [], [], patience)
@@ -184,14 +190,12 @@ class OwnProcess:
             except OSError:
                 pass
             lines = self._said.split(b"\n")
-            other = []
             for line in lines[:-1]:
                 if line.startswith(b"{"):
                     self._note(line)
                 else:
-                    other.append(line.decode(errors="replace"))
+                    self._trace = f"{self._trace}{line.decode(errors='replace')}\n"[:MOST_READ]
             self._said = lines[-1][:MOST_READ]
-            return "\n".join(other)
 
     def _note(self, line: bytes) -> None:
         try:
@@ -201,19 +205,45 @@ class OwnProcess:
         if not isinstance(said, dict):
             return
         if said.get("ready") is True:
-            self._is_loaded = True
+            self.is_loaded = True
         elif isinstance(said.get("pid"), int):
             self._worker = self._worker or said["pid"]
         elif isinstance(said.get("problem"), str):
             self._problem = self._problem or visible(said["problem"], LONGEST_PROBLEM)
 
-    def _gave_up(self, problem: str) -> bool:
+    def _give_up(self, problem: str) -> bool:
         self._problem = self._problem or problem
         self.close()
         return False
 
+    def _wait(self) -> bool:
+        """Wait for a late answer; False if there will be none, after the process was given up."""
+        begin, worked = time.monotonic(), 0.0
+        while self._is_alive() and not self._problem:
+            before, heard = self._look(), self._heard
+            if self._has_answer(PROBE):
+                return True
+            self._listen(0.0)
+            if self._heard == heard:  # A process that reports more than the socket holds waits until it is read.
+                worked += max(0.0, time.monotonic() - before.time - self._waited(before))
+            is_over = worked > self.patience or time.monotonic() - begin > self.longest
+            if worked > self.limit or is_over:
+                line = self._line()
+                if self._has_answer(0.0):
+                    return True
+                # If it is not in the text itself, the machine is what is slow.
+                if line or is_over:
+                    return self._give_up(f"{self._name}{line}: {self.late}")
+        return self._give_up(self._problem or self._how_it_ended())
+
+    def _has_answer(self, patience: float) -> bool:
+        """Whether there are bytes to read; a closed socket means that the process has ended."""
+        if not select.select([self._calls], [], [], patience)[0]:
+            return False
+        return bool(self._calls.recv(1, socket.MSG_PEEK)) or self._give_up(self._how_it_ended())
+
     def _look(self) -> Look:
-        """How the process stands now; nothing is known where the system does not tell."""
+        """The process now; all 0 where the system does not report it."""
         try:
             work, wait = Path(f"/proc/{self._worker}/schedstat").read_text().split()[:2]
             state = Path(f"/proc/{self._worker}/stat").read_text().rpartition(")")[2].split()[0]
@@ -224,29 +254,31 @@ class OwnProcess:
     def _waited(self, since: Look) -> float:
         """s that the process has waited for a processor since a look."""
         now = self._look()
-        # Linux counts a wait when it ends: one that goes on is seen by who could work and does not.
+        # Linux counts a wait when it ends; until then the process could work and does not.
         if now.is_runnable and since.is_runnable and now.worked == since.worked:
             return now.time - since.time
         return now.waited - since.waited
 
     def _line(self) -> str:
-        """Where the text is now, as in ", line 12"; empty if it cannot be found out."""
+        """The text's present line, as in ", line 12"; empty if it cannot be found out."""
         process = self._process
         if process is None:
             return ""
         self._listen(0.0)
+        self._trace = ""
         process.send_signal(signal.SIGUSR1)
-        idle, text, end = 0.0, "", time.monotonic() + LONGEST_LINE_LIMIT
+        idle, end = 0.0, time.monotonic() + LONGEST_LINE_LIMIT
         while idle < LINE_LIMIT and time.monotonic() < end and self._is_alive():
             before = self._look()
-            text += self._listen(PROBE)
-            if found := self._line_in(text):
+            self._listen(PROBE)
+            if found := self._traced_line():
+                self._trace = ""
                 return found
             idle += time.monotonic() - before.time - self._waited(before)
         return ""
 
-    def _line_in(self, text: str) -> str:
-        found = re.search(rf'File "{re.escape(self._file)}", line (\d+)', text)
+    def _traced_line(self) -> str:
+        found = re.search(rf'File "{re.escape(self._file)}", line (\d+)', self._trace)
         return f", line {found[1]}" if found else ""
 
     def _how_it_ended(self) -> str:
@@ -258,8 +290,87 @@ class OwnProcess:
             code = process.wait(LINE_LIMIT)
         except subprocess.TimeoutExpired:
             code = None
-        text = self._listen(PROBE)
+        self._listen(PROBE)
         if self._problem:
             return self._problem
         how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
-        return f"{self._name}{self._line_in(text)}: its process ended ({how})."
+        return f"{self._name}{self._traced_line()}: its process ended ({how})."
+
+
+class LawApart(OwnProcess):
+    """A control law in a process of its own, which kernels ask through a socket without Python's global lock."""
+
+    sort, limit, patience, longest = "law", LATE_LIMIT, 2.0, 10.0
+    late = f"act did not answer within {1e3 * ANSWER_LIMIT:g} ms."
+
+    def __init__(self, source: str, file: str):
+        """Starts the process; `ensure` waits until it is ready."""
+        super().__init__(source, file)
+        self._turn = os.pipe()
+        """One byte goes through it; whoever has it may ask."""
+        os.write(self._turn[1], TURN)
+        self._late_function = AnswerFunction(self._when_late)
+        self.channel = Channel(0, address_of(self._late_function), self._calls.fileno(), *self._turn)
+
+    def dispose(self) -> None:
+        """As above; no kernel may ask any more."""
+        super().dispose()
+        for end in self._turn:
+            os.close(end)
+
+    def _start_again(self) -> None:
+        turn = os.read(self._turn[0], 1)
+        try:
+            super()._start_again()
+        finally:
+            os.write(self._turn[1], turn)
+
+    def _start(self) -> None:
+        super()._start()
+        self._calls.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, int(1e6 * ANSWER_LIMIT)))
+
+    def _when_late(self, message: int, _: int) -> None:
+        """Tells the kernel whether to wait on for an answer."""
+        outcome = message_at(message)
+        try:
+            outcome[OUTCOME] = WAIT if self._wait() else FAILED
+        except Exception as error:
+            outcome[OUTCOME], self._problem = FAILED, f"{self._name}: {type(error).__name__}: {error}."
+
+
+class PathApart(OwnProcess):
+    """A path in a process of its own."""
+
+    sort, limit, patience, longest = "path", POSES_LIMIT, POSES_LIMIT, 15.0
+    late = f"position took longer than {POSES_LIMIT:g} s for its poses."
+
+    def poses(self, options: np.ndarray, shares: np.ndarray) -> tuple[float, np.ndarray]:
+        """As `RunningPath.poses`."""
+        self.ensure()
+        with self._lock:
+            sizes = np.array([len(options), len(shares)], np.int64)
+            try:
+                self._calls.sendall(sizes.tobytes() + np.concatenate([options, shares]).tobytes())
+                count = int(np.frombuffer(self._received(8), np.int64)[0])
+                if count == child.FAILED:
+                    self._listen(PROBE)
+                    problem, self._problem = self._problem, ""
+                    raise TextProblem(problem)
+                if count != len(shares):
+                    raise self._over(f"{self._name}: it answered with {count} poses where {len(shares)} are due.")
+                answer = np.frombuffer(self._received(8 * (1 + 3 * count)), float)
+            except OSError:
+                raise self._over(self._how_it_ended()) from None
+        return float(answer[0]), answer[1:].reshape(count, 3).copy()
+
+    def _received(self, size: int) -> bytes:
+        data = b""
+        while len(data) < size:
+            if not self._wait():
+                raise TextProblem(self._problem)
+            data += self._calls.recv(size - len(data))
+        return data
+
+    def _over(self, problem: str) -> TextProblem:
+        self._give_up(problem)
+        return TextProblem(self._problem)

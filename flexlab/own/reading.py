@@ -1,7 +1,7 @@
-"""Reads what a person's file declares without running it: one class, and the numbers that stand in its attributes.
+"""Reads a person's text without running it: its one class, and the numbers written in its attributes.
 
-Data beside the file, as the weights of a network, become a part of its text. So recordings, archives, replays and other machines
-have them, and a person is asked about what will run, all of it.
+Data files beside it, such as the weights of a network, become a part of the text: recordings, archives, replays and other
+machines then have them, and whoever is asked whether a text may run sees all that will run.
 """
 
 import ast
@@ -20,30 +20,51 @@ from flexlab.text import syntax_tree, visible
 
 LONGEST_SOURCE = 200_000
 """Characters of a text."""
+SCHEME = "tcp://"
+"""How the address of a program that computes a law begins."""
+
+
+class TextProblem(Exception):
+    """What is wrong with a text, as a sentence with file and line."""
+
+
+def is_address(given: Any) -> bool:
+    """Whether a law is given as the address of a program."""
+    return isinstance(given, str) and given.lower().startswith(SCHEME)
+
+
+def is_unit(file: str) -> bool:
+    """Whether a file is a functional mock-up unit, by its name."""
+    return file.lower().endswith(".fmu")
+
+
+def is_foreign(file: str) -> bool:
+    """Whether a law's `file` is a program or a unit: the lines of its text then mean nothing to a person."""
+    return is_address(file) or is_unit(file)
 
 
 WORDS = r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])"
-"""Where a class's name has its words' bounds."""
+"""The bounds between the words of a class's name."""
 
 
 def kind_of(name: str) -> str:
-    """The name in scenarios of a class: SoftPD becomes soft-pd, PIDControl pid-control."""
+    """A class's name in scenarios: SoftPD becomes soft-pd, PIDControl pid-control."""
     return re.sub(WORDS, "-", name).replace("_", "-").lower()
 
 
 def digest(source: str) -> str:
-    """What tells one source from another."""
-    # Halves of characters, of which no file is made, are refused where the text is read.
+    """16 digits that identify a text."""
+    # Lone surrogates, which no file can hold, are refused where the text is read.
     return hashlib.sha256(source.encode(errors="surrogatepass")).hexdigest()[:16]
 
 
 def is_finite(value: Any) -> bool:
-    """Whether a value is a number that one can compute with."""
+    """Whether a value is a finite number."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < 1e300
 
 
 def called(node: ast.AST) -> str:
-    """The last part of a name, "gain" of `flexlab.gain`."""
+    """The last part of a dotted name: "gain" of `flexlab.gain`."""
     return node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
 
 
@@ -58,10 +79,10 @@ _ARITHMETIC: dict[type, Callable[..., Any]] = {
 
 
 class DeclaredClass:
-    """The one class of a text that inherits from `base`; knows the numbers that stand above it."""
+    """The one class of a text that inherits from `base`, and the constants defined above it."""
 
     def __init__(self, source: str, file: str, base: str, field: str):
-        """`field`: of the scenario, for what is wrong. Raises `ScenarioError` with file and line."""
+        """`field` of the scenario, for errors. Raises `ScenarioError` with file and line."""
         self._file, self._field = file, field
         if len(source) > LONGEST_SOURCE:
             raise self.problem(1, f"has {len(source)} characters: keep it under {LONGEST_SOURCE}")
@@ -88,7 +109,7 @@ class DeclaredClass:
                     continue
 
     def problem(self, line: int, text: str) -> ScenarioError:
-        """What is wrong, with file and line."""
+        """An error with file and line."""
         return ScenarioError([(self._field, f"{self._file}, line {line}: {text}.")])
 
     def attributes(self) -> Iterator[tuple[str, ast.expr]]:
@@ -104,12 +125,12 @@ class DeclaredClass:
         return any(isinstance(node, ast.FunctionDef) and node.name == name for node in self.node.body)
 
     def few(self, what: str, count: int, most: int) -> None:
-        """Raises `ScenarioError` for more than the most."""
+        """Raises `ScenarioError` if `count` is above `most`."""
         if count > most:
             raise self.problem(self.line, f"{self.node.name} declares {count} {what}: {most} are the most")
 
     def made(self, name: str, maker: Callable[..., Any], call: ast.Call) -> Any:
-        """What a call in the text makes, `maker` being what it calls."""
+        """The result of a call in the text, where `maker` is the function called."""
         try:
             given = [self.value(item) for item in call.args]
             named = {item.arg or "**": self.value(item.value) for item in call.keywords}
@@ -127,7 +148,7 @@ class DeclaredClass:
         return float(value)
 
     def value(self, node: ast.expr) -> Any:
-        """A number, text, or list of them that stands in the file, or that names and + - * / make of such."""
+        """A number, a text or a list written in the file, or computed from such by + - * /. Raises `ScenarioError`."""
         if isinstance(node, ast.Constant):
             return visible(node.value) if isinstance(node.value, str) else node.value
         if isinstance(node, (ast.Tuple, ast.List)):
@@ -151,17 +172,17 @@ class DeclaredClass:
 
 
 MOST_DATA = LONGEST_SOURCE * 5 // 8
-"""Bytes of a file: as text they need a third more, and the law stands beside them."""
+"""Bytes of a data file; in base64 they need a third more, and the law itself needs room."""
 _KEPT = re.compile(
     r'(data_file\(\s*"[^"\\]{1,200}"), "((?:[A-Za-z0-9+/]{4})*(?:[A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?)"\)'
 )
 
 
 def data_file(name: str, kept: str = "") -> io.BytesIO:
-    """The data of a file that lies beside the law or path, as `np.load(data_file("weights.npz"))` wants them.
+    """The contents of a file beside the law or path, up to 125 kB, as for `np.load(data_file("weights.npz"))`.
 
-    flexlab adds `kept`, the file's bytes in base64, when it reads the law, so that its recordings are complete. Up to 125 kB.
-    Raises `OSError` where there is no such file.
+    flexlab adds `kept`, the file's bytes in base64, when it reads the law, so that recordings are complete. Raises `OSError`
+    if there is no such file.
     """
     try:
         if kept:
@@ -173,19 +194,19 @@ def data_file(name: str, kept: str = "") -> io.BytesIO:
 
 
 def with_data(text: str, folder: Path, field: str) -> str:
-    """A text with the data that it names added, as they are in `folder`. Lines keep their numbers.
+    """A text with the contents of the data files in `folder` that it names. Lines keep their numbers.
 
-    `field`: of the scenario, for what is wrong. Raises `ScenarioError` for a file that cannot be kept.
+    `field` of the scenario, for errors. Raises `ScenarioError` for a file that cannot be kept.
     """
     if "data_file" not in text:
         return text
     try:
         tree = syntax_tree(text)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return text  # Whoever reads its declarations says so.
+        return text  # Reading its declarations raises the error.
     lines = text.split("\n")
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and called(node.func) == "data_file"]
-    # From the end, so that places before stay what they are.
+    # From the end, so that the places before stay valid.
     for call in sorted(calls, key=lambda node: (node.lineno, node.col_offset), reverse=True):
         if any(keyword.arg in ("name", "kept") for keyword in call.keywords):
             raise _problem(field, call, "data_file needs the name of a file without name= before it")
@@ -201,7 +222,7 @@ def with_data(text: str, folder: Path, field: str) -> str:
 
 
 def without_data(text: str) -> str:
-    """A text to be read: of the data that it keeps, how much they are."""
+    """A text for people, with the size of its data in place of the data."""
     return _KEPT.sub(lambda found: f'{found[1]}, "{len(base64.b64decode(found[2]))} bytes")', text)
 
 

@@ -1,7 +1,7 @@
-"""A functional mock-up unit (FMI 2.0 or 3.0, co-simulation) as a control law: what it declares becomes the text of one.
+"""A functional mock-up unit (FMI 2.0 or 3.0, co-simulation) as a control law: its description becomes a text in Python.
 
-So it is declared, allowed, recorded and run as those are. The text names the file and its SHA-256; the file itself, machine code
-that nobody can read before it runs, stays where it is. Its variables' units of measure are recognised whatever a tool calls them.
+So a unit is declared, allowed, recorded and run as other laws are. The text names the file and its SHA-256; the file itself
+stays where it is. Its variables' units of measure are recognised under any name.
 """
 
 import hashlib
@@ -14,7 +14,7 @@ from typing import Any
 
 from flexlab.errors import ScenarioError
 from flexlab.own.declaration import DEFAULT_PERIOD, LONGEST_PERIOD, MOST_SETTINGS, MOST_SIGNALS, SHORTEST_PERIOD
-from flexlab.own.elsewhere import is_unit
+from flexlab.own.reading import is_unit
 from flexlab.text import visible
 
 _BASES = {
@@ -26,12 +26,12 @@ _BASES = {
     "N": {"kg": 1, "m": 1, "s": -2},
 }
 _FMI_BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
-"""Besides rad, which is 1: tools leave it out as they like."""
+"""Without rad, which tools may leave out."""
 _SPELT = (("**", "^"), ("^2", "²"), ("2", "²"), ("*", "·"), (".", "·"), (" ", "·"), ("(", ""), (")", ""), ("Nm", "N·m"))
 
 
 def problem_with_unit(variable: Any, definitions: Iterable[Any], wanted: str) -> str:
-    """The unit of measure in which a variable is, where that is not `wanted`; empty: it is, or nothing is said of it."""
+    """A variable's unit of measure if it is not `wanted`; empty if it is, or if none is given."""
     name = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
     if not name:
         return ""
@@ -44,7 +44,7 @@ def problem_with_unit(variable: Any, definitions: Iterable[Any], wanted: str) ->
 
 
 def exponents(unit: str) -> dict[str, int]:
-    """Exponents of the base units of one of flexlab's units, as kg·m²/s, without rad."""
+    """Exponents of the base units, without rad, of a unit written as kg·m²/s."""
     total: dict[str, int] = {}
     for sign, name, power in re.findall(r"([·/]?)([^·/²]+)(²?)", unit):
         for base, exponent in _BASES[name].items():
@@ -80,10 +80,10 @@ INPUTS: dict[str, str] = {
     **{f"joint_rate_{side}_{joint}": "rad/s" for side in SIDES for joint in JOINTS},
     **{name: unit for side in SIDES for name, unit in _of_axes(f"weight_{side}", "N").items()},
 }
-"""What a unit may have as inputs, and in which unit of measure: `Measurement`, number by number."""
+"""Inputs that a unit may have, with units of measure: the numbers of `Measurement`."""
 GRIPS: dict[str, str] = {name: unit for side in SIDES for name, unit in _of_axes(f"input_{side}", "N").items()}
 MOTORS: dict[str, str] = {f"motor_torque_{side}_{joint}": "N·m" for side in SIDES for joint in JOINTS}
-"""What it has as outputs: inputs of the arms at the grips, before limits and delay, or torques of their motors."""
+"""Outputs that a unit has: inputs of the arms at the grips, before limits and delay, or motor torques."""
 
 _TEXT = '''"""A control law that a functional mock-up unit computes; the file itself is not part of this text."""
 
@@ -106,7 +106,7 @@ class {name}(OwnLaw):
 
 
 def text_of_unit(file: Path) -> str:
-    """The text of the law that a unit computes. Raises `ScenarioError` for one that cannot drive the arms."""
+    """The text of the law that a unit computes. Raises `ScenarioError` if it cannot drive the arms."""
     try:
         data = file.read_bytes()
     except (OSError, ValueError) as error:  # ValueError: no file has such a name
@@ -156,7 +156,7 @@ def text_of_unit(file: Path) -> str:
 
 
 def unit_in(source: str, folders: Iterable[Path]) -> tuple[str, str]:
-    """(name, path) of the unit that a text runs; the path is empty where none of `folders` has it, the name where it has none."""
+    """(name, path) of the unit that a text runs: the path is empty if no folder has it, the name if it runs none."""
     found = re.search(r'Unit\("([^"\\/]{1,200}\.fmu)", "([0-9a-f]{64})", __file__,', source)
     if found is None:
         return "", ""
@@ -213,7 +213,7 @@ def _check(file: Path, about: Any, variable: Any, wanted: dict[str, str], what: 
 
 
 def _named(names: Iterable[str], most: int, taken: Iterable[str] = ()) -> dict[str, str]:
-    """Attributes of a class for variables of a unit, by attribute; those beyond the most are left as they are."""
+    """Attribute of the class → variable of the unit, for at most `most` variables."""
     found: dict[str, str] = {}
     for its in names:
         name = re.sub(r"\W", "_", its, flags=re.ASCII).strip("_") or "number"
@@ -227,7 +227,7 @@ def _named(names: Iterable[str], most: int, taken: Iterable[str] = ()) -> dict[s
 _RESERVED = {"period", "answered", "unit", "act", "on_save", "kind", "source", "model", "control_period", "input_delay"}
 _RESERVED |= {"torque_limit", "load_share", "wanted_internal_force", "sensor_noise", "memory", "gain", "readout"}
 WIDE = 1e9
-"""Of what has no range of its own."""
+"""Range of a parameter that has none."""
 
 
 def _gain(variable: Any) -> str:
@@ -259,7 +259,7 @@ def _title(variable: Any) -> str:
 
 
 def _period(about: Any) -> float:
-    """s between two control instants: the step that the unit says it is made for."""
+    """s between two control instants: the unit's own step, if it names one."""
     told = [
         getattr(about.defaultExperiment, "stepSize", None),
         getattr(about.coSimulation, "fixedInternalStepSize", None),

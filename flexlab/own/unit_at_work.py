@@ -1,8 +1,8 @@
-"""A functional mock-up unit at work as a control law, by FMPy, in the process of that law.
+"""A functional mock-up unit that runs as a control law, by FMPy, in the process of that law.
 
-At each control instant it is given what is measured there, is moved on from the instant before, and its outputs are what the
-arms get. A law may be asked again, and from an earlier instant: then the unit goes back to the state that it had. Which state
-that is, a number in the law's memory says: a digest of all that the unit has been given since it began.
+At each control instant the unit gets the measurement, is moved on from the instant before, and its outputs drive the arms. A law
+may be asked again from an earlier instant; the unit then returns to its state of that instant. The law's memory holds a number
+that identifies the state: a digest of all inputs since the unit began.
 """
 
 import contextlib
@@ -17,39 +17,38 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlab.compiled import cache_folder
-from flexlab.own.elsewhere import is_unit
-from flexlab.own.execution import TextProblem
 from flexlab.own.measurement import Measurement
+from flexlab.own.reading import TextProblem, is_unit
 from flexlab.own.unit import AXES, GRIPS, JOINTS, MOTORS, SIDES
 from flexlab.text import visible
 
 STATES_KEPT = 4096
-"""Instants to which the unit may go back."""
+"""Instants to which the unit can return."""
 MARK_BYTES = 6
-"""Of a digest."""
+"""Bytes of a mark."""
 MARKS = 2.0 ** (8 * MARK_BYTES + 1)
-"""More than any: what the memory holds is less than 1, and exact."""
+"""Above every mark: the memory holds mark / MARKS, below 1 and exact."""
 WORST = 3
-"""fmi2Error, fmi3Error: messages from here on say what went wrong."""
+"""fmi2Error, fmi3Error: from this status on, messages are about errors."""
 
 
 class Kept(NamedTuple):
-    """What is known of the unit after an instant."""
+    """The unit after an instant."""
 
     before: int
     """Mark of the instant before; 0: none."""
     state: Any
-    """None where it cannot tell its state."""
+    """None if the unit cannot give its state."""
     time: float
     parameters: list[float]
     answer: list[float]
 
 
 class Unit:
-    """A unit, loaded. Raises `TextProblem` if it cannot be."""
+    """A loaded unit. Raises `TextProblem` if it cannot be loaded or fails."""
 
     def __init__(self, name: str, sha256: str, place: str, gains: dict[str, str], signals: dict[str, str]):
-        """`place`: the file, if it is known; `gains`, `signals`: the law's attributes → the unit's variables."""
+        """`place`: the file, if known; `gains`, `signals`: attribute of the law → variable of the unit."""
         self._name, self._gains, self._signals = name, list(gains), list(signals)
         file = Path(place if is_unit(place) else name)
         try:
@@ -85,7 +84,7 @@ class Unit:
         self._goes_back = bool(getattr(about.coSimulation, "canGetAndSetFMUstate", False))
         self._known: OrderedDict[int, Kept] = OrderedDict()
         self._next: dict[int, int] = {}
-        """Of each instant's mark, that of the one after it which came first."""
+        """Mark of an instant → mark of the first instant computed after it."""
         self._now = 0
         self._is_new = True
 
@@ -96,7 +95,7 @@ class Unit:
         told = np.array([before, at.time, at.period, *given, *parameters])
         mark = 1 + int.from_bytes(hashlib.sha256(told.tobytes()).digest()[:MARK_BYTES], "big")
         if not self._goes_back and before != self._now and before in self._next:
-            mark = self._next[before]  # It cannot be asked again: what it said first holds.
+            mark = self._next[before]  # It cannot go back: its first answer holds.
         elif mark not in self._known or mark != self._now:
             try:
                 self._move(before, mark, at, given, parameters)
@@ -115,7 +114,7 @@ class Unit:
         return found if self._has_grips else at.from_torques(found)
 
     def _move(self, before: int, mark: int, at: Measurement, given: list[float], parameters: list[float]) -> None:
-        """From where it stood after the instant `before` (0: not begun) to this one."""
+        """Move the unit from the instant `before` (0: not begun) to this one."""
         self._said = ""
         if before == 0:
             self._begin(at.time, given, parameters)
@@ -208,7 +207,7 @@ def _words(error: Exception) -> str:
 
 
 def _extracted(file: Path, sha256: str) -> Path:
-    """The folder with what is in a unit: kept, as machine code of kernels is."""
+    """The folder with a unit's unpacked files, kept beside compiled kernels."""
     import fmpy
 
     folder = cache_folder().parent / f"unit-{sha256[:32]}"

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from flexlab.control.law import laws
-from flexlab.own.elsewhere import address_in
+from flexlab.own.link import address_in
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
 from flexlab.physics.grips import arm_poses
 from flexlab.physics.sensors import told_pose

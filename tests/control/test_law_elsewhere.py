@@ -23,11 +23,10 @@ from flexlab.analysis.leaderboard import store
 from flexlab.analysis.leaderboard.store import law_source
 from flexlab.errors import ScenarioError
 from flexlab.own import hosts, link
-from flexlab.own.elsewhere import address_in, text_of_program
-from flexlab.own.execution import TextProblem
 from flexlab.own.files import law_kind
-from flexlab.own.link import ANSWERS, ASKS, Link
+from flexlab.own.link import ANSWERS, ASKS, Link, address_in, text_of_program
 from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement
+from flexlab.own.reading import TextProblem
 from flexlab.physics.law_input import make_law_input
 from flexlab.presets import load_preset
 from flexlab.sim.world import World

@@ -16,9 +16,9 @@ from flexlab.control.path import build_motion, forget_path, paths
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
 from flexlab.own import hosts
-from flexlab.own.execution import TextProblem
 from flexlab.own.files import path_files, path_kind
 from flexlab.own.path import add_own_path, sampled
+from flexlab.own.reading import TextProblem
 from flexlab.presets import load_preset, scenario_text
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
@@ -202,7 +202,7 @@ def test_a_process_that_ended_is_replaced():
     with pytest.raises(ScenarioError, match="it ended its own process"):
         chosen.replace({"trajectory.harm": 1.0})
     assert chosen.replace({"trajectory.harm": 0.5 - 0.5}) == chosen
-    hosts.poses_of(source, np.zeros(1), np.zeros(2))
+    hosts.PATH_HOSTS.get(source).poses(np.zeros(1), np.zeros(2))
 
 
 def assert_says(text: str, said: str) -> None:

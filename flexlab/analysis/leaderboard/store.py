@@ -26,8 +26,8 @@ from flexlab.analysis.leaderboard.entry import Row
 from flexlab.assets import web_assets_folder
 from flexlab.control.law import laws
 from flexlab.errors import StudyError
-from flexlab.own.elsewhere import address_in
 from flexlab.own.law import PythonLaw
+from flexlab.own.link import address_in
 from flexlab.recording.run_info import package_version
 from flexlab.recording.store.notes import is_regular, replacing
 from flexlab.scenario import Scenario

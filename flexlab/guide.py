@@ -135,12 +135,6 @@ def guide_folder() -> Path:
     return web_assets_folder() / "guide"
 
 
-def picture_file(preset: str) -> Path | None:
-    """The small SVG picture of a preset, or None for a preset without one (a person's own)."""
-    file = web_assets_folder() / "pictures" / f"{preset}.svg"
-    return file if re.fullmatch(r"[\w-]+", preset) and file.is_file() else None
-
-
 @cache
 def chapters() -> tuple[Chapter, ...]:
     """All chapters, in reading order."""

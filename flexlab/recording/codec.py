@@ -1,9 +1,9 @@
 """Samples as compact bytes and back, bit for bit.
 
-A recording keeps every signal of `Samples` in double precision, apart from what it plots: 65 signals of the paper's run
-are 520 bytes a millisecond, and 225 in this form. A smooth signal's bit pattern, read as a whole number, is nearly a cubic
-in time, so its third difference is small; small numbers have empty upper bytes, and zlib packs those away. All of it is
-exact arithmetic on bit patterns: infinities and not-a-numbers pass unharmed.
+A recording keeps every signal of `Samples` in double precision, besides the curves that it shows: 65 numbers of the paper's run
+are 520 bytes a millisecond, and 225 in this form. The bit pattern of a smooth signal, read as an integer, is nearly a cubic in
+time, so its third difference is small; small integers have empty upper bytes, which zlib packs. All of it is exact arithmetic
+on bit patterns: infinities and NaN come back too.
 
 Layout: zlib of [length of header, 4 bytes little-endian][header, JSON][byte planes]. The header lists rows and
 (name, shape of one row) of each signal in the order of their columns.
@@ -22,6 +22,7 @@ from pydantic import BaseModel
 
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.physics.plant import AXIAL_WORK
+from flexlab.recording.packing import byte_planes, packed
 from flexlab.recording.store import formats
 from flexlab.scenario import parse_scenario
 from flexlab.sim import commands
@@ -34,11 +35,8 @@ from flexlab.text import visible
 DIFFERENCES = 3
 """Order of the difference: 1 packs the paper's run to 312 kB/s, 2 to 271, 3 to 236, 4 to more again."""
 
-COMPRESSION = 1
-"""zlib level: 6 saves 2 % and costs half as much again."""
-
 FORMAT = 1
-"""Number of this layout of bytes; what the signals mean is the recording's format, which each block says too."""
+"""Number of this layout of bytes; each block also names the recording's format, on which the meaning of signals depends."""
 
 LONGEST_REASON = 100
 """Characters of why a block cannot be read."""
@@ -48,7 +46,7 @@ LARGEST_BLOCK = 1_000_000_000
 DERIVED: dict[str, Callable[[dict[str, np.ndarray]], np.ndarray]] = {
     "tracking_error": lambda signals: signals["pose"] - signals["desired_pose"],
 }
-"""Signals left out of a block when this gives them back bit for bit, which is checked each time."""
+"""Signals that are left out of a block if this computes them again bit for bit, which is checked each time."""
 
 
 def encode_block(samples: Samples) -> bytes:
@@ -63,20 +61,18 @@ def encode_block(samples: Samples) -> bytes:
         "signals": [[name, list(signal.shape[1:])] for name, signal in kept.items()],
         "derived": derived,
     }
-    columns = np.concatenate([signal.reshape(len(samples), -1) for signal in kept.values()], axis=1).T
-    whole = np.ascontiguousarray(columns).view(np.int64)
-    for _ in range(DIFFERENCES):
-        whole = np.diff(whole, axis=1, prepend=0)
-    unsigned = ((whole << 1) ^ (whole >> 63)).astype("<i8", copy=False)
-    planes = np.ascontiguousarray(unsigned.view(np.uint8).reshape(-1, 8).T)
+    patterns = np.concatenate([signal.reshape(len(samples), -1) for signal in kept.values()], axis=1).view(np.int64)
+    planes = np.empty((8, *patterns.shape[::-1]), np.uint8)
+    byte_planes(patterns, planes)
     text = json.dumps(header).encode()
-    return zlib.compress(struct.pack("<I", len(text)) + text + planes.tobytes(), COMPRESSION)
+    head = struct.pack("<I", len(text)) + text
+    return packed(head, planes)
 
 
 def decode_block(data: bytes) -> Samples:
-    """The samples that `encode_block` was given, read-only. Raises `RecordingError` for bytes that are none.
+    """The samples that `encode_block` was given, read-only. Raises `RecordingError` for other bytes.
 
-    A block names its signals: one that it lacks is absent, one that this version does not know is kept.
+    A signal that the block lacks is absent; a signal that this version does not know is kept.
     """
     return decode_with_format(data)[0]
 
@@ -151,7 +147,7 @@ def larger_blocks(blocks: Iterable[Samples], rows: int) -> Iterator[Samples]:
 
 
 LAYOUT, PRESENT_LAYOUT = "layout", 3
-"""Which order the numbers of y have; states of layout 1 do not name it."""
+"""Order of the numbers of y; states of layout 1 do not name it."""
 
 
 def state_json(state: WorldState) -> str:

@@ -1,4 +1,4 @@
-"""Keeps one run going into a file: through folders that are not there yet, full disks and files that are taken away."""
+"""The file of one run as it is written, and a sink that outlives missing folders, full disks and files that are taken away."""
 
 import contextlib
 import shutil
@@ -12,9 +12,9 @@ import rerun as rr
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunks import Column
-from flexlab.recording.run_encoder import Kept
+from flexlab.recording.rerun_internals.rrd_file import Refusal, RrdFile, allow
+from flexlab.recording.run_encoder import Kept, RunStream
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.run_stream import Refusal, RunStream, allow, open_file_stream
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import RunFile, claim_run_file
 from flexlab.views import View
@@ -23,14 +23,70 @@ RETRY_PERIOD = 1.0
 """Wall seconds between attempts to open a file."""
 
 ROOM_TO_RESUME = 32_000_000
-"""Free bytes that a full disk must have again: a minute's worth, so that it is not full again at once."""
+"""Free bytes that a full disk must have before recording resumes: a minute of data."""
 
 ROOM_TO_BEGIN = 1_000_000
-"""Bytes that a run must be allowed before its file is begun: its layout and first second."""
+"""Bytes that a run must be allowed before its file is begun, for its layout and first second."""
+
+
+class RunWriter:
+    """A claimed file and the stream of what goes into it. Not for two threads at once."""
+
+    def __init__(self, file: RunFile, info: RunInfo, in_one_piece: bool = False):
+        """Write what the run is. `in_one_piece`: write all at the end, as a finished file, which rerun's tool need not mend.
+
+        Raises `RecordingError`, and leaves no file, if that fails.
+        """
+        self.file, self._in_one_piece = file, in_one_piece
+        self._bytes = RrdFile(file.handle)
+        try:
+            self.stream = RunStream(info)
+            try:
+                if not in_one_piece:
+                    self.push()
+            except BaseException:
+                self.stream.close()
+                raise
+        except BaseException:
+            file.release()
+            file.path.unlink(missing_ok=True)
+            raise
+
+    def check(self) -> None:
+        """Let go of a file that others have taken away, replaced or changed. Raises `RecordingError`."""
+        file = self.file
+        if file.in_place and self._bytes.is_whole:
+            return
+        what = "changed by another program" if file.in_place else "replaced" if file.path.exists() else "taken away"
+        self.stream.close()
+        file.release()
+        raise RecordingError(f"{file.path} was {what} while it was being written.")
+
+    def push(self, refusal: Refusal = allow) -> None:
+        """Write what was sent, as far as `refusal` lets it; what is left waits for the next call. Raises `RecordingError`."""
+        self.hold()
+        self._bytes.write(refusal)
+
+    def hold(self) -> None:
+        """Keep what was sent for the next `push`: for a disk that is known to be full. Raises `RecordingError`."""
+        if piece := self.stream.read():
+            self._bytes.hold(piece, self._in_one_piece)
+
+    @property
+    def given_up(self) -> int:
+        """Pieces of the recording that a full disk has cost."""
+        return self._bytes.given_up
+
+    def close(self, refusal: Refusal = allow) -> None:
+        """Write what is left; the claim stays until the file is released. Raises `RecordingError`."""
+        try:
+            self.push(refusal)
+        finally:
+            self.stream.close()
 
 
 class Sent(NamedTuple):
-    """What a file that begins later is told again."""
+    """Columns that are sent again to a file that begins later."""
 
     entity: str
     time: np.ndarray
@@ -38,16 +94,12 @@ class Sent(NamedTuple):
 
 
 class FileSink:
-    """The file of one run. What waits while a disk is full is written when there is room (see `rrd_file`)."""
+    """The file of one run; data wait while the disk is full (see `rrd_file`)."""
 
     def __init__(self, logs: Path, info: RunInfo, tell: Callable[[str], None], refusal: Refusal = allow):
-        """Open the file; if that fails, `tell` gets a sentence, and `keep_up` tries again.
-
-        `refusal` says why so many bytes may not be written just now, and nothing while they may.
-        """
+        """Open the file; if that fails, `tell` gets a sentence, and `keep_up` tries again. `refusal`: see `Refusal`."""
         self._logs, self._info, self._tell, self._refusal = logs, info, tell, refusal
-        self._file: RunFile | None = None
-        self._stream: RunStream | None = None
+        self._writer: RunWriter | None = None
         self._past: list[Sent] = []
         self._present: dict[str, Sent] = {}
         self._curves: list[View] = []
@@ -56,13 +108,13 @@ class FileSink:
         self._given_up = 0
         self._next_try = 0.0
         self.problem: str | None = None
-        """Why nothing reaches a file just now; None while all is well."""
+        """Why nothing reaches a file now; None while all is well."""
         self.keep_up(0.0)
 
     @property
     def path(self) -> Path | None:
         """The file; None while there is none."""
-        return None if self._file is None else self._file.path
+        return None if self._writer is None else self._writer.file.path
 
     def send(
         self, entity: str, time: np.ndarray, columns: Iterable[Column], *, exact: bool = False, kept: Kept = "no"
@@ -74,26 +126,26 @@ class FileSink:
             self._past.append(sent)
         elif kept == "as it stands":
             self._present[entity] = sent
-        if self._stream is not None:
-            self._stream.send(*sent, exact=exact)
+        if self._writer is not None:
+            self._writer.stream.send(*sent, exact=exact)
 
     def name_curves(self, signals: Iterable[View]) -> None:
         """Take what the curves are called that will be sent, and how they look."""
         new = list(signals)
         self._curves += new
-        if self._stream is not None:
-            self._stream.name_curves(new)
+        if self._writer is not None:
+            self._writer.stream.name_curves(new)
 
     def send_property(self, name: str, values: rr.AsComponents) -> None:
         """Take a property, as seen in listings."""
-        if self._stream is not None:
-            self._stream.send_property(name, values)
+        if self._writer is not None:
+            self._writer.stream.send_property(name, values)
 
     def keep_up(self, now: float) -> None:
         """Write what has come since the last call. `now`: wall time, s."""
         try:
-            if self._stream is not None and self._file is not None:
-                self._write(self._stream, self._file)
+            if self._writer is not None:
+                self._write(self._writer)
             elif now >= self._next_try:
                 self._next_try = now + RETRY_PERIOD
                 self._open()
@@ -107,56 +159,48 @@ class FileSink:
         if refused := self._refusal(ROOM_TO_BEGIN):
             raise RecordingError(refused)
         info = replace(self._info, part=self._parts + 1)
-        file = claim_run_file(self._logs, info.name, info.started, info.part)
-        try:
-            stream = open_file_stream(file, info)
-        except RecordingError:
-            file.release()
-            file.path.unlink(missing_ok=True)
-            raise
-        self._tell_the_past(stream)
-        self._parts, self._file, self._stream, self._given_up = info.part, file, stream, 0
-        self._recover(file)
+        writer = RunWriter(claim_run_file(self._logs, info.name, info.started, info.part), info)
+        self._tell_the_past(writer.stream)
+        self._parts, self._writer, self._given_up = info.part, writer, 0
+        self._recover(writer)
         if info.begin_notes:
             with contextlib.suppress(OSError):
-                write_notes(file.path, **info.begin_notes)
+                write_notes(writer.file.path, **info.begin_notes)
 
     def _tell_the_past(self, stream: RunStream) -> None:
-        """A part that begins later can then be replayed too."""
+        """Send what a part that begins later needs to be replayed."""
         stream.name_curves(self._curves)
         for sent in self._present.values():
             stream.send(sent.entity, np.full(len(sent.time), self._last_time), sent.columns)
         for sent in self._past:
             stream.send(*sent)
 
-    def _write(self, stream: RunStream, file: RunFile) -> None:
-        self._check(stream, file)
+    def _write(self, writer: RunWriter) -> None:
+        self._check(writer)
         if self.problem is not None and _free_bytes(self._logs) < ROOM_TO_RESUME:
-            stream.hold()
+            writer.hold()
         else:
-            stream.push(self._refusal)
-            self._recover(file)
+            writer.push(self._refusal)
+            self._recover(writer)
 
-    def _check(self, stream: RunStream, file: RunFile) -> None:
-        """Let go of a file that others have taken away, replaced or changed. Raises `RecordingError`; a new part follows."""
-        if file.in_place and stream.is_whole:
-            return
-        what = "changed by another program" if file.in_place else "replaced" if file.path.exists() else "taken away"
-        stream.abandon()
-        file.release()
-        self._file = self._stream = None
-        raise RecordingError(f"{file.path} was {what} while it was being written.")
+    def _check(self, writer: RunWriter) -> None:
+        """Raises `RecordingError` for a file that is no longer what was written; a new part follows."""
+        try:
+            writer.check()
+        except RecordingError:
+            self._writer = None
+            raise
 
-    def _recover(self, file: RunFile) -> None:
+    def _recover(self, writer: RunWriter) -> None:
         if self.problem is None:
             return
         self.problem = None
-        lost = self._stream is not None and self._stream.given_up > self._given_up
-        self._given_up = 0 if self._stream is None else self._stream.given_up
-        self._tell(f"Recording goes on in {file.path.name}{'; a part of it is lost' if lost else ''}.")
+        lost = writer.given_up > self._given_up
+        self._given_up = writer.given_up
+        self._tell(f"Recording goes on in {writer.file.path.name}{'; a part of it is lost' if lost else ''}.")
 
     def _fail(self, reason: str) -> None:
-        """Say what is wrong, once."""
+        """Report an error, once."""
         free = _free_bytes(self._logs)
         if free < ROOM_TO_RESUME:
             reason = f"The disk of {self._logs} is full ({free / 1e6:.1f} MB free)."
@@ -165,17 +209,17 @@ class FileSink:
             self._tell(self.problem)
 
     def close(self, notes: dict[str, Any]) -> Path | None:
-        """The run is over: close the file, note beside it what is to be noted, and return it, if there is one."""
+        """Close the file at the end of a run and write notes beside it; returns it, if there is one."""
         try:
-            if self._stream is not None and self._file is not None:
-                self._check(self._stream, self._file)
-            if self._stream is not None:
-                self._stream.close(self._refusal)
+            if self._writer is not None:
+                self._check(self._writer)
+                self._writer.close(self._refusal)
         except RecordingError as error:
             self._fail(str(error))
-        file, self._file, self._stream = self._file, None, None
-        if file is None:
+        writer, self._writer = self._writer, None
+        if writer is None:
             return None
+        file = writer.file
         if self.problem is None:
             with contextlib.suppress(OSError):  # The recording is there; its state is then told from the file alone.
                 write_notes(file.path, **notes)
@@ -184,7 +228,7 @@ class FileSink:
 
 
 def _free_bytes(folder: Path) -> float:
-    """Free bytes on the folder's disk; without a folder, of the nearest one above that is there."""
+    """Free bytes on the disk of a folder, or of the nearest folder above that exists."""
     for place in (folder, *folder.absolute().parents):
         try:
             return shutil.disk_usage(place).free

@@ -1,26 +1,35 @@
 """Recording without a screen: the simulation waits for its recorder, so nothing is ever dropped."""
 
 import contextlib
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
 from flexlab.errors import RecordingError
+from flexlab.recording.codec import encode_block
+from flexlab.recording.file_sink import RunWriter
 from flexlab.recording.repair import finish
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo, StartNotes
-from flexlab.recording.run_stream import RunStream, open_file_stream
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import SUFFIX, claim_named_file, claim_run_file, remove_run
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 
 BLOCK_ROWS = 10_000
-"""Samples per block of a run that is there already: large ones are written sooner, and make small files."""
+"""Samples per block of a run that is in memory: larger blocks make smaller files."""
 
 LARGE_ROWS = 2000
 """Samples of a block that need not be joined with others, which takes the whole recording into memory."""
+
+PACKERS = min(4, os.cpu_count() or 1)
+"""Threads that encode blocks ahead, without Python's global lock."""
+
+MOST_AT_ONCE = 1_000_000
+"""Samples of a run that is written in one piece, which then stands in memory beside it: a third of a gigabyte."""
 
 
 class HeadlessRecording:
@@ -29,39 +38,44 @@ class HeadlessRecording:
     All methods raise `RecordingError` if the folder cannot be written or its disk is full.
     """
 
-    def __init__(self, logs: Path, info: RunInfo, start_notes: StartNotes | None = None):
-        """Create `logs/<time>-<name>.rrd`, or `logs` itself if it is called `….rrd`; `start_notes` as for `RunEncoder`."""
+    def __init__(self, logs: Path, info: RunInfo, start_notes: StartNotes | None = None, in_one_piece: bool = False):
+        """Create `logs/<time>-<name>.rrd`, or `logs` itself if it is called `….rrd`.
+
+        `start_notes` as for `RunEncoder`, `in_one_piece` as for `RunWriter`.
+        """
         is_named = logs.suffix == SUFFIX and not logs.is_dir()
-        self._file = claim_named_file(logs) if is_named else claim_run_file(logs, info.name, info.started)
+        file = claim_named_file(logs) if is_named else claim_run_file(logs, info.name, info.started)
+        self.path: Path = file.path
+        """The file."""
         self._status: Status | None = None
         self._safe: float | None = None
         self._blocks = 0
-        self._stream: RunStream | None = None
-        try:
-            self._stream = open_file_stream(self._file, info)
-        except BaseException:
-            self._file.release()
-            self._file.path.unlink(missing_ok=True)
-            raise
-        self._sinks = [self._stream]
+        self._in_one_piece = in_one_piece
+        self._writer: RunWriter | None = RunWriter(file, info, in_one_piece)
+        self._sinks = [self._writer.stream]
         self._run = RunEncoder(info, self._sinks, start_notes)
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._file.path
-
-    def write(self, samples: Samples) -> None:
-        """Write the next block (N >= 1)."""
+    def write(self, samples: Samples, encoded: bytes | None = None) -> None:
+        """Write the next block (N >= 1); `encoded` as for `RunEncoder.write_exact`."""
         with self._telling():
-            if self._stream is None or not (self._file.in_place and self._stream.is_whole):
-                self._safe = None
-                self._let_go()
-                raise RecordingError(f"{self.path} was changed or taken away while it was being written.")
-            self._run.write_samples(samples)
+            writer = self._checked()
+            self._run.write_samples(samples, encoded)
             self._blocks += 1
-            self._stream.push()
-            self._safe = self._run.last_time
+            if not self._in_one_piece:
+                writer.push()
+                self._safe = self._run.last_time
+
+    def _checked(self) -> RunWriter:
+        """The file's writer. Raises `RecordingError` once somebody else has had the file."""
+        try:
+            if self._writer is None:
+                raise RecordingError(f"{self.path} is not being written any more.")
+            self._writer.check()
+        except RecordingError:
+            self._writer = self._safe = None
+            self._sinks.clear()
+            raise
+        return self._writer
 
     def note(self, event: Event) -> None:
         """Write an event; commands belong here too, so that the run can be replayed."""
@@ -78,41 +92,35 @@ class HeadlessRecording:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close and finish the file; of an interrupted run, what there is of it."""
-        status = self._status or Status("finished", f"Stopped at t = {self._run.last_time:g} s.", self._run.last_time)
-        if isinstance(error, RecordingError) and self._safe is None:
-            self._drop()
+        writer = self._writer
+        if writer is None:
             return
+        status = self._status or Status("finished", f"Stopped at t = {self._run.last_time:g} s.", self._run.last_time)
+        lost = isinstance(error, RecordingError) and self._safe is None
         try:
             with self._telling():
                 self._run.end(status)
-                if self._stream is not None:
-                    self._stream.close()
-            write_notes(self.path, **self._run.summary(status, dropped=0))
-        except OSError:
-            pass  # The recording is there; its state is then told from the file alone.
+                if lost:
+                    writer.stream.close()
+                else:
+                    writer.close()
+            if not lost:
+                with contextlib.suppress(
+                    OSError
+                ):  # The recording is there; its state is then told from the file alone.
+                    write_notes(self.path, **self._run.summary(status, dropped=0))
         except RecordingError:
-            if self._safe is None:
-                self._drop()
+            lost = self._safe is None
             raise
         finally:
-            self._file.release()
-        with contextlib.suppress(RecordingError):  # What is left to do needs room; all of the run is there.
-            finish(self.path, join=self._run.rows < LARGE_ROWS * self._blocks)
-
-    def _drop(self) -> None:
-        """Remove what a full disk left of the file, unless it is somebody else's by now: nothing of a run is in it."""
-        is_own = self._stream is not None and self._file.in_place
-        self._let_go()
-        self._file.release()
-        if is_own:
-            with contextlib.suppress(RecordingError):
-                remove_run(self.path)
-
-    def _let_go(self) -> None:
-        if self._stream is not None:
-            self._stream.abandon()
-        self._stream = None
-        self._sinks.clear()
+            is_own = writer.file.in_place
+            writer.file.release()
+            if lost and is_own:  # Nothing of the run is in it.
+                with contextlib.suppress(RecordingError):
+                    remove_run(self.path)
+        if not lost:
+            with contextlib.suppress(RecordingError):  # What is left to do needs room; all of the run is there.
+                finish(self.path, join=self._run.rows < LARGE_ROWS * self._blocks)
 
     @contextlib.contextmanager
     def _telling(self) -> Iterator[None]:
@@ -120,14 +128,10 @@ class HeadlessRecording:
         try:
             yield
         except RecordingError as error:
-            raise RecordingError(f"{error} Make room, or choose another folder: {self._saved()}.") from None
-
-    def _saved(self) -> str:
-        return (
-            "nothing of the run is recorded"
-            if self._safe is None
-            else f"the run is recorded up to t = {self._safe:g} s"
-        )
+            saved = "nothing of the run is recorded"
+            if self._safe is not None:
+                saved = f"the run is recorded up to t = {self._safe:g} s"
+            raise RecordingError(f"{error} Make room, or choose another folder: {saved}.") from None
 
 
 def write_run(
@@ -141,8 +145,10 @@ def write_run(
     info = RunInfo(name, run.scenario, period)
     if started is not None:
         info = RunInfo(name, run.scenario, period, started=started)
-    with HeadlessRecording(logs, info, start_notes) as recording:
-        for first in range(0, len(run), BLOCK_ROWS):
-            recording.write(run.slice(first, min(first + BLOCK_ROWS, len(run))))
+    blocks = [run.slice(first, min(first + BLOCK_ROWS, len(run))) for first in range(0, len(run), BLOCK_ROWS)]
+    recording = HeadlessRecording(logs, info, start_notes, len(run) <= MOST_AT_ONCE)
+    with recording, ThreadPoolExecutor(PACKERS) as pool:
+        for block, encoded in zip(blocks, pool.map(encode_block, blocks), strict=True):
+            recording.write(block, encoded)
         recording.end(run.status)
     return recording.path

@@ -1,7 +1,7 @@
-"""The live data of all runs, for rerun viewers that join at any time: the newest minutes of them, in memory.
+"""The newest minutes of all runs in memory, for rerun viewers that join at any time.
 
-Nothing listens here. The front server passes the bytes on at an address of its own, to whoever may come in there: a port of
-rerun's would answer everybody on this machine.
+Nothing listens here. The front server passes the bytes on to visitors with access; a port of rerun's own would answer
+everybody on this machine.
 """
 
 import threading
@@ -9,11 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from flexlab.errors import RecordingError
-from flexlab.recording.rerun_internals.message_layout import HEAD, messages
-from flexlab.recording.run_stream import Refusal, allow
+from flexlab.recording.rerun_internals.rrd_file import HEAD, messages
 
 MOST_BYTES = 64_000_000
-"""What is kept for viewers that join late: about four minutes of the paper's run. What a run begins with stays."""
+"""Bytes kept for viewers that join late: about four minutes of the paper's run, and the beginning of each run."""
 
 Take = Callable[[str, bytes], None]
 """Takes one piece of a run (its id, the bytes as rerun encodes them). Raises `RecordingError` once nobody takes any."""
@@ -28,7 +27,7 @@ class Piece:
     run: str
     data: bytes
     is_first: bool
-    """It says what the run is, without which the others mean nothing."""
+    """Whether it describes the run; the other pieces need it."""
 
 
 class LiveHub:
@@ -67,7 +66,7 @@ class LiveHub:
         return piece.is_first and any(other.run == piece.run and not other.is_first for other in self._pieces)
 
     def after(self, number: int) -> tuple[int, list[bytes]]:
-        """(number of the newest piece, what came after piece `number`); from -1 on, all that is kept, as a rerun file."""
+        """(number of the newest piece, the pieces after `number`); for -1 all that is kept, as a rerun file."""
         with self._lock:
             found = [piece for piece in self._pieces if piece.number > number]
             if not found:
@@ -77,34 +76,11 @@ class LiveHub:
 
     @property
     def is_closed(self) -> bool:
-        """Whether nothing comes any more."""
+        """Whether the hub is closed."""
         return self._closed
 
     def close(self) -> None:
-        """Let go of it all; viewers come to the end. May be called twice."""
+        """Drop all pieces; viewers see the end. May be called twice."""
         with self._lock:
             self._closed = True
             self._pieces.clear()
-
-
-class LiveTarget:
-    """Where the encoded messages of one run go that is watched live: as they come, to whoever takes them."""
-
-    exact = False
-    """Viewers have no use for exact samples."""
-    given_up = 0
-    is_whole = True
-
-    def __init__(self, run: str, take: Take):
-        self._run, self._take = run, take
-        self._waiting: list[bytes] = []
-
-    def hold(self, piece: bytes) -> None:
-        """Take one piece as rerun encodes it, to be passed on by `write`."""
-        self._waiting.append(piece)
-
-    def write(self, refusal: Refusal = allow) -> None:
-        """Pass on all that waits: it takes no room. Raises `RecordingError` once nobody takes it any more."""
-        waiting, self._waiting = self._waiting, []
-        for piece in waiting:
-            self._take(self._run, piece)

@@ -9,15 +9,22 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flexlab.errors import RecordingError
-from flexlab.recording.blueprint import MAIN_PLOTS, plot_view, scene_view, side_by_side
 from flexlab.recording.codec import larger_blocks
 from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
-from flexlab.recording.rerun_internals.chunks import scalars, send_columns
-from flexlab.recording.rerun_internals.message_layout import messages
-from flexlab.recording.rerun_internals.streams import new_stream, send_layout
+from flexlab.recording.rerun_internals.chunks import new_stream, scalars, send_columns, send_layout
+from flexlab.recording.rerun_internals.rrd_file import messages
 from flexlab.recording.rerun_internals.tool import Mending
-from flexlab.recording.run_stream import curves
-from flexlab.recording.scene_log import FRAMES_PER_SECOND, exaggeration, fixed_shapes, moving_shapes
+from flexlab.recording.run_encoder import curves
+from flexlab.recording.scene_and_plots import (
+    FRAMES_PER_SECOND,
+    MAIN_PLOTS,
+    exaggeration,
+    fixed_shapes,
+    moving_shapes,
+    plot_view,
+    scene_view,
+    side_by_side,
+)
 from flexlab.recording.store.notes import replacing
 from flexlab.sim.samples import MEASURED, Samples
 from flexlab.views import View, views

@@ -39,7 +39,7 @@ LONGEST_REASON = 200
 """Characters of why a file cannot be read."""
 
 MOST_ROWS = 1000
-"""Samples of a block that is read: who works through them tells after each how far it is."""
+"""Samples per block that is read: progress is reported after each."""
 
 NamedScenario = tuple[str, Scenario]
 Rows = dict[str, list[Row]]
@@ -79,7 +79,7 @@ class Recording:
 
     @property
     def compared(self) -> frozenset[str]:
-        """The table's signals that were, when this was written, what they are today, to the last bit."""
+        """The table's signals that were computed then as they are today, to the last bit."""
         return same_numbers(self.format)
 
     @property
@@ -89,9 +89,9 @@ class Recording:
 
 
 def read_recording(path: Path | str, with_samples: bool = True) -> Recording:
-    """Read a recording, with a torn tail too. Raises `RecordingError` with one sentence for what is none.
+    """Read a recording, up to the tear if its tail is torn. Raises `RecordingError` for what is no recording.
 
-    `with_samples` False leaves the samples out (N = 0): enough for scenario and events, and quick for hours of data.
+    `with_samples` False leaves the samples out (N = 0), which is quick for hours of data.
     """
     content = ["/exact/**", PROPERTIES + "**"] if with_samples else ["/exact/events", "/exact/start", PROPERTIES + "**"]
     rows = read_rows(Path(path), content)
@@ -100,7 +100,7 @@ def read_recording(path: Path | str, with_samples: bool = True) -> Recording:
 
 
 def read_blocks(path: Path | str) -> Iterator[Samples]:
-    """The samples of a recording in blocks, in the order of time: for hours of data in little memory.
+    """The samples of a recording in blocks in the order of time, which takes little memory.
 
     Raises `RecordingError` as `read_recording` does.
     """
@@ -114,7 +114,7 @@ def read_blocks(path: Path | str) -> Iterator[Samples]:
 
 
 def read_range(path: Path | str, start: float | None = None, end: float | None = None) -> Samples:
-    """The samples from `start` to `end` s of simulation time, without the others in memory.
+    """The samples from `start` to `end` s of simulation time; the others are not kept in memory.
 
     Raises `RecordingError` if there are none, or as `read_recording` does.
     """
@@ -122,9 +122,9 @@ def read_range(path: Path | str, start: float | None = None, end: float | None =
 
 
 def read_scenarios(path: Path | str) -> tuple[NamedScenario, ...]:
-    """(name, scenario) of each run in a file: one, or those laid over each other in a comparison.
+    """(name, scenario) of the run in a file, or of each run in a comparison.
 
-    Of a finished file in milliseconds, however long. Raises `RecordingError`.
+    Takes milliseconds for a finished file of any length. Raises `RecordingError`.
     """
     path = Path(path)
     rows = read_rows(path, [PROPERTIES + "**"])
@@ -140,7 +140,7 @@ def read_scenarios(path: Path | str) -> tuple[NamedScenario, ...]:
 
 
 def _values(rows: Rows, entity: str) -> dict[str, Any]:
-    """All components of an entity that does not change."""
+    """All components of a static entity."""
     return {name: value for _, row in rows.get(entity, []) for name, value in row.items()}
 
 
@@ -248,7 +248,7 @@ def _finite(value: Any) -> float:
 
 
 def read_rows(path: Path, content: list[str]) -> Rows:
-    """The rows of the entities that match; of a torn file through a mended copy. Raises `RecordingError`."""
+    """The rows of the entities that match, from a mended copy if the file is torn. Raises `RecordingError`."""
     check_recording(path)
     try:
         return _rows_by_entity(path, content)
@@ -258,9 +258,9 @@ def read_rows(path: Path, content: list[str]) -> Rows:
 
 
 def rows_in_order(path: Path, entity: str) -> Iterator[Row]:
-    """The rows of one entity in the order of times, few of them in memory at once.
+    """The rows of one entity in the order of time, few of them in memory at once.
 
-    Of a torn file, and of one whose writer is within a piece just now, through a mended copy. Raises `RecordingError`.
+    A file that is torn, or whose writer is within a piece, is read through a mended copy. Raises `RecordingError`.
     """
     check_recording(path)
     given = 0
@@ -274,11 +274,11 @@ def rows_in_order(path: Path, entity: str) -> Iterator[Row]:
 
 
 def _in_order(path: Path, entity: str) -> Iterator[Row]:
-    # A file that was indexed may hold some rows before their turn: those wait.
+    # An indexed file may hold rows out of order: early ones wait.
     turns = np.argsort(np.argsort(entity_times(path, entity), kind="stable"), kind="stable")
     waiting: dict[int, Row] = {}
     following = 0
-    # A run that is being recorded has grown meanwhile: what came later is left out.
+    # A run that is being recorded has grown meanwhile: later rows are left out.
     for turn, (_, row) in zip(turns.tolist(), stream_rows(path, [entity]), strict=False):
         waiting[turn] = row
         while following in waiting:
@@ -288,7 +288,7 @@ def _in_order(path: Path, entity: str) -> Iterator[Row]:
 
 @contextmanager
 def _mended(path: Path) -> Iterator[Path]:
-    """A copy up to the tear. Raises `RecordingError` if nothing of the run can be read."""
+    """A whole copy of what stands before the tear. Raises `RecordingError` if nothing of the run can be read."""
     with TemporaryDirectory(prefix="flexlab-") as folder:
         copy = Path(folder) / path.name
         try:

@@ -1,7 +1,7 @@
-"""The recorder: takes every sample and event of a running lab and writes one rerun file per run, on a thread of its own.
+"""The recorder takes every sample and event of a running lab and writes one rerun file per run, on a thread of its own.
 
-The simulation thread only puts references into a queue. What can go wrong with a disk is a sentence in `problem`, never an
-exception in the lab; recording resumes by itself, in a new part of the run, as soon as it can.
+The simulation thread only puts references into a queue. Trouble with a disk becomes a sentence in `problem`, never an exception
+in the lab; recording resumes by itself, in a new part of the run, as soon as it can.
 """
 
 import contextlib
@@ -14,11 +14,11 @@ from typing import Any
 
 from flexlab.errors import RecordingError
 from flexlab.recording.file_sink import FileSink
-from flexlab.recording.live import LiveTarget, Take
+from flexlab.recording.live import Take
 from flexlab.recording.repair import Finisher
-from flexlab.recording.run_encoder import RunEncoder
+from flexlab.recording.rerun_internals.rrd_file import Refusal, allow
+from flexlab.recording.run_encoder import RunEncoder, RunStream
 from flexlab.recording.run_info import RunInfo, StartNotes
-from flexlab.recording.run_stream import Refusal, RunStream, allow, open_live_stream
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples, Status, join_blocks
@@ -26,26 +26,26 @@ from flexlab.sim.snapshot import TICK, Event
 from flexlab.sim.world_state import WorldState
 
 WRITE_PERIOD = 0.1
-"""Wall seconds between writes of exact samples: what a killed process loses, and some time for the write itself."""
+"""Wall seconds between writes of exact samples, which a killed process loses."""
 
 IDLE_PERIOD = 1.0
-"""Wall seconds between two looks at a file into which nothing is to be written: whether it is still there, and has room."""
+"""Wall seconds between two checks of a file while nothing is to be written: that it is there and has room."""
 
 WRITE_ROWS = 200
-"""Samples that are written at once, however little time has passed: at four times real time they come as fast."""
+"""Samples that are written even before `WRITE_PERIOD` has passed, as at four times real time."""
 
 SHOW_PERIOD = 0.2
-"""Wall seconds between writes of what a viewer shows: each costs a kilobyte per curve or shape, however short it is."""
+"""Wall seconds between writes of curves and shapes: each write costs a kilobyte per curve or shape."""
 
 FINISHING_TIME = 1.5
-"""s that closing waits for footers of runs that have just ended: a lab closes within 3 s in all."""
+"""s that closing waits for the footers of runs that have just ended: a lab closes within 3 s."""
 
 QUEUE_ROWS = 20_000
-"""Samples (rows) that may wait: 20 s at real time, 12 MB; more are dropped and counted."""
+"""Samples that may wait, 20 s at real time and 12 MB; more are dropped and counted."""
 
 
 class Recorder:
-    """A consumer (see `sim.snapshot`) that records every run into `logs`, and hands it to `live` if somebody watches."""
+    """A consumer (see `sim.snapshot`) that records every run into `logs`, and passes it to `live` if somebody watches."""
 
     def __init__(
         self,
@@ -60,9 +60,8 @@ class Recorder:
     ):
         """Start the recorder's thread; nothing is written before a run begins.
 
-        `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes; `start_notes` as
-        for `RunEncoder`; `circumstances` gives what stands beside a run's file from its beginning, and as it is at
-        its end; `refusal` as for `FileSink`.
+        `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes. `start_notes` as for
+        `RunEncoder`. `circumstances` gives notes on a run, written as it begins and again as it ends. `refusal`: see `Refusal`.
         """
         self._logs, self._live_to, self._on_problem = logs, live, on_problem
         self._sample_period, self._queue_rows = sample_period, queue_rows
@@ -85,7 +84,7 @@ class Recorder:
 
     @property
     def problem(self) -> str | None:
-        """Why nothing is being recorded just now, as a sentence; None while all is well."""
+        """Why nothing is being recorded now, as a sentence; None while all is well."""
         file = self._file
         return self._stumble if file is None else file.problem or self._stumble
 
@@ -129,7 +128,7 @@ class Recorder:
         self._queue.put(lambda: self._end(status, dropped))
 
     def close(self, finishing_time: float = FINISHING_TIME) -> None:
-        """Write what waits and stop; up to `finishing_time` s go into footers (the next start does what is left)."""
+        """Write what waits and stop, after up to `finishing_time` s for footers; the next start does the rest."""
         self._queue.put(None)
         self._thread.join()
         self._finisher.close(finishing_time)
@@ -177,15 +176,16 @@ class Recorder:
 
     def _open_live(self, info: RunInfo) -> RunStream | None:
         try:
-            return None if self._live_to is None else open_live_stream(LiveTarget(info.run_id, self._live_to), info)
+            return None if self._live_to is None else RunStream(info, live=True)
         except RecordingError as error:
             self._report(str(error))
             return None
 
     def _push_live(self) -> None:
         try:
-            if self._live is not None:
-                self._live.push()
+            if self._live is not None and self._live_to is not None and self._run is not None:
+                if piece := self._live.read():
+                    self._live_to(self._run.info.run_id, piece)
         except RecordingError as error:
             self._report(str(error))
 
@@ -197,7 +197,7 @@ class Recorder:
         if self._run is None:
             return
         if isinstance(event.command, ChangeScenario):
-            self._write()  # What came before is drawn as it was then, and may have another mesh.
+            self._write()  # Earlier samples are drawn by the earlier scenario, and may have another mesh.
         self._run.write_event(event)
 
     def _write(self) -> None:
@@ -228,22 +228,22 @@ class Recorder:
         path = self._file.close({**self._circumstances(), **self._run.summary(status, dropped)})
         if self._live is not None:
             self._push_live()
-            self._live.abandon()
+            self._live.close()
         self._run = self._file = self._live = None
         if path is not None:
             self._finisher.add(path)
 
     def _report(self, text: str) -> None:
-        """Keep a problem that concerns no file until the next run, and say it once."""
+        """Report a problem that concerns no file, once, and keep it until the next run."""
         said, self._stumble = self._stumble, text
         if said is None:
             self._tell(text)
 
     def _tell(self, text: str) -> None:
         if self._on_problem is not None:
-            with contextlib.suppress(Exception):  # A broken listener is no reason to stop recording.
+            with contextlib.suppress(Exception):  # A broken listener must not stop the recording.
                 self._on_problem(text)
 
 
 def _nothing() -> None:
-    """What to do when nothing waits."""
+    """The job when nothing waits."""

@@ -1,7 +1,7 @@
-"""Makes recordings whole after their writer is done with them, or died: footer, index, torn tail.
+"""Finishes recordings after their writer has closed them or died: adds footer and index, and cuts off a torn tail.
 
-Rerun's own tool does the work in a process of its own: a finished file opens faster, and one whose last message is torn,
-which every reader refuses, becomes readable up to the tear.
+Rerun's own tool does the work in a process of its own. A finished file opens faster; a file whose last message is torn, which
+every reader refuses, becomes readable up to the tear.
 """
 
 import contextlib
@@ -14,19 +14,19 @@ from pathlib import Path
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunks import has_recording
-from flexlab.recording.rerun_internals.message_layout import has_footer
+from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.notes import read_notes, replacing, write_notes
 from flexlab.recording.store.run_files import claim, list_runs, run_state
 
 GROWTH = 1.3
-"""Room that the finished file may take, in sizes of the unfinished one."""
+"""Room for the finished file, in sizes of the unfinished one."""
 
 
 def finish(path: Path, mending: Mending | None = None, join: bool = True) -> None:
-    """Give a recording its footer and index, in its place; `join`: and make large pieces of small ones. Its date stays.
+    """Give a recording its footer and index, in place; `join` also joins small pieces. The file keeps its date.
 
-    Does nothing if it has one, or if somebody is writing it. Raises `RecordingError` if it cannot be read at all.
+    Does nothing if it has a footer, or if it is being written. Raises `RecordingError` if it cannot be read.
     """
     mending = mending or Mending()
     try:
@@ -48,7 +48,7 @@ def finish(path: Path, mending: Mending | None = None, join: bool = True) -> Non
 def _finish_claimed(path: Path, mending: Mending, join: bool) -> None:
     before = path.stat()
     if shutil.disk_usage(path.parent).free < GROWTH * before.st_size:
-        # A lab that is recording there must not be driven into a full disk.
+        # A lab that is recording there must not run into a full disk.
         raise _not_now(path, os.strerror(errno.ENOSPC))
     ended = read_notes(path).get("ended", False)
     try:
@@ -72,7 +72,7 @@ def _not_now(path: Path, reason: str) -> RecordingError:
 
 
 def sweep_empty(logs: Path) -> int:
-    """Remove the empty files of labs that died as they made them; returns how many. Those in use stay."""
+    """Remove the empty files of labs that died as they made them; returns their number. Files in use stay."""
     count = 0
     for path in list_runs(logs):
         with contextlib.suppress(OSError):
@@ -80,7 +80,7 @@ def sweep_empty(logs: Path) -> int:
                 continue
             file = claim(path, "rb+")
             try:
-                # Looked at again under the claim: its writer may just have begun.
+                # Checked again under the claim: its writer may just have begun.
                 if file.in_place and path.stat().st_size == 0:
                     path.unlink()
                     count += 1
@@ -90,9 +90,9 @@ def sweep_empty(logs: Path) -> int:
 
 
 def finish_abandoned(logs: Path, mending: Mending | None = None) -> None:
-    """Finish whatever dead writers left in the folder, and sweep up their empty files.
+    """Finish what dead writers left in the folder, and remove their empty files.
 
-    A file that cannot be finished keeps what it has; `run_state` tells.
+    A file that cannot be finished stays as it is; `run_state` tells.
     """
     mending = mending or Mending()
     with contextlib.suppress(OSError):
@@ -104,12 +104,12 @@ def finish_abandoned(logs: Path, mending: Mending | None = None) -> None:
 
 
 def unfinished_runs(logs: Path) -> list[Path]:
-    """Recordings that their writer left without a footer, newest first, those in use and those known as lost left out."""
+    """Recordings without a footer, newest first, without those in use and those known as damaged."""
     return [path for path in list_runs(logs) if run_state(path) == "unfinished"]
 
 
 class Finisher:
-    """Finishes files as they are added, after those that an earlier lab left behind in `logs`."""
+    """Finishes files as they are added, after those that an earlier lab left in `logs`."""
 
     def __init__(self, logs: Path):
         self._queue: queue.SimpleQueue[Path | None] = queue.SimpleQueue()
@@ -122,7 +122,7 @@ class Finisher:
         self._queue.put(path)
 
     def close(self, patience: float) -> None:
-        """Stop when all is done, or after `patience` s; what is left keeps for the next start."""
+        """Stop when all is done, or after `patience` s; the next start does the rest."""
         self._queue.put(None)
         self._thread.join(patience)
         self._mending.stop()
@@ -134,7 +134,7 @@ class Finisher:
             self._finish(path)
 
     def _finish(self, path: Path) -> None:
-        # A file that cannot be finished keeps what it has; `run_state` tells.
+        # A file that cannot be finished stays as it is; `run_state` tells.
         with contextlib.suppress(RecordingError, OSError):
             if not self._mending.stopped:
                 finish(path, self._mending)

@@ -1,4 +1,4 @@
-"""Turns a run's samples and events into columns for its sinks. No thread, no queue, no files: see `recorder`."""
+"""A run's samples and events as columns for its sinks, and the rerun stream that encodes them. No thread, no queue, no files."""
 
 import json
 from collections.abc import Iterable, Sequence
@@ -7,30 +7,46 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import rerun as rr
 
-from flexlab.errors import ScenarioError
-from flexlab.recording.codec import command_to_json, encode_block
-from flexlab.recording.rerun_internals.chunks import Column, blobs, line_strips, scalars, texts
-from flexlab.recording.run_info import RunInfo, StartNotes
-from flexlab.recording.scene_log import FRAMES_PER_SECOND, desired_path, moving_shapes
+from flexlab.errors import RecordingError, ScenarioError
+from flexlab.recording.codec import command_to_json, encode_block, state_json
+from flexlab.recording.rerun_internals.chunks import (
+    Column,
+    blobs,
+    line_strips,
+    new_stream,
+    scalars,
+    send_columns,
+    send_layout,
+    texts,
+)
+from flexlab.recording.run_info import RunInfo, StartNotes, parameters_text, run_properties, signals_text
+from flexlab.recording.scene_and_plots import (
+    FRAMES_PER_SECOND,
+    desired_path,
+    fixed_shapes,
+    measurement_blueprint,
+    moving_shapes,
+    run_blueprint,
+)
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event
 from flexlab.views import REAL_TIME_FACTOR, View, views
 
 Kept = Literal["no", "as it was", "as it stands"]
-"""Whether a file that begins later in the run is told: not, as it was then, or from its beginning on (the latest only)."""
+"""Whether a file that begins later in the run gets the columns too: no, at their own instants, or the latest at its start."""
 
 
 class Sink(Protocol):
-    """One place that a run goes to. It tells of its own troubles; the encoder does not wait for it."""
+    """One destination of a run. It reports its own errors; the encoder does not wait for it."""
 
     def send(
         self, entity: str, time: np.ndarray, columns: Iterable[Column], *, exact: bool = False, kept: Kept = "no"
     ) -> None:
-        """Take columns for the instants `time` (N,), s. `exact`: only for who keeps samples in full precision."""
+        """Take columns for the instants `time` (N,), s. `exact`: only for files, not for viewers."""
 
     def name_curves(self, signals: Iterable[View]) -> None:
-        """Take what the curves are called that will be sent, and how they look."""
+        """Take names and looks of curves that will be sent."""
 
     def send_property(self, name: str, values: rr.AsComponents) -> None:
         """Take a property, as seen in listings."""
@@ -40,14 +56,14 @@ LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 """Levels of events as rerun names them."""
 
 END = "End of the run"
-"""How a run's last event begins."""
+"""How the text of a run's last event begins."""
 
 
 class RunEncoder:
-    """One run on its way into any number of sinks."""
+    """Encodes one run for any number of sinks."""
 
     def __init__(self, info: RunInfo, sinks: Sequence[Sink], start_notes: StartNotes | None = None):
-        """`start_notes`: what is to be noted beside what this encoder says of a run that has ended."""
+        """`start_notes` begins notes that are added to the `summary`."""
         self.info = info
         self._sinks = sinks
         self._notes = None if start_notes is None else start_notes(info)
@@ -59,14 +75,17 @@ class RunEncoder:
         self.last_time = 0.0
         self._first_time: float | None = None
 
-    def write_samples(self, samples: Samples, speed_time: Sequence[float] = (), speed: Sequence[float] = ()) -> None:
-        """Write a block (N >= 1), exact and shown. `speed`: real-time factors at the simulation times `speed_time`, s."""
-        self.write_exact(samples)
-        self.write_shown(samples, speed_time, speed)
+    def write_samples(self, samples: Samples, encoded: bytes | None = None) -> None:
+        """Write a block (N >= 1), exact and shown; `encoded` as for `write_exact`."""
+        self.write_exact(samples, encoded)
+        self.write_shown(samples, (), ())
 
-    def write_exact(self, samples: Samples) -> None:
-        """Write a block (N >= 1) in full precision only, at its last instant, so that no time axis ends later."""
-        column = blobs("flexlab.Block", "data", [encode_block(samples)])
+    def write_exact(self, samples: Samples, encoded: bytes | None = None) -> None:
+        """Write a block (N >= 1) in full precision, at its last instant, so that no time axis ends later.
+
+        `encoded`: the block by `encode_block`, if that is done already.
+        """
+        column = blobs("flexlab.Block", "data", [encoded or encode_block(samples)])
         self._send("exact/samples", samples.time[-1:], [column], exact=True)
         self.rows += len(samples)
         if self._first_time is None:
@@ -78,7 +97,7 @@ class RunEncoder:
             self._notes.add(samples)
 
     def write_shown(self, samples: Samples, speed_time: Sequence[float], speed: Sequence[float]) -> None:
-        """Write what a viewer shows of a block (N >= 1): curves and drawing."""
+        """Write the curves and the drawing of a block (N >= 1). `speed`: real-time factors at the times `speed_time`, s."""
         for signal in self._signals:
             values = signal.values(samples)
             if not np.isnan(values).all():  # A signal that was not recorded has no curve.
@@ -87,7 +106,7 @@ class RunEncoder:
             values = scalars(np.asarray(speed)[:, None])
             self._send(REAL_TIME_FACTOR.entity, np.asarray(speed_time), [values])
         drawn = self._frames(samples, float(speed[-1]) if len(speed) else 1.0)
-        if len(drawn) and not np.isnan(drawn.pose).all():  # A measurement of a beam does not tell where it was.
+        if len(drawn) and not np.isnan(drawn.pose).all():  # A measured run has no pose.
             for entity, columns in moving_shapes(self._scenario, drawn, self.info.exaggeration):
                 self._send(entity, drawn.time, columns)
 
@@ -98,12 +117,12 @@ class RunEncoder:
             sink.send(entity, time, columns, exact=exact, kept=kept)
 
     def _frames(self, samples: Samples, speed: float) -> Samples:
-        """The samples to draw: FRAMES_PER_SECOND a simulated second, in slow motion as many a wall second."""
+        """The samples to draw: FRAMES_PER_SECOND per simulated second, or per wall second in slow motion."""
         interval = min(max(speed, 0.0), 1.0) / FRAMES_PER_SECOND
         if interval <= self.info.sample_period:
             chosen = np.arange(len(samples))
         else:
-            # Half a sample period keeps a multiple of the interval from falling on either side by rounding.
+            # Half a sample period keeps rounding from deciding about a multiple of the interval.
             late = samples.time + 0.5 * self.info.sample_period
             count = np.floor(np.concatenate([[self._last_drawn], late]) / interval)
             chosen = np.flatnonzero(np.diff(count) > 0)
@@ -111,7 +130,7 @@ class RunEncoder:
         return samples.take(chosen)
 
     def write_event(self, event: Event) -> None:
-        """Write an event; a change of the scenario also moves what is drawn from then on."""
+        """Write an event; a change of the scenario also changes the drawing from then on."""
         if self._notes is not None:
             self._notes.add_event(event)
         self._send_event(event)
@@ -122,7 +141,7 @@ class RunEncoder:
         try:
             self._scenario = self._scenario.replace(change.changes)
         except ScenarioError:
-            return  # The engine accepted it, so this is a change that only the engine can follow; the drawing stays.
+            return  # A change that only the engine can follow; the drawing stays.
         known = {signal.entity for signal in self._signals}
         new = tuple(signal for signal in views(self._scenario) if signal.entity not in known)
         self._signals += new  # Another law may have signals of its own.
@@ -132,11 +151,11 @@ class RunEncoder:
             self._send_path(time)
 
     def _send_path(self, time: float) -> None:
-        """At an instant of the run, not before: the viewer's time begins with the first thing it is told."""
+        """Send the path at an instant of the run: the viewer's time axis begins with the first data."""
         self._send("scene/path", np.array([time]), [line_strips(desired_path(self._scenario))], kept="as it stands")
 
     def _send_event(self, event: Event) -> None:
-        """Numbered, which keeps those of one instant in order."""
+        """Send an event; its number keeps those of one instant in order."""
         time = np.array([event.time])
         lines = [
             texts("TextLog", "text", "Text", [f"t = {event.time:.3f} s: {event.text}"]),
@@ -154,7 +173,7 @@ class RunEncoder:
         return json.dumps(record | {"text": event.text, "level": event.level, "command": command}, ensure_ascii=False)
 
     def end(self, status: Status, dropped: int = 0) -> None:
-        """Say how the run ended. The sinks are then to be closed."""
+        """Write how the run ended; close the sinks after this."""
         self._send_event(
             Event(status.time or self.last_time, f"{END}: {status.text}", level="error" if status.failed else "info")
         )
@@ -163,7 +182,7 @@ class RunEncoder:
             sink.send_property("end", rr.AnyValues(**values, dropped=dropped))
 
     def summary(self, status: Status, dropped: int) -> dict[str, Any]:
-        """What the notes beside the file say of a run that has ended."""
+        """The notes on a run that has ended."""
         notes = {} if self._notes is None else self._notes.result(status)
         return {
             "ended": True,
@@ -176,3 +195,87 @@ class RunEncoder:
             "dropped": dropped,
             **notes,
         }
+
+
+APPLICATION = "flexlab"
+"""Rerun keeps one layout per application: while runs are watched live, a person's own changes hold for the next one."""
+FLUSH_TIMEOUT = 30.0
+"""s after which rerun's encoder counts as failed."""
+
+
+class RunStream:
+    """A rerun stream that has said what the run is; what is sent waits, encoded, for `read`. Not for two threads at once."""
+
+    def __init__(self, info: RunInfo, live: bool = False):
+        """`live`: for viewers that watch as it comes, and have no use for exact samples. Raises `RecordingError`."""
+        self._stream = new_stream(APPLICATION, info.run_id)
+        self._encoded = self._stream.binary_stream()
+        self._exact = not live
+        self._stream.set_sinks(self._encoded)
+        # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own,
+        # and would keep that.
+        layout = measurement_blueprint(info.scenario)
+        if not info.measured:
+            layout = run_blueprint(info.scenario, info.exaggeration, info.name, live)
+        send_layout(self._stream, layout)
+        try:
+            self._introduce(info)
+        except (RuntimeError, ValueError, OSError) as error:
+            self.close()
+            raise RecordingError(f"The recording cannot be opened: {_one_line(error)}") from None
+
+    def _introduce(self, info: RunInfo) -> None:
+        stream, scenario = self._stream, info.scenario
+        stream.send_recording_name(info.title)
+        stream.send_property("run", run_properties(info))
+        self._log("parameters", rr.TextDocument(parameters_text(info), media_type="text/markdown"))
+        self._log("signals", rr.TextDocument(signals_text(scenario), media_type="text/markdown"))
+        self.name_curves((*views(scenario), REAL_TIME_FACTOR))
+        if not info.measured:
+            for entity, shape in fixed_shapes(scenario):
+                self._log(entity, shape)
+        if info.start is not None:
+            self._log("exact/start", rr.AnyValues(state=state_json(info.start)))
+        # `log` goes through a batcher that `send_columns` overtakes.
+        stream.flush(timeout_sec=FLUSH_TIMEOUT)
+
+    def name_curves(self, signals: Iterable[View]) -> None:
+        """Send names and looks of curves."""
+        for signal in signals:
+            self._log(signal.entity, curves(signal.names, signal.colors))
+
+    def _log(self, entity: str, archetype: rr.AsComponents) -> None:
+        self._stream.log(entity, archetype, static=True)
+
+    def send(
+        self, entity: str, time: np.ndarray, columns: Iterable[Column], *, exact: bool = False, kept: Kept = "no"
+    ) -> None:
+        """Send columns for the instants `time` (N,), s. Returns at once."""
+        if self._exact or not exact:
+            send_columns(self._stream, entity, time, columns)
+
+    def send_property(self, name: str, values: rr.AsComponents) -> None:
+        """Add a property, as seen in listings."""
+        self._stream.send_property(name, values)
+
+    def read(self) -> bytes:
+        """What was sent since the last call as one piece of a rerun file; empty if nothing was. Raises `RecordingError`."""
+        try:
+            return self._encoded.read(flush_timeout_sec=FLUSH_TIMEOUT) or b""
+        except (RuntimeError, ValueError) as error:
+            raise RecordingError(f"Rerun does not encode: {_one_line(error)}") from None
+
+    def close(self) -> None:
+        """Let go of it; what was not read is lost."""
+        self._stream.disconnect()
+
+
+def curves(names: Sequence[str], colors: Sequence[tuple[int, int, int]]) -> rr.SeriesLines:
+    """Names and looks of the curves of one entity."""
+    # The default policy averages: a 44 Hz ring would shrink as one zooms out.
+    policy = rr.components.AggregationPolicy.MinMax
+    return rr.SeriesLines(names=list(names), colors=list(colors), widths=[1.5] * len(names), aggregation_policy=policy)
+
+
+def _one_line(error: BaseException) -> str:
+    return str(error).strip().split("\n")[0].rstrip(".") + "."

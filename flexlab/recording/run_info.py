@@ -1,7 +1,4 @@
-"""What a recording knows of its run when it is opened, and the texts inside it.
-
-Parameters are for people, properties and the scenario for programs.
-"""
+"""What a recording says of its run: texts for people, properties for programs."""
 
 import json
 import platform
@@ -18,7 +15,7 @@ import numba
 import numpy as np
 import rerun as rr
 
-from flexlab.recording.scene_log import exaggeration
+from flexlab.recording.scene_and_plots import exaggeration
 from flexlab.recording.store.formats import ARITHMETIC, FORMAT, OLDEST_READER
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status
@@ -46,17 +43,17 @@ class RunInfo:
     """Which file of the run: a full disk ends one part and the next begins when there is room."""
 
     begin_notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    """What stands beside the file from its beginning, so that it stands there too if its writer dies."""
+    """Notes written beside the file as it begins, so that they are there if its writer dies."""
 
     measured: str = ""
-    """Which data these are, for a run that was measured: nothing of it can be drawn in space. Empty for a simulated one."""
+    """Which data a measured run is; it cannot be drawn in space. Empty for a simulated run."""
 
     recorded_by: Mapping[str, str] | None = None
     """Versions and machine that computed the samples, by the names of the recording's properties; None: these here."""
 
     @property
     def exaggeration(self) -> float:
-        """The factor on the drawn deflection: of the scenario that the run starts from, so that it never jumps."""
+        """The factor on the drawn deflection; it follows from the first scenario, so that it never jumps."""
         return exaggeration(self.scenario)
 
     @property
@@ -67,7 +64,7 @@ class RunInfo:
 
 
 class RunNotes(Protocol):
-    """Looks at all samples and events of one run; what it makes of them goes into the notes beside the recording."""
+    """Makes notes beside a recording from all samples and events of its run."""
 
     def add(self, samples: Samples) -> None:
         """Take in a block (N >= 1)."""
@@ -133,7 +130,7 @@ def run_properties(info: RunInfo) -> rr.AnyValues:
 
 
 def these_versions() -> dict[str, str]:
-    """What computes samples here."""
+    """Versions and machine that compute samples here."""
     return {
         "arithmetic": ARITHMETIC,
         "flexlab_version": package_version(),

@@ -15,12 +15,11 @@ import rerun.blueprint as rrb
 
 from flexlab.errors import RecordingError
 from flexlab.recording import overlay
-from flexlab.recording.blueprint import run_blueprint
 from flexlab.recording.reader import read_scenarios
 from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals.tool import VIEWER_FILES, serve, viewer_folder
-from flexlab.recording.run_stream import APPLICATION
-from flexlab.recording.scene_log import exaggeration
+from flexlab.recording.run_encoder import APPLICATION
+from flexlab.recording.scene_and_plots import exaggeration, run_blueprint
 from flexlab.recording.store.run_files import check_recording
 from flexlab.sockets import LOOPBACK as LOOPBACK_NAMES
 from flexlab.sockets import name_in

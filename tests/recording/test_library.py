@@ -16,7 +16,7 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.recording.store.run_files import list_runs, removable_runs, remove_runs
+from flexlab.recording.store.run_files import list_runs, removable_runs, remove_run
 from flexlab.recording.store.run_index import read_row
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run, Status
@@ -135,7 +135,8 @@ def test_age_and_size_take_the_oldest_first_and_never_a_kept_one(runs: list[Path
     write_notes(runs[4], keep=True)
     assert removable_runs(logs, most_days=2.5, now=1e9) == [runs[3]]
     assert removable_runs(logs, most_bytes=3.5 * size, now=1e9) == [runs[3], runs[2]]
-    remove_runs(removable_runs(logs, most_days=2.5, now=1e9))
+    for path in removable_runs(logs, most_days=2.5, now=1e9):
+        remove_run(path)
     assert list_runs(logs) == [runs[0], runs[1], runs[2], runs[4]]
     assert read_recording(runs[4]).state == "complete"
 

@@ -174,7 +174,7 @@ def test_a_run_without_a_screen_says_that_its_file_was_changed(tmp_path: Path, r
     with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario)) as recording:
         recording.write(run.slice(0, 500))
         cut_off(recording.path)
-        with pytest.raises(RecordingError, match="was changed or taken away while it was being written"):
+        with pytest.raises(RecordingError, match="was changed by another program while it was being written"):
             recording.write(run.slice(500, 1000))
 
 

@@ -9,7 +9,7 @@ import pytest
 import rerun as rr
 import rerun.blueprint as rrb
 
-from flexlab.recording.rerun_internals import chunks, message_layout, streams, tool
+from flexlab.recording.rerun_internals import chunks, rrd_file, tool
 from flexlab.recording.rerun_internals.chunks import TIMELINE, blobs, scalars, send_columns
 
 INTERNALS = Path("flexlab/recording/rerun_internals")
@@ -40,7 +40,7 @@ def pieces() -> list[bytes]:
 def joined(pieces: list[bytes], tmp_path: Path) -> Path:
     """Their messages behind one head: a file without an end, as the recorder writes it."""
     path = tmp_path / "joined.rrd"
-    path.write_bytes(b"".join(message_layout.messages(piece, with_head=not n) for n, piece in enumerate(pieces)))
+    path.write_bytes(b"".join(rrd_file.messages(piece, with_head=not n) for n, piece in enumerate(pieces)))
     return path
 
 
@@ -57,21 +57,21 @@ def test_nobody_else_uses_what_is_not_promised(root: Path):
 
 def test_a_piece_is_a_head_messages_and_an_end(pieces: list[bytes]):
     for piece in pieces:
-        assert piece.startswith(message_layout.MAGIC), f"a piece begins with {piece[:4]!r}, no longer with RRF2"
-        place, kinds = message_layout.HEAD, []
-        while place < len(piece) and message_layout.END not in kinds:
-            kind, length = message_layout.MESSAGE.unpack_from(piece, place)
+        assert piece.startswith(rrd_file.MAGIC), f"a piece begins with {piece[:4]!r}, no longer with RRF2"
+        place, kinds = rrd_file.HEAD, []
+        while place < len(piece) and rrd_file.END not in kinds:
+            kind, length = rrd_file.MESSAGE.unpack_from(piece, place)
             kinds.append(kind)
-            place += message_layout.MESSAGE.size + length
+            place += rrd_file.MESSAGE.size + length
             assert place <= len(piece), "a message is longer than its piece: kind and length stand otherwise"
         assert len(kinds) > 1, "a piece has no message before its end"
-        assert kinds[-1] == message_layout.END, "a piece has no end message"
+        assert kinds[-1] == rrd_file.END, "a piece has no end message"
 
 
 def test_joined_pieces_are_one_file(joined: Path):
     rows = list(chunks.stream_rows(joined, ["/curve", "/exact"]))
     assert {entity for entity, _ in rows} == {"/curve", "/exact"}, "joined pieces are not read as one recording"
-    assert not message_layout.has_footer(joined)
+    assert not rrd_file.has_footer(joined)
 
 
 def test_columns_arrive_as_they_were_sent(joined: Path):
@@ -94,7 +94,7 @@ def test_the_reader_filters_and_counts(joined: Path):
 def test_the_tool_gives_a_file_its_end(joined: Path, tmp_path: Path):
     whole = tmp_path / "whole.rrd"
     assert tool.Mending().rewrite(joined, whole), "`rerun rrd optimize` does not mend a file without an end"
-    assert message_layout.has_footer(whole), "a finished file does not end with RRF2FOOT"
+    assert rrd_file.has_footer(whole), "a finished file does not end with RRF2FOOT"
     assert chunks.has_recording(whole)
     torn = tmp_path / "torn.rrd"
     torn.write_bytes(joined.read_bytes()[:-7])
@@ -134,10 +134,10 @@ def test_streams_that_ended_leave_no_thread_behind() -> None:
     """Two for each stream and two for its layout, unless rerun is asked to let go of them."""
     threads = []
     for number in range(8):
-        stream = streams.new_stream("contract", str(number))
+        stream = chunks.new_stream("contract", str(number))
         encoded = stream.binary_stream()
         stream.set_sinks(encoded)
-        streams.send_layout(stream, rrb.Blueprint(rrb.TimeSeriesView(origin="/curve")))
+        chunks.send_layout(stream, rrb.Blueprint(rrb.TimeSeriesView(origin="/curve")))
         send_columns(stream, "curve", TIMES, [scalars(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))])
         assert encoded.read(flush_timeout_sec=5.0)
         stream.disconnect()

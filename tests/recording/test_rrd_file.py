@@ -8,7 +8,7 @@ import rerun as rr
 
 from flexlab.errors import RecordingError
 from flexlab.recording.reader import stream_rows
-from flexlab.recording.run_stream import RrdFile
+from flexlab.recording.rerun_internals.rrd_file import RrdFile
 
 
 class Narrow:

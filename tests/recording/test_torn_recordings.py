@@ -11,12 +11,12 @@ from rerun.chunk import RrdReader
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
+from flexlab.recording.file_sink import RunWriter
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals import tool
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.run_stream import open_file_stream
 from flexlab.recording.store import run_files
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import claim_run_file, has_footer, is_in_use, run_state
@@ -30,14 +30,14 @@ def unfinished(run: Run, tmp_path: Path) -> Path:
     """A recording as a killed lab leaves it: ten blocks, no end, no footer."""
     info = RunInfo("paper", load_preset("paper"))
     file = claim_run_file(tmp_path, "paper", info.started)
-    stream = open_file_stream(file, info)
-    writer = RunEncoder(info, [stream])
+    recording = RunWriter(file, info)
+    writer = RunEncoder(info, [recording.stream])
     for first in range(0, 1000, BLOCK):
         writer.write_samples(run.slice(first, first + BLOCK))
-    stream.push()
+    recording.push()
     lost = tmp_path / "lost.rrd"
     shutil.copy(file.path, lost)
-    stream.close()
+    recording.close()
     file.release()
     file.path.unlink()
     return lost
@@ -73,32 +73,32 @@ def test_who_looks_at_a_file_is_no_writer_and_hinders_no_mending(
 def test_a_run_that_is_being_recorded_is_read_up_to_when_the_reading_began(run: Run, tmp_path: Path) -> None:
     info = RunInfo("paper", load_preset("paper"))
     file = claim_run_file(tmp_path, "paper", info.started)
-    stream = open_file_stream(file, info)
-    writer = RunEncoder(info, [stream])
+    recording = RunWriter(file, info)
+    writer = RunEncoder(info, [recording.stream])
     for first in (0, 100, 200):
         writer.write_samples(run.slice(first, first + 100))
-    stream.push()
+    recording.push()
     blocks = read_blocks(file.path)
     first = next(blocks)
     writer.write_samples(run.slice(300, 400))
-    stream.push()
+    recording.push()
     assert_same_bits(join_blocks([first, *blocks]), run.slice(0, 300))
-    stream.close()
+    recording.close()
     file.release()
 
 
 def test_a_run_is_read_while_it_is_written(run: Run, tmp_path: Path) -> None:
     info = RunInfo("paper", load_preset("paper"))
     file = claim_run_file(tmp_path, "paper", info.started)
-    stream = open_file_stream(file, info)
-    writer = RunEncoder(info, [stream])
+    recording = RunWriter(file, info)
+    writer = RunEncoder(info, [recording.stream])
 
     def write() -> None:
         for first in range(0, 1000, 5):
             writer.write_samples(run.slice(first, first + 5))
-            stream.push()
+            recording.push()
 
-    stream.push()
+    recording.push()
     writing = Thread(target=write)
     writing.start()
     lengths = [0]
@@ -106,7 +106,7 @@ def test_a_run_is_read_while_it_is_written(run: Run, tmp_path: Path) -> None:
         samples = join_blocks(list(read_blocks(file.path)) or [run.slice(0, 0)])
         assert_same_bits(samples, run.slice(0, len(samples)))
         lengths.append(len(samples))
-    stream.close()
+    recording.close()
     file.release()
     assert lengths == sorted(lengths)
     assert_same_bits(join_blocks(list(read_blocks(file.path))), run.slice(0, 1000))

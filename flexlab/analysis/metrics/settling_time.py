@@ -94,6 +94,10 @@ class SettlingTime(Metric):
     def _note(self, time: np.ndarray, size: np.ndarray) -> None:
         """Take magnitudes into the pieces."""
         places, index = np.unique(np.floor(time / self._piece).astype(np.int64), return_inverse=True)
+        while len(places) > MOST_PIECES:
+            self._coarsen()
+            places, within = np.unique(places // 2, return_inverse=True)
+            index = within[index]
         largest = np.zeros(len(places))
         np.maximum.at(largest, index, size)
         for place, peak in zip(places.tolist(), largest.tolist(), strict=True):

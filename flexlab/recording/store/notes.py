@@ -1,4 +1,4 @@
-"""`<run>.json` beside `<run>.rrd`: what rerun's file cannot hold cheaply, how the run ended and what became of the file."""
+"""`<run>.json` beside `<run>.rrd`: metrics and changes, how the run ended, a person's note, and the state of the file."""
 
 import contextlib
 import json
@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 LARGEST_NOTES = 10_000_000
-"""Bytes of a file of notes that is read: an hour of dragging sliders makes one."""
+"""Bytes of the largest file of notes that is read: an hour of dragging sliders makes one."""
 
 
 def is_regular(path: Path) -> bool:
-    """Whether there is an ordinary file of this name: no link, folder, pipe or device, which may lead elsewhere or hang."""
+    """Whether there is an ordinary file of this name, not a link, folder, pipe or device."""
     try:
         return stat.S_ISREG(path.lstat().st_mode)
     except (OSError, ValueError):

@@ -9,14 +9,13 @@ import os
 import re
 import stat
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import IO, Literal
 
 from flexlab.errors import RecordingError
-from flexlab.recording.rerun_internals.message_layout import FAMILY, has_footer
+from flexlab.recording.rerun_internals.rrd_file import FAMILY, has_footer
 from flexlab.recording.store.notes import is_regular, notes_path, read_notes
 from flexlab.text import visible
 
@@ -39,24 +38,24 @@ CLAIM_ATTEMPTS, CLAIM_PAUSE = 50, 0.01
 """How often, and with how many s between, a file is claimed before it counts as another's."""
 
 NEWEST = "newest"
-"""What people say instead of the newest run's name."""
+"""Name of the newest run."""
 NAMES_SAID = 3
-"""Of many names that begin alike."""
+"""Names listed of many that begin alike."""
 
 State = Literal["in use", "complete", "recovered", "unfinished", "damaged"]
-"""complete: ended as it should. recovered: its writer died, the file was made whole. unfinished: not yet looked after."""
+"""complete: ended properly. recovered: its writer died, and the file was finished. unfinished: without a footer."""
 
 
 @dataclass(frozen=True)
 class RunFile:
-    """A claimed file: nobody else writes or repairs it until `release`."""
+    """A claimed file, which nobody else writes or repairs until `release`."""
 
     path: Path
     handle: IO[bytes]
 
     @property
     def in_place(self) -> bool:
-        """Whether the path still leads to this file: nobody moved it away, deleted it or put another one there."""
+        """Whether the path still leads to this file, which nobody moved, deleted or replaced."""
         try:
             return os.path.samestat(self.path.lstat(), os.fstat(self.handle.fileno()))
         except OSError:
@@ -81,7 +80,7 @@ def check_folder(logs: Path) -> None:
 
 
 def claim_named_file(path: Path) -> RunFile:
-    """Create this very file. Raises `RecordingError`, where there is one of that name, too."""
+    """Create a file of this name. Raises `RecordingError`, also if there is one."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         return claim(path, "xb")
@@ -92,14 +91,14 @@ def claim_named_file(path: Path) -> RunFile:
 
 
 def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> RunFile:
-    """Create `<time>-<name>.rrd`, with a number behind it if that is taken. Raises `RecordingError`."""
+    """Create `<time>-<name>.rrd`, with a number added if that name is taken. Raises `RecordingError`."""
     stem = f"{started.strftime(TIME_FORMAT)}-{file_word(name)}" + (f"-part{part}" if part > 1 else "")
     for number in range(1, MAX_SAME_NAME):
         path = logs / (f"{stem}-{number}{SUFFIX}" if number > 1 else stem + SUFFIX)
         try:
             logs.mkdir(parents=True, exist_ok=True)
             file = claim(path, "xb")
-            if not file.in_place:  # Somebody who swept up empty files held its lock for a moment.
+            if not file.in_place:  # Another process removed it as an empty file.
                 file.release()
                 file = claim(path, "xb")
             return file
@@ -113,7 +112,7 @@ def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> R
 def claim(path: Path, mode: Literal["xb", "rb+"]) -> RunFile:
     """Open and lock a file. Raises OSError, `BlockingIOError` if another process has it."""
     handle = path.open(mode, buffering=0)
-    # Whoever looks whether a file is in use holds its lock for a moment: that is no reason to leave it for ever.
+    # A process that checks whether the file is in use holds its lock for a moment.
     for attempts_left in reversed(range(CLAIM_ATTEMPTS)):
         try:
             if fcntl is not None:
@@ -133,7 +132,7 @@ def is_in_use(path: Path) -> bool:
         return not read_notes(path).get("ended") and time.time() - path.stat().st_mtime < QUIET_TIME
     try:
         with path.open("rb", buffering=0) as handle:
-            # Shared: two who look at once must not take each other for a writer.
+            # Shared, so that two processes that check at once do not take each other for a writer.
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
@@ -155,11 +154,11 @@ _OTHER_KINDS = (
 
 
 def check_recording(path: Path) -> None:
-    """Look whether a file can be a rerun recording at all. Raises `RecordingError` with the reason if not."""
+    """Check that a file can be a rerun recording. Raises `RecordingError` with the reason if not."""
     name = visible(path)
     try:
         mode = path.stat().st_mode
-        if not stat.S_ISREG(mode):  # Looked at before it is opened: a pipe would hang.
+        if not stat.S_ISREG(mode):  # Checked before it is opened: a pipe would hang.
             kind = next(words for is_kind, words in _OTHER_KINDS if is_kind(mode))
             raise RecordingError(f"{name} cannot be read: it is {kind}.")
         with path.open("rb") as file:
@@ -177,7 +176,7 @@ def check_recording(path: Path) -> None:
 
 
 def check_own_recording(path: Path) -> None:
-    """Look whether a file may be shown from the logs folder: as `check_recording`, and it lies there itself."""
+    """As `check_recording`; also raises `RecordingError` for a link, which may lead out of the logs folder."""
     if path.is_symlink():
         raise RecordingError(
             f"{visible(path)} is a link: only files that lie in the folder themselves are shown; copy what it leads to."
@@ -186,7 +185,7 @@ def check_own_recording(path: Path) -> None:
 
 
 def run_state(path: Path) -> State:
-    """How the recording stands, without reading it; "damaged" is also what cannot be looked at."""
+    """The state of a recording, without reading it; "damaged" if it cannot be opened."""
     with contextlib.suppress(OSError):
         if not stat.S_ISREG(path.stat().st_mode):
             return "damaged"
@@ -214,7 +213,7 @@ def list_runs(logs: Path) -> list[Path]:
 
 
 def list_files(logs: Path) -> list[Path]:
-    """Whatever in the folder is named like a recording, newest first: links, pipes and folders too, each for itself."""
+    """All that is named like a recording in the folder, newest first, also links, pipes and folders."""
     found = []
     with contextlib.suppress(OSError), os.scandir(logs) as entries:
         for entry in entries:
@@ -226,11 +225,11 @@ def list_files(logs: Path) -> list[Path]:
 
 
 VARIANT = "variant"
-"""In the notes of a run that was made to be compared with another one: of which, and what it is."""
+"""Key of the notes on a run that was made for a comparison: which run it is a variant of, and how."""
 
 
 def newest_run(logs: Path, made: bool = True) -> Path:
-    """The recording written last; `made`: one that was made for a comparison, too. Raises `RecordingError` if there is none."""
+    """The newest recording; `made`: also one made for a comparison. Raises `RecordingError` if there is none."""
     runs = [run for run in list_runs(logs) if made or VARIANT not in read_notes(run)]
     if not runs:
         raise RecordingError(f"There is no recording in {logs}: start flexlab, or say where with --logs.")
@@ -238,9 +237,9 @@ def newest_run(logs: Path, made: bool = True) -> Path:
 
 
 def find_run(run: str, logs: Path) -> Path:
-    """The recording that a person means: a file, a name in `logs` or the beginning of one, or "newest".
+    """The recording named by a person: a file, a name in `logs` or the beginning of one, or "newest".
 
-    Raises `RecordingError` if there is none, or more than one. Whether the file is a recording is for its reader to say.
+    Raises `RecordingError` if there is none, or more than one. It does not check that the file is a recording.
     """
     if run == NEWEST:
         return newest_run(logs)
@@ -260,7 +259,7 @@ def find_run(run: str, logs: Path) -> Path:
 
 
 def _named_file(path: Path) -> Path:
-    """A file that a person named; what they name themselves may be a link. Raises `RecordingError` for no file."""
+    """A file that a person named, which may be a link. Raises `RecordingError` if it is no file."""
     path = path.resolve() if path.is_symlink() else path
     if not is_regular(path):
         check_recording(path)
@@ -285,10 +284,10 @@ DAY = 86400.0
 def removable_runs(
     logs: Path, most_bytes: float | None = None, most_days: float | None = None, now: float | None = None
 ) -> list[Path]:
-    """Recordings over the limits, oldest first: those older than `most_days`, and as many as bring all under `most_bytes`.
+    """Recordings over the limits, oldest first: those older than `most_days`, and more until the rest is under `most_bytes`.
 
-    None is no limit. Kept runs and runs being written count towards the size, but are never among the answers. `now`: wall
-    time, s. Raises `RecordingError` for a limit that is no positive number.
+    None is no limit. Kept runs and runs being written count towards the size but are never returned. `now`: wall time, s.
+    Raises `RecordingError` for a limit that is not positive.
     """
     for name, limit in (("most_bytes", most_bytes), ("most_days", most_days)):
         if limit is not None and not limit > 0:
@@ -307,9 +306,3 @@ def removable_runs(
             found.append(path)
             total -= about.st_size
     return found
-
-
-def remove_runs(paths: Sequence[Path]) -> None:
-    """Delete recordings and their notes. Raises `RecordingError` for the first that cannot be deleted."""
-    for path in paths:
-        remove_run(path)

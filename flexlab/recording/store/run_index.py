@@ -1,4 +1,4 @@
-"""The runs in the logs folder as a table lists them: told from file names, notes and states, without reading runs."""
+"""The runs in the logs folder as tables list them, from file names, notes and states; recordings are not read."""
 
 import contextlib
 import logging
@@ -36,7 +36,7 @@ LONGEST_CHANGE, MOST_CHANGES = 500, 1000
 MOST_METRICS = 100
 MOST_LESSONS = 100
 MEASURED_STATUS = "measured"
-"""That of `sim.samples.MEASURED`, as a listing reads it: it shall not take the engine to list runs."""
+"""`sim.samples.MEASURED`, written again here so that listing runs does not load the engine."""
 _NO_ADDRESS = re.compile(r"[\\\t\n]|\A\.*\Z|\.rrd\Z")
 """In names that an address cannot hold, or that would mean something else there."""
 _NAME = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}-\d{2}-\d{2})-(.+)")
@@ -76,6 +76,8 @@ class RunRow:
     """What that visitor is called."""
     lessons: tuple[LessonProgress, ...] = ()
     """What was guessed and passed in the lab that recorded it."""
+    own_metrics: tuple[str, ...] = ()
+    """Which of the metrics somebody declared for their own studies."""
     problem: str = ""
     """Why the file is no recording, as a sentence; it can only be deleted."""
 
@@ -113,8 +115,8 @@ def read_rows(paths: Iterable[Path]) -> Iterator[RunRow]:
 
 
 def find_row(logs: Path, run: str) -> RunRow:
-    """One run, or what stands in the folder in place of one. Raises `RecordingError` if there is none with this name."""
-    # Looked up among the files that are there: a name from an address never becomes a path.
+    """The row of a run by its `id`. Raises `RecordingError` if there is none."""
+    # Found among the files of the folder: a name from an address never becomes a path.
     for path in list_files(logs):
         if run_id(path) == run:
             try:
@@ -194,6 +196,7 @@ def read_row(path: Path) -> RunRow:
         owner=visible(notes.get("owner", ""), LONGEST_NAME),
         visitor=visible(notes.get("visitor", ""), LONGEST_NAME),
         lessons=_lessons(notes.get("lessons")),
+        own_metrics=_texts(notes.get("own_metrics"), LONGEST_NAME, MOST_METRICS),
         problem=problem,
     )
 

@@ -1,17 +1,22 @@
-"""Arms and beam as moving shapes in rerun's space: the plane is z = 0, seen from above."""
+"""What rerun's viewer shows of a run: arms and beam as moving shapes in space, and the views and plots around them.
 
-from collections.abc import Iterator
+The plane of the arms is z = 0, seen from above.
+"""
+
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.components import LinkAxis
 
 from flexlab.control.motion import poses
 from flexlab.control.path import build_motion
-from flexlab.recording.rerun_internals.chunks import Column, line_strips, vectors
+from flexlab.recording.rerun_internals.chunks import TIMELINE, Column, line_strips, vectors
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import arm_points, beam_points, link_points
 from flexlab.sim.samples import Samples
-from flexlab.views import BLUE, GRAY, GREEN, ORANGE, PURPLE, VERMILION
+from flexlab.views import BLUE, GRAY, GREEN, ORANGE, PURPLE, REAL_TIME_FACTOR, VERMILION, View, views
 
 FRAMES_PER_SECOND = 60
 """Drawn states per wall second in slow motion, per simulated second else: what a screen can show."""
@@ -142,3 +147,86 @@ def eye(scenario: Scenario, shape: float = VIEW_SHAPE) -> tuple[tuple[float, flo
     x, y = 0.5 * (low + high)
     half = 0.5 * max((high[0] - low[0] + VIEW_MARGIN) / shape, high[1] - low[1])
     return (float(x), float(y), 0.0), float(half / np.tan(EYE_ANGLE / 2))
+
+
+MAIN_PLOTS = ("error", "vibration", "internal_force", "joint_torque")
+"""Seen at once; the other plots are tabs."""
+MEASURED_PLOT = "vibration"
+"""The plot of what is measured at a beam: its deflection."""
+
+
+def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = False) -> rrb.Blueprint:
+    """The layout of one run. `factor`: exaggeration of the drawn deflection, which the view's name states.
+
+    `follow`: show the newest instant, as it comes.
+    """
+    signals = views(scenario)
+    left = rrb.Vertical(
+        scene_view(f"{title}: deflection drawn × {factor:g}", scenario),
+        rrb.Tabs(
+            rrb.TextDocumentView(origin="parameters", name="Parameters"),
+            rrb.TextLogView(origin="events", name="Events"),
+            rrb.TextDocumentView(origin="signals", name="Signals"),
+            *(plot_view(signal) for signal in (*signals, REAL_TIME_FACTOR) if signal.entity not in MAIN_PLOTS),
+            active_tab=0,
+        ),
+        row_shares=[3, 2],
+    )
+    right = rrb.Vertical(*(plot_view(signal) for signal in signals if signal.entity in MAIN_PLOTS))
+    return side_by_side(left, right, follow)
+
+
+def measurement_blueprint(scenario: Scenario) -> rrb.Blueprint:
+    """The layout of what was measured at a beam: its curves, and nothing in space."""
+    texts = rrb.Tabs(
+        rrb.TextDocumentView(origin="parameters", name="Measurement"),
+        rrb.TextLogView(origin="events", name="Events"),
+        active_tab=0,
+    )
+    (measured,) = (signal for signal in views(scenario) if signal.entity == MEASURED_PLOT)
+    return side_by_side(texts, plot_view(measured))
+
+
+def side_by_side(left: rrb.Container, right: rrb.Container | rrb.View, follow: bool = False) -> rrb.Blueprint:
+    """Two halves and a folded time panel, nothing else."""
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[1, 1]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following" if follow else None),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def scene_view(
+    name: str, scenario: Scenario, contents: str = "/scene/**", shape: float = VIEW_SHAPE
+) -> rrb.Spatial3DView:
+    """The plane from above; `shape`: the view's width over its height, about."""
+    (x, y, z), height = eye(scenario, shape)
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=contents,
+        name=name,
+        line_grid=rrb.LineGrid3D(visible=True, spacing=0.1, stroke_width=0.5, color=(128, 128, 128, 60)),
+        background=rrb.Background(color=(28, 30, 34)),
+        eye_controls=rrb.EyeControls3D(
+            # A hair off the vertical: looking straight down leaves "up" undefined.
+            kind=rrb.Eye3DKind.Orbital,
+            position=(x, y - 0.01, z + height),
+            look_target=(x, y, z),
+            eye_up=(0.0, 1.0, 0.0),
+        ),
+    )
+
+
+def plot_view(signal: View, contents: Sequence[str] = ()) -> rrb.TimeSeriesView:
+    """One plot, its time axis shared with all others. `contents`: other entities to draw in it than the signal's own."""
+    units = sorted({name[name.rindex("[") + 1 : -1] for name in signal.names})
+    return rrb.TimeSeriesView(
+        origin="/" if contents else f"/{signal.entity}",
+        contents=list(contents) or "$origin/**",
+        name=f"{signal.title} [{', '.join(units)}]",
+        axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+    )

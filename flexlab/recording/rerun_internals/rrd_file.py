@@ -1,0 +1,162 @@
+"""How a rerun file is put together, and one that is being written.
+
+Each piece that rerun encodes is a small file of its own: a head, messages (kind and length, 8 bytes each, then the body), an
+end message with an index, and a foot. A larger file is one head and the messages of all pieces; `repair` adds the end.
+
+Rerun can write files itself, but when a disk is full its writer dies silently and all later data is lost. So rerun only
+encodes, into memory, and the bytes are written here: an error is known at once, a half-written message is cut off again, and
+what could not be written waits until there is room.
+"""
+
+import os
+import struct
+import time
+import zlib
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO
+
+from flexlab.errors import RecordingError
+
+MAGIC = b"RRF2"
+"""How a rerun file of this generation begins."""
+HEAD = 12
+"""Bytes of the head: magic, version, options."""
+MESSAGE = struct.Struct("<QQ")
+"""Kind and length of a message's body."""
+END = 0
+"""Kind of the end message."""
+FAMILY = b"RRF"
+"""How a rerun file of any version begins."""
+FOOTER, FOOTER_PLACE = b"RRF2FOOT", 12
+"""How the last bytes of a finished file begin, and how many they are."""
+
+
+def messages(piece: bytes, with_head: bool) -> bytes:
+    """A piece without its end and foot, and without its head unless asked for."""
+    if piece[: len(MAGIC)] != MAGIC:
+        raise RecordingError(f"Rerun encodes as {piece[:4]!r}, not {MAGIC!r}: this flexlab needs rerun-sdk 0.41.")
+    place = HEAD
+    while place < len(piece):
+        kind, length = MESSAGE.unpack_from(piece, place)
+        if kind == END:
+            break
+        place += MESSAGE.size + length
+    return piece[0 if with_head else HEAD : place]
+
+
+def has_footer(path: Path) -> bool:
+    """Whether the file ends as a finished rerun file does."""
+    with path.open("rb") as file:
+        file.seek(0, os.SEEK_END)
+        file.seek(max(0, file.tell() - FOOTER_PLACE))
+        return file.read().startswith(FOOTER)
+
+
+READING_SHARE = 0.05
+"""Share of the time that may go into reading a file again whose date has changed."""
+READ_BYTES = 1 << 20
+"""Read at once."""
+HELD_BYTES = 48_000_000
+"""Most bytes that wait for a full disk: one and a half minutes of the paper's run. Then the oldest are given up."""
+
+Refusal = Callable[[int], str]
+"""Says why so many more bytes may not be written; empty if they may."""
+
+
+def allow(size: int) -> str:
+    """Any number of bytes."""
+    return ""
+
+
+class RrdFile:
+    """A file that grows by whole messages. Not for use by two threads at once."""
+
+    def __init__(self, handle: IO[bytes], held_bytes: int = HELD_BYTES):
+        """`handle`: a file open for writing, unbuffered, empty."""
+        self._handle = handle
+        self._held_bytes = held_bytes
+        self._waiting: deque[bytes] = deque()
+        self._waiting_bytes = 0
+        self._size = self._checksum = 0
+        self._date = os.fstat(handle.fileno()).st_mtime_ns
+        self._next_reading = 0.0
+        self._begun = False
+        self.given_up = 0
+        """Pieces that were given up because a disk stayed full for too long."""
+
+    def hold(self, piece: bytes, whole: bool = False) -> None:
+        """Take one piece as rerun encodes it, to be written by `write`; `whole`: with its end, as there is no other piece.
+
+        Raises `RecordingError` for what is no piece.
+        """
+        data = piece if whole else messages(piece, with_head=not self._begun)
+        self._begun = True
+        self._waiting.append(data)
+        self._waiting_bytes += len(data)
+        # The first piece has the head and says what the run is: without it the rest is worth nothing.
+        oldest = 0 if self._size else 1
+        while self._waiting_bytes > self._held_bytes and len(self._waiting) > oldest + 1:
+            self._waiting_bytes -= len(self._waiting[oldest])
+            del self._waiting[oldest]
+            self.given_up += 1
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the file still has exactly the bytes that were written: nobody cut it off or wrote over it."""
+        found = os.fstat(self._handle.fileno())
+        if found.st_size != self._size:
+            return False
+        if found.st_mtime_ns == self._date or time.monotonic() < self._next_reading:
+            return True
+        # Somebody wrote into it, or only touched it: its bytes tell.
+        begun = time.monotonic()
+        is_same = self._read_checksum() == self._checksum
+        now = time.monotonic()
+        self._next_reading = now + (now - begun) / READING_SHARE
+        self._date = found.st_mtime_ns
+        return is_same
+
+    def _read_checksum(self) -> int:
+        checksum = 0
+        with open(self._handle.name, "rb", buffering=0) as file:
+            while piece := file.read(READ_BYTES):
+                checksum = zlib.crc32(piece, checksum)
+        return checksum
+
+    def write(self, refusal: Refusal = allow) -> None:
+        """Write all that waits. Raises `RecordingError` if the disk or `refusal` does not take it; what is left waits on."""
+        try:
+            while self._waiting:
+                if refused := refusal(len(self._waiting[0])):
+                    raise RecordingError(refused)
+                self._write(self._waiting[0])
+                self._waiting_bytes -= len(self._waiting.popleft())
+        except OSError as error:
+            raise RecordingError(f"{self._handle.name} cannot be written ({error.strerror}).") from None
+
+    def _write(self, data: bytes) -> None:
+        """All or nothing: what was half written is cut off again."""
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[os.write(self._handle.fileno(), rest) :]
+        except OSError:
+            os.ftruncate(self._handle.fileno(), self._size)
+            os.lseek(self._handle.fileno(), self._size, os.SEEK_SET)
+            self._note_date()
+            raise
+        self._size += len(data)
+        self._checksum = zlib.crc32(data, self._checksum)
+        self._note_date()
+
+    def _note_date(self) -> None:
+        self._date = os.fstat(self._handle.fileno()).st_mtime_ns
+
+
+APPLICATION = "flexlab"
+"""Rerun keeps one layout per application: while runs are watched live, a person's own changes hold for the next one."""
+
+FLUSH_TIMEOUT = 5.0
+"""s: rerun's encoder, if silent for so long, counts as failed."""

@@ -6,23 +6,24 @@ from flexlab.analysis.identification.fitting import Fit as Fit
 from flexlab.analysis.internal_force import internal_force_eq_26 as internal_force_eq_26
 from flexlab.analysis.leaderboard.board import Leaderboard as Leaderboard
 from flexlab.analysis.linear_model import LinearModel as LinearModel
+from flexlab.analysis.linearize import linearize as linearize
 from flexlab.analysis.metrics import RunMetrics as RunMetrics
 from flexlab.analysis.metrics.own import metric as metric
 from flexlab.analysis.modes import Modes as Modes
+from flexlab.analysis.modes import modes as modes
 from flexlab.analysis.replay import Replay as Replay
 from flexlab.analysis.result import Result as Result
 from flexlab.analysis.sweep.result import Sweep as Sweep
 from flexlab.analysis.tuning import Tuning as Tuning
 from flexlab.analysis.validation import Validation as Validation
+from flexlab.analysis.validation import validate as validate
 from flexlab.api import Run as Run
 from flexlab.api import explain as explain
 from flexlab.api import export_fmu as export_fmu
-from flexlab.api import modes as modes
 from flexlab.api import read as read
 from flexlab.api import simulate as simulate
 from flexlab.api import simulate_many as simulate_many
 from flexlab.api import sweep as sweep
-from flexlab.linear_api import linearize as linearize
 from flexlab.notebook import Lab as Lab
 from flexlab.own.declaration import OwnLaw as OwnLaw
 from flexlab.own.declaration import OwnPath as OwnPath
@@ -43,6 +44,5 @@ from flexlab.study_api import fit as fit
 from flexlab.study_api import leaderboard as leaderboard
 from flexlab.study_api import replay as replay
 from flexlab.study_api import tune as tune
-from flexlab.study_api import validate as validate
 
 __version__: str

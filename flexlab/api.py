@@ -4,7 +4,7 @@ Everything here stands as `flexlab.<name>`; the rooms below do the work. What on
 simulation should not wait for the libraries of recordings and figures.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexlab.analysis import modes as mode_study
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.result import result_hash
 from flexlab.analysis.sweep.axes import parse_axes
@@ -22,12 +21,9 @@ from flexlab.analysis.workers import chosen_workers, progress_bar
 from flexlab.analysis.workers import simulate_many as compute_many
 from flexlab.arguments import file_path, flag, whole_number
 from flexlab.errors import StudyError
-from flexlab.own.declaration import OwnLaw, OwnPath
 from flexlab.own.files import law_kind, path_kind
-from flexlab.presets import find_scenario, telling_name
+from flexlab.presets import AnyLaw, AnyPath, AnyScenario, law_and_path, named_scenario
 from flexlab.recording.table_columns import table_columns, to_columns
-from flexlab.scenario import Scenario, parse_scenario
-from flexlab.scenario.path_file import known_kind, path_choice
 from flexlab.sim import samples
 from flexlab.sim import simulate as engine
 from flexlab.sim.commands import WorldCommand
@@ -44,30 +40,26 @@ if TYPE_CHECKING:
 LOGS = "logs"
 """The folder of recordings where somebody works."""
 
-AnyScenario = Scenario | str | Path | Mapping[str, Any]
-"""A scenario; a preset's name; the path of a scenario file; or plain data, as read from JSON."""
-
-AnyLaw = str | Path | type[OwnLaw] | None
-"""A control law by its name, the path of a Python file that holds one, or a class; None: the scenario's."""
-AnyPath = str | Path | type[OwnPath] | None
-"""A path by its name, a CSV file, a Python file, or a class; None: the scenario's."""
-
 
 class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of all arrays)
     name: str
     """The preset or file that the scenario came from; recordings are called after it."""
 
-    def __init__(self, *, name: str = "run", **parts: Any):
+    noted: Mapping[str, float | None]
+    """Of a recorded run: metrics of somebody's own by title and unit, SI, as they were noted."""
+
+    def __init__(self, *, name: str = "run", noted: Mapping[str, float | None] | None = None, **parts: Any):
         super().__init__(**parts)
-        vars(self).update(name=name)
+        vars(self).update(name=name, noted=noted or {})
 
     @cached_property
     def metrics(self) -> RunMetrics:
         """Tracking errors, vibration, settling time, torques…: of the whole run, in SI units; `print` shows a table.
 
-        NaN, but for the duration, for a run that stopped before its end.
+        NaN, but for the duration, for a run that stopped before its end. Metrics of your own (`flexlab.metric`) that were noted
+        with a recording are there too. Raises `StudyError` if one of your own fails.
         """
-        return run_metrics(self, finished=not self.status.failed)
+        return run_metrics(self, finished=not self.status.failed, noted=self.noted)
 
     @cached_property
     def explanations(self) -> tuple["Explained", ...]:
@@ -80,16 +72,30 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         return result_hash(self)
 
     def save(self, folder: str | Path = LOGS) -> Path:
-        """Record the run, with its metrics, as `<folder>/<time>-<name>.rrd`, or as a file that you name; returns the path.
+        """Record the run as `<folder>/<time>-<name>.rrd`, or as a file that you name; returns the path.
 
-        `run.save("squeezed.rrd")` names one. Raises `RecordingError`, where a file of that name is there, too.
-
-        `flexlab review`, the lab's library and `flexlab.read` open it again.
+        `run.save("squeezed.rrd")` names one. Its metrics, your own among them, are noted beside it; if one of your own fails,
+        the note on the run says so. `flexlab review`, the lab's library and `flexlab.read` open it again. Raises
+        `RecordingError`, also where a file of that name is there already.
         """
-        from flexlab.analysis.run_summary import run_notes
+        from flexlab.analysis.run_summary import MetricNotes
         from flexlab.recording.headless import write_run
+        from flexlab.recording.store.notes import write_notes
 
-        return write_run(self, file_path("folder", folder), self.name, start_notes=run_notes)
+        problem = ""
+        try:
+            metrics = self.metrics
+        except StudyError as error:
+            metrics, problem = run_metrics(self, finished=not self.status.failed, own=False), str(error)
+        path = write_run(
+            self,
+            file_path("folder", folder),
+            self.name,
+            start_notes=lambda info: MetricNotes(info.name, info.scenario, metrics),
+        )
+        if problem:
+            write_notes(path, note=problem)
+        return path
 
     def plot(self, *signals: str) -> "Figure":
         """Curves of signals by name, `run.plot("joint_torque", "vibration")`, in SI; without a name those of the lab.
@@ -193,14 +199,6 @@ def explain(run: Run) -> tuple["Explained", ...]:
     return explain_run(run)
 
 
-def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None) -> mode_study.Modes:
-    """`analysis.modes.modes` of anything that `simulate` takes: `print(flexlab.modes("paper"))` shows the tables."""
-    return mode_study.modes(named_scenario(scenario)[1], pose)
-
-
-modes.__doc__ = f"{modes.__doc__}\n\n    {mode_study.modes.__doc__}"
-
-
 def simulate_many(
     scenarios: Sequence[AnyScenario],
     duration: float = 3.0,
@@ -223,7 +221,7 @@ def simulate_many(
     if single or not isinstance(scenarios, Iterable):
         raise StudyError(f"scenarios = {scenarios!r:.60} is no list: give scenarios, as in ['paper', 'soft-beam'].")
     pairs = [("run", scenario) if isinstance(scenario, Mapping) else named_scenario(scenario) for scenario in scenarios]
-    choose = _choice(law, path)
+    choose = law_and_path(law, path)
     runs = compute_many(
         [scenario for _, scenario in pairs], duration, sample_period, workers, progress, choose, cluster
     )
@@ -279,9 +277,11 @@ def read(run: str | Path, logs: str | Path = LOGS) -> Run:
         raise StudyError(f"read({run!r}) names no recording: give a file's path, a run's name, or \"newest\".")
     from flexlab.recording.reader import read_recording
     from flexlab.recording.store.run_files import find_run
+    from flexlab.recording.store.run_index import read_row
 
-    recording = read_recording(find_run(str(run), file_path("logs", logs)))
-    return _run(recording.run, recording.name)
+    path = find_run(str(run), file_path("logs", logs))
+    recording, row = read_recording(path), read_row(path)
+    return _run(recording.run, recording.name, {key: row.metrics[key] for key in row.own_metrics if key in row.metrics})
 
 
 def export_fmu(
@@ -303,24 +303,6 @@ def export_fmu(
     return target
 
 
-def named_scenario(scenario: AnyScenario, law: AnyLaw = None, path: AnyPath = None) -> tuple[str, Scenario]:
-    """(short name, scenario) of anything that `simulate` takes. Raises `PresetError`, `ScenarioError` or `StudyError`."""
-    name, valid = _named(scenario)
-    return name, _choice(law, path)(valid)
-
-
-def _choice(law: AnyLaw, path: AnyPath) -> Callable[[Scenario], Scenario]:
-    """Gives a scenario a law and a path. Raises `ScenarioError`, the function that it returns too, or `PresetError`."""
-    changes = {} if law is None else {"controller.kind": known_kind("controller.kind", law_kind(law))}
-    along = None if path is None else path_choice(path)
-
-    def chosen(scenario: Scenario) -> Scenario:
-        changed = scenario.replace(changes) if changes else scenario
-        return changed if along is None else along(changed)
-
-    return chosen
-
-
 def _by_kind(vary: Any) -> Any:
     """What is varied, with the kinds of laws and paths that were given as files or classes. Raises `ScenarioError`."""
     if not isinstance(vary, Mapping):
@@ -334,19 +316,5 @@ def _by_kind(vary: Any) -> Any:
     }
 
 
-def _named(scenario: AnyScenario) -> tuple[str, Scenario]:
-    if isinstance(scenario, Scenario):
-        return telling_name(scenario), scenario
-    if isinstance(scenario, (str, Path)):
-        return find_scenario(str(scenario))
-    if isinstance(scenario, Mapping):
-        valid = parse_scenario(scenario)
-        return telling_name(valid), valid
-    raise StudyError(
-        f'{type(scenario).__name__} is no scenario: give a Scenario, the name of a preset such as "paper", '
-        "the path of a scenario file, or a dictionary of its fields."
-    )
-
-
-def _run(run: samples.Run, name: str) -> Run:
-    return Run(**run.signals(), scenario=run.scenario, status=run.status, name=name)
+def _run(run: samples.Run, name: str, noted: Mapping[str, float | None] | None = None) -> Run:
+    return Run(**run.signals(), scenario=run.scenario, status=run.status, name=name, noted=noted)

@@ -4,8 +4,8 @@ from html import escape
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from flexlab import api
 from flexlab.arguments import whole_number
+from flexlab.presets import AnyLaw, AnyPath, AnyScenario, named_scenario
 from flexlab.text import CELL_HEIGHT
 
 if TYPE_CHECKING:
@@ -21,13 +21,13 @@ class Lab:
 
     def __init__(
         self,
-        scenario: api.AnyScenario = "paper",
+        scenario: AnyScenario = "paper",
         height: int = CELL_HEIGHT,
-        law: api.AnyLaw = None,
-        path: api.AnyPath = None,
+        law: AnyLaw = None,
+        path: AnyPath = None,
     ):
         self._height = whole_number("height", height, 1)
-        self._name, self._scenario = api.named_scenario(scenario, law, path)
+        self._name, self._scenario = named_scenario(scenario, law, path)
         self._session: Session | None = None
 
     def open(self) -> "Lab":

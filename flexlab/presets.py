@@ -11,15 +11,19 @@ import difflib
 import json
 import math
 import re
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from flexlab.assets import presets_folder
-from flexlab.errors import FlexlabError, PresetError, ScenarioError
+from flexlab.errors import FlexlabError, PresetError, ScenarioError, StudyError
+from flexlab.own.declaration import OwnLaw, OwnPath
+from flexlab.own.files import law_kind
 from flexlab.scenario import parse_scenario
 from flexlab.scenario.field_text import differences, told, value_text
+from flexlab.scenario.path_file import known_kind, path_choice
 from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD, MENU_FIELD, SCHEMA_FIELD, Scenario
 from flexlab.text import visible
 
@@ -102,6 +106,46 @@ def find_scenario(name_or_path: str, own: Path = OWN_FOLDER) -> tuple[str, Scena
     if name_or_path.endswith(".json") or "/" in name_or_path or "\\" in name_or_path:
         return Path(name_or_path).stem, load_scenario_file(name_or_path)
     raise PresetError(_unknown(name_or_path, preset_names(own)))
+
+
+AnyScenario = Scenario | str | Path | Mapping[str, Any]
+"""A scenario; a preset's name; the path of a scenario file; or plain data, as read from JSON."""
+AnyLaw = str | Path | type[OwnLaw] | None
+"""A control law by its name, the path of a Python file that holds one, or a class; None: the scenario's."""
+AnyPath = str | Path | type[OwnPath] | None
+"""A path by its name, a CSV file, a Python file, or a class; None: the scenario's."""
+
+
+def any_scenario(given: AnyScenario) -> Scenario:
+    """The scenario that is meant. Raises `PresetError`, `ScenarioError`, or `StudyError` for what means none."""
+    return given if isinstance(given, Scenario) else named_scenario(given)[1]
+
+
+def named_scenario(given: AnyScenario, law: AnyLaw = None, path: AnyPath = None) -> tuple[str, Scenario]:
+    """(short name, scenario with this law and path). Raises `PresetError`, `ScenarioError` or `StudyError`."""
+    if isinstance(given, (str, Path)):
+        name, scenario = find_scenario(str(given))
+    elif isinstance(given, (Scenario, Mapping)):
+        scenario = given if isinstance(given, Scenario) else parse_scenario(given)
+        name = telling_name(scenario)
+    else:
+        raise StudyError(
+            f'{type(given).__name__} is no scenario: give a Scenario, the name of a preset such as "paper", '
+            "the path of a scenario file, or a dictionary of its fields."
+        )
+    return name, law_and_path(law, path)(scenario)
+
+
+def law_and_path(law: AnyLaw, path: AnyPath) -> Callable[[Scenario], Scenario]:
+    """A function that gives a scenario this law and path. Both raise `ScenarioError` or `PresetError`."""
+    changes = {} if law is None else {"controller.kind": known_kind("controller.kind", law_kind(law))}
+    along = None if path is None else path_choice(path)
+
+    def chosen(scenario: Scenario) -> Scenario:
+        changed = scenario.replace(changes) if changes else scenario
+        return changed if along is None else along(changed)
+
+    return chosen
 
 
 MOST_TOLD, LONGEST_TOLD = 3, 80

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from flexlab.analysis import comparison, tuning, validation
+from flexlab.analysis import comparison, tuning
 from flexlab.analysis import replay as replaying
 from flexlab.analysis.capsule import unpack_capsule, write_capsule
 from flexlab.analysis.comparison import Comparison
@@ -21,12 +21,12 @@ from flexlab.analysis.leaderboard.store import FOLDER, RowStore
 from flexlab.analysis.replay import Replay
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.tuning import Tuning, parse_cost
-from flexlab.analysis.validation import Validation
 from flexlab.analysis.workers import chosen_workers, progress_bar
-from flexlab.api import LOGS, AnyLaw, AnyPath, AnyScenario, Run, export_fmu, named_scenario
+from flexlab.api import LOGS, Run, export_fmu
 from flexlab.arguments import file_path, flag, text_or_none, time_or_none
 from flexlab.errors import StudyError
 from flexlab.own import hosts
+from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_scenario
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.store.run_files import find_run
@@ -82,7 +82,7 @@ def fit(
     """
     of, column = text_or_none("signal", signal, "vibration"), text_or_none("time", time, "time")
     first, last = time_or_none("start", start), time_or_none("end", end)
-    known = None if scenario is None else named_scenario(scenario)[1]
+    known = None if scenario is None else any_scenario(scenario)
     if not isinstance(source, Run) and str(source).lower().endswith(".csv"):
         return fit_file(Path(source), column, of, first, last, known)
     if column is not None:
@@ -180,11 +180,6 @@ def _write_page(path: Path, target: Path) -> None:
     noted = Noted(row.heading, row.note, row.lessons, row.changes)
     with redirect_stdout(StringIO()):  # viser says where it serves, which it does for a moment only.
         write_run_page(recording.run, target, recording.name, package_version(), noted)
-
-
-def validate() -> Validation:
-    """Whether what this installation computes is what the paper and mechanics say: `.holds`, and a row per statement."""
-    return validation.validate()
 
 
 def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:

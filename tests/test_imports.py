@@ -35,7 +35,6 @@ LAYERS = {
     "lab": 7,
     "analysis": 7,
     "api": 8,
-    "linear_api": 8,
     "study_api": 8,
     "notebook": 8,
     "jupyter": 8,

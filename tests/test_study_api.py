@@ -14,6 +14,7 @@ import pytest
 import flexlab
 from flexlab.analysis.metrics.metric import forget, named, number_names
 from flexlab.analysis.metrics.own import DECLARED
+from flexlab.analysis.run_summary import note_metrics
 from flexlab.analysis.sweep.plan import make_plan
 from flexlab.analysis.sweep.result import run_sweep
 from flexlab.analysis.tuning import numbers_of, parse_cost
@@ -66,7 +67,7 @@ def test_a_number_has_one_name_in_si_and_older_names_still_read(tmp_path: Path):
         run.metrics["energy"]
 
 
-def test_a_metric_of_ones_own_is_in_runs_and_sweeps_and_not_in_recordings(tmp_path: Path):
+def test_a_metric_of_ones_own_is_in_runs_and_sweeps(tmp_path: Path):
     @flexlab.metric("m", of="peak")
     def farthest(samples: flexlab.Samples) -> np.ndarray:
         return samples.pose[:, 1]
@@ -81,8 +82,9 @@ def test_a_metric_of_ones_own_is_in_runs_and_sweeps_and_not_in_recordings(tmp_pa
     plan = make_plan(flexlab.load_preset("paper"), flexlab.api.parse_axes({EI: [100.0]}, run.scenario), 0.05, 0.001)
     run_sweep(plan, tmp_path / "sweep", chosen_workers(1))
     assert flexlab.Sweep(plan, tmp_path / "sweep").failed == {0: "The metric broken failed: ValueError: no such thing"}
-    noted = read_notes(run.save(tmp_path))["metrics"]
-    assert not {"Farthest [m]", "Broken [1]"} & set(noted)
+    notes = read_notes(run.save(tmp_path))
+    assert not {"Farthest [m]", "Broken [1]"} & set(notes["metrics"])
+    assert notes["note"] == "The metric broken failed: ValueError: no such thing"
     forget("broken")
     assert flexlab.simulate("paper", 0.05).metrics.farthest == run.pose[:, 1].max()
     before = plan.key
@@ -93,6 +95,27 @@ def test_a_metric_of_ones_own_is_in_runs_and_sweeps_and_not_in_recordings(tmp_pa
     flexlab.metric("m", of="peak")(_named("two"))
     with pytest.raises(StudyError, match=r"gives an array \(2,\): a signal of these samples has \(51,\)"):
         _ = flexlab.simulate("paper", 0.05).metrics
+
+
+def test_a_metric_of_ones_own_is_read_back_where_nobody_declares_it(flexlab_command: Command, tmp_path: Path):
+    @flexlab.metric("m", "Farthest place", of="peak")
+    def farthest(samples: flexlab.Samples) -> np.ndarray:
+        return samples.pose[:, 1]
+
+    run = flexlab.simulate("paper", 0.05)
+    path = run.save(tmp_path / "logs")
+    assert flexlab.read(path).metrics.own == ["Farthest place [m]"]
+    assert flexlab.read(path).metrics.farthest == run.metrics.farthest, "declared here: computed from the samples"
+    forget("farthest")
+    found = flexlab.read(path)
+    assert found.metrics["Farthest place [m]"] == pytest.approx(run.metrics.numbers[-1], rel=1e-3)
+    assert "Farthest place [m]" in str(found.metrics)
+    again = found.save(tmp_path / "again")
+    assert read_notes(again)["metrics"]["Farthest place [m]"] == read_notes(path)["metrics"]["Farthest place [m]"]
+    note_metrics(path)
+    assert flexlab.read(path).metrics.own == ["Farthest place [m]"], "measured again by a process that does not know it"
+    told = flexlab_command("logs", path.stem, "--logs", str(tmp_path / "logs")).stdout
+    assert "Farthest place [m]" in told
 
 
 def _named(name: str) -> Callable[[flexlab.Samples], np.ndarray]:

@@ -19,8 +19,8 @@ from flexlab.arguments import flag
 from flexlab.control.observers.believed_plant import hold
 from flexlab.errors import StudyError
 from flexlab.lapack import one_blas_thread
+from flexlab.presets import AnyScenario, any_scenario
 from flexlab.recording.table_columns import Column, table_columns
-from flexlab.scenario import Scenario
 from flexlab.sim.world import World
 
 TORQUE, TASK = "joint_torque", "arm_input"
@@ -32,7 +32,7 @@ POSE_UNITS, FORCE_UNITS = ("m", "m", "rad"), ("N", "N", "N·m")
 
 
 def linearize(
-    scenario: Scenario,
+    scenario: AnyScenario,
     pose: tuple[float, float, float] | None = None,
     inputs: str | Sequence[str] = TORQUE,
     outputs: str | Sequence[str] = "pose",
@@ -51,7 +51,7 @@ def linearize(
     Raises `ScenarioError` for a scenario that is not valid, and `StudyError` for unknown names, a pose that an arm cannot
     take, or a loop that has no rest point.
     """
-    scenario = scenario.replace({})
+    known = any_scenario(scenario).replace({})
     driven = _names(inputs)
     shown = _listed("outputs", outputs)
     acts = any(name in DESIRED for name in driven)
@@ -61,7 +61,7 @@ def linearize(
     if not shown:
         raise StudyError("outputs is empty: name one signal of a run or more, such as 'pose'.")
     with one_blas_thread():
-        linear = linearize_at(scenario, check_pose(scenario, pose))
+        linear = linearize_at(known, check_pose(known, pose))
         answers = linear_outputs(linear, choose_columns(linear, shown))
         return _assemble(linear, answers, driven, acting)
 

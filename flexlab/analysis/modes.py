@@ -13,6 +13,7 @@ from flexlab.analysis.rest_point import LoopProbe, find_rest
 from flexlab.analysis.stability import NEUTRAL, DiskMargin, find_disk_margin, find_poles
 from flexlab.errors import StudyError
 from flexlab.lapack import one_blas_thread
+from flexlab.presets import AnyScenario, any_scenario
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.termination import pose_fault
@@ -202,15 +203,17 @@ class Modes:
         )
 
 
-def modes(scenario: Scenario, pose: tuple[float, float, float] | None = None) -> Modes:
+def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None) -> Modes:
     """Modes of the payload, and poles of the closed loop while `pose` (None: the trajectory's centre) is held.
+
+    `scenario`: as in `flexlab.simulate`. `print(flexlab.modes("paper"))` shows the tables.
 
     The loop is linearised about its rest point, with the law's memory as at its start or, where it moves, as it comes to
     rest. Without a rest point there are no poles, and `note` says why. Raises `ScenarioError` for a scenario that is not
     valid and `StudyError` for a pose that an arm cannot take.
     """
     with one_blas_thread():
-        return _modes(scenario.replace({}), pose)
+        return _modes(any_scenario(scenario).replace({}), pose)
 
 
 def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes:

@@ -4,7 +4,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from flexlab.analysis.metrics import MetricCollection
+from flexlab.analysis.metrics import MetricCollection, RunMetrics
 from flexlab.analysis.metrics.run_metrics import measured
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.presets import load_preset, preset_names
@@ -12,6 +12,7 @@ from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import list_runs, run_state
+from flexlab.recording.store.run_index import read_row
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import differences, told, value_text
 from flexlab.sim.commands import ChangeScenario, LoadScenario
@@ -25,8 +26,12 @@ DIGITS = 4
 class MetricNotes:
     """The notes of one run, gathered while it is written or read (see `flexlab.recording.run_info`)."""
 
-    def __init__(self, name: str, scenario: Scenario):
-        """`name`: the preset or file that `scenario`, the run's first, came from."""
+    def __init__(self, name: str, scenario: Scenario, metrics: RunMetrics | None = None):
+        """`name`: the preset or file that `scenario`, the run's first, came from. `metrics`: of a run that is over.
+
+        Of others they are gathered, without somebody's own ones: these may keep all samples of a run in memory.
+        """
+        self._known = metrics
         self._metrics = MetricCollection(own=False)
         self._changes = preset_changes(name, scenario)
         self._events = 0
@@ -35,7 +40,8 @@ class MetricNotes:
     def add(self, samples: Samples) -> None:
         """Take in a block (N >= 1)."""
         self._begins = min(self._begins, float(samples.time[0]))
-        self._metrics.update(samples)
+        if self._known is None:
+            self._metrics.update(samples)
 
     def add_event(self, event: Event) -> None:
         """Take in an event; they come in order."""
@@ -50,9 +56,10 @@ class MetricNotes:
 
     def result(self, status: Status) -> dict[str, Any]:
         """Metrics, what was changed against the preset, first instant and duration in s."""
-        metrics = self._metrics.compute(not status.failed)
+        metrics = self._known or self._metrics.compute(not status.failed)
         return {
             "metrics": {row.key: _rounded(row.value) for row in metrics.rows},
+            **({"own_metrics": metrics.own} if metrics.own else {}),
             "changes": self._changes,
             "begins": self._begins if isfinite(self._begins) else 0.0,
             "duration": metrics.duration,
@@ -82,7 +89,8 @@ def note_metrics(path: Path) -> dict[str, Any]:
         gathering.add_event(event)
     for block in read_blocks(path):
         gathering.add(block)
-    notes = gathering.result(recording.status)
+    notes, row = gathering.result(recording.status), read_row(path)
+    notes["metrics"] |= {key: row.metrics[key] for key in row.own_metrics if key in row.metrics}
     try:
         write_notes(path, **notes)
     except OSError as error:

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from flexlab.api import AnyScenario, named_scenario
 from flexlab.compiled import PLAIN_PYTHON, entry_point
 from flexlab.errors import StudyError
 from flexlab.gym_environment.kernels import OBSERVED, Variants, Worlds, begin_worlds, step_worlds
 from flexlab.gym_environment.standing_threads import StandingThreads
 from flexlab.physics.law_input import MOST_DELAY
 from flexlab.physics.plant import Workspace
+from flexlab.presets import AnyScenario, any_scenario
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, build_assembly
 from flexlab.sim.closed_loop import new_workspace, state_length
@@ -242,7 +242,7 @@ class WorldBatch:
 
 def _base(settings: Settings) -> Scenario:
     """The scenario with nobody at the motors. Raises `StudyError` for a path that cannot be followed."""
-    scenario = named_scenario(settings.scenario)[1]
+    scenario = any_scenario(settings.scenario)
     if scenario.joints.encoders.active:
         raise StudyError(
             "joints.encoders are not in the environment, which tells exact poses with its own noise: "

@@ -65,7 +65,7 @@ class Metric(ABC):
     columns: ClassVar[tuple[Column, ...]]
     """One per number of `compute`."""
     own: ClassVar[bool] = False
-    """Whether somebody declared it for their own studies; recordings do not note it."""
+    """Whether somebody declared it for their own studies; recordings of a lab do not note it."""
 
     @abstractmethod
     def update(self, samples: "Samples") -> None:

@@ -4,7 +4,8 @@
 def work(samples: flexlab.Samples) -> float:
     return float(samples.input_work[-1] - samples.input_work[0])
 
-They count while the Python process lives that declared them, and travel with the cells of a sweep; recordings do not note them.
+They count while the Python process lives that declared them, and travel with the cells of a sweep. `run.save()` notes them
+beside the recording, where lists and later processes find them.
 """
 
 import hashlib

@@ -82,8 +82,11 @@ class RunMetrics:
         values: dict[str, tuple[float, ...]],
         finished: bool = True,
         reasons: Mapping[str, str] | None = None,
+        noted: Mapping[str, float | None] | None = None,
     ):
         """`window`: first and last instant, s; None without samples. `values`: numbers by the metrics' names; `reasons`: why not.
+
+        `noted`: of metrics that somebody declared as the run was recorded, by title and unit, SI.
 
         Of a run that stopped before its end only the duration is a number: what it did not do yet, nobody knows.
         """
@@ -91,6 +94,8 @@ class RunMetrics:
         if not finished:
             values = {name: numbers if name == DURATION else (nan,) * len(numbers) for name, numbers in values.items()}
         self._values, self._finished, self._reasons = values, finished, reasons or {}
+        known = {column.key for name in values for column in METRICS[name].columns}
+        self._noted = {key: nan if value is None else value for key, value in (noted or {}).items() if key not in known}
 
     def __getattr__(self, name: str) -> Any:
         values = self.__dict__.get("_values", {}).get(name)
@@ -99,7 +104,9 @@ class RunMetrics:
         return values[0] if len(values) == 1 else _parts(name)(*values)
 
     def __getitem__(self, name: str) -> float:
-        """A number by its name, as in "rms_error.y", SI. Raises `StudyError`."""
+        """A number by its name, as in "rms_error.y", or its title and unit, SI. Raises `StudyError`."""
+        if name in self._noted:
+            return self._noted[name]
         found = named(name)
         return found.scale * self._values[found.number.metric][found.number.index]
 
@@ -112,11 +119,21 @@ class RunMetrics:
     @property
     def rows(self) -> tuple[MetricRow, ...]:
         """All numbers with titles and units for people (mm, mrad), in the order of a table."""
-        return tuple(
+        found = [
             MetricRow(column, column.scale * value, self._finished, self._reasons.get(name, ""))
             for name, values in self._values.items()
             for column, value in zip(METRICS[name].columns, values, strict=True)
-        )
+        ]
+        for key, value in self._noted.items():
+            title, _, unit = key.removesuffix("]").rpartition(" [")
+            found.append(MetricRow(Column("", title, title, unit), value, self._finished))
+        return tuple(found)
+
+    @property
+    def own(self) -> list[str]:
+        """Title and unit of those that somebody declared for their own studies."""
+        declared = [column.key for name in self._values if METRICS[name].own for column in METRICS[name].columns]
+        return [*declared, *self._noted]
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -184,19 +201,27 @@ class MetricCollection:
         own = self._span or span
         self._span = (min(own[0], span[0]), max(own[1], span[1]))
 
-    def compute(self, finished: bool = True) -> RunMetrics:
-        """The metrics of all pieces so far; `finished`: whether the run came to its end."""
+    def compute(self, finished: bool = True, noted: Mapping[str, float | None] | None = None) -> RunMetrics:
+        """The metrics of all pieces so far; `finished`: whether the run came to its end; `noted` as for `RunMetrics`."""
         values = {name: metric.compute() for name, metric in self._metrics.items()}
-        return RunMetrics(
-            self._span, values, finished, {name: metric.reason() for name, metric in self._metrics.items()}
-        )
+        reasons = {name: metric.reason() for name, metric in self._metrics.items()}
+        return RunMetrics(self._span, values, finished, reasons, noted)
 
 
-def run_metrics(samples: "Samples", window: Window = (-inf, inf), finished: bool = True) -> RunMetrics:
-    """The metrics of a run, or of what of it lies within a window, s; `finished`: whether it came to its end."""
-    collection = MetricCollection(window)
+def run_metrics(
+    samples: "Samples",
+    window: Window = (-inf, inf),
+    finished: bool = True,
+    own: bool = True,
+    noted: Mapping[str, float | None] | None = None,
+) -> RunMetrics:
+    """The metrics of a run, or of what of it lies within a window, s; `finished`: whether it came to its end.
+
+    `own` as for `MetricCollection`, `noted` as for `RunMetrics`.
+    """
+    collection = MetricCollection(window, own)
     collection.update(samples)
-    return collection.compute(finished)
+    return collection.compute(finished, noted)
 
 
 def between(samples: "Samples", first: float, last: float) -> "Samples":

@@ -143,9 +143,10 @@ class Validation(Result):
 
 
 def validate() -> Validation:
-    """Make every check: modules of this folder that define `SUBJECT`, `PLACE` and `checks(runs)`, by place.
+    """Compare what this installation computes with the paper and with mechanics: `.holds`, and a row per statement.
 
-    A check that cannot be made, as its run fails, does not hold and says why.
+    The statements are those of the modules in this folder that define `SUBJECT`, `PLACE` and `checks(runs)`. A check that
+    cannot be made, as its run fails, does not hold and says why.
     """
     runs = Runs()
     subjects = [module for module in modules_in("flexlab.analysis.validation") if hasattr(module, "SUBJECT")]

@@ -35,7 +35,9 @@ ENDING_LIMIT = 5.0
 LINE_LIMIT, LONGEST_LINE_LIMIT = 0.3, 3.0
 """s to find out which line a late process is in, without and with its waits for a processor."""
 ANSWER_LIMIT, LATE_LIMIT = 0.05, 0.03
-"""s until a law's answer is late, fifty control periods of 1 ms; and s of its own work after that until it is given up."""
+"""s until a law's answer is late, fifty control periods of 1 ms; and s of work in a row after that until it is given up."""
+STARVED = 0.3
+"""Share of the time without a processor from which on lateness is the machine's, not the text's."""
 POSES_LIMIT = 1.0
 """s until a path's poses are late, a fifth of a millisecond for each."""
 TURN = b"\0"
@@ -63,7 +65,8 @@ class OwnProcess:
     output: int = subprocess.DEVNULL
     """The file to which all texts print."""
     limit = patience = longest = 0.0
-    """s of work after which a late answer is given up if the text itself is at work, or wherever the process is; s in all."""
+    """s of work in a row after which a late answer is given up if the text itself is at work; s of work, or s in all, after which
+    it is given up wherever the process is."""
     late = ""
     """What a late process is said to have done."""
 
@@ -218,16 +221,19 @@ class OwnProcess:
 
     def _wait(self) -> bool:
         """Wait for a late answer; False if there will be none, after the process was given up."""
-        begin, worked = time.monotonic(), 0.0
+        begin, worked, in_a_row = time.monotonic(), 0.0, 0.0
         while self._is_alive() and not self._problem:
             before, heard = self._look(), self._heard
             if self._has_answer(PROBE):
                 return True
             self._listen(0.0)
-            if self._heard == heard:  # A process that reports more than the socket holds waits until it is read.
-                worked += max(0.0, time.monotonic() - before.time - self._waited(before))
+            passed, waited = time.monotonic() - before.time, self._waited(before)
+            worked += max(0.0, passed - waited)
+            # A process that reports more than the socket holds waits until it is read.
+            is_held_up = self._heard > heard or waited > STARVED * passed
+            in_a_row = 0.0 if is_held_up else in_a_row + passed
             is_over = worked > self.patience or time.monotonic() - begin > self.longest
-            if worked > self.limit or is_over:
+            if in_a_row > self.limit or is_over:
                 line = self._line()
                 if self._has_answer(0.0):
                     return True

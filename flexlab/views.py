@@ -18,10 +18,13 @@ from flexlab.sim.signals import DERIVED, TABLE, own_signals
 
 Color = tuple[int, int, int]
 BLUE, VERMILION, GREEN = (0, 114, 178), (213, 94, 0), (0, 158, 115)
-PURPLE, ORANGE, SKY, GRAY = (204, 121, 167), (230, 159, 0), (86, 180, 233), (150, 156, 164)
+PURPLE, ORANGE, SKY, GRAY = (204, 121, 167), (230, 159, 0), (86, 180, 233), (128, 134, 142)
 """Okabe and Ito's palette (RGB), told apart with any colour vision."""
-LEFT, RIGHT = (BLUE, SKY, GREEN), (VERMILION, ORANGE, PURPLE)
-"""Shades of the left arm's and of the right arm's three curves."""
+VIOLET, OLIVE, ROSE = (142, 98, 218), (140, 138, 20), (214, 84, 120)
+CURVES = (VIOLET, OLIVE, ROSE)
+"""Of the curves of x, y and θ, and of all other first, second and third ones: none of them is an arm's colour, nor the beam's."""
+LEFT, RIGHT = (BLUE, (38, 150, 170), (104, 112, 220)), (VERMILION, (176, 128, 10), (206, 72, 112))
+"""Of the left arm's and of the right arm's three curves: the arm's colour and two near it."""
 
 OWN = "own/"
 """Where a law's own signals are in recordings."""
@@ -46,8 +49,8 @@ class View:
     """Shown number over SI number."""
     least: float = 1.0
     """Smallest range of a plot, in its unit; below it there is nothing worth magnifying."""
-    palette: tuple[Color, ...] = (BLUE, VERMILION, GREEN, SKY, ORANGE, PURPLE)
-    """Of its curves in recordings, beginning anew where there are more of them."""
+    palette: tuple[Color, ...] = (*CURVES, GREEN, BLUE, VERMILION)
+    """Of its curves in lab, recordings and figures, beginning anew where there are more of them."""
     beside: str = ""
     """What else there is to say of it."""
 
@@ -58,7 +61,7 @@ class View:
 
     @property
     def colors(self) -> tuple[Color, ...]:
-        """Of each curve, in recordings."""
+        """Of each curve."""
         return tuple(self.palette[number % len(self.palette)] for number in range(len(self.curves)))
 
     @property
@@ -104,7 +107,7 @@ DEFLECTION = _view(
     "quasi_static_deflection",
     scale=MILLI,
     least=0.01,
-    palette=(VERMILION, SKY, GREEN),
+    palette=(VIOLET, GREEN, OLIVE),
 )
 INTERNAL_FORCE = _view(
     "internal_force",
@@ -135,9 +138,11 @@ ENERGIES = _view(
     "input_work",
     "axial_work",
     "dissipated_energy",
-    palette=(BLUE, GREEN, GRAY, PURPLE, ORANGE, SKY, VERMILION),
+    palette=(VIOLET, GREEN, OLIVE, ROSE, ORANGE, SKY, GRAY),
 )
-ELASTIC = _view("elastic_energy", "Elastic energy", "elastic", "mJ", "elastic_energy", scale=MILLI, least=0.01)
+ELASTIC = _view(
+    "elastic_energy", "Elastic energy", "elastic", "mJ", "elastic_energy", scale=MILLI, least=0.01, palette=(GREEN,)
+)
 """Beside the others it would be a line at zero."""
 AXIAL_LOAD = _view(
     "axial_load",
@@ -145,7 +150,6 @@ AXIAL_LOAD = _view(
     "place 1, place 2, place 3, place 4",
     "N",
     "axial_load",
-    palette=(BLUE, GREEN, ORANGE, VERMILION),
 )
 AXIAL_SHARE = _view(
     "axial_load_share",

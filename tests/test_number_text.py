@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexlab.presets import load_preset
+from flexlab.recording.store.run_index import duration_text, size_text
 from flexlab.scenario.field_text import differences, field_title, told, value_text
 from flexlab.text import difference_text, fixed_text, number_text, result_text
 
@@ -28,6 +29,17 @@ def test_a_zero_has_no_sign_and_rounding_is_no_difference() -> None:
     assert result_text(2.019e-17, 1e3) == "0", "a tracking error in mm"
     assert result_text(2.019e-6, 1e3) == "2.019 · 10⁻⁶"
     assert difference_text(2.019e-17, 5e-18, scale=1e3) == "0"
+
+
+def test_sizes_and_durations_round_up_to_the_next_unit() -> None:
+    assert [size_text(size) for size in (0, 999.7, 1500, 2.5e6, 9.996e11)] == [
+        "0 B",
+        "1000 B",
+        "1.5 kB",
+        "2.5 MB",
+        "1000 GB",
+    ]
+    assert [duration_text(span) for span in (None, 1e-5, 3.0, 179.7)] == ["–", "10⁻⁵ s", "3 s", "3 min 00 s"]
 
 
 @given(st.floats())

@@ -12,10 +12,10 @@ from flexlab.cli.showing import WaitingPage
 
 def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path, plain_chromium: Browser):
     (tmp_path / "index.html").write_text("<title>the lab</title>")
-    tab = plain_chromium.new_page()
+    tab = plain_chromium.new_page(locale="de-DE")
     with WaitingPage("127.0.0.1", 0) as page:
         tab.goto(page.url)
-        assert "compiling" in tab.inner_text("main")
+        assert "Bewegungsgleichungen" in tab.inner_text("main")
     port = int(page.url.rsplit(":", 1)[1])
     handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
     with http.server.ThreadingHTTPServer(("127.0.0.1", port), handler) as lab:

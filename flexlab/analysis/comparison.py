@@ -17,6 +17,7 @@ from flexlab.recording.overlay import run_label, write_comparison
 from flexlab.recording.reader import Recording, read_blocks, read_recording
 from flexlab.scenario.field_text import value_text
 from flexlab.text import difference_text as number_difference
+from flexlab.text import number_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,7 +82,7 @@ class Comparison(Result):
     @property
     def window_text(self) -> str:
         """What the metrics speak of, in words."""
-        return f"of the first {self.window:.4g} s of each run"
+        return f"of the first {number_text(self.window)} s of each run"
 
     def repeated(self) -> list[tuple[str, str]]:
         """(label, label of the first one) of every run that was named before."""

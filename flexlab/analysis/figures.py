@@ -7,7 +7,7 @@ same bytes of SVG, so that a figure can live under version control.
 import io
 import re
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise, product
+from itertools import cycle, pairwise, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,12 +17,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from flexlab import views as palette
 from flexlab.errors import StudyError
 from flexlab.recording.reader import within
 from flexlab.signal import COORDINATE, Signal
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.signals import DERIVED, known_signals
-from flexlab.views import View, views
+from flexlab.views import DEFLECTION, ERROR, Color, View, views
 
 FORMATS = ("png", "svg")
 WIDTH = 6.0
@@ -34,8 +35,17 @@ RESOLUTION = 200
 POINTS = 4000
 """Most points of one curve: more only swell the file. Beyond that, least and largest of each stretch are drawn."""
 
-BLUE, VERMILION, GREEN, GRAY = "#0072b2", "#d55e00", "#009e73", "#80868e"
-"""Okabe and Ito's palette, told apart with any colour vision and in print."""
+
+def _hex(color: Color) -> str:
+    return to_hex(np.divide(color, 255))
+
+
+BLUE, VERMILION, GREEN, GRAY, PURPLE = map(
+    _hex, (palette.BLUE, palette.VERMILION, palette.GREEN, palette.GRAY, palette.PURPLE)
+)
+"""Left arm and right arm; the payload; what a curve is about; what is desired: as in the lab."""
+LINES = ("-", "--", "-.", ":")
+"""Of the first, second, third and fourth curve, for whoever cannot tell their colours apart."""
 
 MILLI = 1e3
 AXES = ("x", "y", "θ")
@@ -130,22 +140,23 @@ def draw_figure(number: int, samples: Samples) -> Figure:
 
 def _draw_trajectory(axes: list[Axes], samples: Samples) -> None:
     for axis, (part, unit) in enumerate(zip(axes, ("m", "m", "rad"), strict=True)):
-        _curve(part, samples.time, samples.desired_pose[:, axis], VERMILION, "desired", "--")
-        _curve(part, samples.time, samples.pose[:, axis], BLUE, "payload")
+        _curve(part, samples.time, samples.desired_pose[:, axis], PURPLE, "desired", "--")
+        _curve(part, samples.time, samples.pose[:, axis], GREEN, "payload")
         part.set_ylabel(f"{AXES[axis]} ({unit})")
     _legend(axes[0])
 
 
 def _draw_vibration(axes: list[Axes], samples: Samples) -> None:
-    _curve(axes[0], samples.time, MILLI * samples.midspan_deflection, BLUE, "deflection at mid-span")
-    _curve(axes[0], samples.time, MILLI * samples.quasi_static_deflection, VERMILION, "its quasi-static part", "--")
+    _, whole, bending = map(_hex, DEFLECTION.colors)
+    _curve(axes[0], samples.time, MILLI * samples.midspan_deflection, whole, "deflection at mid-span")
+    _curve(axes[0], samples.time, MILLI * samples.quasi_static_deflection, bending, "its quasi-static part", "--")
     axes[0].set_ylabel("w(0, t) (mm)")
     _legend(axes[0])
 
 
 def _draw_error(axes: list[Axes], samples: Samples) -> None:
     for axis, (part, unit) in enumerate(zip(axes, ("mm", "mm", "mrad"), strict=True)):
-        _curve(part, samples.time, MILLI * samples.tracking_error[:, axis], BLUE)
+        _curve(part, samples.time, MILLI * samples.tracking_error[:, axis], _hex(ERROR.colors[axis]))
         part.set_ylabel(f"error {AXES[axis]} ({unit})")
 
 
@@ -153,7 +164,7 @@ def _draw_internal_force(axes: list[Axes], samples: Samples) -> None:
     for axis, (part, unit) in enumerate(zip(axes, ("N", "N", "N·m"), strict=True)):
         for arm, (side, color) in enumerate(zip(("left arm", "right arm"), (BLUE, VERMILION), strict=True)):
             if arm < samples.internal_force.shape[1]:
-                _curve(part, samples.time, samples.internal_force[:, arm, axis], color, side)
+                _curve(part, samples.time, samples.internal_force[:, arm, axis], color, side, LINES[arm])
         part.set_ylabel(f"F {AXES[axis]} ({unit})")
     _legend(axes[0])
 
@@ -234,11 +245,7 @@ def _of_view(run: Run, view: View) -> list[Plot]:
         Plot(
             view.title,
             unit,
-            [
-                (name, to_hex(np.divide(color, 255)), values[:, k])
-                for k, (name, of, color) in enumerate(each)
-                if of == unit
-            ],
+            [(name, _hex(color), values[:, k]) for k, (name, of, color) in enumerate(each) if of == unit],
         )
         for unit in dict.fromkeys(view.units)
     ]
@@ -262,8 +269,8 @@ def _axis_label(signal: Signal, unit: str) -> str:
 
 
 def _draw(part: Axes, time: np.ndarray, plot: Plot) -> None:
-    for name, color, values in plot.curves:
-        part.plot(*thin_out(time, values), label=name, color=color)
+    for (name, color, values), line in zip(plot.curves, cycle(LINES), strict=False):
+        part.plot(*thin_out(time, values), label=name, color=color, linestyle=line)
     part.set_ylabel(plot.label)
     part.set_title(plot.title, fontsize="medium", loc="left")
     if 1 < len(plot.curves) <= MOST_CURVES:

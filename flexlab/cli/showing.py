@@ -1,5 +1,6 @@
 """What the commands share that show a page until the person ends them."""
 
+import json
 import os
 import signal
 import sys
@@ -11,6 +12,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import TracebackType
 
+from flexlab.assets import web_assets_folder
 from flexlab.cli.console import output
 from flexlab.sockets import listen
 
@@ -68,30 +70,56 @@ def wait_for(ended: threading.Event) -> None:
         pass
 
 
+SENTENCES = (
+    "flexlab is compiling the equations of motion.",
+    "This happens once for this version on this machine and usually takes less than half a minute.",
+    "The lab will open here by itself.",
+)
 PAGE = """<!doctype html>
 <html lang="en">
 <meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
 <title>flexlab</title>
 <style>
-  body { font: 17px/1.6 system-ui, sans-serif; color: #223; background: #f6f7f9; display: grid; place-items: center;
-         height: 100vh; margin: 0; text-align: center }
+  :root { color-scheme: light dark }
+  body { font: 17px/1.6 system-ui, sans-serif; color: light-dark(#223, #e6eaf0); background: light-dark(#f6f7f9, #14181e);
+         display: grid; place-items: center; min-height: 100vh; margin: 0; padding: 0 1rem; box-sizing: border-box;
+         text-align: center }
   path { fill: none; stroke: #d9822b; stroke-width: 6; stroke-linecap: round; animation: ring 1s infinite alternate
          ease-in-out }
   @keyframes ring { from { d: path("M10 40 Q110 5 210 40") } to { d: path("M10 40 Q110 75 210 40") } }
+  @media (prefers-reduced-motion: reduce) { path { animation: none } }
 </style>
 <main>
-  <svg width="220" height="80"><path d="M10 40 Q110 5 210 40"/></svg>
-  <p>flexlab is compiling the equations of motion.<br>
-  This happens once for this version on this machine and usually takes less than half a minute.</p>
-  <p>The lab will open here by itself.</p>
+  <svg width="220" height="80" aria-hidden="true"><path d="M10 40 Q110 5 210 40"/></svg>
+  %SENTENCES%
 </main>
 <script>
+  const catalogues = %CATALOGUES%; // As on the lab's pages: the language that was chosen there, or the browser's.
+  let before = null;
+  try { before = localStorage.getItem("flexlab-language") } catch { }
+  const preferred = [before, ...navigator.languages.map(name => name.split("-")[0])];
+  const chosen = preferred.find(code => code === "en" || Object.hasOwn(catalogues, code)) ?? "en";
+  document.documentElement.lang = chosen;
+  for (const part of document.querySelectorAll("p")) {
+    part.textContent = catalogues[chosen]?.[part.textContent] ?? part.textContent
+  }
   const look = () => fetch(location.href, { cache: "no-store" })
     .then(answer => answer.ok ? location.reload() : setTimeout(look, 500), () => setTimeout(look, 500))
   setTimeout(look, 500)
 </script>
 </html>
 """
+
+
+def _page() -> str:
+    """The page, which has its sentences in every language."""
+    catalogues: dict[str, dict[str, str]] = {}
+    for file in (web_assets_folder() / "languages").glob("*.json"):
+        known = json.loads(file.read_text(encoding="utf-8"))
+        catalogues[file.stem] = {sentence: known[sentence] for sentence in SENTENCES if sentence in known}
+    sentences = "".join(f"<p>{sentence}</p>" for sentence in SENTENCES)
+    return PAGE.replace("%SENTENCES%", sentences).replace("%CATALOGUES%", json.dumps(catalogues))
 
 
 class WaitingPage:
@@ -136,7 +164,7 @@ class _Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """The same page whatever is asked; 503 tells programs that the lab is not there yet."""
-        body = PAGE.encode()
+        body = _page().encode()
         self.send_response(503)
         self.send_header("Content-Type", "text/html; charset=utf-8")
         self.send_header("Content-Length", str(len(body)))

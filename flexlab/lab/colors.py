@@ -5,24 +5,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlab.views import BLUE as BLUE
+from flexlab.views import GRAY as GRAY
 from flexlab.views import GREEN as GREEN
 from flexlab.views import ORANGE as ORANGE
 from flexlab.views import PURPLE as PURPLE
 from flexlab.views import SKY as SKY
 from flexlab.views import VERMILION as VERMILION
+from flexlab.views import VIOLET as VIOLET
 from flexlab.views import Color as Color
-
-VIOLET: Color = (142, 98, 218)
-OLIVE: Color = (140, 138, 20)
-ROSE: Color = (214, 84, 120)
-GRAY: Color = (128, 134, 142)
 
 ARMS: tuple[Color, Color] = (BLUE, VERMILION)
 """Left arm, right arm."""
 BEAM: Color = (20, 232, 150)
 """Green as well, and the brightest colour of the picture."""
-CURVES: tuple[Color, Color, Color] = (VIOLET, OLIVE, ROSE)
-"""Curves of a plot: none of them is an arm's."""
 DESIRED = PURPLE
 INTERNAL_FORCE = ORANGE
 MOVING_FORCE = SKY

@@ -212,6 +212,28 @@
     if (!old.isConnected) document.body?.append(old); // The page may still be on its way.
   }
 
+  // Whether a person has turned the camera: only then there is a way back to be offered.
+  const LATER = 1000, TURNED = 1e-3; // ms for which a camera goes on after a hand; m
+  let placed = [], handled = -Infinity, held = false;
+  const isPicture = ({ target }) => window.__viserMutable?.canvas?.parentElement?.contains(target) ?? false;
+  addEventListener("pointerdown", (event) => { held = isPicture(event); }, true);
+  for (const kind of ["pointerup", "pointercancel"]) {
+    addEventListener(kind, () => { if (held) [held, handled] = [false, performance.now()]; }, true);
+  }
+  addEventListener("wheel", (event) => { if (isPicture(event)) handled = performance.now(); }, { capture: true, passive: true });
+  addEventListener("keydown", () => { handled = performance.now(); }, true);
+  addEventListener("click", ({ target }) => {
+    if (!target.closest?.("div:has(> .fl-back) + div")) return;
+    [held, handled] = [false, -Infinity];
+    document.documentElement.classList.remove("fl-turned");
+  }, true);
+
+  function watchCamera() {
+    const now = window.__viserMutable?.camera?.position.toArray() ?? [];
+    if (!held && performance.now() - handled > LATER) placed = now;
+    else if (now.some((part, axis) => Math.abs(part - placed[axis]) > TURNED)) document.documentElement.classList.add("fl-turned");
+  }
+
   // Invisible parts that can be touched must not hide what is behind them: viser would write their depth.
   function showBehindUnseen() {
     for (const name of ["/grab", "/arms/grab"]) {
@@ -228,6 +250,7 @@
     const title = document.querySelector("title");
     if (name && (!title || english(title) !== `${name} · flexlab`)) document.title = `${name} · flexlab`;
     watchRun();
+    watchCamera();
     tellNewest();
     measurePicture();
     const way = document.querySelector(".fl-reports")?.dataset.way;

@@ -40,7 +40,7 @@ class Picking:
     def __init__(self, lab_state: LabState):
         self._lab_state = lab_state
         self._held: Held | None = None
-        self.stiffness, self.impulse, self.place = 500.0, 0.05, 0.0
+        self.stiffness, self.impulse, self.place = 500.0, 0.15, 0.0
 
     def attach(self, beam: viser.MeshHandle, links: viser.BatchedMeshHandle) -> None:
         """Make a drawn beam and drawn arms touchable; links are instances arm by arm, from the base."""

@@ -27,6 +27,7 @@ from flexlab.lab.viser_internals import in_the_systems_colors
 from flexlab.lab.viser_server import open_server
 from flexlab.presets import scenario_text
 from flexlab.sim.samples import MEASURED, Run
+from flexlab.text import number_text
 
 FRAMES_PER_SECOND = 30
 """Of the recorded picture: smooth to the eye, and ten seconds of it still a small file."""
@@ -63,7 +64,7 @@ def animation_html(run: Run) -> str:
         raise StudyError("The run has no samples: there is nothing to draw.")
     scenario, times = run.scenario, frame_times(run)
     view = ViewSettings(exaggeration=fitting_exaggeration(scenario))
-    caption = f"beam deflection drawn × {view.exaggeration:g}"
+    caption = f"beam deflection drawn × {number_text(view.exaggeration)}"
     server = open_server("127.0.0.1", 0, "flexlab", InputGuard())
     try:
         scene = server.scene
@@ -109,7 +110,7 @@ def run_page(run: Run, name: str, version: str, noted: Noted = NOTHING) -> str:
         name=name,
         title=run.scenario.title or name,
         status=run.status.text,
-        exaggeration=fitting_exaggeration(run.scenario),
+        exaggeration=number_text(fitting_exaggeration(run.scenario)),
         animation=animation,
         plots=Markup(plots),
         left=left,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.own.reading import DeclaredClass, called, is_finite, kind_of
+from flexlab.text import number_text
 
 MOST_SETTINGS, MOST_SIGNALS, MOST_MEMORY = 64, 16, 256
 """Most numbers that go with each call."""
@@ -252,5 +253,5 @@ def _check_setting(declared: DeclaredClass, name: str, gain: Setting, line: int)
         raise declared.problem(line, f"{name}: unit, title and symbol are texts")
     numbers = gain.default if isinstance(gain.default, tuple) else (gain.default,)
     if len(numbers) not in (1, 3) or not all(is_finite(one) and gain.low <= one <= gain.high for one in numbers):
-        text = f"{name}: the default {gain.default!r} is outside {gain.low:g} to {gain.high:g} {gain.unit}"
+        text = f"{name}: the default {gain.default!r} is outside {number_text(gain.low)} to {number_text(gain.high)} {gain.unit}"
         raise declared.problem(line, f"{text}, or not one or three numbers")

@@ -19,6 +19,7 @@ from flexlab.own.declaration import Declared, Setting
 from flexlab.own.reading import LONGEST_SOURCE, digest, is_finite
 from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.registry import Registry
+from flexlab.text import number_text
 
 OWN_PLACE = 80
 """Rank in menus: after the built-in laws, before "none"."""
@@ -146,7 +147,8 @@ def _slider_problem(settings: Sequence[tuple[str, Setting]]) -> str:
         if one.slider is not None:
             ends = one.slider if isinstance(one.slider, tuple) else ()
             if len(ends) != 2 or not all(map(is_finite, ends)) or not one.low <= ends[0] < ends[1] <= one.high:
-                return f"{name}: {about} is no part of its range: give two numbers within {one.low:g} to {one.high:g}"
+                within = f"{number_text(one.low)} to {number_text(one.high)}"
+                return f"{name}: {about} is no part of its range: give two numbers within {within}"
         if not isinstance(one.logarithmic, bool):
             return f"{name}: logarithmic = {one.logarithmic!r:.60} is not usable: give True or False"
         if one.logarithmic and (one.slider or (one.low,))[0] <= 0:

@@ -30,6 +30,7 @@ from flexlab.own.declaration import PathDeclaration, read_path_declaration
 from flexlab.own.kinds import OWN_PLACE, OwnKinds, source_field
 from flexlab.own.reading import TextProblem, digest
 from flexlab.quantities import Number, quantity
+from flexlab.text import number_text
 
 LONGEST_TABLE = 200_000
 """Characters of a table as text."""
@@ -299,8 +300,9 @@ def sampled(poses: Poses, repeats: bool, file: str) -> np.ndarray:
                 return rows
             at = float(shares[differences.argmax()]) * span
             raise TextProblem(
-                f"{file}: near t = {at:.4g} s it turns too sharply: a spline through {MOST + 1} poses is {1e3 * worst:.2g} mm "
-                "or mrad off there. Is there a jump or a corner? Round it off, or let the path last less long."
+                f"{file}: near t = {number_text(at)} s it turns too sharply: a spline through {MOST + 1} poses is "
+                f"{number_text(1e3 * worst, 2)} mm or mrad off there. Is there a jump or a corner? Round it off, or let the path "
+                "last less long."
             )
         finer = np.empty((2 * count + 1, 3))
         finer[::2], finer[1::2] = grid, between[:count]
@@ -309,7 +311,9 @@ def sampled(poses: Poses, repeats: bool, file: str) -> np.ndarray:
 
 def _check_size(poses: np.ndarray, span: float, file: str) -> None:
     if np.abs(poses).max() > FARTHEST:
-        raise TextProblem(f"{file}: a pose within its {span:g} s is more than {FARTHEST:g} m or rad away.")
+        raise TextProblem(
+            f"{file}: a pose within its {number_text(span)} s is more than {number_text(FARTHEST)} m or rad away."
+        )
 
 
 def _check_round(grid: np.ndarray, span: float, file: str) -> None:
@@ -317,8 +321,8 @@ def _check_round(grid: np.ndarray, span: float, file: str) -> None:
     if gap.max() > ROUND:
         name, unit = [("x", "m"), ("y", "m"), ("θ", "rad")][int(gap.argmax())]
         raise TextProblem(
-            f"{file}: after its period of {span:g} s it is not where it began: {name} differs by {gap.max():.3g} {unit}. "
-            "Let position(period) be position(0), or say duration instead of period."
+            f"{file}: after its period of {number_text(span)} s it is not where it began: {name} differs by "
+            f"{number_text(float(gap.max()), 3)} {unit}. Let position(period) be position(0), or say duration instead of period."
         )
 
 

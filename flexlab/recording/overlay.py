@@ -27,6 +27,7 @@ from flexlab.recording.scene_and_plots import (
 )
 from flexlab.recording.store.notes import replacing
 from flexlab.sim.samples import MEASURED, Samples
+from flexlab.text import number_text
 from flexlab.views import View, views
 
 APPLICATION = "flexlab comparison"
@@ -160,7 +161,7 @@ def _scenes(runs: Sequence[NamedScenario], drawn: Sequence[int]) -> list[rrb.Spa
     """A drawing of each of the runs `drawn`. New ones each time: rerun drops a whole layout in which a view has two places."""
     return [
         scene_view(
-            f"{run_label(number)}: {runs[number][0]}, deflection drawn × {_factor(runs):g}",
+            f"{run_label(number)}: {runs[number][0]}, deflection drawn × {number_text(_factor(runs))}",
             runs[number][1],
             f"/runs/{run_label(number)}/scene/**",
             SCENES_SHAPE / len(drawn),

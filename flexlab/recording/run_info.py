@@ -22,6 +22,7 @@ from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import TICK, Event
 from flexlab.sim.world_state import WorldState
+from flexlab.text import number_text
 from flexlab.views import REAL_TIME_FACTOR, views
 
 
@@ -92,7 +93,7 @@ def parameters_text(info: RunInfo) -> str:
     heading = scenario.title or name
     notes = (
         f"- preset or file: **{name}**\n"
-        f"- The beam's deflection is drawn **{factor:g} times** its size; plots are true.\n"
+        f"- The beam's deflection is drawn **{number_text(factor)} times** its size; plots are true.\n"
         "- Purple: desired pose and path. Orange arrows: internal force (1 m is 1000 N)."
     )
     return f"# {heading}\n\n{scenario.watch}\n\n{notes}\n\n```json\n{scenario_json(scenario)}\n```\n"

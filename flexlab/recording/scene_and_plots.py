@@ -16,6 +16,7 @@ from flexlab.recording.rerun_internals.chunks import TIMELINE, Column, line_stri
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import arm_points, beam_points, link_points
 from flexlab.sim.samples import Samples
+from flexlab.text import number_text
 from flexlab.views import BLUE, GRAY, GREEN, ORANGE, PURPLE, REAL_TIME_FACTOR, VERMILION, View, views
 
 FRAMES_PER_SECOND = 60
@@ -162,7 +163,7 @@ def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = 
     """
     signals = views(scenario)
     left = rrb.Vertical(
-        scene_view(f"{title}: deflection drawn × {factor:g}", scenario),
+        scene_view(f"{title}: deflection drawn × {number_text(factor)}", scenario),
         rrb.Tabs(
             rrb.TextDocumentView(origin="parameters", name="Parameters"),
             rrb.TextLogView(origin="events", name="Events"),

@@ -16,7 +16,7 @@ from flexlab.sim.geometry import held_columns
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import TABLE, known_signals, own_signals
 from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD, Event
-from flexlab.text import visible
+from flexlab.text import number_text, visible
 
 LONGEST_SHOWN = 60
 """Characters of a column's name that a sentence repeats."""
@@ -200,7 +200,7 @@ def check_period(name: str, period: object) -> float:
     """The sample period in s. Raises `RecordingError` for one that no run can have."""
     value = period if isinstance(period, (int, float)) and not isinstance(period, bool) else math.nan
     if not (1 - ROUNDING) * SHORTEST_PERIOD <= value <= (1 + ROUNDING) * LONGEST_PERIOD:
-        allowed = f"{SHORTEST_PERIOD:g} to {LONGEST_PERIOD:g} s"
+        allowed = f"{number_text(SHORTEST_PERIOD)} to {number_text(LONGEST_PERIOD)} s"
         shown = visible(repr(period), 40)
         raise RecordingError(f"{name}: the sample period {shown} s is not usable: it must be {allowed}.")
     return float(value)

@@ -165,7 +165,10 @@ def read_study(form: Form, scenario: Scenario) -> Study:
         raise StudyError(f"{visible(form.get('kind', ''), LONGEST_SHOWN)!r} is no study: choose of {known}.") from None
     duration = number_of(form, "duration", "Simulated time")
     if not 0 < duration <= LONGEST_RUN:
-        raise StudyError(f"Simulated time = {duration:g} s is outside 0 to {LONGEST_RUN:g} s: choose within it.")
+        raise StudyError(
+            f"Simulated time = {number_text(duration)} s is outside 0 to {number_text(LONGEST_RUN)} s: choose "
+            "within it."
+        )
     return kind.read(form, scenario, duration)
 
 
@@ -173,7 +176,8 @@ def check_work(count: int, duration: float, what: str, command: str) -> None:
     """Raises `StudyError` for more than a page may ask for."""
     if count * duration > MOST_SIMULATED:
         raise StudyError(
-            f"{count} {what} of {duration:g} s simulate {count * duration:g} s, over the {MOST_SIMULATED:g} s that this page "
+            f"{count} {what} of {number_text(duration)} s simulate {number_text(count * duration)} s, over the "
+            f"{number_text(MOST_SIMULATED)} s that this page "
             f"gives a study: choose fewer or shorter ones, {ELSEWHERE}: flexlab {command}."
         )
 
@@ -194,7 +198,9 @@ def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
         if counted:
             count = whole_of(form, f"count{end}", f"Values of {path}")
             if count > MOST_VALUES:
-                raise StudyError(f"{count:.12g} values of {path} are too many: choose {MOST_VALUES} at most.")
+                raise StudyError(
+                    f"{number_text(count, 12)} values of {path} are too many: choose {MOST_VALUES} at most."
+                )
             parts.append(str(count))
         else:
             parts.append("2")
@@ -239,5 +245,5 @@ def whole_of(form: Form, name: str, what: str) -> int:
     """A whole number of a form. Raises `StudyError`."""
     number = number_of(form, name, what)
     if number != int(number):
-        raise StudyError(f"{what} = {number:g} is no whole number: write one such as 12.")
+        raise StudyError(f"{what} = {number_text(number)} is no whole number: write one such as 12.")
     return int(number)

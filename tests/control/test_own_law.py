@@ -219,7 +219,7 @@ ACT = "    def act(self, at): ...\n"
         ("class A(OwnLaw):\n    m = memory(0)\n" + ACT, "line 2: m = memory"),
         (
             "class A(OwnLaw):\n    period = 5\n    def act(self, at): ...\n",
-            "line 2: period = 5 is outside 1e-05 to 0.1 s",
+            "line 2: period = 5 is outside 10⁻⁵ to 0.1 s",
         ),
         ("class A(OwnLaw):\n    m = memory(True)\n" + ACT, "line 2: m = memory"),
         (

@@ -160,7 +160,7 @@ BAD = {
     "text": (moving("return 'abc'"), "bad.py, line 7: position(0) returned 'abc'"),
     "corner": (moving("return 0.1 * abs(t - 0.3), 0.7, 0"), "bad.py: near t = 0.3"),
     "jump": (moving("return 0, 0.7 + 0.1 * (t > 0.6), 0"), "bad.py: near t = 0.6"),
-    "far": (moving("return 1e9 * t, 0.7, 0"), "bad.py: a pose within its 1 s is more than 1e+06 m"),
+    "far": (moving("return 1e9 * t, 0.7, 0"), "bad.py: a pose within its 1 s is more than 1000000 m"),
     "not round": (moving("return 0.1 * t, 0.7, 0", "period = 2.0"), "after its period of 2 s .*: x differs by 0.2 m"),
     "length": (
         moving("return 0, 0.7, 0", "def duration(self): return -3"),

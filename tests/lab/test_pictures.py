@@ -5,6 +5,7 @@ import pytest
 
 from flexlab.errors import LabError
 from flexlab.lab.panel.number_control import Scale
+from flexlab.lab.plots.chart import DASHES
 from flexlab.lab.plots.plot_signals import tabs, tracking_energy
 from flexlab.lab.plots.plots import POINTS, amplitude_spectrum, thinned, unbroken
 from flexlab.lab.reference_run import ReferenceRun, common_metrics, differences, whole_run
@@ -21,6 +22,7 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.signals import PLACES
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import TICK
+from flexlab.views import views
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +122,21 @@ def test_the_plots_of_no_samples_have_no_values(paper: Samples) -> None:
     scenario, nothing = load_preset("paper"), paper.slice(0, 0)
     for plot in (plot for plots in tabs(scenario).values() for plot in plots):
         assert plot.values(scenario, nothing).shape == (len(plot.labels), 0), plot.title
+
+
+def test_a_curve_has_one_colour_in_lab_and_recordings_and_a_line_of_its_own() -> None:
+    scenario = load_preset("paper")
+    colors = {
+        (view.title, f"{curve} ({unit})"): color
+        for view in views(scenario)
+        for curve, unit, color in zip(view.curves, view.units, view.colors, strict=True)
+    }
+    for plot in (plot for plots in tabs(scenario).values() for plot in plots):
+        title, _, arm = plot.title.partition(", ")
+        for label, tone in zip(plot.labels, plot.tones, strict=True):
+            known = colors.get((plot.title, label), colors.get((title, f"{arm.removesuffix(' arm')} {label}"), tone))
+            assert tone == known, f"{plot.title}: {label}"
+        assert len(set(plot.tones)) == len(plot.labels) <= len(DASHES), "each has its own colour and dashes"
 
 
 def test_a_slider_of_ratios_that_begins_at_zero_is_even() -> None:

@@ -144,7 +144,7 @@ def test_times_that_are_not_finite_and_rising_are_told_with_their_row(
 @pytest.mark.parametrize(
     ("metadata", "says"),
     [
-        ({"sample_period_s": 1e-300}, r"the sample period 1e-300 s is not usable: it must be 1e-06 to 1 s"),
+        ({"sample_period_s": 1e-300}, r"the sample period 1e-300 s is not usable: it must be 10⁻⁶ to 1 s"),
         ({"sample_period_s": -1}, "the sample period -1.0 s is not usable"),
         ({"sample_period_s": float("inf")}, "the sample period inf s is not usable"),
         ({"events": [{"time": float("nan"), "text": "", "level": "info", "command": None}]}, "event 1: time = nan s"),

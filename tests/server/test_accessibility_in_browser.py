@@ -20,6 +20,7 @@ from flexlab.analysis.leaderboard.store import RowStore
 from flexlab.presets import load_preset
 from flexlab.server.front_server import open_front_server
 from flexlab.server.settings import Settings
+from flexlab.text import number_text
 
 GRAVE = ("serious", "critical")
 """Findings of axe that no page has."""
@@ -101,6 +102,14 @@ def test_the_servers_pages_have_no_grave_findings(page: Page) -> None:
             findings.append(f"{path}: scrolls sideways")
         page.set_viewport_size(USUAL)
     assert findings == []
+
+
+def test_charts_write_numbers_as_everything_else_does(page: Page) -> None:
+    values = [0.0, 1000.0, -0.5, 31.6227, 123456.0, 9.9999e6, 1e7, 2.5e-9, -1e-5, 1e-4]
+    page.add_script_tag(url="/static/chart.js")
+    assert page.evaluate("(values) => values.map((value) => number(value, 4))", values) == list(
+        map(number_text, values)
+    )
 
 
 def test_play_screen_and_lab_have_no_grave_findings_and_are_used_by_keyboard(page: Page) -> None:

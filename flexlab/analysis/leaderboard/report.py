@@ -3,8 +3,9 @@
 The report is one HTML file that opens without network. A figure has a dot per law and scenario, or is a map where there are many.
 """
 
+import re
 from dataclasses import dataclass
-from math import exp, log, log2
+from math import exp, isnan, log, log2
 from pathlib import Path
 
 import matplotlib as mpl
@@ -23,6 +24,8 @@ from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.analysis.leaderboard.entry import Row
 from flexlab.errors import StudyError
 from flexlab.recording.store.notes import replacing
+from flexlab.scenario.field_text import field_title
+from flexlab.text import number_text, typed_number
 
 FAILS = "fails"
 LEVELS = 6
@@ -84,7 +87,7 @@ def _level(ratio: float) -> int:
 
 def _ratio_text(ratio: float) -> str:
     """Three digits, thousands apart."""
-    return f"{float(f'{ratio:.3g}'):,.0f}".replace(",", "\u202f") if ratio >= 1000 else f"{ratio:.3g}"
+    return f"{float(f'{ratio:.3g}'):,.0f}".replace(",", "\u202f") if ratio >= 999.5 else number_text(ratio, 3)
 
 
 def overview(board: Leaderboard) -> Grid:
@@ -156,7 +159,8 @@ def _column(board: Leaderboard, case: Case, variant: Variant, score: Score) -> d
         elif law not in found:
             cells[law] = Cell(score.text(None), None, row.sentence)
         else:
-            said = "; ".join(filter(None, (f"{_ratio_text(found[law])} {OF_THE_BEST}", row.note, row.sentence)))
+            times = f"{_ratio_text(found[law])} {OF_THE_BEST}"
+            said = "; ".join(filter(None, (times, _in_words(row.note), row.sentence)))
             cells[law] = Cell(score.text(row.scores[score.name]), _level(found[law]), said)
     return cells
 
@@ -168,11 +172,26 @@ def _failure(row: Row) -> str:
 
 def settings(board: Leaderboard) -> tuple[str, ...]:
     """Laws whose settings are not their defaults, or that need a clock, as sentences."""
-    notes = dict.fromkeys((row.law, part) for row in board.rows for part in row.note.split("; ") if part)
+    notes = dict.fromkeys((row.law, part) for row in board.rows for part in _in_words(row.note).split("; ") if part)
     by_law: dict[str, list[str]] = {}
     for law, part in notes:
         by_law.setdefault(law, []).append(part)
     return tuple(f"{law}: {', '.join(parts)}" for law, parts in by_law.items())
+
+
+SETTING = re.compile(r"([a-z_]+(?:\.[a-z_]+)*) = ([^\s;,]+)(?: s\b)?")
+"""A field of a law and its value, as rows note them."""
+
+
+def _in_words(note: str) -> str:
+    """A row's note with the titles of the fields that it names."""
+
+    def said(found: re.Match[str]) -> str:
+        value = typed_number(found[2])
+        path = found[1] if found[1].startswith("controller.") else f"controller.{found[1]}"
+        return f"{field_title(path)} = {found[2] if isnan(value) else number_text(value)}"
+
+    return SETTING.sub(said, note)
 
 
 def provenance(board: Leaderboard) -> str:
@@ -253,7 +272,7 @@ def _draw_map(figure: Figure, axes: Axes, case: Case, values: np.ndarray) -> Non
         value = values[line, place]
         text, color = "–", "black"  # Where no shade is, the page's colour.
         if np.isfinite(value):
-            text, color = f"{value:.2g}", "white" if norm(value) > 1 - DARK else INK
+            text, color = number_text(value, 2), "white" if norm(value) > 1 - DARK else INK
         axes.text(place, line, text, ha="center", va="center", fontsize="x-small", color=color)
     figure.colorbar(drawn, ax=axes, label=f"{case.main.column.title} ({case.main.column.unit})")
 

@@ -194,10 +194,11 @@ class Events:
         """Run to a simulation time, s; raises `LabError` for one that has passed or is too far away."""
         now = float(self._lab_state.snapshot.latest.time[0])
         ticks = (goal - now) / TICK  # May be infinite: the box takes every number.
+        wanted = f"t = {number_text(goal, 6)} s"
         if ticks <= 0.5:
-            raise LabError(f"t = {goal:g} s has passed (now {now:.3f} s): press Reset first, or choose a later time.")
+            raise LabError(f"{wanted} has passed (now {now:.3f} s): press Reset first, or choose a later time.")
         if ticks > MOST_STEPS + 0.5:
-            raise LabError(f"t = {goal:g} s is more than {MOST_STEPS * TICK:g} s ahead: go there in steps.")
+            raise LabError(f"{wanted} is more than {number_text(MOST_STEPS * TICK)} s ahead: go there in steps.")
         self._lab_state.submit(StepOnce(round(ticks)))
 
 
@@ -224,9 +225,11 @@ class PlayScreen:
             gui.add_html(f'<div class="fl fl-play">{SENTENCE}</div>')  # By which the page finds the screen.
             icon, hint = viser.Icon.HAND_CLICK, "A blow across the beam"
             add_button(gui, lab_state, "Tap", lambda _: touch.tap(), icon=icon, color=None, hint=hint)
+            gui.add_button("More", color="gray", hint="The whole lab, with this run")
+            # The style sheet shows the button that follows this mark once somebody has turned the view.
+            gui.add_html('<i class="fl-back"></i>')
             hint = "The camera back to where it stood, in this browser"
             add_button(gui, lab_state, "Reset view", lambda event: look(event.client, VIEWS[0]), hint=hint)
-            gui.add_button("More", color="gray", hint="The whole lab, with this run")
             self._stiffness = Field(gui, lab_state, Entry("payload.bending_stiffness", None, "Stiffness EI", "N·m²"))
         self._build_damping(lab_state.intended)
         with self._folder:

@@ -162,9 +162,14 @@ def units_of(labels: Sequence[str]) -> str:
     return ", ".join(dict.fromkeys(each[1] for each in found if each))
 
 
-def signal_series(label: str, tone: colors.Color) -> uplot.Series:
-    """How a signal is drawn."""
-    return uplot.Series(label=label, stroke=colors.css(tone), width=1.25, spanGaps=False, auto=False)
+DASHES = ((), (9, 4), (12, 3, 3, 3))
+"""px: of the first, second and third curve, for whoever cannot tell their colours apart; then anew."""
+
+
+def signal_series(label: str, tone: colors.Color, place: int = 0) -> uplot.Series:
+    """How the signal at a place of its chart is drawn."""
+    dash = DASHES[place % len(DASHES)]
+    return uplot.Series(label=label, stroke=colors.css(tone), width=1.25, spanGaps=False, auto=False, dash=dash)
 
 
 def kept_series(tone: colors.Color) -> uplot.Series:
@@ -176,7 +181,7 @@ def kept_series(tone: colors.Color) -> uplot.Series:
 
 def limit_series(limit: Limit) -> list[uplot.Series]:
     """Two dashed lines; only the first one is named."""
-    style = {"stroke": colors.css(limit.tone), "width": 1, "dash": (6, 5), "points": {"show": False}, "auto": False}
+    style = {"stroke": colors.css(limit.tone), "width": 1, "dash": (3, 6), "points": {"show": False}, "auto": False}
     second = {**style, "label": limit.label, "class": UNNAMED}
     return [cast(uplot.Series, {**style, "label": limit.label}), cast(uplot.Series, second)]
 
@@ -199,7 +204,8 @@ class Chart:
         self._seen: Sequence[float] = WHOLE
         self.restart(window)
         series = [uplot.Series(label="t (s)")]
-        series += [signal_series(label, tone) for label, tone in zip(plot.labels, plot.tones, strict=True)]
+        signals = zip(plot.labels, plot.tones, strict=True)
+        series += [signal_series(label, tone, place) for place, (label, tone) in enumerate(signals)]
         if kept is not None:
             series += [kept_series(tone) for tone in plot.tones]
         for limit in self._limits:

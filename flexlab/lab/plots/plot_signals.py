@@ -3,7 +3,7 @@
 The other part, ½ Σ k_j (b_j - b̂_j)², holds the true bounds b_j, which nobody knows.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -98,11 +98,8 @@ class Plot:
     limits: Limits
     note: str
     """A sentence below the plot."""
-
-    @property
-    def tones(self) -> tuple[colors.Color, ...]:
-        """A colour for each signal."""
-        return tuple(colors.CURVES[k % len(colors.CURVES)] for k in range(len(self.labels)))
+    tones: tuple[colors.Color, ...]
+    """A colour for each signal."""
 
 
 def _plot(view: View, *shown: int, title: str = "", limits: Limits = lambda _: (), note: str = "") -> Plot:
@@ -110,14 +107,20 @@ def _plot(view: View, *shown: int, title: str = "", limits: Limits = lambda _: (
     chosen = list(shown or range(len(view.curves)))
     curves = [view.curves[k].removeprefix("left ").removeprefix("right ") for k in chosen]
     labels = tuple(f"{curve} ({view.units[k]})" for curve, k in zip(curves, chosen, strict=True))
+    tones = tuple(view.colors[k] for k in chosen)
     return Plot(
-        title or view.title, labels, lambda _, samples: view.values(samples).T[chosen], view.least, limits, note
+        title or view.title, labels, lambda _, samples: view.values(samples).T[chosen], view.least, limits, note, tones
     )
 
 
-def _torque_limits(scenario: Scenario) -> tuple[Limit, ...]:
-    limits = scenario.controller.torque_limit or ()
-    return tuple(Limit(f"limit {k + 1} (N·m)", value, colors.CURVES[k]) for k, value in enumerate(limits))
+def _torque_limits(tones: Sequence[colors.Color]) -> Limits:
+    """The levels of an arm's joints, in the colours of its curves."""
+
+    def limits(scenario: Scenario) -> tuple[Limit, ...]:
+        levels = zip(scenario.controller.torque_limit or (), tones, strict=False)
+        return tuple(Limit(f"limit {k} (N·m)", value, tone) for k, (value, tone) in enumerate(levels, 1))
+
+    return limits
 
 
 def _wanted_force(scenario: Scenario) -> tuple[Limit, ...]:
@@ -143,6 +146,7 @@ LYAPUNOV = Plot(
     lambda _: (),
     "The proof's whole function adds ½ Σ kⱼ (bⱼ − b̂ⱼ)²: what the estimates still lack. Nobody knows the true "
     "bounds bⱼ, so that part cannot be drawn.",
+    (colors.VIOLET,),
 )
 LOAD_NOTE = "At 100 % of compression this beam buckles; at 100 % of spin the paper's beam has no stiffness left."
 
@@ -151,8 +155,13 @@ def tabs(scenario: Scenario) -> dict[str, tuple[Plot, ...]]:
     """Tab name → its plots over time, for the arms that are there."""
     torque = views.TORQUES[len(scenario.arms) - 1]
     torques = [
-        _plot(torque, *range(3 * arm, 3 * arm + 3), title=f"Joint torques, {name} arm", limits=_torque_limits)
-        for arm, name in enumerate(("left", "right")[: len(scenario.arms)])
+        _plot(
+            torque,
+            *joints,
+            title=f"Joint torques, {name} arm",
+            limits=_torque_limits([torque.colors[k] for k in joints]),
+        )
+        for name, joints in zip(("left", "right")[: len(scenario.arms)], (range(3), range(3, 6)), strict=False)
     ]
     estimates = [_plot(views.ESTIMATES)] if BOUND_ESTIMATES in law_of(scenario.controller).memory else []
     own = [_plot(view, limits=_law_limits(view)) for view in views.own_views(scenario)]

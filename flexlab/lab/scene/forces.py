@@ -12,7 +12,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.geometry import arm_points, deflection_at, link_points
 from flexlab.sim.samples import Samples
-from flexlab.text import number_text
+from flexlab.text import fixed_text, number_text
 
 LONGEST_ARROW = 0.4
 """Length of an arrow at the limit of the present force range, over the beam's: arrows of two grips that press never meet."""
@@ -136,7 +136,7 @@ class Forces:
         if view.moving_force:
             rows.append(("moving force, 10 cm =", f"{number_text(0.1 * self._moving.per_meter)} N"))
         if view.moments:
-            rows.append(("internal moment, ¼ turn =", f"{self._moment.per_quarter_turn:g} N·m"))
+            rows.append(("internal moment, ¼ turn =", f"{number_text(self._moment.per_quarter_turn)} N·m"))
         return rows
 
 
@@ -180,5 +180,5 @@ class PullArrow:
         height = self._size * (arms.BEAM_HEIGHT if pull.link is None else arms.LINK_HEIGHTS[pull.link[1] - 1])
         ends = np.column_stack([[drawn, target], [height, height]])
         self._arrow.points = ends[None].astype(np.float32)
-        self._label.text = f"pull {force:.1f} N"
+        self._label.text = f"pull {fixed_text(force, 1)} N"
         self._label.position = (*pull.target, height)

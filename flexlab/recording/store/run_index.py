@@ -23,7 +23,7 @@ from flexlab.recording.store.run_files import (
     remove_run,
     run_state,
 )
-from flexlab.text import visible
+from flexlab.text import number_text, visible
 
 LONGEST_NOTE = 2000
 """Characters of a person's note on a run."""
@@ -252,9 +252,9 @@ def size_text(size: float) -> str:
     """Bytes in a unit for people."""
     for unit in ("B", "kB", "MB"):
         if size < 1000:
-            return f"{size:.3g} {unit}"
+            return f"{number_text(size, 3)} {unit}"
         size /= 1000
-    return f"{size:.3g} GB"
+    return f"{number_text(size, 3)} GB"
 
 
 def duration_text(duration: float | None) -> str:
@@ -262,5 +262,6 @@ def duration_text(duration: float | None) -> str:
     if duration is None:
         return "–"
     if duration < 120:
-        return f"{duration:.4g} s"
-    return f"{int(duration // 60)} min {duration % 60:02.0f} s"
+        return f"{number_text(duration)} s"
+    minutes, seconds = divmod(round(duration), 60)
+    return f"{minutes} min {seconds:02d} s"

@@ -10,6 +10,7 @@ import html
 import json
 from collections.abc import Sequence
 from contextvars import ContextVar
+from decimal import Decimal
 from functools import cache
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from markupsafe import Markup
 
 from flexlab.assets import web_assets_folder
 from flexlab.recording.store.run_index import duration_text, size_text, state_word
-from flexlab.text import visible, with_units
+from flexlab.text import number_text, plain, visible, with_units
 
 
 @cache
@@ -69,6 +70,8 @@ _environment = Environment(
 )
 _environment.globals.update(  # pyright: ignore[reportUnknownMemberType]
     duration_text=duration_text,
+    number_text=number_text,
+    typed=lambda value: plain(Decimal(f"{value:.6g}")),
     size_text=size_text,
     state_word=state_word,
     with_units=with_units,

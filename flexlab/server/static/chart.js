@@ -17,12 +17,13 @@ function viridis(share) {
   return `rgb(${mix.join(",")})`;
 }
 
+// As `number_text` of flexlab/text.py writes it: 1000, −0.5 and 2.5 · 10⁻⁹.
 function number(value, digits = 3) {
-  if (value === 0) return "0";
-  const size = Math.abs(value);
-  const text = size >= 1e5 || size < 1e-3 ? value.toExponential(digits - 1).replace(/\.?0+e/, "e") :
-    String(Number(value.toPrecision(digits)));
-  return text.replace("e+", "e").replace(/-/g, "−");
+  const shown = Number(value.toPrecision(digits)), size = Math.abs(shown);
+  if (size === 0 || (size >= 1e-4 && size < 1e7)) return String(shown).replace("-", "−");
+  const [mantissa, exponent] = size.toExponential().split("e").map(Number);
+  const power = "10" + String(exponent).replace(/./g, (sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)]);
+  return (shown < 0 ? "−" : "") + (mantissa === 1 ? power : `${mantissa} · ${power}`);
 }
 
 // Numbers in words, with as many digits as tell them apart.

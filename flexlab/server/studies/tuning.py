@@ -104,7 +104,7 @@ def read(form: Form, scenario: Scenario, duration: float) -> TuningStudy:
     if not FEWEST_CANDIDATES <= candidates <= MOST_CANDIDATES:
         limits = f"{FEWEST_CANDIDATES} to {MOST_CANDIDATES}"
         raise StudyError(
-            f"{candidates:.12g} candidates are outside {limits}: choose within it, {ELSEWHERE}: flexlab tune."
+            f"{number_text(candidates, 12)} candidates are outside {limits}: choose within it, {ELSEWHERE}: flexlab tune."
         )
     check_work(candidates, duration, "candidates", "tune")
     limited = text_of(form, "limited")

@@ -58,7 +58,7 @@ def _digest() -> str:
 
 
 def cache_folder() -> Path:
-    """Where machine code is kept: below NUMBA_CACHE_DIR or the user's cache folder, one folder per source version."""
+    """The folder of machine code, one per version of the sources, below NUMBA_CACHE_DIR or the user's cache folder."""
     base = os.environ.get("NUMBA_CACHE_DIR")
     root = Path(base) if base else user_cache()
     return root / "flexlab" / f"kernels-{_DIGEST}"

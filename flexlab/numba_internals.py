@@ -84,12 +84,12 @@ class _BySource(_CacheLocator):
 
 
 class _KeptResults(CompileResultCacheImpl):
-    """What is kept of a compiled kernel: as numba keeps it, and the names in its machine code, so that nobody looks for them."""
+    """A compiled kernel as numba stores it, plus the names in its machine code, so that they need not be searched."""
 
     _locator_classes = (_BySource, *CompileResultCacheImpl._locator_classes)
 
     def reduce(self, cres: Any) -> Any:
-        """As plain data. An environment without constants goes unread: only the kernel's own is asked for by its wrapper."""
+        """As plain data, without environments that have no constants: the wrapper reads only the kernel's own."""
         module = cres.library._get_module_for_linking()
         names = {
             each.name
@@ -137,9 +137,9 @@ class _FileEach(IndexDataCacheFile):
 
 
 class QuickCache(FunctionCache):
-    """Machine code on disk, taken up without first loading what only compiling needs: how numba translates all of numpy.
+    """Machine code on disk, loaded without what only compiling needs, numba's translations of all of numpy.
 
-    That is half a second of each start. Nor is the runtime needed that counts references: for kernels without (`_nrt=False`).
+    That saves half a second of each start. Kernels without reference counting (`_nrt=False`) do not need its runtime, either.
     """
 
     _impl_class = _KeptResults
@@ -150,18 +150,18 @@ class QuickCache(FunctionCache):
         self._cache_file = _FileEach(locator.get_cache_path(), self._impl.filename_base, locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """As numba's, but for the refreshing of `target_context`, which its compiler does itself where it is needed."""
+        """As numba's, without the refresh of `target_context`, which the compiler does itself if needed."""
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
 
 
 def fingerprint(arguments: tuple[Any, ...]) -> bytes:
-    """What numba tells the types of arguments by, in a hundredth of the time that it needs to name them."""
+    """Numba's fingerprint of the types of arguments, in a hundredth of the time that naming them takes."""
     return _dispatcher.compute_fingerprint(arguments)
 
 
 NOWHERE = 1
-"""Address of a function that is never called; numba takes 0 for a failure."""
+"""Address of a function that is never called; 0 would mean a failure to numba."""
 
 
 class BitcodeLibrary(JITCodeLibrary):

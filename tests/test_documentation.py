@@ -16,7 +16,7 @@ from flexlab.control.path import paths
 from flexlab.guide import chapters
 from flexlab.notation import SYMBOLS
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_names import value_paths
+from flexlab.scenario.validation_errors import value_paths
 from flexlab.sim.signals import known_signals
 
 

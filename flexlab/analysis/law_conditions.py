@@ -11,8 +11,7 @@ from flexlab.physics.mass_change import find_mass_at
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import build_system
 from flexlab.sim.build import build_beam
-from flexlab.sim.closed_loop import new_workspace
-from flexlab.sim.law_memory import complete_input
+from flexlab.sim.closed_loop import law_input_at, new_workspace
 from flexlab.sim.step_rates import control_rate, desired_poses
 
 INSTANTS = 32
@@ -41,7 +40,7 @@ def circumstances(scenario: Scenario) -> Circumstances:
     find_mass_at(system.plant, 0.0, ws)
     for t, desired in zip(times, poses(system.trajectory, times), strict=True):
         if configure_arms(system.plant, desired[0], ws.arm, ws.fault) == 0:
-            seen.append(complete_input(system, desired[0], desired[1], desired, ws).copy())
+            seen.append(law_input_at(system, desired[0], desired[1], desired, ws).copy())
             reached.append(t)
     path = np.array(seen, LAW_INPUT).view(np.recarray)
     m, inertia = beam.matrices.m, beam.matrices.I

@@ -16,10 +16,9 @@ from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
-from flexlab.sim.first_mode import first_mode
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
-from flexlab.sim.target import shaper_impulses
+from flexlab.sim.target import first_mode, shaper_impulses
 
 SECONDS = 30.0
 """How much of a run a check sees, s."""

@@ -18,7 +18,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.assembly import build_strains, build_system
 from flexlab.sim.build import build_beam
 from flexlab.sim.closed_loop import System, memory_slice, new_workspace, rates_at, state_length
-from flexlab.sim.law_memory import outlook, start_memory
+from flexlab.sim.motion import law_start, start_controller
 from flexlab.sim.sampled_control import Sampling, control_instant
 
 PROBE_PERIOD = 1e-3
@@ -113,7 +113,9 @@ class LoopProbe:
         """The memory with which the law begins at rest at a pose."""
         y = self._y.copy()
         y[X : X + 3] = pose
-        start_memory(self.scenario, self.system, outlook(self.scenario, self.system, 0.0, y, self._workspace, True), y)
+        start_controller(
+            self.scenario, self.system, law_start(self.scenario, self.system, 0.0, y, self._workspace, True), y
+        )
         return y[self._memory].copy()
 
     def at_rest(self, pose: np.ndarray) -> Motion:

@@ -8,10 +8,9 @@ from flexlab.errors import StudyError
 from flexlab.recording.reader import Recording
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
-from flexlab.sim.samples import MEASURED, Samples
+from flexlab.sim.samples import MEASURED, Origin, Samples, WorldState
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.world import World
-from flexlab.sim.world_state import Origin, WorldState
 from flexlab.text import number_text
 
 MILLI = 1e3

@@ -14,8 +14,9 @@ from flexlab.errors import ScenarioError
 from flexlab.own import hosts
 from flexlab.own.files import law_kind
 from flexlab.presets import load_preset
-from flexlab.sim.assembly import Unprepared, build_assembly
+from flexlab.sim.assembly import Unprepared
 from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.world import World
 
 MESHES = (2, 8, 64)

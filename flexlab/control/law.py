@@ -99,9 +99,9 @@ class Law:
     """Levels that mean something in plots, from the model's gains: signal → label with unit → value."""
     start: Callable[[Start], dict[str, np.ndarray]] | None = None
     """Memory parts that do not start at zero, at the start of a run or where the law takes over in motion."""
-    carry: Callable[[Start, Start, dict[str, np.ndarray]], dict[str, np.ndarray]] | None = None
-    """Memory parts that must follow a change in motion of gains or of the believed payload, so that the law's answer does not
-    jump by more than the change: from what was before, what is now, and the present memory."""
+    bumpless_transfer: Callable[[Start, Start, dict[str, np.ndarray]], dict[str, np.ndarray]] | None = None
+    """Memory parts adjusted to a change of gains or of the believed payload in motion, so that the law's answer jumps by no more
+    than the change itself: from what the law saw before, what it sees now, and the present memory."""
     sliding_slope: Callable[[Any], np.ndarray] = no_slope
     """Λ (3,), 1/s, of s = ė + Λe in plots, from the model's gains."""
     constants: dict[str, tuple[int, ...]] = field(default_factory=dict)

@@ -1,25 +1,61 @@
-"""The desired motion as kernels take it: a path, and what every path may have besides.
+"""The desired motion as kernels take it: a path, its smooth start, its input shaper, and the transition after a live change.
 
-At time t ≥ 0 the target is Σ A_j x(t - t_j) + d(t): x the path, entered at growing speed over `ramp` s (`path_time`), A_j and
-t_j the impulses of an input shaper (`control.shapers`), d what a live change left over (`transition`). Before t = 0 every
-path stands at x(0), periodic ones too: an impulse's copy begins when its time has come.
+At time t ≥ 0 the target is Σ A_j x(t - t_j) + d(t): x is the path, entered at growing speed over `ramp` s (`path_time`), A_j and
+t_j are the impulses of the input shaper, and d is what a live change left over (`transition`). Before t = 0 every path stands at
+x(0), periodic ones too: an impulse's copy begins at its own time.
+
+Input shapers convolve a motion with a few impulses, so that the vibrations of its copies cancel. For a mode of frequency ω,
+rad/s, and damping ratio ζ: k = exp(-ζπ/√(1-ζ²)), T_d = 2π/(ω√(1-ζ²)). Amplitudes add up to 1, so that the motion ends at the
+same place, later by the last impulse's time. Singer & Seering, J. Dyn. Sys. Meas. Control 112(1), 1990; Singhose, Seering &
+Singer, J. Mech. Design 116(2), 1994 (extra-insensitive).
 """
 
-from typing import NamedTuple
+import math
+from collections.abc import Callable
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlab.compiled import call_kernel, compiled, inlined
+from flexlab.numerics.elementary import exp
+
+Shaper = Literal["none", "zv", "zvd", "ei-shaper"]
+"""By name: zero vibration, the same with zero derivative, extra-insensitive."""
+
+TOLERATED = 0.05
+"""V: share of the unshaped vibration that the extra-insensitive shaper leaves at ω, for a band twice as wide."""
+
+_AMPLITUDES: dict[str, Callable[[float], list[float]]] = {
+    "none": lambda k: [],
+    "zv": lambda k: [1.0, k],
+    "zvd": lambda k: [1.0, 2 * k, k * k],
+    "ei-shaper": lambda k: [(1 + TOLERATED) / 4, (1 - TOLERATED) * k / 2, (1 + TOLERATED) * k * k / 4],
+}
+"""Shaper → relative amplitudes of its impulses, half a period T_d apart."""
+
+
+def impulses(shaper: str, omega: float, zeta: float) -> np.ndarray:
+    """A_j, 1, and t_j, s, of a shaper for a mode of ω rad/s and damping ratio ζ in [0, 1), (impulses, 2)."""
+    root = math.sqrt(1 - zeta * zeta)
+    amplitudes = np.array(_AMPLITUDES[shaper](float(exp(-zeta * np.pi / root))))
+    times = np.arange(len(amplitudes)) * np.pi / (omega * root)
+    return np.stack([amplitudes / amplitudes.sum(), times], axis=1) if len(amplitudes) else np.zeros((0, 2))
+
+
+def residual(shaped: np.ndarray, omega: float) -> float:
+    """Vibration that impulses (k, 2) leave in an undamped mode of ω rad/s, as a share of that of one impulse, 1."""
+    return float(abs(np.sum(shaped[:, 0] * np.exp(1j * omega * shaped[:, 1]))))
+
 
 NO_ROWS = np.zeros((0, 1))
-"""Of paths whose numbers are few."""
+"""The table of a path that has none."""
 NO_SHAPER = np.zeros((0, 2))
 NO_TRANSITION = np.zeros(11)
-NO_KINKS = np.zeros(0)
+NO_DISCONTINUITIES = np.zeros(0)
 INSIDE = 1e-14
-"""s, per second since t = 0. A step that ends at a jump of the acceleration knows nothing yet of what comes after, one that
-begins there nothing any more of what was before: else both are of first order. Ten times what instants are rounded by."""
+"""s, per second since t = 0. A step that ends at a jump of the acceleration must not see what comes after it, and one that begins
+there must not see what was before: otherwise both are of first order. Ten times the rounding of instants."""
 
 
 class DesiredMotion(NamedTuple):
@@ -30,9 +66,9 @@ class DesiredMotion(NamedTuple):
     numbers: np.ndarray
     """The path's record, flat."""
     rows: np.ndarray
-    """The path's table, (rows, columns); no rows of most."""
+    """The path's table, (rows, columns); most paths have no rows."""
     plain: bool = True
-    """Whether the path is all there is: no ramp, shaper or transition."""
+    """Whether the path has no ramp, shaper or transition."""
     ramp: float = 0.0
     """Time over which the path is entered, s."""
     impulses: np.ndarray = NO_SHAPER
@@ -40,16 +76,16 @@ class DesiredMotion(NamedTuple):
     transition: np.ndarray = NO_TRANSITION
     """Instant and duration, s, then the pose, rate and acceleration that are left over at that instant, (11,)."""
     bending: float = 0.0
-    """Share of the quasi-static bending's force that is fed forward, 1 (`control.load_sharing`)."""
+    """Share of the quasi-static bending's force that is fed forward, 1 (`control.law_kernels`)."""
     inside: float = 0.0
-    """How far inside a step its first and last stage look at a path whose acceleration jumps, s: see `INSIDE`; 0 of others."""
-    kinks: np.ndarray = NO_KINKS
-    """Instants at which velocity, acceleration or jerk jump, s, in order: there a step has to end (`sim.kinks`)."""
+    """How far inside a step its first and last stage evaluate a path whose acceleration jumps, s (`INSIDE`); else 0."""
+    discontinuities: np.ndarray = NO_DISCONTINUITIES
+    """Instants at which velocity, acceleration or jerk jump, s, in order: there a step has to end (`sim.stepping`)."""
 
 
 @inlined
 def path_time(t, ramp):
-    """Time along the path at time t, s, its rate and its rate's rate, 1/s.
+    """Time along the path at time t, s, and its first and second derivative, 1 and 1/s.
 
     The rate grows from 0 to 1 over `ramp` as 10τ³ - 15τ⁴ + 6τ⁵: the path's shape stays, half of `ramp` is lost. 0 before t = 0.
     """
@@ -94,7 +130,7 @@ def _add_transition(transition, t, desired):
         return
     u, T = (t - begin) / duration, duration
     w = 1 - u
-    # Three quintics with one, and then no, initial value, slope or curvature; all of them end at zero in all three.
+    # Three quintics: initial value, slope or curvature of 1 and the other two zero; all end with all three zero.
     h, dh, ddh = w * w * w * (1 + 3 * u + 6 * u * u), -30 * u * u * w * w, -60 * u * w * (1 - 2 * u)
     k, dk, ddk = u * w * w * w * (1 + 3 * u), w * w * (1 - 3 * u) * (1 + 5 * u), -12 * u * w * (3 - 5 * u)
     c, dc, ddc = 0.5 * u * u * w * w * w, 0.5 * u * w * w * (2 - 5 * u), w * (1 - 8 * u + 10 * u * u)

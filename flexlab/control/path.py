@@ -19,8 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from flexlab.compiled import MATRIX, kernel_address
-from flexlab.control.motion import INSIDE, NO_ROWS, DesiredMotion, poses
-from flexlab.control.shapers import Shaper
+from flexlab.control.motion import INSIDE, NO_ROWS, DesiredMotion, Shaper, poses
 from flexlab.quantities import Number, Part, Triple, own_numbers, quantity
 from flexlab.registry import Registry
 
@@ -84,7 +83,7 @@ class Trajectory(Part):
         return False
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def discontinuities(self) -> tuple[float, ...]:
         """Instants at which velocity, acceleration or jerk jump on the way, s."""
         return ()
 

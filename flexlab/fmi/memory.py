@@ -13,8 +13,8 @@ import numpy as np
 from flexlab.physics.plant import Workspace
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.integrators.scheme import Scheme
-from flexlab.sim.kinks import next_tick_of_kinks, steps_in
 from flexlab.sim.step_size import build_scheme
+from flexlab.sim.stepping import next_split_tick, steps_in
 
 ALIGNMENT = 64
 """Bytes: a line of a processor's cache."""
@@ -90,7 +90,7 @@ class Block:
 
 @dataclass
 class Piece:
-    """A part of a tick between two kinks of the path, gone with steps of its own."""
+    """A part of a tick between two discontinuities of the path, gone with steps of its own."""
 
     level: int
     tick: int
@@ -182,19 +182,19 @@ def arrays_of(workspace: Workspace) -> dict[str, np.ndarray]:
     return {name: value for name, value in words_of(workspace, "ws") if isinstance(value, np.ndarray)}
 
 
-def schemes_of(assembly: Assembly, tick_period: float) -> tuple[list[Scheme], list[Piece]]:
-    """The integrator's constants of all levels and of pieces of ticks with kinks, and those pieces."""
+def schemes_of(assembly: Assembly) -> tuple[list[Scheme], list[Piece]]:
+    """The integrator's constants of all levels and of pieces of split ticks, and those pieces."""
     levels = assembly.watch.most + 1
     schemes, pieces, known = [assembly.levels.scheme(level) for level in range(levels)], [], {}
     for level in range(levels):
-        dt, tick = tick_period / (assembly.step_count << level), 0
-        while (kinked := next_tick_of_kinks(assembly, level, tick, tick_period)) is not None:
-            tick = kinked.number + 1
-            for begin, end in zip(kinked.cuts[:-1], kinked.cuts[1:], strict=True):
+        dt, tick = assembly.tick_period / (assembly.step_count << level), 0
+        while (split := next_split_tick(assembly, level, tick)) is not None:
+            tick = split.number + 1
+            for begin, end in zip(split.cuts[:-1], split.cuts[1:], strict=True):
                 length = end - begin
                 count = steps_in(length, dt)
                 if length / count not in known:
                     known[length / count] = len(schemes)
                     schemes.append(build_scheme(assembly.levels.integrator, assembly.beam, length / count))
-                pieces.append(Piece(level, kinked.number, begin, length, end, count, known[length / count]))
+                pieces.append(Piece(level, split.number, begin, length, end, count, known[length / count]))
     return schemes, pieces

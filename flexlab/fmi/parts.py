@@ -40,9 +40,9 @@ from flexlab.sim.advance import advance
 from flexlab.sim.closed_loop import memory_slice
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.integrators.scheme import Scheme
-from flexlab.sim.law_memory import start_memory
-from flexlab.sim.motion import Motion, begin_motion, outlook_of
+from flexlab.sim.motion import Motion, begin_motion, start_controller
 from flexlab.sim.sampled_control import answer_sensors, control_instant
+from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.stepping import observe
 from flexlab.sim.target import desired_at
 from flexlab.sim.termination import DEFLECTION_LIMIT
@@ -102,7 +102,7 @@ def make_part(scenario: Scenario, part: str, tick_period: float) -> Part:
         )
     if part in ("plant", "law") and scenario.controller.control_period is None:
         scenario = scenario.replace({"controller.control_period": tick_period})
-    motion = begin_motion(scenario, tick_period, (), False)
+    motion = begin_motion(build_assembly(scenario, tick_period))
     if motion.status.failed:
         raise StudyError(motion.status.text)
     return PARTS[part](motion)
@@ -167,7 +167,7 @@ def _world(motion: Motion, about: str, called: list[Called]) -> Part:
     if not is_plant and system.control.sampled:
         _before_acting(motion)
     scratch = {"good": good, "rows": rows, **arrays_of(motion.workspace)}
-    memory = lay_out(arguments, state, scratch, *schemes_of(assembly, motion.tick_period))
+    memory = lay_out(arguments, state, scratch, *schemes_of(assembly))
     variables = sample_variables(scenario, row, memory.places["row"], not is_plant)
     if is_plant:
         variables += sensors(scenario, felt, memory.places["sensors"], "output")
@@ -251,7 +251,7 @@ def _before_acting(motion: Motion) -> None:
     y[memory_slice(system).start :] = 0.0
     find_mass_at(system.plant, motion.time, motion.workspace)
     begin_reading(system.plant, sampling.period, y, motion.workspace)
-    start_memory(motion.scenario, system, outlook_of(motion, True), y)
+    start_controller(motion.scenario, system, motion.law_start(True), y)
 
 
 def _gains(scenario: Scenario, besides: Collection[str] = ()) -> list[Gain]:

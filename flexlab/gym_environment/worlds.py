@@ -17,15 +17,15 @@ from flexlab.physics.law_input import MOST_DELAY
 from flexlab.physics.plant import Workspace
 from flexlab.presets import AnyScenario, any_scenario
 from flexlab.scenario import Scenario
-from flexlab.sim.assembly import Assembly, build_assembly
+from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import new_workspace, state_length
 from flexlab.sim.integrators.scheme import Etdrk4
-from flexlab.sim.sampled_control import loop_form
+from flexlab.sim.sampled_control import loop_variant
 from flexlab.sim.samples import Samples, row_length, rows_to_samples
 from flexlab.sim.signals import MIDSPAN
+from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.target import desired_at
-from flexlab.sim.termination import DEFLECTION_LIMIT
-from flexlab.sim.workspace_check import check_trajectory
+from flexlab.sim.termination import DEFLECTION_LIMIT, check_trajectory
 
 WRENCH, TORQUES = "wrench", "torques"
 LARGEST_NOISE = 1.0
@@ -187,7 +187,7 @@ class WorldBatch:
         self._move = self._move_alone = lambda: [kernel(*part) for part in parts]
         self._end_threads = lambda: None
         if threads > 1 and not PLAIN_PYTHON:
-            standing = StandingThreads(step_worlds, parts, loop_form(first.system.plant))
+            standing = StandingThreads(step_worlds, parts, loop_variant(first.system.plant))
             self._move, self._end_threads = standing.run, weakref.finalize(self, standing.close)
 
     @property

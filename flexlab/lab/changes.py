@@ -10,7 +10,7 @@ from flexlab.errors import FlexlabError
 from flexlab.log_limits import limited
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import changes_towards as changes_towards
-from flexlab.sim.world_state import Origin
+from flexlab.sim.samples import Origin
 
 LONGEST_HISTORY = 200
 """Steps that can be undone."""

@@ -22,10 +22,10 @@ from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pause, Play, Pull, Reset, SetSpeed
 from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Origin
 from flexlab.sim.snapshot import Snapshot
 from flexlab.sim.target import change_path
-from flexlab.sim.workspace_check import check_trajectory, same_reach
-from flexlab.sim.world_state import Origin
+from flexlab.sim.termination import check_trajectory, same_reach
 
 NOTICE_TIME = 12.0
 """How long a notice stays on screen, wall seconds: time to read two lines twice."""

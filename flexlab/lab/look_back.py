@@ -8,9 +8,8 @@ from flexlab.lab.lab_state import LabState
 from flexlab.sim.commands import Pause, Play
 from flexlab.sim.history import HISTORY_SECONDS, state_from
 from flexlab.sim.runner import Runner
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import Origin, Samples
 from flexlab.sim.snapshot import TICK, Snapshot
-from flexlab.sim.world_state import Origin
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ from flexlab.lab.viser_server import open_server
 from flexlab.own import hosts
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Origin
 from flexlab.sim.snapshot import Consumer
-from flexlab.sim.world_state import Origin
 
 PANEL_WIDTH, NARROW_PANEL = 330, 300
 """Width of the panel, px: holds the longest label with its unit on one line; the second in a narrow window."""

@@ -121,7 +121,7 @@ class OwnTrajectory(Trajectory):
         return not self.repeats
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def discontinuities(self) -> tuple[float, ...]:
         """Both ends, if it has any."""
         return () if self.repeats else self.window
 

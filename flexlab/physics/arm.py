@@ -1,7 +1,7 @@
 """One planar three-joint arm whose last link is rigidly aligned with the virtual link (Eqs. 11-13).
 
 The arm's dynamics are written in the links' absolute angles α = (α1, α2, φ): the mass matrix is μ_ij cos(α_i - α_j), its
-Christoffel matrix μ_ij sin(α_i - α_j) α̇_j, and no joint angle is ever needed. As φ = θ (or θ + π), the pose fixes the
+Christoffel matrix μ_ij sin(α_i - α_j) α̇_j, and no joint angle is needed. As φ = θ (or θ + π), the pose fixes the
 wrist, and α1, α2 follow from the triangle base-elbow-wrist. 𝒥: ẋ → α̇ has rows 𝒥_1, 𝒥_2 and (0, 0, 1).
 """
 
@@ -44,7 +44,7 @@ OK, UNREACHABLE, SINGULAR, NOT_A_NUMBER = 0, 1, 2, 3
 
 
 class ArmTerms(NamedTuple):
-    """Work space of one evaluation for all arms; first axis: arm."""
+    """Arm terms of one evaluation; first axis: arm."""
 
     M: np.ndarray
     """M̄_i = 𝒥ᵀM𝒥, (arms, 3, 3)."""
@@ -93,9 +93,9 @@ def arm_constants(
 def link_directions(l1, l2, elbow, rx, ry):
     """sin and cos of α2 - α1, and cos α1, sin α1, cos α2, sin α2, for a wrist at (rx, ry) from the base, m.
 
-    The cosine is beyond ±1, and the rest not a number, where the wrist cannot be.
+    For a wrist out of reach the cosine is beyond ±1, and the rest NaN.
     """
-    # Divisors are known early: a division at the end of the chain costs three products.
+    # Reciprocals are computed early: a division at the end of the chain costs three products.
     distance2, per_product = rx * rx + ry * ry, 1 / (2 * l1 * l2)
     per_distance2 = 1 / distance2
     cos_elbow = (distance2 - (l1 * l1 + l2 * l2)) * per_product
@@ -130,7 +130,7 @@ def arm_configuration(arm, x, y, c, s, g, M, G, J, direction):
     M12 = arm.mu_12 * cos_elbow
     M13 = arm.mu_13 * arm.tip * (c1 * c + s1 * s)
     M23 = arm.mu_23 * arm.tip * (c2 * c + s2 * s)
-    # M𝒥 by columns, and of the symmetric 𝒥ᵀM𝒥 one half.
+    # M𝒥 by columns, and one half of the symmetric 𝒥ᵀM𝒥.
     H1, H2 = arm.mu_11 * Jx + M12 * Kx, M12 * Jx + arm.mu_22 * Kx
     Mxx, Mxy = H1 * Jx + H2 * Kx, H1 * Jy + H2 * Ky
     H1, H2 = arm.mu_11 * Jy + M12 * Ky, M12 * Jy + arm.mu_22 * Ky

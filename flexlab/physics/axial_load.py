@@ -1,16 +1,16 @@
-"""The force along the beam and the stiffness that it takes or gives (Kane, Ryan, Banerjee, J. Guidance 10 (1987) 139-151).
+"""The axial force in the beam and the stiffness that it adds (Kane, Ryan, Banerjee, J. Guidance 10 (1987) 139-151).
 
 The paper's beam bends under lateral load only. The force along it, tension positive, of the undeformed link in its motion is
 
     N(s) = N_L + ρ a₁ (s + L/2) + ½ρω²(L²/4 - s²) - F₁ [s > s_F],      a₁ = e₁·(ẍ₀, ÿ₀) + gravity sin θ
 
-with F₁ the part along e₁ of what a hand at s_F does, and N_L = -e₁·f₁ of what the left grip does, f₁ = u₁ - M̄₁ẍ - C̄₁ẋ - Ḡ₁. A
-single arm's free end bears nothing, so that N_L = F₁ - m a₁. To first order in the deflection the beam's equations get the
+with F₁ the axial force of a hand at s_F, and N_L = -e₁·f₁ that of the left grip, f₁ = u₁ - M̄₁ẍ - C̄₁ẋ - Ḡ₁. A single arm's free
+end bears no force, so that N_L = F₁ - m a₁. To first order in the deflection the beam's equations get the
 force -K_G q with K_G = ∫N N'ᵀN' ds = N_L G0 + a₁ G1 + ω² G2 - F₁ G_F; the pose's equations stay as they are.
 
-ẍ in N leaves out what K_G does, and takes modes that are faster than `FOLLOWED` as moving with the link. Of grips that give way
-N_L is the left one's pull, and a₁ what all pulls along the undeformed link give its mass: ẍ has what bending does to a link that
-nothing heavy holds, which is of a higher order in N and not small.
+ẍ in N neglects K_G, and takes modes faster than `FOLLOWED` to move with the link. With compliant grips N_L is the pull of the
+left one, and a₁ follows from all axial pulls on the undeformed link: ẍ would contain the effect of bending on a link that
+nothing heavy holds, which is of higher order in N and not small.
 """
 
 from collections.abc import Callable
@@ -38,14 +38,14 @@ from flexlab.physics.plant import (
 )
 
 FOLLOWED = 3000.0
-"""1/s. What rings or decays faster than this does so within a step: N takes what it does on the average."""
+"""1/s. Faster modes ring or decay within a step, so that N takes their mean."""
 
 FELT_MODES = 32
-"""Lowest modes that feel the force along the beam. It changes the square of the frequency of mode k by P/(P_cr k²) of itself,
-so that the others keep their stiffness to a thousandth, at a fraction of the price for fine meshes."""
+"""Number of lowest modes to which the axial force is applied. It changes the squared frequency of mode k by a share of P/(P_cr
+k²), so that the others keep their stiffness to a thousandth, and fine meshes cost a fraction."""
 
 STIFF_MODE = 3e5
-"""rad/s. Stiffer modes keep their stiffness, too: a force of 1000 N takes less than a thousandth of it."""
+"""rad/s. Stiffer modes keep their stiffness, too: a force of 1000 N changes it by less than a thousandth."""
 
 BUCKLING = {
     "pinned-pinned": 1.0,
@@ -57,14 +57,14 @@ BUCKLING = {
 """c in the buckling load c π²EI/L², by boundary (Timoshenko & Gere, Theory of Elastic Stability, 2.1)."""
 
 N_LEFT, ALONG, SPIN, HAND = range(4)
-"""N_L, a₁, ω² and F₁ in `Workspace.axial`, and what multiplies each in `Plant.axial`: G0, G1, G2, -G_F."""
+"""Indices of N_L, a₁, ω² and F₁ in `Workspace.axial`, and of their factors G0, G1, G2, -G_F in `Plant.axial`."""
 
 NOW, START, END, SCRATCH, GATHERED = range(5)
 """Rows of `Workspace.axial_force`: K_G η now, at the first and at the last stage of a step of etdrk4, and scratch."""
 
 
 def buckling_load(length: float, EI: float, boundary: str) -> float:
-    """P_cr = c π²EI/L², N: the compression under which a beam with these ends gives way."""
+    """P_cr = c π²EI/L², N: the compression at which a beam with these ends buckles."""
     return BUCKLING[boundary] * np.pi * np.pi * EI / (length * length)
 
 
@@ -85,7 +85,7 @@ def geometric_stiffness(
 ) -> np.ndarray:
     """∫ N(s) N'ᵀN' ds from s = `begin` (None: the left end) to the right end, (n_q, n_q), for a `force` N(s).
 
-    Exact for forces up to the third power of s. Sums are taken in one order, so that every machine finds the same bits.
+    Exact for forces up to the third power of s. Sums have a fixed order, so that every machine finds the same bits.
     """
     n, l = element_count, length / element_count  # noqa: E741
     first = 0.0 if begin is None else (begin + length / 2) / l
@@ -127,7 +127,7 @@ def in_modes(matrix: np.ndarray, V: np.ndarray) -> np.ndarray:
 
 
 def followed_loads(omega: np.ndarray, damping: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """Vᵀh and Vᵀg (n_m, 2), 0 but for the modes that N follows, then FD times those, F of the same modes, (4, n_m).
+    """Vᵀh and Vᵀg (n_m, 2), zero except for the modes that N follows, then FD times those, F of the same modes, (4, n_m).
 
     `damping`: modal D (n_m, n_m).
     """
@@ -142,7 +142,7 @@ def felt(omega: np.ndarray) -> np.ndarray:
 
 
 def in_felt_modes(matrix: np.ndarray, omega: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """VᵀGV of the modes that feel the force along the beam, 0 for those that keep their stiffness, (n_f, n_f)."""
+    """VᵀGV of the modes with an axial force, zero for those that keep their stiffness, (n_f, n_f)."""
     feels = felt(omega)
     soft = omega[feels] <= STIFF_MODE
     return in_modes(matrix, V[:, feels]) * soft * soft[:, None]
@@ -150,7 +150,7 @@ def in_felt_modes(matrix: np.ndarray, omega: np.ndarray, V: np.ndarray) -> np.nd
 
 @inlined
 def has_axial_load(plant):
-    """Whether the beam feels the force along it."""
+    """Whether the axial force acts on the beam."""
     return plant.axial.shape[1] > 0
 
 
@@ -183,7 +183,7 @@ def axial_terms(plant, x_ddot, along, grip, ws, terms):
 
 @inlined
 def axial_load_at(plant, terms, factor, s):
-    """N(s), N, for `axial_terms`; at a hand's own place the force on its left. `factor`: s of `mass_change`, 1."""
+    """N(s), N, for `axial_terms`; at the hand, the force on its left. `factor`: s of `mass_change`, 1."""
     density, half = factor * (plant.m / plant.length), plant.length / 2
     load = terms[N_LEFT] + density * terms[ALONG] * (s + half) + density / 2 * terms[SPIN] * (half - s) * (half + s)
     if terms[HAND] != 0 and s > hand_of(plant.pull).position:
@@ -193,7 +193,7 @@ def axial_load_at(plant, terms, factor, s):
 
 @inlined
 def largest_compression(plant, terms, factor):
-    """-min N(s) over the beam, N, 0 where all of it is in tension: N is a hollow curve, so that it is at an end or a hand."""
+    """-min N(s) over the beam, N; 0 if all is in tension. Each part of N is concave: its minimum is at an end or the hand."""
     half = plant.length / 2
     least = min(axial_load_at(plant, terms, factor, -half), axial_load_at(plant, terms, factor, half))
     if terms[HAND] != 0:
@@ -204,7 +204,7 @@ def largest_compression(plant, terms, factor):
 
 @inlined
 def first_stiffness(plant):
-    """ω₁² of the beam with its grips held, 1/s²: a link that spins with ω₁ takes all stiffness from the linear beam."""
+    """ω₁² of the beam with its grips held, 1/s²: at the spin ω₁ the linear beam has no stiffness left."""
     least = plant.modal[OMEGA2, 0]
     for k in range(plant.modal.shape[1]):
         least = min(least, plant.modal[OMEGA2, k])
@@ -215,7 +215,7 @@ def first_stiffness(plant):
 def add_stiffness(G0, G1, G2, left, along, spin, eta, force):
     """force (n_f,) += (N_L G0 + a₁ G1 + ω² G2) η."""
     for j in range(len(eta)):
-        # Row by row: no sum waits for another, and vector units fit whatever the order.
+        # Row by row: no sum depends on another, and vector units fit.
         a, b, c, of_left, of_along, of_spin = left * eta[j], along * eta[j], spin * eta[j], G0[j], G1[j], G2[j]
         for k in range(len(eta)):
             force[k] += a * of_left[k] + b * of_along[k] + c * of_spin[k]
@@ -253,7 +253,7 @@ def geometric_force(plant, terms, y, ws):
 
 @inlined
 def predict_acceleration(grips, plant, y, ws):
-    """Fill ws.axial_acceleration with the ẍ that is in N, after `find_state`; returns F₁, N. Of grips that give way none is."""
+    """Fill ws.axial_acceleration with the ẍ in N, after `find_state`; returns F₁, N. Compliant grips need no ẍ."""
     if grips is not None:
         along, _, _ = hand_load(plant, y, ws)
         return along

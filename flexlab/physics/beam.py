@@ -17,10 +17,10 @@ from flexlab.numerics.linear_algebra import cholesky, product, singular_vectors,
 
 @inlined
 def quasi_static_deflection(compliance, gravity, desired):
-    """w_qs = -N(0) K_F⁻¹ [h (e2_d·a_d + g cos θ_d) + g θ̈_d], m: the load of the desired motion and of the weight, held.
+    """w_qs = -N(0) K_F⁻¹ [h (e2_d·a_d + g cos θ_d) + g θ̈_d], m: static deflection under desired motion and weight.
 
-    `desired`: x_d, ẋ_d, ẍ_d (3, 3); `compliance` as in `Plant`. The actual acceleration would not do: it jumps when a motion
-    starts or a hand taps, and the jump would pass for vibration.
+    `desired`: x_d, ẋ_d, ẍ_d (3, 3); `compliance` as in `Plant`. The actual acceleration jumps when a motion starts or a
+    hand taps, and the jump would count as vibration.
     """
     s, c = sin_cos(desired[0, 2])
     lateral = c * desired[2, 1] - s * desired[2, 0] + gravity * c
@@ -31,7 +31,7 @@ GAUSS_POINTS = 4
 """Exact for polynomials up to degree 7; the mass integrand has degree 6."""
 
 KNOWN_MESHES = 8
-"""Meshes whose integrals and modes are kept: stiffness, density and length only scale them."""
+"""Number of meshes whose integrals and modes are kept: stiffness, density and length only scale them."""
 
 COUPLING_TOLERANCE = 1e-9
 """Modal damping couplings below this fraction of their diagonal are rounding of the eigenvectors, not physics."""
@@ -191,13 +191,13 @@ def _unit_modes(element_count: int, boundary: str) -> tuple[np.ndarray, np.ndarr
     R = cholesky(unit.M)
     omega, W = singular_vectors(solve(R.T, unit.B.T).T)
     V = solve(R, W)
-    # One sign for ever: the leftmost coordinate that moves notably goes up.
+    # The sign is fixed: the leftmost notable coordinate is positive.
     notable = np.abs(V) > 0.1 * np.abs(V).max(axis=0)
     return omega, V * np.sign(V[np.argmax(notable, axis=0), np.arange(V.shape[1])])
 
 
 def _first_connected(coupled: np.ndarray) -> np.ndarray:
-    """For each index the lowest one that it is connected with, directly or through others, (n,); coupled: (n, n)."""
+    """For each index the lowest one with which it is connected, directly or through others, (n,); coupled: (n, n)."""
     neighbours, first = coupled | coupled.T | np.eye(len(coupled), dtype=bool), np.arange(len(coupled))
     while True:
         lower = np.where(neighbours, first, len(first)).min(axis=1, initial=len(first))

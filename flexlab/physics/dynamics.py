@@ -1,6 +1,6 @@
 """The equations of motion of arms and payload, as kernels over a `plant.Plant` and its state y (Eqs. 8-16).
 
-Read beside the module docstring of `physics.plant`, which defines the state and the equations.
+The module docstring of `physics.plant` defines the state and the equations.
 """
 
 from flexlab.compiled import compiled, disjoint, inlined
@@ -74,7 +74,7 @@ def arms_at(plant, pose, ws):
 
 @inlined
 def place_arms(grips, plant, y, ws):
-    """`configure_arms` at the pose of y, or each arm at its own where grips give way."""
+    """`configure_arms` at the pose of y; with compliant grips each arm at its own pose."""
     if grips is None:
         return configure_arms(plant, y[X : X + 3], ws.arm, ws.fault)
     return place_each(grips, plant.arms, plant.gravity, y[X : X + 3], y[grips_start(plant) :], 0.0, ws)
@@ -84,10 +84,10 @@ def place_arms(grips, plant, y, ws):
 def rigid_inertia(plant, factor, terms, arm_count, c, s, w_bar, eta_norm2, S):
     """S = ΣM̄_i + A11 - A12 A21 (3, 3), the inertia that the pose feels with the beam's momenta held.
 
-    `factor`: what the payload's mass is over its mass at the start, 1; `arm_count`: of the arms that move with it.
+    `factor`: the payload's mass over its mass at the start, 1; `arm_count`: number of arms that move with it.
     """
     hh, hg, gg = plant.kappa[0], plant.kappa[1], plant.kappa[2]
-    # Sums grow in registers: through memory, each arm would wait for the one before.
+    # Sums stay in registers: through memory, each arm would wait for the one before.
     xx, yy, tt = plant.m - s * s * hh, plant.m - c * c * hh, plant.I + eta_norm2 - gg
     xy = s * c * hh
     xt, yt = -c * w_bar + s * hg, -s * w_bar - c * hg
@@ -105,7 +105,7 @@ def rigid_inertia(plant, factor, terms, arm_count, c, s, w_bar, eta_norm2, S):
 def find_velocities(plant, y, ws):
     """Configure the arms and turn momenta into ẋ and η̇ (ws.velocity, ws.eta_dot); returns a fault code and h·η, h·η̇.
 
-    Leaves the Schur complement in ws.S. Of a payload whose mass changes it is asked after `find_mass`.
+    Leaves the Schur complement in ws.S. Call it after `find_mass` if the payload's mass changes.
     """
     n, factor = plant.modal.shape[1], mass_factor(plant.mass_change, ws)
     code = place_arms(plant.grips, plant, y, ws)
@@ -184,7 +184,7 @@ def pull_force(plant, y, c, s):
 
 @inlined
 def pull_on_link(plant, y, ws, force):
-    """Fill (∂R/∂x)ᵀF (3,) of the spring's force F on a link's point R, after `arm_configuration`: as an arm's input does.
+    """Fill (∂R/∂x)ᵀF (3,), as an arm's input, of the spring's force F on a link's point R, after `arm_configuration`.
 
     R = base + Σ d_k (cos α_k, sin α_k) with d_k the links' lengths up to the point, so that (∂R/∂x)ᵀF = 𝒥ᵀ(d_k n_k·F).
     """
@@ -213,8 +213,8 @@ def pull_on_link(plant, y, ws, force):
 def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     """Fill ẋ, Ṗ, η̇, π̇ and the powers of dy, after `find_velocities`, C̄_i and the inputs u (arms, 3) are known.
 
-    `whole`: the complete derivative. Otherwise without the beam's linear part, (η̇, π̇) - (π, -Ω²η - Dπ), and without the
-    loss, which no sum over stages tells of modes that are damped faster than the step: that is for a mass that stays.
+    `whole`: the complete derivative. Otherwise, for a constant mass only, without the beam's linear part, (η̇, π̇) - (π, -Ω²η -
+    Dπ), and without the loss, which no sum over stages gives for modes that are damped faster than the step.
     """
     n, factor = plant.modal.shape[1], mass_factor(plant.mass_change, ws)
     ease = 1 / factor
@@ -283,7 +283,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
 
 @inlined
 def bring_material(change, plant, y, w_bar, ws, dy):
-    """Add to Ṗ the momentum that material brings, ṡ (A11 ẋ + A12 η̇), and fill the rate of the energy that it brings."""
+    """Add the momentum of added material, ṡ (A11 ẋ + A12 η̇), to Ṗ, and fill the rate of its energy."""
     if change is None:
         return
     n, v, factor, rate = plant.modal.shape[1], ws.velocity, ws.mass_factor[FACTOR], ws.mass_factor[RATE]
@@ -303,7 +303,7 @@ def bring_material(change, plant, y, w_bar, ws, dy):
 
 @inlined
 def hand_load(plant, y, ws):
-    """What a hand at the beam does: along e1 and e2, N, and about the middle, N·m; fills ws.hand with what one on a link does."""
+    """Force of a hand at the beam along e1 and e2, N, and its moment about the middle, N·m; fills ws.hand for one on a link."""
     c, s = ws.arm.trig[0], ws.arm.trig[1]
     f1 = f2 = pull_turn = 0.0
     for i in range(len(plant.arms)):
@@ -321,7 +321,7 @@ def hand_load(plant, y, ws):
 
 @inlined
 def pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, pull_turn, u, ws, result):
-    """Fill S ẍ (3,): inputs, arms, -(B11 ẋ + B12 q̇), weight, the pull of `hand_load`, and A12 times what restores the beam."""
+    """Fill S ẍ (3,): inputs, arms, -(B11 ẋ + B12 q̇), weight, `hand_load`, and A12 times the beam's restoring force."""
     c, s, v, g = ws.arm.trig[0], ws.arm.trig[1], ws.velocity, plant.gravity
     w, factor = v[2], mass_factor(plant.mass_change, ws)
     for a in range(3):
@@ -342,8 +342,8 @@ def pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, p
 def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
     """ẍ (3,) from Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`.
 
-    `beam_rate` (n_m,): the η̇ that damping acts on. Leaves in ws.restoring what gives η̈ = -restoring - A21 ẍ, and in ws.hand
-    what a hand on a link does. Returns what one at the beam does along e1, N.
+    `beam_rate` (n_m,): the η̇ on which damping acts. Fills ws.restoring, with which η̈ = -restoring - A21 ẍ, and ws.hand for a hand
+    on a link. Returns the force of one at the beam along e1, N.
     """
     n, ease = plant.modal.shape[1], 1 / mass_factor(plant.mass_change, ws)
     c, w, g = ws.arm.trig[0], ws.velocity[2], plant.gravity

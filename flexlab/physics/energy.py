@@ -1,4 +1,4 @@
-"""Energies of arms and payload."""
+"""Energies of arms, payload and grips."""
 
 from flexlab.compiled import inlined
 from flexlab.physics.grips import own_trig
@@ -37,3 +37,24 @@ def gravity_energy(plant, y, w_bar, factor, ws):
         _, sine = own_trig(plant.grips, ws, i)
         moment += arm.gamma_3 * arm.tip * sine
     return plant.gravity * moment
+
+
+@inlined
+def arms_kinetic_energy(ws):
+    """½Σẋ_iᵀM̄_iẋ_i, J."""
+    total = 0.0
+    for i in range(len(ws.grips.velocity)):
+        for a in range(3):
+            for b in range(3):
+                total += ws.grips.velocity[i, a] * ws.arm.M[i, a, b] * ws.grips.velocity[i, b]
+    return total / 2
+
+
+@inlined
+def spring_energy(grips, ws):
+    """½Σk δ², J."""
+    total = 0.0
+    for i in range(len(ws.grips.displacement)):
+        for a in range(3):
+            total += grips.stiffness[a] * (ws.grips.displacement[i, a] * ws.grips.displacement[i, a])
+    return total / 2

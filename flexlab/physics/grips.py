@@ -1,22 +1,22 @@
-"""Grips that give way: a spring and a damper between each arm's last link and the end of the beam that it holds.
+"""Compliant grips: a spring and a damper between each arm's last link and the end of the beam that it holds.
 
-The paper's grips are rigid: all arms move with the pose x of the payload's virtual link. A grip that gives way lets arm i have a
-pose x_i = x + d_i of its own, the one that the virtual link would have if that arm's grip were rigid. In the frame (e1, e2) of
-the virtual link the grip stands off the beam's end at s_i = ∓L/2 by
+The paper's grips are rigid: all arms move with the pose x of the payload's virtual link. With a compliant grip, arm i has a pose
+x_i = x + d_i of its own: the one that the virtual link would have if that arm's grip were rigid. In the frame (e1, e2) of
+the virtual link the grip is displaced from the beam's end at s_i = ∓L/2 by
 
     δ1 = e1·d_i + s_i (cos δ3 - 1),      δ2 = e2·d_i + s_i sin δ3,      δ3 = θ_i - θ,
 
-and pulls at it with f = k δ + c δ̇, along, across and turning: from ½Σk δ² and Rayleigh's ½Σc δ̇². The payload, which moves alone,
-has the force f1 e1 + f2 e2 and the moment (s_i + δ1) f2 - δ2 f1 + f3 about its origin from it; arm i has the opposite force, and
-the moment s_i (cos δ3 f2 - sin δ3 f1) + f3 against it:
+and pulls at it with f = k δ + c δ̇, along, across and turning: from ½Σk δ² and Rayleigh's ½Σc δ̇². It acts on the payload,
+which moves alone, with the force f1 e1 + f2 e2 and the moment (s_i + δ1) f2 - δ2 f1 + f3 about its origin, and on arm i with
+the opposite force and the moment s_i (cos δ3 f2 - sin δ3 f1) + f3 against it:
 
     d/dt d_i = ẋ_i - ẋ,        M̄_i(x_i) ẍ_i + C̄_i ẋ_i + Ḡ_i = u_i - φ_i,
 
-so that in `physics.dynamics` M̄_i, C̄_i, Ḡ_i and u_i leave the payload's equations and its grips' forces take their place. What a
-grip does to the payload is J_iᵀf_i of Eq. 13, and what of it is beyond an equal share the internal force, as before; for k → ∞
-both are the paper's. With pinned ends f3 turns the virtual link and bends no beam, as the paper's grips do.
+so that in `physics.dynamics` the forces of the grips replace M̄_i, C̄_i, Ḡ_i and u_i in the payload's equations. The load of a
+grip on the payload is J_iᵀf_i of Eq. 13, and its part beyond an equal share the internal force, as before; for k → ∞ both are
+the paper's. With pinned ends f3 turns the virtual link and bends no beam, as the paper's grips do.
 
-Of a plant with rigid grips `Plant.grips` is None, and nothing of this is compiled into its loop.
+With rigid grips `Plant.grips` is None, and the loop is compiled without all this.
 """
 
 from typing import NamedTuple
@@ -29,24 +29,24 @@ from flexlab.numerics.linear_algebra import solve_symmetric
 from flexlab.physics.arm import arm_configuration, arm_velocity_terms, joint_torques, task_input
 
 PER_ARM = 6
-"""Numbers of each arm in the state: d_i (3), then ẋ_i (3). ∫Σc δ̇² dt, J, follows those of all arms."""
+"""Number of states of each arm: d_i (3), then ẋ_i (3). ∫Σc δ̇² dt, J, follows those of all arms."""
 
 
 class Grips(NamedTuple):
-    """Grips that give way, both arms' alike; along, across, turning."""
+    """Constants of compliant grips, the same for both arms; along, across, turning."""
 
     stiffness: np.ndarray
     """k, N/m, N/m, N·m/rad, (3,)."""
     damping: np.ndarray
     """c, N·s/m, N·s/m, N·m·s/rad, (3,)."""
     by_arms: bool
-    """Whether a controller measures the mean of the poses that the arms have, and not the payload's."""
+    """Whether a controller measures the mean of the arms' poses, and not the payload's."""
     size: int
-    """Numbers of their states in y."""
+    """Number of their states in y."""
 
 
 class GripScratch(NamedTuple):
-    """What grips that give way do, at the state that was looked at last."""
+    """Quantities of compliant grips at the newest state."""
 
     pose: np.ndarray
     """x_i, (arms, 3)."""
@@ -57,15 +57,15 @@ class GripScratch(NamedTuple):
     displacement: np.ndarray
     """δ, (arms, 3)."""
     load: np.ndarray
-    """What each does to the payload's pose, (arms, 3)."""
+    """Load of each on the payload's pose, (arms, 3)."""
     reaction: np.ndarray
     """φ_i, (arms, 3)."""
     told: np.ndarray
     """Pose and pose rate that a controller measures, (2, 3)."""
     asked: np.ndarray
-    """What the law asks of arms that it takes for rigidly held: u at that pose, (arms, 3)."""
+    """Inputs u of a law that takes the grips to be rigid, at that pose, (arms, 3)."""
     inertia: np.ndarray
-    """That of arms and payload together, (3, 3)."""
+    """Inertia of arms and payload together, (3, 3)."""
     loss: np.ndarray
     """Σc δ̇², W, (1,)."""
 
@@ -86,7 +86,7 @@ def build_grips(grips, arm_count: int) -> Grips | None:
 
 @inlined
 def grip_states(grips):
-    """How many numbers of the state y are the grips': none of rigid ones, which the compiler knows."""
+    """Number of the grips' states in y; 0 for rigid ones, a constant at compile time."""
     if grips is None:
         return 0
     return grips.size
@@ -94,13 +94,13 @@ def grip_states(grips):
 
 @inlined
 def carried_arms(grips, arms):
-    """How many arms move with the payload as one."""
+    """Number of arms that move with the payload as one."""
     return len(arms) if grips is None else 0
 
 
 @inlined
 def own_trig(grips, ws, i):
-    """cos and sin of the angle θ_i that arm i has for the virtual link's."""
+    """cos and sin of θ_i, the virtual link's angle as seen by arm i."""
     if grips is None:
         return ws.arm.trig[0], ws.arm.trig[1]
     return ws.grips.trig[i, 0], ws.grips.trig[i, 1]
@@ -150,7 +150,7 @@ def place_each(grips, arms, gravity, pose, states, later, ws):
 
 @inlined
 def place_rigidly(grips, pose, ws):
-    """Take every arm to be where rigid grips would have it at a pose (3,), after `configure_arms` at it."""
+    """Set every arm's pose to that of rigid grips at a pose (3,), after `configure_arms` at it."""
     if grips is None:
         return
     for i in range(len(ws.grips.pose)):
@@ -160,7 +160,7 @@ def place_rigidly(grips, pose, ws):
 
 @inlined
 def find_grip_forces(grips, plant, pose, states, ws):
-    """Fill what grips do, and what a controller measures, after `find_velocities`; pose (3,) and states: in y."""
+    """Fill the grips' forces and the measured pose, after `find_velocities`; pose (3,) and states: in y."""
     if grips is None:
         return
     _find_told(grips, pose, ws)
@@ -201,7 +201,7 @@ def _find_told(grips, pose, ws):
 
 @inlined
 def add_grip_loads(grips, ws, force, at):
-    """force[at : at + 3] += what grips that give way do to the payload's pose."""
+    """force[at : at + 3] += the load of compliant grips on the payload's pose."""
     if grips is None:
         return
     for i in range(len(ws.grips.load)):
@@ -211,7 +211,7 @@ def add_grip_loads(grips, ws, force, at):
 
 @inlined
 def begin_powers(grips, u, ws, power):
-    """`power`, W, with that of inputs u (arms, 3) to arms of their own poses; no hand is on their links yet."""
+    """`power`, W, plus that of inputs u (arms, 3) to arms with compliant grips; sets ws.hand to zero."""
     if grips is None:
         return power
     for i in range(len(u)):
@@ -223,7 +223,7 @@ def begin_powers(grips, u, ws, power):
 
 @inlined
 def pull_arm(grips, held, ws, force, at, power):
-    """Let what a hand does to a link of arm `held` act: on the payload's pose where it moves with it. Returns the power, W."""
+    """Apply the force of a hand on a link of arm `held`: to the payload's pose with rigid grips. Returns the power, W."""
     if grips is None:
         for a in range(3):
             force[at + a] += ws.hand[held, a]
@@ -236,7 +236,7 @@ def pull_arm(grips, held, ws, force, at, power):
 
 @inlined
 def move_arms(grips, u, ws, rates, start):
-    """Fill the rates of the grips' states, from `start` on, after inputs u (arms, 3), C̄_i, their forces and ws.hand are known."""
+    """Fill the rates of the grips' states, from `start` on, once inputs u (arms, 3), C̄_i, their forces and ws.hand are known."""
     if grips is None:
         return
     own, b = ws.grips, ws.momentum
@@ -254,7 +254,7 @@ def move_arms(grips, u, ws, rates, start):
 
 @inlined
 def see_rigidly(plant, ws):
-    """Fill ws.seen, C̄ too, as if arms with rigid grips had the pose and the rate that are measured. Returns a fault code."""
+    """Fill ws.seen, C̄ included, for rigid grips at the measured pose and rate. Returns a fault code."""
     pose, v, seen = ws.grips.told[0], ws.grips.told[1], ws.seen
     s, c = sin_cos(pose[2])
     seen.trig[0], seen.trig[1] = c, s
@@ -272,7 +272,7 @@ def see_rigidly(plant, ws):
 
 @inlined
 def pass_on(arms, ws):
-    """Make of ws.grips.asked, inputs at the pose that is measured, ws.u: those of the same joint torques at the arms' poses."""
+    """Fill ws.u at the arms' poses with the joint torques of ws.grips.asked, inputs at the measured pose."""
     seen = ws.seen
     for i in range(len(arms)):
         joint_torques(arms[i], seen.trig[0], seen.trig[1], seen.direction[i], ws.grips.asked[i], ws.tau)
@@ -281,7 +281,7 @@ def pass_on(arms, ws):
 
 @inlined
 def whole_inertia(arms, ws):
-    """Fill ws.grips.inertia with S of arms and payload, as rigid grips would have it."""
+    """Fill ws.grips.inertia with S of arms and payload for rigid grips."""
     for a in range(3):
         for b in range(3):
             ws.grips.inertia[a, b] = ws.S[a, b]
@@ -290,29 +290,8 @@ def whole_inertia(arms, ws):
 
 
 @inlined
-def arms_kinetic_energy(ws):
-    """½Σẋ_iᵀM̄_iẋ_i, J."""
-    total = 0.0
-    for i in range(len(ws.grips.velocity)):
-        for a in range(3):
-            for b in range(3):
-                total += ws.grips.velocity[i, a] * ws.arm.M[i, a, b] * ws.grips.velocity[i, b]
-    return total / 2
-
-
-@inlined
-def spring_energy(grips, ws):
-    """½Σk δ², J."""
-    total = 0.0
-    for i in range(len(ws.grips.displacement)):
-        for a in range(3):
-            total += grips.stiffness[a] * (ws.grips.displacement[i, a] * ws.grips.displacement[i, a])
-    return total / 2
-
-
-@inlined
 def grip_forms(arm, length, c, s, of, form):
-    """Add to form (3, 3) what `of` (3,), stiffness or damping, of the grip of one arm is over the pose, at δ = 0."""
+    """Add the stiffness or damping `of` (3,) of one arm's grip, in the pose's coordinates at δ = 0, to form (3, 3)."""
     side = -0.5 * arm.tip * length
     for k in range(3):
         x, y, t = (c, s, 0.0) if k == 0 else (-s, c, side) if k == 1 else (0.0, 0.0, 1.0)
@@ -323,7 +302,7 @@ def grip_forms(arm, length, c, s, of, form):
 
 
 def begin_grips(plant, states: np.ndarray, rate: np.ndarray) -> None:
-    """Let grips that give way begin with no displacement, and with the payload's pose rate (3,); states: theirs in y."""
+    """Start compliant grips with no displacement, and with the payload's pose rate (3,); states: theirs in y."""
     for i in range(len(plant.arms)):
         states[PER_ARM * i : PER_ARM * (i + 1)] = [0.0, 0.0, 0.0, *rate]
 

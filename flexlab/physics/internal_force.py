@@ -1,4 +1,4 @@
-"""What the arms do to the payload beyond moving it, by two independent routes (Eqs. 13-15 and Eq. 26)."""
+"""The internal force, with which the arms press on the payload beyond moving it, by two routes (Eqs. 13-15 and Eq. 26)."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from flexlab.physics.beam import BeamMatrices
 def grip_force(terms, i, u, hand, x_ddot, v, force):
     """force (3,) = J_iᵀf_i = u_i - M̄_iẍ - C̄_iẋ - Ḡ_i of arm i (Eq. 13).
 
-    The internal force is what of it is beyond an equal share of all arms' sum (Eqs. 14, 15). `hand` (arms, 3): what a hand on
-    an arm's link adds to its u.
+    The internal force is its part beyond an equal share of the sum over all arms (Eqs. 14, 15). `hand` (arms, 3): what a hand
+    on an arm's link adds to u.
     """
     for a in range(3):
         grip = u[i, a] + hand[i, a] - terms.G[i, a]
@@ -22,7 +22,7 @@ def grip_force(terms, i, u, hand, x_ddot, v, force):
 
 @inlined
 def payload_force(grips, i, u, x_ddot, ws, force):
-    """force (3,) = J_iᵀf_i of arm i: `grip_force`, or what a grip that gives way pulls with."""
+    """force (3,) = J_iᵀf_i of arm i: `grip_force`, or the load of a compliant grip."""
     if grips is None:
         grip_force(ws.arm, i, u, ws.hand, x_ddot, ws.velocity, force)
     else:
@@ -45,8 +45,8 @@ def internal_force_by_eq_26(
 ) -> np.ndarray:
     """F_i of two arms by Eq. (26) in nodal coordinates, with the sign of Eqs. (13)-(15), (2, 3).
 
-    D: nodal damping matrix (n_q, n_q); M_bar, C_bar (2, 3, 3), G_bar, u (2, 3). The print leaves out damping and weight,
-    which join K_F q and Ḡ here, and has the opposite sign.
+    D: nodal damping matrix (n_q, n_q); M_bar, C_bar (2, 3, 3), G_bar, u (2, 3). The printed equation leaves out damping
+    and weight, which here join K_F q and Ḡ, and has the opposite sign.
     """
     A, C, weight = payload_matrices(beam, pose, pose_rate, q, q_dot, gravity)
     A11, A12, A21, A22 = A[:3, :3], A[:3, 3:], A[3:, :3], A[3:, 3:]

@@ -1,23 +1,24 @@
-"""What stands between a controller and a link: a motor, and friction in its joint.
+"""The motor of each joint and the friction in it.
 
 The friction torque of a joint that turns with θ̇ is viscous, and Coulomb's with Stribeck's fall from its static value, in the
 smooth form of Hess & Soom (J. Tribology 112 (1990) 147-152):
 
     τ_f(θ̇) = B θ̇ + [C + (σ - 1) C/(1 + (θ̇/v_s)²)] θ̇/√(θ̇² + v_0²)
 
-A joint that sticks creeps by v_0 r/√(1 - r²) under the share r of σC: it never chatters, and the curve has the slope B + σC/v_0
-at rest, which the step resolves. What turns the links is τ - τ_f, so that u_i = 𝒥ᵀ(τ - τ_f), and with it every force and the
-work that reaches the links; Στ_f θ̇ is lost.
+A sticking joint creeps at v_0 r/√(1 - r²) under the share r of σC: it never chatters, and the slope of the curve at rest,
+B + σC/v_0, is resolved by the step. The links are driven by τ - τ_f, so that u_i = 𝒥ᵀ(τ - τ_f), and all forces and the input work
+follow from that; Στ_f θ̇ is dissipated.
 
-A motor is asked for τ_w and gives τ, late by its time constant and no more than its speed allows, as a direct-current motor does
-whose drive has the voltage ±V (Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 2; T_m = L/R):
+A motor is asked for τ_w and gives τ, with a lag of its time constant and a limit that depends on its speed, as a direct-current
+motor does whose drive has the voltage ±V (Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 2; T_m =
+L/R):
 
     T_m τ̇ = clip(τ_w, -τ_s (1 + θ̇/ω_0), τ_s (1 - θ̇/ω_0)) - τ
 
-with its stall torque τ_s and its no-load speed ω_0: it cannot drive a joint beyond that, and a joint that is driven faster by
-others is braked. T_m = 0: τ is what is clipped. The controller's own limit clips τ_w before.
+with its stall torque τ_s and its no-load speed ω_0: it cannot drive a joint faster than that, and brakes one that others drive
+faster. With T_m = 0, τ is the clipped value. The controller's own limit clips τ_w before.
 
-Of a plant with ideal joints `Plant.joints` is None, and nothing of this is compiled into its loop.
+With ideal joints `Plant.joints` is None, and the loop is compiled without all this.
 """
 
 import numpy as np
@@ -34,7 +35,7 @@ the true one; τ_s, N·m, infinite where any torque is given; τ_s/ω_0, N·m·s
 ROWS = 8
 
 LOSS = 0
-"""Place of ∫Στ_f θ̇ dt, J, in the joints' part of the state; what else there is follows in the order of `joint_parts`."""
+"""Index of ∫Στ_f θ̇ dt, J, among the joints' states; others follow in the order of `joint_parts`."""
 
 
 @inlined
@@ -57,7 +58,7 @@ def joint_rate(terms, i, vx, vy, w, joint):
 
 @inlined
 def compensate_friction(joints, arms, terms, vx, vy, w, u, tau):
-    """Add to u (arms, 3) what is believed of friction at the pose rate (vx, vy, w). tau (3,): scratch."""
+    """Add the believed friction at the pose rate (vx, vy, w) to u (arms, 3). tau (3,): scratch."""
     if joints is None:
         return
     for i in range(len(arms)):
@@ -70,14 +71,14 @@ def compensate_friction(joints, arms, terms, vx, vy, w, u, tau):
 
 @inlined
 def possible_torque(numbers, joint, rate, torque):
-    """As much of a torque, N·m, as a motor can give whose joint turns with `rate`, rad/s."""
+    """A torque, N·m, clipped to what a motor can give at the joint rate `rate`, rad/s."""
     fall = numbers[FALL, joint] * rate
     return max(min(torque, numbers[STALL, joint] - fall), -numbers[STALL, joint] - fall)
 
 
 @inlined
 def turn_joints(joints, grips, arms, states, ws):
-    """Make of ws.u, what is asked for, what turns the links, after C̄_i is known: fills ws.joint_torque to ws.joint_rate.
+    """Turn ws.u from what is asked for into what drives the links, after C̄_i; fills ws.joint_torque to ws.joint_rate.
 
     states: the joints' in y.
     """
@@ -117,7 +118,7 @@ def motor_torques(joints, grips, arm, i, ws, tau):
 
 @inlined
 def drives(joints):
-    """Whether there are motors that give another torque than they are asked for."""
+    """Whether motors may give another torque than they are asked for."""
     if joints is None:
         return False
     return joints.drives
@@ -125,7 +126,7 @@ def drives(joints):
 
 @inlined
 def is_limited(joints, i, joint, limit, ws):
-    """Whether a motor is asked for its limit, N·m, or for more than its speed allows, after `turn_joints`."""
+    """Whether a motor is asked for its limit, N·m, or more than its speed allows, after `turn_joints`."""
     if joints is None:
         return False
     asked = ws.joint_asked[i, joint]
@@ -145,7 +146,7 @@ def asked_torques(joints, grips, arm, i, ws, tau):
 
 @inlined
 def near_possible(joints, grips, ws, part):
-    """Whether a motor is asked for more than this part of what it can give at its speed, after `turn_joints`."""
+    """Whether a motor is asked for more than this share of what it can give at its speed, after `turn_joints`."""
     if joints is None:
         return False
     found = False
@@ -187,7 +188,7 @@ def build_joints(joints, model, arm_count: int) -> Joints | None:
 
 
 def joint_parts(joints: Joints | None) -> dict[str, slice]:
-    """Where among the joints' states each part of them stands, by name."""
+    """The place of each part of the joints' states among them, by name."""
     if joints is None:
         return {}
     parts = {"loss": slice(LOSS, LOSS + 1)}
@@ -200,7 +201,7 @@ def joint_parts(joints: Joints | None) -> dict[str, slice]:
 
 @inlined
 def steepest_friction(numbers, joint):
-    """Largest slope of τ_f, that at rest, and of what a motor can give, N·m·s/rad."""
+    """Largest slope of τ_f, which is at rest, plus that of the motor's limit, N·m·s/rad."""
     static = numbers[COULOMB, joint] + numbers[STATIC, joint]
     return numbers[VISCOUS, joint] + static / np.sqrt(numbers[SMOOTHING, joint]) + numbers[FALL, joint]
 

@@ -1,15 +1,15 @@
-"""What a control law sees of one instant, and the inputs it gives back: one record, filled by the engine.
+"""The input record of a control law at one instant, filled by the engine, with room for the law's answer.
 
-The engine keeps two of them: one at the true state, one at what a sampled controller measures.
+The engine keeps two: one for the true state, one for what a sampled controller measures.
 """
 
 import numpy as np
 
 MOST_ARMS = 2
 MOST_GAUGES = 8
-"""Strain gauges that a law may read."""
+"""Most strain gauges that a law may read."""
 MOST_DELAY = 64
-"""Torques on their way that a law may see: the longest input delay, samples."""
+"""Longest input delay, samples: the most torques under way."""
 
 LAW_INPUT = np.dtype(
     [
@@ -43,7 +43,7 @@ LAW_INPUT = np.dtype(
 )
 """`arm_count`: arms that are there. `time`: t, s. `x`, `v`: pose and its rate. `beam_rate`: hᵀq̇, gᵀq̇, kg·m/s, kg·m²/s.
 `strain`: -½ t w''(s_j) at the law's `gauge_count` gauges, 1. `torque`: joint torques, N·m: [0] those held until now, then
-those on their way, the `delay` that act in the coming periods in this order. A continuous law has no gauges and no delay.
+those under way, the `delay` that act in the coming periods in this order. A continuous law has no gauges and no delay.
 `desired`: x_d, ẋ_d, ẍ_d; `coming`: the same, under a sampled law, when the torques asked for now begin to act.
 `trig`: cos θ, sin θ. `M`, `C`, `G`, `J`, `direction`: M̄_i, C̄_i, Ḡ_i and more of `arm.ArmTerms`.
 `gravity`: m/s², along -y. `m` (kg), `I` (kg·m²), `kappa` (hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g): the payload as the controller

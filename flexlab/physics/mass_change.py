@@ -1,19 +1,19 @@
 """A payload that takes up or loses material: a vessel that is filled, a beam from which something flows, evenly all along it.
 
-Its density is ρ s(t), so that mass, inertia and weight all grow by s(t); what bends (EI) and what damps are the tube's and stay.
-Material joins and leaves with the velocity of the place where it does so. It brings the momentum that it has there, and nothing
-else pushes: with A, B, U of the payload at the start
+Its density is ρ s(t), so that mass, inertia and weight all grow by s(t); bending stiffness EI and damping are the tube's and
+stay. Material joins and leaves with the velocity of the place where it does so. It adds the momentum that it has there and no
+other force: with A, B, U of the payload at the start
 
     d/dt(s A v) = F + ṡ A v      and so      s (A v̇ + B v + ∂U/∂p) + K_F q + D q̇ = F,
 
-the equations of a payload as heavy as it is at this instant, whatever ṡ (Meshchersky's without relative velocity). The energy
-grows by what motors do and by the ½ ṡ vᵀA v + ṡ U that material brings. In the state of `physics.plant` π stays the beam's
-momentum per unit of s, π = η̇ + h v2 + g ω, and P is the whole momentum, so that
+the equations of a payload with its present mass, whatever ṡ (Meshchersky's without relative velocity). The energy grows by the
+work of the motors and by ½ ṡ vᵀA v + ṡ U of the added material. In the state of `physics.plant` π stays the beam's momentum per
+unit of s, π = η̇ + h v2 + g ω, and P is the whole momentum, so that
 
     P = (M̄1 + M̄2 + s (A11 - A12 A21)) ẋ + s A12 π,      Ṗ = … + ṡ (A11 ẋ + A12 η̇),      π̇ = -(Ω²η + Dη̇ + K_G η)/s + …
 
-s goes from 1 to `factor` by 10u³ - 15u⁴ + 6u⁵, u = (t - begin)/duration, which has no jump in its second derivative. Of a
-plant whose mass stays `Plant.mass_change` is None, and nothing of this is compiled into its loop.
+s goes from 1 to `factor` by 10u³ - 15u⁴ + 6u⁵, u = (t - begin)/duration, which has no jump in its second derivative. If the
+mass is constant, `Plant.mass_change` is None, and the loop is compiled without all this.
 """
 
 from typing import NamedTuple
@@ -37,13 +37,13 @@ class MassChange(NamedTuple):
 
 @inlined
 def mass_states(change):
-    """How many numbers of the state y are the material's: the energy that it brought, J; none where the mass stays."""
+    """Number of the material's states in y, the energy that it added, J; 0 for a constant mass."""
     return 0 if change is None else 1
 
 
 @inlined
 def mass_factor(change, ws):
-    """s, 1, of the instant for which `find_mass` was last asked."""
+    """s, 1, at the instant of the last `find_mass`."""
     if change is None:
         return 1.0
     return ws.mass_factor[FACTOR]
@@ -66,7 +66,7 @@ def find_mass(change, t, ws):
 
 @inlined
 def believed_mass(change, part, ws):
-    """s, 1, and ṡ/s, 1/s, of the instant of `find_mass` for a controller that knows of this part of the change."""
+    """s, 1, and ṡ/s, 1/s, at the instant of `find_mass`, for a controller that knows this share of the change."""
     if change is None:
         return 1.0, 0.0
     factor = 1 + part * (ws.mass_factor[FACTOR] - 1)
@@ -79,7 +79,7 @@ def _find_mass_at(change, t, ws):
 
 
 def find_mass_at(plant, t: float, ws) -> float:
-    """`find_mass` for Python, before kernels that take no time: momenta and velocities depend on s. Returns s, 1."""
+    """`find_mass` for Python, needed before kernels without a time argument, as momenta depend on s. Returns s, 1."""
     if plant.mass_change is None:
         return 1.0
     _find_mass_at(plant.mass_change, float(t), ws)
@@ -87,7 +87,7 @@ def find_mass_at(plant, t: float, ws) -> float:
 
 
 def note_lightest(plant, ws) -> float:
-    """Note in ws the least s of a run, with which the beam's modes are fastest, as if it stayed; returns it, 1."""
+    """Set s in ws to the least of a run, at which the beam's modes are fastest, as if it were constant; returns it, 1."""
     if plant.mass_change is None:
         return 1.0
     ws.mass_factor[:] = min(1.0, plant.mass_change.factor), 0.0

@@ -1,11 +1,10 @@
 """Arms and flexible payload together, in modal coordinates and Hamiltonian form (Eqs. 8-16).
 
-State `y` of n_m modes, in this order: pose x (3), its momentum P = ∂T/∂ẋ (3), work done on the system, energy dissipated,
-work of the axial load, modal coordinates η (n_m), their momenta π = ∂T/∂η̇ (n_m), the algorithmic accelerations of
-generalized-alpha (3 + n_m), the joints' states (`joints`, none of ideal ones), the energy that material brought (`mass_change`,
-none where the mass stays), the arms' own poses and rates (`grips`, none of rigid ones), the control law's memory (any length),
-and the law's own signals as it last gave them (any number).
-With e1, e2 the axes of the virtual link, v = (ẋ0, ẏ0), v1 = v·e1, v2 = v·e2, ω = θ̇:
+State `y` of n_m modes, in this order: pose x (3), its momentum P = ∂T/∂ẋ (3), work done on the system, energy dissipated, work
+of the axial load, modal coordinates η (n_m), their momenta π = ∂T/∂η̇ (n_m), the algorithmic accelerations of generalized-alpha
+(3 + n_m), the joints' states (`joints`, none for ideal ones), the energy of added material (`mass_change`, none for a constant
+mass), the arms' own poses and rates (`grips`, none for rigid ones), the controller's state (any length), and the law's own
+signals as it last gave them (any number). With e1, e2 the axes of the virtual link, v = (ẋ0, ẏ0), v1 = v·e1, v2 = v·e2, ω = θ̇:
 
     π = η̇ + h v2 + g ω            P = S ẋ + A12 π,   S = M̄1 + M̄2 + A11 - A12 A21   (Schur complement, 3 x 3)
     π̇ = -Ω²η - Dη̇ + ω²η - K_G η - h (ω v1 + gravity cos θ)      (K_G: `axial_load`, none of the paper's beam)
@@ -35,24 +34,24 @@ class Joints(NamedTuple):
     numbers: np.ndarray
     """By joint, rows as `joints` names them, (8, 3)."""
     size: int
-    """Numbers of their states in y."""
+    """Number of their states in y."""
     rubs: bool
     """Whether there is friction."""
     count: np.ndarray
     """Angle of one count of each encoder, rad; 0: exact, (3,)."""
     reading: int
-    """Place among the states of the pose that encoders last told, (3,); -1: there are none."""
+    """Index among the states of the last encoder reading of the pose, (3,); -1: there are no encoders."""
     drives: bool
-    """Whether motors give another torque than they are asked for."""
+    """Whether motors may give another torque than they are asked for."""
     hurry: float
     """1/T_m, 1/s; 0: at once."""
     torque: int
-    """Place among the states of the motors' torques, N·m, (arms · 3,); -1: they follow at once."""
+    """Index among the states of the motors' torques, N·m, (arms · 3,); -1: they follow at once."""
 
 
 @inlined
 def joint_states(joints):
-    """How many numbers of y are the joints': none of ideal ones, which the compiler knows."""
+    """Number of the joints' states in y; 0 for ideal ones, a constant at compile time."""
     if joints is None:
         return 0
     return joints.size
@@ -66,7 +65,7 @@ def joints_start(plant):
 
 @inlined
 def material_start(plant):
-    """Index in y of the energy that material brought, J."""
+    """Index in y of the energy of added material, J."""
     return joints_start(plant) + joint_states(plant.joints)
 
 
@@ -78,24 +77,24 @@ def grips_start(plant):
 
 @inlined
 def memory_start(plant):
-    """Index in y of the law's memory."""
+    """Index in y of the controller's state."""
     return grips_start(plant) + grip_states(plant.grips)
 
 
 H, G, DH, DG, OMEGA2, MID, BEND, PULL, FELT, FOLLOWED_H, FOLLOWED_G, FOLLOWED_DH, FOLLOWED_DG = range(13)
 """Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape where the beam bends
-most (mid-span or the free end), shape at the pulled point N(s)V, whether the mode has a place in `Plant.axial`, and the first
-four for modes that the axial load follows, else 0 (`axial_load`)."""
+most (mid-span or the free end), shape at the pulled point N(s)V, whether the mode is part of `Plant.axial`, and the first four
+again, zero for modes that the axial load does not follow (`axial_load`)."""
 
 ON_BEAM = -1.0
 """`Hand.arm` of a hand that holds the beam."""
 
 
 class Hand(NamedTuple):
-    """A hand's spring, as `Plant.pull` holds it in this order."""
+    """A hand's spring, in the order of `Plant.pull`."""
 
     position: float
-    """Of the point that it holds: on the beam the material coordinate s, on a link the distance from its inner joint, m."""
+    """The point that it holds, m: the material coordinate s on the beam, or the distance from a link's inner joint."""
     target_x: float
     """Where the hand is, m."""
     target_y: float
@@ -141,7 +140,7 @@ class Plant(NamedTuple):
     compliance: np.ndarray
     """Mid-span deflection per unit of lateral and of angular acceleration, -N(0)K_F⁻¹h and -N(0)K_F⁻¹g, (2,).
 
-    Of all modes of the mesh, however few are kept.
+    Over all modes of the mesh, however few are kept.
     """
     pull: np.ndarray
     """A `Hand`, which commands change in place, (6,)."""
@@ -150,8 +149,8 @@ class Plant(NamedTuple):
     buckling_load: float
     """P_cr, N."""
     axial: np.ndarray
-    """VᵀGV of `axial_load` in the n_f modes that feel it, (4, n_f, n_f): G0, G1, G2 and, which commands change in place, G_F;
-    (4, 0, 0): the paper's beam, which does not feel the force along it."""
+    """VᵀGV of `axial_load` in the n_f modes to which it is applied, (4, n_f, n_f): G0, G1, G2, and G_F, which commands change in
+    place; (4, 0, 0): the paper's beam, without axial load."""
     joints: Joints | None
     """None: ideal ones."""
     mass_change: MassChange | None
@@ -161,12 +160,12 @@ class Plant(NamedTuple):
 
     @property
     def joint_size(self) -> int:
-        """Numbers of y that are the joints'."""
+        """Number of the joints' states in y."""
         return 0 if self.joints is None else self.joints.size
 
     @property
     def own_size(self) -> int:
-        """Numbers of y that are the joints', the material's and the grips'."""
+        """Number of the joints', the material's and the grips' states in y."""
         return self.joint_size + (self.mass_change is not None) + (0 if self.grips is None else self.grips.size)
 
 
@@ -184,7 +183,7 @@ class Workspace(NamedTuple):
     u: np.ndarray
     """Arm inputs, (arms, 3): a view of `truth`."""
     u_before: np.ndarray
-    """The same at the last stage of an etdrk4 step: before a sampled controller or a kink of the path changed them, (arms, 3)."""
+    """The same at the last stage of an etdrk4 step: before a control instant or a discontinuity changed them, (arms, 3)."""
     hand: np.ndarray
     """What a hand on a link adds to the arm's input, 𝒥-transformed as u is, (arms, 3)."""
     tau: np.ndarray
@@ -208,31 +207,31 @@ class Workspace(NamedTuple):
     axial_acceleration: np.ndarray
     """Scratch of `find_axial_load`, (3,)."""
     restoring: np.ndarray
-    """What pulls η back: -(η̈ + A21 ẍ), (n_m,)."""
+    """Restoring force -(η̈ + A21 ẍ), (n_m,)."""
     desired: np.ndarray
     """x_d, ẋ_d, ẍ_d, (3, 3)."""
     desired_time: np.ndarray
-    """The instant `desired` belongs to, s, (1,): stages share instants, and a sine costs as much as an arm."""
+    """The instant of `desired`, s, (1,): stages share instants, and a sine costs as much as an arm."""
     w_bar: np.ndarray
     """w̄ = hᵀq, (1,)."""
     beam_rate: np.ndarray
     """hᵀq̇, gᵀq̇, (2,)."""
     joint_torque: np.ndarray
-    """τ of joints that are not ideal, as motors turn them, N·m, (arms, 3)."""
+    """Torques τ of the motors, if joints are not ideal, N·m, (arms, 3)."""
     joint_asked: np.ndarray
-    """What the controller asks of those motors, N·m, (arms, 3)."""
+    """Torques that the controller asks of the motors, N·m, (arms, 3)."""
     joint_wanted: np.ndarray
-    """The same as far as they can at their speed, N·m, (arms, 3)."""
+    """The same, clipped to what they can give at their speed, N·m, (arms, 3)."""
     joint_friction: np.ndarray
-    """Their τ_f, N·m, (arms, 3)."""
+    """Friction τ_f of the joints, N·m, (arms, 3)."""
     joint_rate: np.ndarray
-    """Of their states, (own_size,)."""
+    """Rates of the joints' states, (own_size,)."""
     mass_factor: np.ndarray
-    """s and ṡ of `mass_change` at the instant looked at last, 1 and 1/s, (2,)."""
+    """s and ṡ of `mass_change` at the instant of the last `find_mass`, 1 and 1/s, (2,)."""
     grips: GripScratch
-    """Of grips that give way; `arm` then is each arm's at its own pose, but for `trig`."""
+    """For compliant grips; `arm` then holds each arm's terms at its own pose, except `trig`."""
     memory_rate: np.ndarray
-    """Of the law's memory, as long as that."""
+    """Rates of the controller's state, as long as that."""
     fault: np.ndarray
     """Index of the arm at fault, (1,)."""
     stage: np.ndarray
@@ -242,26 +241,26 @@ class Workspace(NamedTuple):
 
 
 def state_size(mode_count: int, memory_size: int = 3, signal_count: int = 0, own_size: int = 0) -> int:
-    """Length of y; `own_size`: of the plant."""
+    """Length of y; `own_size`: `Plant.own_size`."""
     return ETA + 3 * mode_count + 3 + own_size + memory_size + signal_count
 
 
 def noted_rates(y: np.ndarray, mode_count: int) -> np.ndarray:
-    """What an integrator noted of η̇ in y, (n_m,): NaN where it noted nothing."""
+    """The true η̇ that an integrator noted in y, (n_m,); NaN: none."""
     return y[ETA + 2 * mode_count + 3 : ETA + 3 * mode_count + 3]
 
 
 def forget_rates(y: np.ndarray, mode_count: int) -> None:
-    """Void what integrators noted of rates and accelerations in y: it holds no longer after a jump."""
+    """Void the rates and accelerations that integrators noted in y: they are wrong after a jump."""
     y[ETA + 2 * mode_count : ETA + 3 * mode_count + 3] = np.nan
 
 
 def make_workspace(
     arm_count: int, mode_count: int, memory_size: int = 3, signal_count: int = 0, own_size: int = 0
 ) -> Workspace:
-    """Scratch memory for `arm_count` arms, `mode_count` modes, a law with so much memory and so many signals.
+    """Scratch memory for these numbers of arms and modes, and sizes of the law's memory and signals.
 
-    `own_size`: of the plant.
+    `own_size`: `Plant.own_size`.
     """
     truth, measured = make_law_input(arm_count), make_law_input(arm_count)
 

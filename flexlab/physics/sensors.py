@@ -1,4 +1,4 @@
-"""What sensors tell: encoders the pose, by joint angles in whole counts, and strain gauges the load moments hᵀq and gᵀq."""
+"""Sensors: encoders measure the pose by joint angles in whole counts, strain gauges the load moments hᵀq and gᵀq."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from flexlab.physics.grips import own_pose, place_each, place_rigidly
 from flexlab.physics.plant import grips_start, joints_start
 
 GAUGES_PER_HALF = 2
-"""Exact for products of two linear functions on each half: for a mesh of one or two elements, hᵀq to the last digit."""
+"""Exact for products of two linear functions on each half, and so for hᵀq of one or two elements."""
 
 
 def gauge_places(length: float) -> tuple[np.ndarray, np.ndarray]:
@@ -30,7 +30,7 @@ def strain_rows(places: np.ndarray, length: float, thickness: float, element_cou
 
 
 def load_moments(beam: BeamMatrices, EI: float, thickness: float, weights: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Weights W, kg·m and kg·m², (2, gauges), by which strains tell the load moments: W (R q) = (hᵀq, gᵀq).
+    """Weights W, kg·m and kg·m², (2, gauges), for the load moments from strains: W (R q) = (hᵀq, gᵀq).
 
     hᵀq = (K_F⁻¹h)ᵀ K_F q = ∫ EI b''(s) w''(s) ds, where b = N K_F⁻¹h is the beam bent by the load h; the integral is the
     quadrature with `weights` over the gauges, and strains stand for the curvatures b'' and w''.
@@ -46,15 +46,15 @@ def encoder_counts(counts: tuple[float, ...]) -> np.ndarray:
 
 @inlined
 def counted(angle, count):
-    """What an encoder tells of an angle, rad; `count`: angle of one count, 0: exact."""
+    """Reading of an encoder, rad, at an angle, rad; `count`: angle of one count, 0: exact."""
     return count * np.floor(angle / count + 0.5) if count > 0 else angle
 
 
 @inlined
 def pose_of_counts(count, grips, arms, at, ws, pose):
-    """Fill pose (3,) with what the encoders tell at the payload's pose `at` (3,), after `configure_arms`.
+    """Fill pose (3,) with the encoders' reading at the payload's pose `at` (3,), after `configure_arms`.
 
-    Of grips that give way it is the mean of the poses that the arms have.
+    With compliant grips it is the mean of the arms' poses.
     """
     terms, angle = ws.arm, ws.tau
     share = 1.0 / len(arms)
@@ -76,9 +76,9 @@ def pose_of_counts(count, grips, arms, at, ws, pose):
 
 @inlined
 def read_encoders(joints, grips, arms, period, states, ws, now):
-    """Put what encoders tell in the place of the exact now.x and now.v, if there are any, after `configure_arms`.
+    """Replace the exact now.x and now.v by encoder readings, if there are encoders, after `configure_arms`.
 
-    period: T_c, s; states: the joints' in y, where it is noted.
+    period: T_c, s; states: the joints' in y, which keep the reading.
     """
     if joints is None:
         return
@@ -92,9 +92,9 @@ def read_encoders(joints, grips, arms, period, states, ws, now):
 
 @compiled
 def begin_reading(plant, period, y, ws):
-    """Note in y what encoders told one control period, s, ago, as the pose moved with its present rate.
+    """Note the encoder reading of one control period, s, ago in y, for a pose that moved with its present rate.
 
-    Where the arms could not be there, what they tell now.
+    If the arms could not be there, note the present reading.
     """
     find_velocities(plant, y, ws)
     _begin_reading(plant.joints, plant, period, y, ws)
@@ -112,7 +112,7 @@ def _begin_reading(joints, plant, period, y, ws):
 
 @inlined
 def _go_back(grips, plant, period, y, ws, before):
-    """Configure the arms where they were a `period`, s, ago, and fill before (3,) with the payload's pose; or where they are."""
+    """Configure the arms where they were a `period`, s, ago, or else where they are, and fill before (3,) with that pose."""
     if grips is None:
         for a in range(3):
             before[a] = y[a] - period * ws.velocity[a]
@@ -127,7 +127,7 @@ def _go_back(grips, plant, period, y, ws, before):
 
 @compiled
 def told_pose(plant, pose, ws, told):
-    """Fill told (3,) with what encoders tell at a pose (3,) that the arms can take; returns a fault code."""
+    """Fill told (3,) with the encoders' reading at a pose (3,) that the arms can take; returns a fault code."""
     code = configure_arms(plant, pose, ws.arm, ws.fault)
     if code == 0:
         place_rigidly(plant.grips, pose, ws)

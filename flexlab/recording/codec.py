@@ -27,9 +27,8 @@ from flexlab.recording.store import formats
 from flexlab.scenario import parse_scenario
 from flexlab.sim import commands
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario
-from flexlab.sim.samples import TAKEN, Samples, join_blocks
+from flexlab.sim.samples import TAKEN, Origin, Samples, WorldState, join_blocks
 from flexlab.sim.signals import TABLE
-from flexlab.sim.world_state import Origin, WorldState
 from flexlab.text import visible
 
 DIFFERENCES = 3

@@ -27,10 +27,9 @@ from flexlab.recording.store.run_files import SUFFIX, check_recording, claim_run
 from flexlab.recording.store.run_index import LONGEST_NAME
 from flexlab.recording.table_columns import check_events, check_period, checked_blocks
 from flexlab.scenario import Scenario
-from flexlab.sim.samples import MEASURED, Run, Status, row_length, rows_to_samples
+from flexlab.sim.samples import MEASURED, Run, Status, WorldState, row_length, rows_to_samples
 from flexlab.sim.signals import MIDSPAN, QUASI_STATIC, TIME, own_signals
 from flexlab.sim.snapshot import TICK, Event
-from flexlab.sim.world_state import WorldState
 from flexlab.text import visible
 
 IMPORTED = (SUFFIX, *FORMATS)

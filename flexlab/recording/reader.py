@@ -22,10 +22,9 @@ from flexlab.recording.store.formats import Changes, migrate, readable, same_num
 from flexlab.recording.store.run_files import State, check_recording, run_state
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.signal import COORDINATE
-from flexlab.sim.samples import Run, Samples, Status, empty_samples, join_blocks
+from flexlab.sim.samples import Run, Samples, Status, WorldState, empty_samples, join_blocks
 from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import Event
-from flexlab.sim.world_state import WorldState
 from flexlab.text import visible
 
 PROPERTIES = "/__properties/"

@@ -21,9 +21,8 @@ from flexlab.recording.run_encoder import RunEncoder, RunStream
 from flexlab.recording.run_info import RunInfo, StartNotes
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
-from flexlab.sim.samples import Samples, Status, join_blocks
+from flexlab.sim.samples import Samples, Status, WorldState, join_blocks
 from flexlab.sim.snapshot import TICK, Event
-from flexlab.sim.world_state import WorldState
 
 WRITE_PERIOD = 0.1
 """Wall seconds between writes of exact samples, which a killed process loses."""

@@ -18,10 +18,9 @@ import rerun as rr
 from flexlab.recording.scene_and_plots import exaggeration
 from flexlab.recording.store.formats import ARITHMETIC, FORMAT, OLDEST_READER
 from flexlab.scenario import Scenario
-from flexlab.sim.samples import Samples, Status
+from flexlab.sim.samples import Samples, Status, WorldState
 from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import TICK, Event
-from flexlab.sim.world_state import WorldState
 from flexlab.text import number_text
 from flexlab.views import REAL_TIME_FACTOR, views
 

@@ -1,15 +1,17 @@
 """The scenario as a whole: its parts, what must fit together, and changes by path."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from flexlab.control.controller import Controller
-from flexlab.control.law import on_new_law
+from flexlab.control.law import laws, on_new_law
 from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
-from flexlab.control.path import Trajectory, on_new_path
+from flexlab.control.path import Trajectory, on_new_path, paths
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
 from flexlab.own.law import OwnController, with_known_law
@@ -17,16 +19,20 @@ from flexlab.own.path import OwnTrajectory, with_known_path
 from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, parts_of, quantity
 from flexlab.scenario.arms import Arm, Grips, Joints
 from flexlab.scenario.earlier_versions import in_present_terms
-from flexlab.scenario.field_names import field_paths, value_paths
-from flexlab.scenario.kinds import any_law, any_path, law_models, path_models
 from flexlab.scenario.payload import Payload
-from flexlab.scenario.validation_errors import LONGEST, problem, unknown_field
+from flexlab.scenario.validation_errors import LONGEST, field_paths, problem, unknown_field, value_paths
 from flexlab.text import html_table, visible
+
+
+def _models(known: Mapping[str, Any]) -> Any:
+    """The union of the models of these laws or paths."""
+    return reduce(or_, [one.model for one in known.values()])
+
 
 AnyLaw = Any
 AnyPath = Any
 if not TYPE_CHECKING:
-    AnyLaw, AnyPath = any_law(), any_path()
+    AnyLaw, AnyPath = (Annotated[_models(known), Field(discriminator="kind")] for known in (laws(), paths()))
 
 SMALLEST_STEP = 1e-7
 """Shortest integration step, s: below it rounding outweighs truncation for every integrator here."""
@@ -286,8 +292,8 @@ def _find_whole_parts() -> None:
 
 def _know_new_kinds() -> None:
     """Let scenarios have a law or a path that was added after this module was read."""
-    Scenario.model_fields["controller"].annotation = law_models()
-    Scenario.model_fields["trajectory"].annotation = path_models()
+    Scenario.model_fields["controller"].annotation = _models(laws())
+    Scenario.model_fields["trajectory"].annotation = _models(paths())
     Scenario.model_rebuild(force=True)
     _find_whole_parts()
 

@@ -18,8 +18,7 @@ from flexlab.analysis.sweep.axes import CHOSEN, Axis, parse_axes
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.registry import Registry
 from flexlab.scenario import Scenario
-from flexlab.scenario.choices import TITLES, options
-from flexlab.scenario.field_text import short_title
+from flexlab.scenario.field_text import TITLES, options, short_title
 from flexlab.server.task_book import Outcome, Task
 from flexlab.text import number_text, typed_number, visible
 

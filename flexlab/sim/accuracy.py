@@ -1,14 +1,13 @@
-"""Whether a run's results are still accurate: now and then a tick is redone with a quarter of the step, on copies.
+"""Whether a run's results are still accurate: now and then a tick is repeated with a quarter of the step, on copies.
 
-What differs is the error of one tick. Each mode adds up those of its ticks as long as it rings and forgets them as it decays;
-the pose does as the law leads it back. Looks are close together after a start, a tap, a change or a jump of the torques beyond
-all that were looked at, where errors are largest and fade fastest. The estimate is a function of states at ticks that their
-numbers, the commands and the samples choose, so that it is the same live, headless and replayed; it changes no bit of the run.
+The difference is the error of that one tick. Each mode accumulates those of its ticks while it rings and loses them as it decays;
+errors of the pose decay as the law leads it back. Checks are frequent after a start, a tap, a change or a jump of the torques
+larger than any in a checked tick, where errors are largest and decay fastest. The estimate depends on states at ticks chosen by
+their numbers, the commands and the samples, so that it is the same live, headless and replayed; it changes no bit of the run.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,63 +16,48 @@ from flexlab.numerics.linear_algebra import product
 from flexlab.physics.plant import ETA, G, H
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.closed_loop import scratch_workspace
-from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
-from flexlab.sim.run_warnings import COUNTED, Survey, amplified, bounds, inaccurate, survey_rows, unled
+from flexlab.sim.run_warnings import COUNTED, Peaks, amplified, bounds, inaccurate, peaks_of, saturated
 from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, POSE, SATURATED, SPIN_SHARE
 from flexlab.sim.step_rates import ring_decay
-from flexlab.sim.world_state import WorldState
 
-LOOKS = (0, 1, 2, 5, 8, 17, 32, 65)
-"""Ticks after a disturbance that are redone, even and odd ones as control instants may be either: fast modes ring for a few
+CHECKED_TICKS = (0, 1, 2, 5, 8, 17, 32, 65)
+"""Ticks after a disturbance that are checked: even and odd ones, as control instants may lie on either; fast modes ring for a few
 of them only."""
 
-CHECK_TICKS = 1021
-"""Then a tick is redone every so many: with 128 the copies that it takes cost a small beam as much as its motion. A prime
-number, so that the looks fall on all phases of path and control."""
+INTERVAL = 1021
+"""Ticks from one check to the next later on: at 128, the copies cost a small beam as much as its motion. It is prime, so that
+checks fall on all phases of path and control."""
 
-CLOSE_TICKS, CLOSEST_TICKS = 67, 13
-"""The same where errors as large as those just seen would pass their bounds within `CHECK_TICKS`, and within `CLOSE_TICKS`:
-most of them fade. So it is while a torque is at its limit: nothing leads errors back, and a law that begins or ends to be limited
-many times in a tick does in one of them what no look before has shown. Prime numbers too."""
+SHORT_INTERVAL, SHORTEST_INTERVAL = 67, 13
+"""The same where errors as large as the newest would exceed their bounds within `INTERVAL`, and within `SHORT_INTERVAL`: most
+decay. They also apply while a torque is at its limit, when nothing leads errors back and a law that reaches and leaves its limit
+many times in a tick makes errors that no earlier check has shown. Prime as well."""
 
 FIRST_VERDICT, STEADY = 8, 1.1
-"""Ticks after a disturbance before which nothing is judged, and up to the last of `LOOKS` nothing but what is at a force that
-has not grown by more than this factor since the look before: of a run that starts at rest, the peak is still to come."""
+"""Nothing is judged in the first ticks after a disturbance. Up to the last of `CHECKED_TICKS` a run is judged only if its largest
+force has grown by no more than this factor since the check before: the peak of a run that starts at rest is still to come."""
 
 FINER = 2
-"""Levels between a tick and the same redone: of modes that are faster than the step, half of it tells little."""
+"""Levels between a tick and its repetition: for modes faster than the step, half the step tells little."""
 
 GROWN = 2.0
-"""By how much errors outgrow what was said of them before it is said anew."""
+"""Factor by which errors outgrow what was reported of them before they are reported anew."""
 
 AMPLIFIED = 1e-12
-"""Error of the pose, m or rad, from which on such a loop is said to make more of it."""
-
-MOTION = 6
-"""Errors of the pose and its rate, before those of modes."""
+"""Error of the pose, m or rad, from which on a loop that amplifies errors is reported."""
 
 RINGING_SHARE = 0.5
-"""What an internal force has at most of the force that a mode puts on both grips: half of how they differ."""
+"""Largest share of a mode's force on both grips in the internal force: half of the difference between the grips."""
 
 LOOP_DECAY = 5.0
-"""Rate at which a law leads pose errors back, 1/s: the slowest that the documented gains give, about."""
-
-
-class Redone(NamedTuple):
-    """A tick with a quarter of the step."""
-
-    row: np.ndarray
-    """Its sample."""
-    y: np.ndarray
-    """The state after it."""
+"""Rate at which a law leads pose errors back, 1/s: about the slowest that the documented gains give."""
 
 
 def _parts(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Views of errors (3 + 2 n_m,), what steps did to a run in one tick or what is left of all of them.
+    """Views of errors (3 + 2 n_m,), those of one tick or those accumulated.
 
-    Of the pose (3,), m and rad; of the force as a sample shows it, by mode that makes it, (n_m,), N or N·m; the same by the
-    amplitudes of the modes, whatever their phases: where nothing fades, they come together some time.
+    The pose's (3,), m and rad; the force's as a sample shows it, by the mode that makes it, (n_m,), N or N·m; and the same by the
+    amplitudes of the modes, whatever their phases: where nothing decays, all of them coincide some time.
     """
     n = len(errors) // 2 - 1
     return errors[:3], errors[3 : 3 + n], errors[3 + n :]
@@ -84,7 +68,7 @@ def _no_errors(assembly: Assembly) -> np.ndarray:
 
 
 def _sizes(errors: np.ndarray) -> tuple[float, float]:
-    """Errors of the pose, m or rad, and of the force, N or N·m: amplitudes with no phase in common add up as squares do."""
+    """Errors of the pose, m or rad, and of the force, N or N·m: amplitudes of unrelated phases add up as squares do."""
     pose, force, ringing = _parts(errors)
     return float(np.abs(pose).max()), max(float(force.sum()), math.sqrt(product(ringing, ringing)))
 
@@ -92,34 +76,34 @@ def _sizes(errors: np.ndarray) -> tuple[float, float]:
 class Estimate(NamedTuple):
     """What is known of a run's accuracy so far."""
 
-    left: np.ndarray
-    """Errors at the tick looked at last, as `_parts` has them."""
-    rate: np.ndarray
-    """Of that tick alone."""
-    looked: int
+    accumulated: np.ndarray
+    """Errors at the newest checked tick, as in `_parts`."""
+    newest: np.ndarray
+    """Errors of that tick alone."""
+    checked: int
     """Its number."""
     disturbed: int
-    """Number of the tick from which `LOOKS` count."""
+    """Number of the tick from which `CHECKED_TICKS` count."""
     pose: float = 0.0
     """Largest error of the pose so far, m or rad."""
     force: float = 0.0
     """Largest error of the force so far, N or N·m."""
-    seen: Survey = Survey()
+    peaks: Peaks = Peaks()
     """Of all samples so far."""
     peak_before: float = 0.0
-    """Largest force up to the look before, N or N·m."""
+    """Largest force up to the check before, N or N·m."""
     warning: str = ""
     """Since when and why results are no longer accurate, a sentence; empty: they are."""
-    wait: int = CHECK_TICKS
-    """Ticks between two looks after `LOOKS`, at most."""
-    change: float = 0.0
-    """Largest change of a torque in a tick that was looked at, N·m."""
-    told: tuple[float, float, float] | None = None
-    """What a warning says: since when, s, and by how much `pose` and `force` may be off."""
+    interval: int = INTERVAL
+    """Ticks from one check to the next after `CHECKED_TICKS`, at most."""
+    torque_change: float = 0.0
+    """Largest change of a torque in a checked tick, N·m."""
+    reported: tuple[float, float, float] | None = None
+    """What the warning says: since when, s, and by how much `pose` and `force` may be off."""
 
 
 def _ticks_kept(decay: np.ndarray, ticks: int, tick_period: float) -> np.ndarray:
-    """How many ticks' errors are left of those of `ticks` where they decay at these rates, 1/s: all of the last one's."""
+    """Sum over `ticks` ticks of what is left of each one's error by the last, for these decay rates, 1/s; 1 for the last."""
     span = max(ticks, 0) * tick_period
     # Slower rates leave the same to six digits.
     rate = np.maximum(decay, 1e-6 / max(span, tick_period))
@@ -133,167 +117,137 @@ def nothing_yet(assembly: Assembly, tick: int) -> Estimate:
 
 
 def disturbed(estimate: Estimate, assembly: Assembly, tick: int) -> Estimate:
-    """The estimate after a tap or a change at `tick`: looks begin anew, but not before those of the last one have ended."""
+    """The estimate after a tap or a change at `tick`: checks start over, but not before those of the last one have ended."""
     fresh = nothing_yet(assembly, tick)
-    if len(fresh.left) != len(estimate.left):
-        # Modes have another meaning. The peak is the run's.
-        estimate = estimate._replace(left=fresh.left, rate=fresh.rate, looked=fresh.looked)
-    return estimate._replace(disturbed=tick) if tick - estimate.disturbed > LOOKS[-1] else estimate
+    if len(fresh.accumulated) != len(estimate.accumulated):
+        # The modes are others. The peak is the run's.
+        estimate = estimate._replace(accumulated=fresh.accumulated, newest=fresh.newest, checked=fresh.checked)
+    return jumped(estimate, tick) if tick - estimate.disturbed > CHECKED_TICKS[-1] else estimate
+
+
+def jumped(estimate: Estimate, tick: int) -> Estimate:
+    """The estimate before a jump in the tick from number `tick` on: checks start over."""
+    return estimate._replace(disturbed=tick)
 
 
 def ticks_to_check(estimate: Estimate, tick: int) -> int:
-    """Ticks to go in one piece from number `tick` on: one that is redone, or up to it."""
+    """Ticks from number `tick` on to move in one piece: one that is checked, or those before it."""
     since = tick - estimate.disturbed
-    if since > LOOKS[-1]:
-        return (LOOKS[-1] - since) % estimate.wait or 1
-    return min(look - since for look in LOOKS if look >= since) or 1
+    if since > CHECKED_TICKS[-1]:
+        return (CHECKED_TICKS[-1] - since) % estimate.interval or 1
+    return min(number - since for number in CHECKED_TICKS if number >= since) or 1
 
 
 def is_due(estimate: Estimate, tick: int) -> bool:
-    """Whether the tick from number `tick` on is to be redone."""
-    since = tick - estimate.disturbed
-    return since in LOOKS or (since > LOOKS[-1] and (since - LOOKS[-1]) % estimate.wait == 0)
+    """Whether the tick from number `tick` on is to be checked."""
+    since, last = tick - estimate.disturbed, CHECKED_TICKS[-1]
+    return since in CHECKED_TICKS or (since > last and (since - last) % estimate.interval == 0)
 
 
 def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -> int:
-    """The level with which the tick from number `tick` on, gone with `level`, is redone.
+    """The level with which the tick from number `tick` on, gone with `level`, is repeated; it may be finer than any in use.
 
-    The next one, be it finer than any that is chosen; but of modes that are damped faster than the step half of it knows
-    little better than the whole, so that just after a jump it is as fine as steps after a start are, or would be if a longer
-    one were not given.
+    For modes that are damped faster than the step, half the step tells little more than all of it. Just after a jump the
+    repetition is therefore as fine as steps after a start are, or would be if no longer one were given.
     """
     watch = assembly.watch
-    if tick - estimate.disturbed not in LOOKS[:3]:
+    if tick - estimate.disturbed not in CHECKED_TICKS[:3]:
         return level + FINER
     return max(level + FINER, min(watch.disturbed, watch.most or watch.disturbed))
 
 
-def redo_tick(
-    assembly: Assembly, move: Callable[..., Any], finer: int, state: WorldState, tick_period: float, row: np.ndarray
-) -> Redone | None:
-    """The tick from `state` on with the step of level `finer`; None if it cannot be.
-
-    `move`: `advance`, or its entry point. `row` (1, row length) and `state` are scratch.
-    """
-    sampling, system = assembly.sampling, assembly.system._replace(held_torque=state.held_torque)
-    ws, watch = scratch_workspace(system), assembly.watch._replace(most=0)
-    kinked = next_tick_of_kinks(assembly, finer, state.tick, tick_period)
-    if kinked is not None and kinked.number == state.tick:
-        dt = tick_period / (assembly.step_count << finer)
-        code = advance_in_pieces(assembly, move, system, watch, 0, dt, np.inf, kinked.cuts, state.y, ws, row)
-        return Redone(row[0], state.y) if code == 0 else None
-    _, code = move(
-        system,
-        sampling._replace(line=state.torque_line, steps=sampling.steps << finer),
-        *assembly.levels.scheme(finer),
-        watch,
-        0,
-        np.inf,
-        0.0,
-        state.tick,
-        tick_period,
-        assembly.step_count << finer,
-        state.y,
-        np.empty_like(state.y),
-        ws,
-        row,
-        False,
-    )
-    return Redone(row[0], state.y) if code == 0 else None
-
-
-def jumped(estimate: Estimate, tick: int) -> Estimate:
-    """The estimate before a jump in the tick from number `tick` on: looks begin anew."""
-    return estimate._replace(disturbed=tick)
-
-
-def survey(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> tuple[Survey, float, int]:
-    """As `survey_rows`, of `rows` (N ≥ 1, row length), the samples after the newest one."""
-    return survey_rows(estimate.seen, len(assembly.scenario.arms), rows, estimate.change)
-
-
 def note_load(old: Estimate, row: np.ndarray) -> Estimate:
-    """The estimate with the load along the beam of one more sample seen."""
-    seen = old.seen
-    pressed, spun = max(seen.load_share, float(row[LOAD_SHARE])), max(seen.spin_share, float(row[SPIN_SHARE]))
-    return old._replace(seen=seen._replace(load_share=pressed, spin_share=spun))
+    """The estimate after one more sample, of which only the load along the beam and its spin count."""
+    load, spin = max(old.peaks.load_share, float(row[LOAD_SHARE])), max(old.peaks.spin_share, float(row[SPIN_SHARE]))
+    return old._replace(peaks=old.peaks._replace(load_share=load, spin_share=spin))
 
 
-def note_survey(old: Estimate, seen: Survey, looked_at: float) -> Estimate:
-    """The estimate with more samples seen; `looked_at`: the change of a torque in the tick if it was looked at, else 0, N·m."""
-    return old._replace(seen=seen, change=max(old.change, looked_at))
+def note_rows(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> tuple[Peaks, float, int]:
+    """As `peaks_of`, of `rows` (N ≥ 1, row length), the samples after the newest one."""
+    return peaks_of(estimate.peaks, len(assembly.scenario.arms), rows, estimate.torque_change)
 
 
 def note(
-    old: Estimate, assembly: Assembly, tick: int, row: np.ndarray, y: np.ndarray, again: Redone, tick_period: float
+    old: Estimate, assembly: Assembly, tick: int, row: np.ndarray, y: np.ndarray, again: np.ndarray, y_again: np.ndarray
 ) -> Estimate:
-    """The estimate after the tick from number `tick` on, redone as `again`; `row`: its sample, `y`: the state after it."""
-    now, limited = _tick_errors(assembly, row, y, again), row[SATURATED] > 0
-    led = not limited and assembly.scenario.controller.kind != "none"
+    """The estimate after the tick from number `tick` on, with its sample `row` and the state y after it.
+
+    `again`, `y_again`: the same of its repetition in finer steps.
+    """
+    now, limited = _tick_errors(assembly, row, y, again, y_again), row[SATURATED] > 0
+    led, scenario, tick_period = (
+        not limited and assembly.scenario.controller.kind != "none",
+        assembly.scenario,
+        assembly.tick_period,
+    )
     fades = ring_decay(assembly.beam)
     decay = np.concatenate([np.full(3, LOOP_DECAY if led else 0.0), fades, fades])
-    # The sample shows what the tick has done itself; in those to come, its phase is not known.
+    # The sample shows what the tick has done itself; in later ticks, its phase is unknown.
     ringing = _parts(now)[2]
     ringing *= exponentials(-fades * tick_period)
-    since, ticks = tick - old.disturbed, tick - old.looked
-    # Ticks between two looks did, on average, what the two did; but what a disturbance does, none before it did.
-    between = old.rate if since == 0 else (old.rate + now) / 2
-    left = old.left * exponentials(-decay * (ticks * tick_period)) + now
+    since, ticks = tick - old.disturbed, tick - old.checked
+    # Ticks between two checks are taken to err as the mean of the two; but what a disturbance does, none before it did.
+    between = old.newest if since == 0 else (old.newest + now) / 2
+    errors = old.accumulated * exponentials(-decay * (ticks * tick_period)) + now
     if ticks > 1:
-        left += between * exponentials(-decay * tick_period) * _ticks_kept(decay, ticks - 1, tick_period)
-    pose, force = map(max, (old.pose, old.force), _sizes(left))
-    seen = old._replace(left=left, rate=now, looked=tick, pose=pose, force=force, peak_before=old.seen.peak)
-    if old.told is not None:
-        return _told_anew(seen, assembly.scenario, old.told)
+        errors += between * exponentials(-decay * tick_period) * _ticks_kept(decay, ticks - 1, tick_period)
+    found = tuple(map(max, (old.pose, old.force), _sizes(errors)))
+    peak = old.peaks.peak
+    new = old._replace(
+        accumulated=errors, newest=now, checked=tick, pose=found[0], force=found[1], peak_before=old.peaks.peak
+    )
+    if old.reported is not None:
+        return _reported_anew(new, scenario, old.reported)
     if old.warning or since < FIRST_VERDICT:
-        return seen
+        return new
     time = (tick + 1) * tick_period
-    if assembly.amplifies and pose > AMPLIFIED:
-        return seen._replace(warning=amplified(assembly.scenario))
-    if assembly.scenario.joints.encoders.active and pose > AMPLIFIED:
-        return seen._replace(warning=COUNTED)
-    # Motors that were overloaded a look before as well are so for longer than a moment.
-    if limited and old.wait == CLOSEST_TICKS and any(assembly.scenario.joints.motor.stall_torque):
-        return seen._replace(warning=unled(time, "stronger motors (joints.motor)"))
-    said, told = "", (pose, force)
-    if since >= LOOKS[-1]:
-        for wait in (CHECK_TICKS, CLOSE_TICKS, CLOSEST_TICKS):
-            ahead = left * exponentials(-decay * (wait * tick_period)) + now * _ticks_kept(decay, wait, tick_period)
-            told = tuple(map(max, (pose, force), _sizes(ahead)))
-            said, seen = (
-                inaccurate(assembly.scenario, time, told, (pose, force), seen.seen.peak),
-                seen._replace(wait=wait),
+    if assembly.amplifies and new.pose > AMPLIFIED:
+        return new._replace(warning=amplified(scenario))
+    if scenario.joints.encoders.active and new.pose > AMPLIFIED:
+        return new._replace(warning=COUNTED)
+    # Motors that were overloaded at the check before as well are so for longer than a moment.
+    if limited and old.interval == SHORTEST_INTERVAL and any(scenario.joints.motor.stall_torque):
+        return new._replace(warning=saturated(time, "stronger motors (joints.motor)"))
+    said, coming = "", found
+    if since >= CHECKED_TICKS[-1]:
+        for interval in (INTERVAL, SHORT_INTERVAL, SHORTEST_INTERVAL):
+            ahead = errors * exponentials(-decay * (interval * tick_period)) + now * _ticks_kept(
+                decay, interval, tick_period
             )
-            if not said and (wait == CLOSEST_TICKS or not limited):
+            coming = tuple(map(max, found, _sizes(ahead)))
+            said, new = inaccurate(scenario, time, coming, found, peak), new._replace(interval=interval)
+            if not said and (interval == SHORTEST_INTERVAL or not limited):
                 break
-    elif old.seen.peak <= STEADY * old.peak_before:
-        said = inaccurate(assembly.scenario, time, told, (pose, force), seen.seen.peak)
-    if said and limited and pose > bounds(assembly.scenario, seen.seen.peak)[0]:
-        return seen._replace(warning=unled(time, "a higher torque limit (controller.torque_limit)"))
-    return seen._replace(warning=said, told=(time, *told)) if said else seen
+    elif old.peaks.peak <= STEADY * old.peak_before:
+        said = inaccurate(scenario, time, coming, found, peak)
+    if said and limited and new.pose > bounds(scenario, peak)[0]:
+        return new._replace(warning=saturated(time, "a higher torque limit (controller.torque_limit)"))
+    return new._replace(warning=said, reported=(time, *coming)) if said else new
 
 
-def _told_anew(estimate: Estimate, scenario: Scenario, told: tuple[float, float, float]) -> Estimate:
-    """The estimate with a warning of the sizes that its errors have grown to, if what it says of them is too little."""
-    (time, *sizes), found = told, (estimate.pose, estimate.force)
-    least = bounds(scenario, estimate.seen.peak)
+def _reported_anew(estimate: Estimate, scenario: Scenario, reported: tuple[float, float, float]) -> Estimate:
+    """The estimate with a new warning if its errors have outgrown by `GROWN` those that the old one gives."""
+    (time, *sizes), found = reported, (estimate.pose, estimate.force)
+    least = bounds(scenario, estimate.peaks.peak)
     if all(now <= GROWN * max(said, bound) for now, said, bound in zip(found, sizes, least, strict=True)):
         return estimate
-    said = inaccurate(scenario, time, found, found, estimate.seen.peak)
-    return estimate._replace(warning=said or estimate.warning, told=(time, estimate.pose, estimate.force))
+    said = inaccurate(scenario, time, found, found, estimate.peaks.peak)
+    return estimate._replace(warning=said or estimate.warning, reported=(time, *found))
 
 
-def _tick_errors(assembly: Assembly, row: np.ndarray, y: np.ndarray, again: Redone) -> np.ndarray:
-    """How a tick and the same tick redone differ, as `_parts` has it."""
+def _tick_errors(
+    assembly: Assembly, row: np.ndarray, y: np.ndarray, again: np.ndarray, y_again: np.ndarray
+) -> np.ndarray:
+    """The difference between a tick and its repetition, as in `_parts`."""
     errors = _no_errors(assembly)
     pose, force, ringing = _parts(errors)
-    pose[:] = row[POSE : POSE + 3] - again.row[POSE : POSE + 3]
-    difference = float(np.abs(forces(row[None], assembly) - forces(again.row[None], assembly)).max())
+    pose[:] = row[POSE : POSE + 3] - again[POSE : POSE + 3]
+    difference = float(np.abs(forces(row[None], assembly) - forces(again[None], assembly)).max())
     if difference > 0:
-        weights = mode_forces(assembly, y - again.y)
-        # What creeps back rings in no phase: of it counts what the sample shows.
+        weights = mode_forces(assembly, y - y_again)
+        # Overdamped modes do not ring: only what the sample shows of them counts.
         ringing[:] = np.where(rings(assembly), weights, 0.0)
-        # The force's difference is shared out by what each mode's difference in amplitude weighs in it.
+        # The force's difference is shared among the modes by the weights of their amplitudes' differences.
         force[:] = difference / (float(weights.sum()) or 1.0) * weights
     return errors
 
@@ -303,23 +257,23 @@ def _length(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.sqrt(x * x + y * y)
 
 
-def mode_forces(assembly: Assembly, differs: np.ndarray) -> np.ndarray:
-    """Force that each mode's amplitude in a difference of two states puts on the grips, (n_m,), N or N·m."""
+def mode_forces(assembly: Assembly, difference: np.ndarray) -> np.ndarray:
+    """Force on the grips of each mode's amplitude in a difference of two states, (n_m,), N or N·m."""
     omega, modal = assembly.beam.modes.omega, assembly.system.plant.modal
     n = len(omega)
-    # In a free ring, ω times η goes over into η̇ and back.
-    amplitude = _length(omega * differs[ETA : ETA + n], differs[ETA + n : ETA + 2 * n])
+    # In free vibration ω η turns into η̇ and back.
+    amplitude = _length(omega * difference[ETA : ETA + n], difference[ETA + n : ETA + 2 * n])
     return RINGING_SHARE * omega * _length(modal[H], modal[G]) * amplitude
 
 
 def rings(assembly: Assembly) -> np.ndarray:
-    """Which modes oscillate, (n_m,): the others creep back."""
+    """Which modes oscillate, (n_m,): the others are overdamped."""
     modes = assembly.beam.modes
     return modes.D.diagonal() < 2 * modes.omega
 
 
 def forces(rows: np.ndarray, assembly: Assembly) -> np.ndarray:
-    """Internal forces in sample rows, (N, arms, 3); of one arm alone, which has none, the moving force (N, 1, 3)."""
+    """Internal forces in sample rows, (N, arms, 3); a single arm has none: its moving force, (N, 1, 3)."""
     arms = len(assembly.scenario.arms)
     if arms == 1:
         return rows[:, None, MOVING : MOVING + 3]

@@ -18,21 +18,21 @@ from flexlab.sim.signals import write_sample
 from flexlab.sim.step_levels import wanted_level
 
 DIVERGED, BENT = NOT_A_NUMBER, 4
-"""Fault codes of the loop besides those of `physics.arm`: not a number or runaway; deflection as large as the beam."""
+"""Fault codes of the loop besides those of `physics.arm`: a state diverged; the deflection is as large as the beam."""
 
 INTERRUPTED = 5
-"""Outcome of a loop that was asked to return early, by `Workspace.interrupt`, somewhere within a tick: no fault."""
+"""Code of no fault: the loop returned early, somewhere within a tick, because `Workspace.interrupt` was set."""
 
 OTHER_STEP = 100
 """Code of no fault: the next tick wants the step of level code - OTHER_STEP."""
 
 RUNAWAY = 1e9
-"""A state beyond this (m, rad, kg·m/s, …) has diverged, whatever it is."""
+"""A state beyond this, in its SI unit, has diverged."""
 
 
 @inlined
 def diverged(system, y):
-    """Whether any of the pose, momentum, energy and memory states is not finite or out of all bounds."""
+    """Whether a pose, momentum, energy or controller state is not finite or beyond `RUNAWAY`."""
     for i in range(ETA):
         if not abs(y[i]) < RUNAWAY:
             return True
@@ -45,7 +45,7 @@ def diverged(system, y):
 
 @inlined
 def energy_beyond_work(plant, y, ws):
-    """Energy of arms and payload less the work done on them, J, after `find_state` of y: what it loses is dissipated."""
+    """Energy of arms and payload less the work done on them, J, after `find_state` of y: its decrease is what was dissipated."""
     factor = mass_factor(plant.mass_change, ws)
     stored = kinetic_energy(y, ws.velocity, ws.eta_dot, factor) + elastic_energy(plant, y)
     return stored + gravity_energy(plant, y, ws.w_bar[0], factor, ws) - y[WORK] - y[AXIAL_WORK]
@@ -89,13 +89,13 @@ def advance(
 ):
     """Advance y from tick number `tick` by one tick of `step_count` steps per row, filling rows (ticks, row_length).
 
-    Tick 0 is at `origin`, s: the run's start, or where a piece of a tick begins (`sim.kinks`).
-    With `first_is_present` the first row takes the present instant. Control instants lie on steps. Returns the ticks done
-    and a fault code, or `OTHER_STEP` plus the level of step that the next tick wants where that is not `level`. On a fault y
-    is set back to the last good tick (`good`, like y, is scratch).
+    Tick 0 is at `origin`, s: the run's start, or the beginning of a part of a split tick (`sim.stepping`). With
+    `first_is_present` the first row is the present instant. Control instants lie on steps. Returns the ticks done and a code:
+    of a fault, or `OTHER_STEP` plus the level of step that the next tick wants if that is not `level`. On a fault y is set back
+    to the last good tick; `good` is scratch like y.
     """
-    # The rates at a tick serve its sample and the step that follows. They stand here once, for all stages: whatever the block
-    # sizes, the same machine code gives the same bits, and less of it has to be compiled.
+    # The rates at a tick serve its sample and the step that follows. They are computed in one place for all stages: the same
+    # machine code gives the same bits whatever the block sizes, and there is less of it to compile.
     dt = tick_period / step_count
     row = 0 if first_is_present else -1
     # Not the literal 0, for which numba would compile kernels once more.

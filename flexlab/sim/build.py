@@ -1,4 +1,4 @@
-"""From a scenario's words to the kernels' symbols."""
+"""From a scenario to the constants of the kernels: beam, plant and control law."""
 
 from typing import NamedTuple
 
@@ -6,8 +6,7 @@ import numpy as np
 
 from flexlab.control.controller import Controller
 from flexlab.control.law import BOUND_ESTIMATES, law_of
-from flexlab.control.law_kernels import Control
-from flexlab.control.load_sharing import BelievedPayload
+from flexlab.control.law_kernels import BelievedPayload, Control
 from flexlab.control.observers.believed_plant import arm_records
 from flexlab.numerics.linear_algebra import product, solve
 from flexlab.physics.axial_load import buckling_load, felt, followed_loads, geometric_matrices, in_felt_modes
@@ -28,7 +27,7 @@ from flexlab.scenario import Payload, Scenario
 
 
 class Beam(NamedTuple):
-    """The payload of a scenario with its kept modes."""
+    """Matrices and kept modes of a payload."""
 
     matrices: BeamMatrices
     modes: BeamModes
@@ -81,7 +80,7 @@ def nodal_damping_matrix(beam: Beam) -> np.ndarray:
 
 
 def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) -> Plant:
-    """Arms and payload of a scenario; `arms`: their records, if they are known."""
+    """Arms and payload of a scenario; `arms`: their records, if known."""
     payload, (matrices, modes, *_) = scenario.payload, beam
     loads = product(modes.V.T, np.stack([matrices.h, matrices.g], axis=1))
     middle = payload_row(payload, 0.0)
@@ -118,7 +117,7 @@ def payload_row(payload: Payload, s: float) -> np.ndarray:
 
 
 def build_control(scenario: Scenario, beam: Beam) -> Control:
-    """The control law of a scenario, with the payload as the controller believes it to be."""
+    """The control law of a scenario, with the payload that the controller believes in."""
     settings, law = scenario.controller, law_of(scenario.controller)
     factors = (settings.model.length_factor, settings.model.linear_density_factor)
     believed, kappa = beam.matrices, beam.kappa
@@ -146,5 +145,5 @@ def build_control(scenario: Scenario, beam: Beam) -> Control:
 
 
 def load_shares(settings: Controller, arm_count: int) -> np.ndarray:
-    """What each arm carries of the common part, 1, (2,)."""
+    """Each arm's share of the common part, 1, (2,)."""
     return np.array([settings.load_share, 1 - settings.load_share]) if arm_count == MOST_ARMS else np.ones(MOST_ARMS)

@@ -1,13 +1,12 @@
-"""Plant and control law closed into one right-hand side, the thing that every integrator calls."""
+"""The closed loop of plant and control law: the right-hand side that every integrator calls."""
 
 import threading
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexlab.compiled import compiled, inlined
-from flexlab.control.law_kernels import Control, control_law
-from flexlab.control.load_sharing import feed_forward_bending
+from flexlab.control.law_kernels import Control, control_law, feed_forward_bending
 from flexlab.control.motion import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
 from flexlab.physics.axial_load import find_axial_load, has_axial_load
@@ -50,7 +49,7 @@ _scratch = threading.local()
 
 
 def scratch_workspace(system: System) -> Workspace:
-    """A workspace of this thread's own for a call that ends before the next one is asked for: making one takes 50 µs."""
+    """This thread's shared workspace, valid until the next call of this function: making a new one takes 50 µs."""
     plant, control = system.plant, system.control
     sizes = (len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count, plant.own_size)
     if getattr(_scratch, "sizes", None) != sizes:
@@ -66,13 +65,13 @@ def state_length(system: System) -> int:
 
 
 def memory_slice(system: System) -> slice:
-    """Where in y the law's memory stands."""
+    """The place of the controller's state in y."""
     start = state_size(system.plant.modal.shape[1], 0, 0, system.plant.own_size)
     return slice(start, start + system.control.memory_size)
 
 
 def own_parts(plant: Plant) -> dict[str, slice]:
-    """Where among the joints', the material's and the grips' states each part of them stands, by name."""
+    """The place of each part of the joints', the material's and the grips' states among them, by name."""
     parts, end = joint_parts(plant.joints), plant.joint_size
     if plant.mass_change is not None:
         parts, end = {**parts, "material": slice(end, end + 1)}, end + 1
@@ -80,17 +79,33 @@ def own_parts(plant: Plant) -> dict[str, slice]:
 
 
 def own_states_of(system: System, y: np.ndarray) -> dict[str, np.ndarray]:
-    """Views of the named parts of the joints' states in y, of the energy that material brought, and of the grips' states."""
+    """Views of the parts of `own_parts` in y, by name."""
     start = state_size(system.plant.modal.shape[1], 0)
     own = y[start : start + system.plant.own_size]
     return {name: own[part] for name, part in own_parts(system.plant).items()}
 
 
+def law_input_at(system: System, x: np.ndarray, v: np.ndarray, desired: np.ndarray, ws: Workspace) -> Any:
+    """Fill the `LAW_INPUT` record of `ws`, all but q̇, for a pose x (3,) and its rate v (3,); desired (3, 3).
+
+    After `configure_arms` at that pose and `find_mass_at`.
+    """
+    plant, payload, now = system.plant, system.control.payload, ws.truth[0]
+    c, s = ws.arm.trig
+    for i in range(len(plant.arms)):
+        arm_velocity_terms(plant.arms[i], c, s, *v, ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
+    now.x[:], now.v[:], now.desired[:] = x, v, desired
+    factor, now.growth = believed_mass(plant.mass_change, payload.change, ws)
+    now.gravity, now.m, now.I = plant.gravity, factor * payload.m, factor * payload.I
+    now.kappa[:], now.share[:] = factor * payload.kappa, system.control.share
+    return now
+
+
 @inlined
 def law_places(system):
-    """Where in y the law's memory begins, and where it ends and the law's own signals begin.
+    """Where the controller's state begins in y, and where it ends and the law's own signals begin.
 
-    The signals are of this state under continuous control, of the last control instant otherwise.
+    Under continuous control the signals belong to this state, otherwise to the last control instant.
     """
     start = memory_start(system.plant)
     return start, start + system.control.memory_size
@@ -106,14 +121,14 @@ def limit_torques(limit, tau):
 
 @inlined
 def find_inputs(system, t, y, ws):
-    """Fill C̄_i, the desired motion, u and the memory's rates after `find_velocities`; of joints that are not ideal theirs."""
+    """Fill C̄_i, the desired motion, u and the rates of controller and joints, after `find_velocities`."""
     find_asked_inputs(system, t, y, ws)
     turn_joints(system.plant.joints, system.plant.grips, system.plant.arms, y[joints_start(system.plant) :], ws)
 
 
 @inlined
 def find_asked_inputs(system, t, y, ws):
-    """As `find_inputs`, of what motors are asked for."""
+    """As `find_inputs`, but with the inputs that are asked of the motors."""
     plant, control = system.plant, system.control
     for i in range(len(plant.arms)):
         c, s = own_trig(plant.grips, ws, i)
@@ -133,7 +148,7 @@ def find_asked_inputs(system, t, y, ws):
 
 @inlined
 def _ask(grips, system, t, y, ws):
-    """Let the law fill u. Where grips give way it takes the arms to be where rigid ones would have them."""
+    """Let the law fill u. It takes compliant grips to be rigid."""
     if grips is None:
         _ask_at(system, t, y, y[0:3], ws.velocity, ws.truth[0], ws.arm, ws.u, ws)
     else:
@@ -144,9 +159,9 @@ def _ask(grips, system, t, y, ws):
 
 @inlined
 def _ask_at(system, t, y, x, v, now, terms, u, ws):
-    """Fill u (arms, 3), a view of the law's record `now`, and the memory's rates, for the pose x and its rate v.
+    """Fill u (arms, 3), a view of the law's record `now`, and the controller's rates, for the pose x and its rate v.
 
-    `terms`: the arms', those of `now`.
+    `terms`: the arm terms of `now`.
     """
     plant, control = system.plant, system.control
     start, end = law_places(system)
@@ -167,7 +182,7 @@ def _ask_at(system, t, y, x, v, now, terms, u, ws):
 
 @inlined
 def _see(grips, system, ws):
-    """Where a continuous law takes arms to be that grips let go elsewhere: fills ws.seen. Returns a fault code."""
+    """Fill ws.seen for a continuous law, which takes compliant grips to be rigid. Returns a fault code."""
     if grips is None:
         return 0
     if system.control.sampled:
@@ -177,7 +192,7 @@ def _see(grips, system, ws):
 
 @inlined
 def find_state(system, t, y, ws):
-    """Velocities, arm terms, inputs and w̄ of state y at time t, in ws; returns a fault code."""
+    """Fill ws with velocities, arm terms, inputs and w̄ of state y at time t; returns a fault code."""
     plant = system.plant
     find_mass(plant.mass_change, t, ws)
     code, ws.w_bar[0], w_bar_rate = find_velocities(plant, y, ws)
@@ -197,7 +212,7 @@ def find_state(system, t, y, ws):
 
 @inlined
 def rates(system, t, y, ws, dy, whole):
-    """dy/dt of the closed loop; `whole` as in `momentum_rates`. Returns a fault code of `arm_configuration`."""
+    """Fill dy with dy/dt of the closed loop; `whole` as in `momentum_rates`. Returns a fault code of `arm_configuration`."""
     code = find_state(system, t, y, ws)
     if code != 0:
         return code

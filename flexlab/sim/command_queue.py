@@ -1,15 +1,19 @@
-"""Commands on their way to the runner: bounded, and merged where a later one makes an earlier one pointless.
+"""Commands on their way to the runner: bounded, merged where a later one makes an earlier one pointless, and prepared.
 
-A slider sends twenty values a second, a held key thirty resets: what nobody would see is dropped before it costs anything.
-What is left is carried out, and recorded, exactly as it stands.
+A slider sends twenty values a second, a held key thirty resets: what nobody would see is dropped before it is carried out.
+What is left is carried out, and recorded, exactly as it stands. Slow derivations for it (modes and matrix functions of fine
+meshes) run beside the world, on a thread of their own.
 """
 
 import threading
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from typing import Any
 
 from flexlab.errors import FlexlabError
+from flexlab.scenario import Scenario
+from flexlab.sim.assembly import Assembly
 from flexlab.sim.commands import (
     ChangeScenario,
     Command,
@@ -22,22 +26,24 @@ from flexlab.sim.commands import (
     StepOnce,
     Tap,
 )
+from flexlab.sim.snapshot import TICK
+from flexlab.sim.step_trial import build_assembly
 
 MOST_WAITING = 256
-"""Commands that may wait: more than the fields of a scenario, so that only a storm of taps or odd names comes so far."""
+"""Most commands that may wait: more than the fields of a scenario, so that only a flood of taps or odd names reaches it."""
 
 MOST_STEPS = 100_000
 """Most ticks that one `StepOnce` may ask for (100 s)."""
 
 NEW_RUN_FIELDS = ("payload.length", "payload.element_count", "payload.boundary", "left_arm", "right_arm", "initial")
-"""Fields whose change begins a new run: with another machine, or with coordinates of another meaning."""
+"""Fields whose change begins a new run: with other arms, or with coordinates of another meaning."""
 
 ON_A_RUN = (ChangeScenario, Pull, Tap, Reset, StepOnce)
-"""What a new run makes pointless, or takes over."""
+"""Commands that a new run makes pointless, or includes."""
 
 
 class CommandQueue:
-    """Put from any thread, taken by the runner."""
+    """The queue of commands, filled from any thread and emptied by the runner."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -46,7 +52,7 @@ class CommandQueue:
         self._count = 0
 
     def put(self, command: Command) -> int:
-        """Add a command; what it supersedes goes. How many commands have come, with this one."""
+        """Add a command and drop those that it supersedes; returns the number of commands so far."""
         with self._lock:
             self._count += 1
             waiting = with_command(self._waiting, command)
@@ -58,12 +64,12 @@ class CommandQueue:
 
     @property
     def count(self) -> int:
-        """How many commands have come."""
+        """Number of commands so far."""
         with self._lock:
             return self._count
 
     def take(self, new_runs: bool = True) -> list[tuple[Command, ...]]:
-        """All that waits, in the groups of `grouped`; with `new_runs` False only what stands before the first new run."""
+        """Take all that waits, as `grouped`; with `new_runs` False only what comes before the first new run."""
         with self._lock:
             count = 0
             while count < len(self._waiting) and (new_runs or not begins_run(self._waiting[count])):
@@ -72,7 +78,7 @@ class CommandQueue:
         return grouped(taken)
 
     def put_back(self, groups: list[tuple[Command, ...]]) -> None:
-        """Let groups that were taken wait again, before all that came since."""
+        """Put groups that were taken back, before all that came since."""
         with self._lock:
             waiting = [command for group in groups for command in group]
             for command in self._waiting:
@@ -87,12 +93,12 @@ class CommandQueue:
 
     @property
     def has_load(self) -> bool:
-        """Whether another scenario waits to be loaded: nothing that is still being prepared matters any more."""
+        """Whether another scenario waits to be loaded, so that nothing in preparation matters any more."""
         with self._lock:
             return any(isinstance(command, LoadScenario) for command in self._waiting)
 
     def refused(self) -> int:
-        """How many commands found the queue full since this was last asked."""
+        """Number of commands refused by a full queue since the last call."""
         with self._lock:
             count, self._refused = self._refused, 0
             return count
@@ -116,7 +122,7 @@ def overlap(path: str, other: str) -> bool:
 
 
 def with_command(waiting: list[Command], new: Command) -> list[Command]:
-    """The commands that are left to carry out when `new` joins those that wait, in order."""
+    """The waiting commands after `new` has been added, in order."""
     if isinstance(new, LoadScenario):
         return [*(old for old in waiting if not isinstance(old, (*ON_A_RUN, LoadScenario))), new]
     if isinstance(new, Reset):
@@ -130,7 +136,7 @@ def with_command(waiting: list[Command], new: Command) -> list[Command]:
 
 
 def _supersedes(new: Command, old: Command) -> bool:
-    """Whether `old`, given just before `new`, changes nothing any more."""
+    """Whether `old`, just before `new`, has no effect any more."""
     if isinstance(new, ChangeScenario):
         return isinstance(old, ChangeScenario) and all(
             any(_covers(path, earlier) for path in new.changes) for earlier in old.changes
@@ -141,9 +147,9 @@ def _supersedes(new: Command, old: Command) -> bool:
 
 
 def _with_reset(waiting: list[Command], new: Reset) -> list[Command]:
-    """A reset keeps the changes of the scenario; a run that has not begun begins with them instead of being reset."""
+    """Add a reset. Changes of the scenario stay; a run that is still to be loaded begins with them instead of being reset."""
     kept: list[Command] = []
-    for old in waiting:  # Changes on either side of what goes may now supersede one another.
+    for old in waiting:  # Changes on either side of a dropped command may now supersede one another.
         kept = kept if isinstance(old, (Pull, Tap, Reset, StepOnce)) else with_command(kept, old)
     at = _last(kept, (LoadScenario,))
     if at < 0:
@@ -164,7 +170,7 @@ def _last(commands: list[Command], kinds: tuple[type, ...]) -> int:
 
 
 def merged_changes(changes: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """One change that does what several do in turn: the last value of a field, in the order of the last values."""
+    """One change equal to several in turn: each field's last value, in the order of these values."""
     result: dict[str, Any] = {}
     for change in changes:
         for path, value in change.items():
@@ -174,7 +180,7 @@ def merged_changes(changes: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def grouped(commands: Iterable[Command]) -> list[tuple[Command, ...]]:
-    """Commands of one frame in groups: the changes between two new runs or steps are one, where the first of them stands."""
+    """Commands of one frame in groups: all changes between two new runs or steps form one, at the place of the first."""
     groups: list[tuple[Command, ...]] = []
     place = -1
     for command in commands:
@@ -187,3 +193,78 @@ def grouped(commands: Iterable[Command]) -> list[tuple[Command, ...]]:
             place = -1
         groups.append((command,))
     return groups
+
+
+ATTEMPTS = 2
+"""Times that a change is prepared before it is applied unprepared: gains may move the step meanwhile, but not for ever."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Commands whose assembly is being derived."""
+
+    group: tuple[Command, ...]
+    future: "Future[Assembly]"
+    attempt: int
+
+    @property
+    def is_change(self) -> bool:
+        """Whether it changes the run; otherwise it begins another one."""
+        return isinstance(self.group[0], ChangeScenario)
+
+
+class Preparation:
+    """One derivation at a time, its commands, and later changes that need another one."""
+
+    def __init__(self, executor: Executor | None = None):
+        """Derivations run in `executor`, or on a thread of its own."""
+        self._executor = executor or ThreadPoolExecutor(1, thread_name_prefix="flexlab-preparation")
+        self._current: Prepared | None = None
+        self._stopped = False
+        self.later: list[ChangeScenario] = []
+        """Changes that wait for the present derivation; one derivation for all of them follows."""
+
+    @property
+    def current(self) -> Prepared | None:
+        """What is being derived, or waits to be applied."""
+        return self._current
+
+    def must_wait(self, command: Command) -> bool:
+        """Whether a command must follow the present derivation: any command after a new run, a new run after a change."""
+        if self._current is None or isinstance(command, LoadScenario):
+            return False
+        return begins_run(command) or not self._current.is_change
+
+    def touches(self, changes: Sequence[ChangeScenario]) -> bool:
+        """Whether changes set something that a change in preparation, or one that waits for it, sets as well."""
+        if self._current is None:
+            return False
+        before = [old for old in (*self._current.group, *self.later) if isinstance(old, ChangeScenario)]
+        paths = [path for old in before for path in old.changes]
+        return any(overlap(path, other) for new in changes for path in new.changes for other in paths)
+
+    def start(self, group: tuple[Command, ...], scenario: Scenario, known: Assembly, attempt: int) -> None:
+        """Derive the assembly of `scenario` for a group of commands; after `stop`, do nothing."""
+        try:
+            future = self._executor.submit(build_assembly, scenario, TICK, [known])
+        except RuntimeError:
+            if self._stopped:  # It may stop at any instant.
+                return
+            raise
+        self._current = Prepared(group, future, attempt)
+
+    def take(self) -> Prepared | None:
+        """Take the finished derivation, if there is one."""
+        if self._current is None or not self._current.future.done():
+            return None
+        done, self._current = self._current, None
+        return done
+
+    def drop(self) -> None:
+        """Drop everything, as another run begins."""
+        self._current, self.later = None, []
+
+    def stop(self) -> None:
+        """Begin nothing more; a running derivation ends by itself within a second."""
+        self._stopped = True
+        self._executor.shutdown(wait=False, cancel_futures=True)

@@ -1,13 +1,12 @@
-"""What a person (or a replay) can ask of a running lab: frozen data, each carrying its whole value; and in words, for logs."""
+"""The commands of a person (or a replay) to a running lab: frozen data with complete values; and in words, for logs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from flexlab.scenario import Scenario
-from flexlab.scenario.choices import TITLES
-from flexlab.scenario.field_text import value_text
-from flexlab.sim.world_state import Origin
+from flexlab.scenario.field_text import TITLES, value_text
+from flexlab.sim.samples import Origin
 from flexlab.text import number_text
 
 
@@ -17,12 +16,12 @@ class ChangeScenario:
 
     changes: Mapping[str, Any]
     keeps_target: bool = True
-    """Whether the target goes on from where it is when its path is changed; in recordings before 0.2 it jumped."""
+    """Whether the target goes on from where it is when its path changes; in recordings before 0.2 it jumped."""
 
 
 @dataclass(frozen=True)
 class Pull:
-    """A spring from a point of the beam, or of a link, to a point of the plane; stiffness 0 lets go.
+    """A spring from a point of the beam, or of a link, to a point of the plane; stiffness 0 releases it.
 
     `link`: (arm, link), both counted from 1; None: the beam. `position`: material coordinate s of the beam, or distance
     from the link's inner joint, m. `target` (x, y), m; `stiffness` N/m.
@@ -36,7 +35,7 @@ class Pull:
 
 @dataclass(frozen=True)
 class Tap:
-    """An impulse (x, y) in N·s on the beam's material point s, m, at once."""
+    """An impulse (x, y), N·s, on the beam's material point s, m."""
 
     beam_position: float
     impulse: tuple[float, float]
@@ -91,7 +90,7 @@ Command = WorldCommand | RunnerCommand
 TEXTS = {"controller.source": "Text of the control law", "trajectory.source": "Text of the path"}
 """Fields that hold a person's own code."""
 OF_A_TABLE = ("trajectory.source", "trajectory.table", "trajectory.table_of")
-"""Fields that go with every change of an option of a path in Python."""
+"""Fields that come with every change of an option of a path in Python."""
 
 
 def command_text(command: Command) -> str:

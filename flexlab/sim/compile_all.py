@@ -1,4 +1,4 @@
-"""Compiles what a first picture does not need: other integrators, laws and paths, sampled control, joints, once per machine.
+"""Compile, once per machine, what the first picture does not need: other integrators, laws, paths, sampled control, joints.
 
 `python -m flexlab.sim.compile_all` does it in processes of its own, one per core. The lab starts one beside itself, so that it
 finds on disk what somebody chooses later.
@@ -23,19 +23,19 @@ from flexlab.sim.integrators.scheme import ORDER
 from flexlab.sim.world import World
 
 DONE = "everything"
-"""Name of the file in the cache folder that says so."""
+"""Name of the file in the cache folder that says that everything is compiled."""
 
 WHILE_OPEN = "--while-open"
-"""Argument of a process that is to end when its standard input does, finished or not."""
+"""Argument of a process that must end when its standard input does, finished or not."""
 
 JOINTS = {"joints.friction.viscous": (1.0, 1.0, 1.0)}
 FURTHER = {"payload.mass_change.factor": 2.0}, {"grips.model": "compliant"}, JOINTS
-"""What a plant may have beyond the paper's: the loop is compiled for each combination, as nothing of the others is in it."""
+"""Extensions of the paper's plant: the loop is compiled for each combination, and contains no other extension."""
 
 CHANGE = ChangeScenario({"controller.feedback_gain": 201.0})
 
 PATIENCE = 15
-"""How much more important than this everything else on the machine is (`nice`)."""
+"""How far everything else on the machine takes precedence (`nice`)."""
 
 
 def is_everything_compiled() -> bool:

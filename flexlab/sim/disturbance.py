@@ -18,7 +18,7 @@ MAX_PULL_STIFFNESS = 1e5
 """N/m: stiffer pulls would outdo the controller and need shorter steps."""
 
 MAX_DISTANCE = 100.0
-"""m: a target farther away is a slip of the hand."""
+"""m: a target farther away is a mistake."""
 
 MAX_IMPULSE = 100.0
 """N·s: a hammer blow; more than that only destroys the run."""
@@ -64,7 +64,7 @@ def _check_link(scenario: Scenario, link: tuple[int, int], position: float) -> N
 
 
 def apply_pull(plant: Plant, scenario: Scenario, beam: Beam, command: Pull) -> None:
-    """Attach, move or release (stiffness 0) the spring. Raises `ScenarioError` for values that make no sense."""
+    """Attach, move or release (stiffness 0) the spring. Raises `ScenarioError` for values outside their range."""
     if command.link is None:
         _check_point(scenario.payload, command.position)
     else:
@@ -78,14 +78,14 @@ def apply_pull(plant: Plant, scenario: Scenario, beam: Beam, command: Pull) -> N
 
 
 def without_hand(plant: Plant) -> Plant:
-    """The plant with arrays of its own where a hand may pull, and none that does."""
+    """The plant without a hand, and with its own copies of the arrays that a hand changes."""
     modal = plant.modal.copy()
     modal[PULL] = 0.0
     return plant._replace(modal=modal, pull=np.array(NO_HAND), axial=plant.axial.copy())
 
 
 def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:
-    """Make the modes' shapes at the pulled point match `plant.pull`; none while no hand holds the beam."""
+    """Set the modes' shapes at the pulled point of `plant.pull`; zero if no hand holds the beam."""
     hand = Hand(*plant.pull)
     plant.modal[PULL] = product(payload_row(payload, hand.position), beam.modes.V) if hand.arm == ON_BEAM else 0.0
     if payload.axial_load != "none" and hand.arm == ON_BEAM and hand.stiffness > 0:
@@ -93,7 +93,7 @@ def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:
 
 
 def beyond(payload: Payload, beam: Beam, s: float) -> np.ndarray:
-    """VᵀG_F V of a hand at s, m, as in `Plant.axial`."""
+    """VᵀG_F V for a hand at s, m, as in `Plant.axial`."""
     whole = part_beyond(payload.length, payload.element_count, payload.boundary, s)
     return in_felt_modes(whole, beam.modes.omega, beam.modes.V)
 
@@ -128,10 +128,10 @@ def apply_axial_impulse(
     command: Tap,
     factor: float = 1.0,
 ) -> None:
-    """Let the beam feel the part of a tap along it: π -= ∫K_G dt η, in place. `before`: the state y before the tap.
+    """Apply the axial part of a tap to the beam: π -= ∫K_G dt η, in place. `before`: the state y before the tap.
 
-    The impulse's own ∫N dt is J_L + ρ Δv₁ (s + L/2) - J₁ [s > s_tap], with Δv₁ what the link's middle gained along e₁ and J_L
-    what the left arm's inertia took, through a grip that gives way none; of a single arm J_L = J₁ - m Δv₁. `factor`: s of
+    The impulse's own ∫N dt is J_L + ρ Δv₁ (s + L/2) - J₁ [s > s_tap], with Δv₁ the velocity gained by the link's middle along
+    e₁ and J_L the impulse on the left arm: none through a compliant grip, J₁ - m Δv₁ for a single arm. `factor`: s of
     `mass_change`, which ws has noted.
     """
     velocities_at(plant, before, ws)

@@ -1,4 +1,4 @@
-"""The last minute of a run: its samples at full rate, and states from which any instant of it is computed again."""
+"""The last minute of a run: its samples at full rate, and states from which any instant can be computed again."""
 
 import threading
 from collections import deque
@@ -12,27 +12,26 @@ from flexlab.scenario import Scenario
 from flexlab.signal import Signal
 from flexlab.sim import samples
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import Samples, WorldState
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.world import World
-from flexlab.sim.world_state import WorldState
 
 HISTORY_SECONDS = 60.0
-"""How far a person can look back, s; longer than any window that plots offer."""
+"""How far a person can look back, s; longer than any window of the plots."""
 
 
 class History:
-    """A ring of sample rows; written by the runner, copied out by anyone."""
+    """A ring buffer of sample rows; written by the runner, read by any thread."""
 
     def __init__(self, row_length: int, arm_count: int, own: Sequence[Signal] = ()):
-        """`own`: the law's own signals, which stand at the rows' ends."""
+        """`own`: the law's own signals, at the ends of the rows."""
         self._rows = np.zeros((int(HISTORY_SECONDS / TICK) + 1, row_length))
         self._arm_count, self._own = arm_count, tuple(own)
         self._written = 0
         self._lock = threading.Lock()
 
     def append(self, rows: np.ndarray, own: Sequence[Signal] = ()) -> None:
-        """Add rows (N, row length), at most the ring's size at once. `own`: as of the law that is now at work."""
+        """Add rows (N, row length), of which the newest count. `own`: the own signals of the law now in force."""
         size = len(self._rows)
         rows = rows[-size:]
         with self._lock:
@@ -45,7 +44,7 @@ class History:
             self._written += len(rows)
 
     def _follow(self, row_length: int, own: tuple[Signal, ...]) -> None:
-        """Another law came in: what it shows of itself has no past."""
+        """Another law has taken over: its own signals have no past."""
         shared = row_length - sum(signal.fixed_size for signal in own)
         rows = np.full((len(self._rows), row_length), np.nan)
         rows[:, :shared] = self._rows[:, :shared]
@@ -66,34 +65,38 @@ class History:
 
 
 PERIOD_TICKS = 250
-"""Ticks from one state to the next where no command comes between: a law in Python is asked so often in a moment."""
+"""Ticks from one state to the next if no command comes between: a law in Python takes a moment to compute as many."""
 MOST = 1000
-"""States that are kept: a slider that is dragged for a minute leaves no more."""
+"""Most states that are kept: a slider dragged for a minute leaves no more."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where the run stood once; until the next one no command took effect."""
+    """A state of the run; until the next one no command took effect."""
 
-    scenario: Scenario
     assembly: Assembly
     first_frequency: float
-    """As of the world, Hz."""
+    """As `World.first_frequency`, Hz."""
     state: WorldState
+
+    @property
+    def scenario(self) -> Scenario:
+        """What was in motion."""
+        return self.assembly.scenario
 
 
 class Checkpoints:
-    """Written by the runner, read by anyone."""
+    """The checkpoints of a run; written by the runner, read by any thread."""
 
     def __init__(self, world: World):
-        """Of a run that begins."""
+        """Begin with the first state of a run."""
         self._kept: deque[Checkpoint] = deque()
         self._lock = threading.Lock()
         self.note(world)
 
     def note(self, world: World) -> None:
-        """Keep where the world stands, after a command; of several at one instant the last counts."""
-        here = Checkpoint(world.scenario, world.assembly, world.first_frequency, world.state())
+        """Keep the world's state after a command; of several at one instant the last."""
+        here = Checkpoint(world.assembly, world.first_frequency, world.state())
         with self._lock:
             if self._kept and self._kept[-1].state.tick == here.state.tick:
                 self._kept.pop()
@@ -103,12 +106,12 @@ class Checkpoints:
                 self._kept.popleft()
 
     def follow(self, world: World) -> None:
-        """Keep where the world stands, once in a while."""
+        """Keep the world's state every `PERIOD_TICKS`."""
         if world.tick - self._kept[-1].state.tick >= PERIOD_TICKS:
             self.note(world)
 
     def before(self, tick: int) -> Checkpoint:
-        """The newest one at or before `tick`; the oldest if there is none."""
+        """The newest checkpoint at or before `tick`; the oldest if there is none."""
         with self._lock:
             found = self._kept[0]
             for one in self._kept:
@@ -119,7 +122,7 @@ class Checkpoints:
 
 
 def state_from(checkpoint: Checkpoint, tick: int) -> WorldState:
-    """The state at `tick`, at most `PERIOD_TICKS` later. Raises `StudyError` if the run does not come to it."""
+    """The state at `tick`, at most `PERIOD_TICKS` later. Raises `StudyError` if the run does not reach it."""
     world = World(checkpoint.scenario, TICK, (checkpoint.assembly,))
     world.restore(checkpoint.state)
     world.advance_rows(tick - world.tick)

@@ -1,4 +1,4 @@
-"""The run that is going on: its world, its newest samples, what has happened in it, and the consumers that follow it."""
+"""The current run: its world, its newest samples, its events, and the consumers that follow it."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from flexlab.sim.snapshot import Consumer, Event
 from flexlab.sim.world import World
 
 EVENTS_KEPT = 200
-"""Newest events that a snapshot carries."""
+"""Number of newest events in a snapshot."""
 
 
 class LiveRun:
@@ -30,7 +30,7 @@ class LiveRun:
     latest: Samples
     """The newest sample (N = 1)."""
     previous: Samples
-    """The one before it, to draw between."""
+    """The sample before it, for interpolation."""
     start_time: float
     """Simulation time at which the run began, s."""
 
@@ -60,19 +60,19 @@ class LiveRun:
             self._announce_pace()
 
     def end(self, status: Status) -> None:
-        """Tell the consumers how it ended."""
+        """Tell the consumers how the run ended."""
         for consumer in self._consumers:
             consumer.end_run(self.number, status)
 
     def final_status(self) -> Status:
-        """The status that the run has if it ends now."""
+        """The status of the run if it ends now."""
         world = self.world
         if world.status.failed:
             return failure(world)
         return Status("finished", f"Ended at t = {world.time:.3f} s. {world.warnings}".rstrip(), world.time)
 
     def take_rows(self, rows: np.ndarray, speed: float) -> None:
-        """Hand out the samples by which the world has moved, and say what it warns of. `speed`: simulated over wall time."""
+        """Hand out the newest samples, and report new warnings. `speed`: simulated over wall time."""
         self._hand_out(rows, speed)
         if self.world.accuracy_warning != self._accuracy_warning:
             self._accuracy_warning = self.world.accuracy_warning
@@ -84,13 +84,13 @@ class LiveRun:
         self._announce_pace()
 
     def take_on_change(self) -> None:
-        """The world has changed at this instant: what is drawn changes, no sample is added."""
+        """Follow a change of the world at this instant: what is drawn changes, no sample is added."""
         self.latest = self.world.observe()
         self.checkpoints.note(self.world)
         self._announce_pace()
 
     def report(self, event: Event) -> None:
-        """Note what happened and tell the consumers."""
+        """Keep an event and tell the consumers."""
         self.events.append(event)
         for consumer in self._consumers:
             consumer.take_event(self.number, event)
@@ -104,7 +104,7 @@ class LiveRun:
         self.report(Event(self.world.time, text, level=level))
 
     def _announce_pace(self) -> None:
-        """Say, once, that the run is slower than real time, before anybody waits for it."""
+        """Report once that the run is slower than real time, before anybody waits for it."""
         warning, before = self.world.pace_warning, self.pace_warning
         if warning and not before:
             self.say(warning, "warning")

@@ -1,43 +1,43 @@
 """A scenario in motion: what is derived from it, and all that changes with time."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from flexlab.control.law import Start
+from flexlab.compiled import attributes
+from flexlab.control.law import Start, law_of
 from flexlab.errors import StudyError
 from flexlab.numerics.linear_algebra import product
-from flexlab.physics.dynamics import set_momenta
-from flexlab.physics.grips import begin_grips
+from flexlab.physics.arm import task_input
+from flexlab.physics.dynamics import arms_at, set_momenta, velocities_at
+from flexlab.physics.grips import begin_grips, measured_motion
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, Workspace, forget_rates
 from flexlab.physics.sensors import begin_reading
 from flexlab.scenario import Scenario
 from flexlab.scenario.scenario import Initial
 from flexlab.sim import accuracy, samples
-from flexlab.sim.assembly import Assembly, build_assembly
+from flexlab.sim.assembly import Assembly
 from flexlab.sim.build import Beam
-from flexlab.sim.closed_loop import new_workspace, own_states_of, state_length
+from flexlab.sim.closed_loop import System, law_input_at, memory_slice, new_workspace, own_states_of, state_length
 from flexlab.sim.disturbance import set_pull_row, without_hand
-from flexlab.sim.law_memory import outlook, start_memory
 from flexlab.sim.sampled_control import control_instant
-from flexlab.sim.samples import Status
+from flexlab.sim.samples import Status, WorldState
 from flexlab.sim.signals import own_signals
 from flexlab.sim.target import desired_at
-from flexlab.sim.termination import pose_fault
-from flexlab.sim.workspace_check import check_trajectory
-from flexlab.sim.world_state import WorldState
+from flexlab.sim.termination import check_trajectory, pose_fault
+
+LATE = 1e-9
+"""Rounding of an instant, as a share of a control period."""
 
 
 @dataclass
 class Motion:
-    """Where a scenario's run stands. `stepping` moves it, `carry_over` has it go on with other constants."""
+    """Where a scenario's run stands. `stepping` moves it, `bumpless_transfer` has it go on with other constants."""
 
-    scenario: Scenario
-    tick_period: float
-    """s."""
     assembly: Assembly
     """What is derived from the scenario; the held torques, those under way and the hand in it change with time."""
     y: np.ndarray
@@ -56,6 +56,16 @@ class Motion:
     """The compiled entry point of `advance` for these constants' types, once there is one."""
 
     @property
+    def scenario(self) -> Scenario:
+        """What is in motion."""
+        return self.assembly.scenario
+
+    @property
+    def tick_period(self) -> float:
+        """Time between two samples, s."""
+        return self.assembly.tick_period
+
+    @property
     def time(self) -> float:
         """Simulation time, s: exactly tick · tick_period."""
         return self.tick * self.tick_period
@@ -66,35 +76,27 @@ class Motion:
         coordinates = self.assembly.beam.modes.V.shape[0]
         return samples.row_length(len(self.scenario.arms), coordinates, own_signals(self.scenario))
 
+    def law_start(self, acts_now: bool) -> Start | None:
+        """What the law sees at the present instant, as `law_start`."""
+        return law_start(self.scenario, self.assembly.system, self.time, self.y, self.workspace, acts_now)
 
-def begin_motion(scenario: Scenario, tick_period: float, known: Sequence[Assembly], at_once: bool) -> Motion:
-    """A checked scenario at t = 0; its status has failed if trajectory or start pose cannot be reached.
 
-    `known` and `at_once` as for `build_assembly`, whose errors it raises.
+def begin_motion(assembly: Assembly, tick: int = 0) -> Motion:
+    """The motion of an assembly from its start, or from a later tick on the desired path; nobody holds beam or links.
+
+    Its status has failed if the desired path or the start pose cannot be reached.
     """
-    assembly = build_assembly(scenario, tick_period, known, at_once)
-    # What is known may belong to a world whose beam or link somebody holds.
-    assembly = assembly._replace(system=assembly.system._replace(plant=without_hand(assembly.system.plant)))
-    y, workspace = np.zeros(state_length(assembly.system)), new_workspace(assembly.system)
-    motion = Motion(scenario, tick_period, assembly, y, workspace, accuracy.nothing_yet(assembly, 0))
+    plant, line = without_hand(assembly.system.plant), np.zeros_like(assembly.sampling.line)
+    system = assembly.system._replace(plant=plant, held_torque=np.zeros_like(assembly.system.held_torque))
+    assembly = assembly._replace(system=system, sampling=assembly.sampling._replace(line=line))
+    y, workspace = np.zeros(state_length(system)), new_workspace(system)
+    motion = Motion(assembly, y, workspace, accuracy.nothing_yet(assembly, 0), tick)
     motion.status = _start(motion) or motion.status
     return motion
 
 
-def start_at(assembly: Assembly, tick_period: float, tick: int) -> Motion | None:
-    """An assembly's motion as it begins, or at a later tick on the desired path with nothing behind it; None: it cannot."""
-    line = np.zeros_like(assembly.sampling.line)
-    system = assembly.system._replace(held_torque=np.zeros_like(assembly.system.held_torque))
-    system = system._replace(plant=without_hand(system.plant))
-    assembly = assembly._replace(system=system, sampling=assembly.sampling._replace(line=line))
-    y, workspace = np.zeros(state_length(system)), new_workspace(system)
-    motion = Motion(assembly.scenario, tick_period, assembly, y, workspace, accuracy.nothing_yet(assembly, 0))
-    motion.tick = tick
-    return None if _start(motion) else motion
-
-
 def _start(motion: Motion) -> Status | None:
-    """Set the state at t = 0; returns the fault that forbids it."""
+    """Set the state at the start; returns the fault that forbids it."""
     scenario, system = motion.scenario, motion.assembly.system
     initial, desired = scenario.initial, desired_at(system.trajectory, motion.time)
     if motion.tick > 0:
@@ -111,9 +113,9 @@ def _start(motion: Motion) -> Status | None:
         else np.array(initial.beam_coordinates)
     )
     eta = to_modes(motion.assembly.beam, q)
-    hold(motion.assembly, motion.y, rate)
+    begin_grip_states(motion.assembly, motion.y, rate)
     set_coordinates(motion, pose, rate, eta, np.zeros_like(eta))
-    start_memory(scenario, system, outlook_of(motion, True), motion.y)
+    start_controller(scenario, system, motion.law_start(True), motion.y)
     act_at_start(motion)
     return None
 
@@ -123,14 +125,14 @@ def to_modes(beam: Beam, q: np.ndarray) -> np.ndarray:
     return product(product(beam.matrices.M_q, q), beam.modes.V)
 
 
-def hold(assembly: Assembly, y: np.ndarray, rate: np.ndarray) -> None:
-    """Let grips that give way begin to hold a payload that moves with this pose rate (3,), in place."""
+def begin_grip_states(assembly: Assembly, y: np.ndarray, rate: np.ndarray) -> None:
+    """Start the states of compliant grips for a payload that moves with this pose rate (3,), in place."""
     if assembly.system.plant.grips is not None:
         begin_grips(assembly.system.plant, own_states_of(assembly.system, y)["grips"], rate)
 
 
 def set_coordinates(motion: Motion, pose: np.ndarray, rate: np.ndarray, eta: np.ndarray, eta_dot: np.ndarray) -> None:
-    """Put plant and beam where they are to be, with these velocities; the momenta follow."""
+    """Set pose and modal coordinates with their rates; the momenta follow."""
     n = len(eta)
     motion.y[:3] = pose
     motion.y[ETA : ETA + n] = eta
@@ -139,13 +141,52 @@ def set_coordinates(motion: Motion, pose: np.ndarray, rate: np.ndarray, eta: np.
     set_momenta(motion.assembly.system.plant, motion.y, rate, eta_dot, motion.workspace)
 
 
-def outlook_of(motion: Motion, acts_now: bool) -> Start | None:
-    """What the law sees at the present instant, as `law_memory.outlook`."""
-    return outlook(motion.scenario, motion.assembly.system, motion.time, motion.y, motion.workspace, acts_now)
+def controller_states(scenario: Scenario, system: System, y: np.ndarray) -> dict[str, np.ndarray]:
+    """Views of the named parts of the controller's state in y."""
+    memory = y[memory_slice(system)]
+    slices = law_of(scenario.controller).memory_slices(len(scenario.arms))
+    return {name: memory[part] for name, part in slices.items()}
+
+
+def law_start(
+    scenario: Scenario, system: System, time: float, y: np.ndarray, ws: Workspace, acts_now: bool
+) -> Start | None:
+    """What the law sees at the state y; None: it never asks. `acts_now`: whether a sampled law acts at this instant."""
+    law = law_of(scenario.controller)
+    if law.start is None and law.bumpless_transfer is None:
+        return None
+    control, period = system.control, scenario.controller.control_period
+    find_mass_at(system.plant, time, ws)
+    velocities_at(system.plant, y, ws)
+    x, v = y[:3], ws.velocity
+    if system.plant.grips is not None:
+        x, v = measured_motion(system.plant, y, own_states_of(system, y)["grips"], v.copy())
+        arms_at(system.plant, x, ws)
+    for i in range(len(system.plant.arms)):
+        task_input(ws.arm.J[i], system.held_torque[i], ws.u[i])
+    now = law_input_at(system, x, v, desired_at(system.trajectory, time), ws)
+    gains = attributes(control.gains, law.gains_type)
+    wait = 0.0
+    if period is not None and not acts_now:
+        wait = (math.floor(time / period + LATE) + 1) * period - time
+    return Start(now.copy(), gains, wait)
+
+
+def start_controller(
+    scenario: Scenario, system: System, begin: Start | None, y: np.ndarray, kept: tuple[str, ...] = ()
+) -> None:
+    """Set the controller's state in y to that with which the law begins, where it is not zero; not the parts in `kept`."""
+    law = law_of(scenario.controller)
+    if law.start is None or begin is None:
+        return
+    parts = controller_states(scenario, system, y)
+    for name, values in law.start(begin).items():
+        if name not in kept:
+            parts[name][:] = values
 
 
 def act_at_start(motion: Motion) -> None:
-    """Let a sampled controller act at its instant 0."""
+    """Let a sampled controller act for the first time."""
     assembly = motion.assembly
     if assembly.system.control.sampled:
         find_mass_at(assembly.system.plant, motion.time, motion.workspace)
@@ -166,7 +207,7 @@ def state_of(motion: Motion) -> WorldState:
 
 
 def restore(motion: Motion, state: WorldState) -> None:
-    """Stand where a state of the same scenario says. Raises `StudyError`, and changes nothing, for any other state."""
+    """Go back, or on, to a state of the same scenario. Raises `StudyError`, and changes nothing, for any other state."""
     own = state_of(motion)
     for part in fields(WorldState):
         given, fitting = np.shape(getattr(state, part.name)), np.shape(getattr(own, part.name))

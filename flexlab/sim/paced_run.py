@@ -1,7 +1,7 @@
-"""The live run as a clock drives it: how far it moves in a frame, speed, slow motion, single steps, and runs that wait.
+"""The live run driven by a clock: ticks per frame, speed, slow motion, single steps, and runs that wait.
 
 Simulation time follows a target line with a budget for each frame; a backlog is dropped, not caught up. In slow motion, states
-between two samples are interpolated: what is drawn moves smoothly although samples are a millisecond apart.
+between two samples are interpolated, so that the picture moves smoothly although samples are a millisecond apart.
 """
 
 import threading
@@ -50,15 +50,15 @@ SLOWEST, FASTEST = 1 / 256, 4.0
 """Allowed simulated seconds per wall second."""
 
 BACKLOG_LIMIT = 0.15
-"""Wall seconds that the simulation may lag behind its target before the lag is given up: a lag that a person notices."""
+"""Wall seconds that the simulation may lag behind its target before the backlog is dropped: a lag that a person notices."""
 
 BLOCK_TIME, LARGEST_BLOCK, GROWTH = 0.01, 64, 4
-"""Wall seconds that a block of ticks may take between two looks at the commands, its most ticks, and how much longer than
-the one before it may be: what a tick costs is not known before one is done."""
+"""Wall seconds that a block of ticks may take, so that commands wait no longer; its most ticks; and how much longer than the one
+before it may be: the cost of a tick is unknown before one is done."""
 
 RUNS_AT_ONCE, RUN_PERIOD = 60, 1.0
-"""New runs that may begin one right after another, and wall seconds after which one more may: three seconds of dragging the
-number of elements, but no storm that fills a folder."""
+"""New runs that may begin one right after another, and wall seconds after which one more may: enough for three seconds of
+dragging the number of elements, too few to fill a folder."""
 
 SPEED_WINDOW = 1.0
 """Wall seconds over which the actual speed is measured."""
@@ -71,23 +71,23 @@ class Pacing:
         self.speed = speed
         self.playing = False
         self.waiting = False
-        """Whether time stands, although it is to run, until the run is released."""
+        """Whether time stands until the run is released, although it is to run."""
         self._wall = 0.0
         self._origin = 0.0
         self._history: deque[tuple[float, float]] = deque()
         self._dropped_at = float("-inf")
 
     def anchor(self, wall: float, time: float) -> None:
-        """Let the target line pass through (wall, time)."""
+        """Make the target line pass through (wall, time)."""
         self._wall, self._origin = wall, time
 
     def restart(self, wall: float, time: float) -> None:
-        """Anchor, and forget what was measured before."""
+        """Anchor, and drop earlier measurements of speed."""
         self.anchor(wall, time)
         self._history.clear()
 
     def pass_on(self, time_before: float, time: float) -> None:
-        """Let a world that stands at `time` go on for one that stood at `time_before`: what was due still is."""
+        """Shift the target line for a new world at `time` that replaces one at `time_before`: what was due still is."""
         self._origin += time - time_before
         self._history = deque((wall, past + time - time_before) for wall, past in self._history)
 
@@ -115,7 +115,7 @@ class Pacing:
         return due
 
     def note(self, wall: float, time: float) -> None:
-        """Remember where the simulation stood at `wall`, for `actual_speed`."""
+        """Note the simulation time at `wall`, for `actual_speed`."""
         self._history.append((wall, time))
         while len(self._history) > 2 and wall - self._history[1][0] >= SPEED_WINDOW:
             self._history.popleft()
@@ -133,13 +133,13 @@ class Pacing:
 
 
 class BlockSize:
-    """How many ticks to advance at once, from what the ticks before cost."""
+    """How many ticks to advance at once, by the cost of earlier ticks."""
 
     def __init__(self) -> None:
         self._next = 1
 
     def forget(self) -> None:
-        """Another world, another cost: begin with one tick."""
+        """Begin with one tick again: another world has another cost."""
         self._next = 1
 
     def ticks(self, most: int) -> int:
@@ -147,7 +147,7 @@ class BlockSize:
         return min(most, self._next)
 
     def note(self, ticks: int, seconds: float) -> None:
-        """Remember that `ticks` took `seconds` of wall time."""
+        """Note that `ticks` took `seconds` of wall time."""
         if ticks > 0:
             affordable = int(BLOCK_TIME * ticks / seconds) if seconds > 0 else LARGEST_BLOCK
             self._next = max(1, min(affordable, ticks * GROWTH, LARGEST_BLOCK))
@@ -164,7 +164,7 @@ class RunRate:
         return self._refilled(wall) >= 1
 
     def note(self, wall: float) -> None:
-        """One began."""
+        """Note that a run began at `wall`, s."""
         self._left, self._at = self._refilled(wall) - 1, wall
 
     def _refilled(self, wall: float) -> float:
@@ -172,11 +172,11 @@ class RunRate:
 
 
 FRAME_BUDGET = 0.03
-"""Wall seconds after which a round publishes what there is and leaves the rest to the next: a picture every 50 ms."""
+"""Wall seconds after which a frame publishes what there is and leaves the rest to the next: a picture every 50 ms."""
 
 DRAG_PAUSE = 0.5
-"""Wall seconds after a change that began a run within which another such change is one more value of a dragged slider: its run
-waits for nobody."""
+"""Wall seconds within which a second change that begins a run counts as the next value of a dragged slider: its run does not wait
+to be released."""
 
 
 class PacedRun:
@@ -190,29 +190,29 @@ class PacedRun:
         playing: bool,
         hold_starts: bool,
     ):
-        """`stopping`: set when nothing is to move any more; `hold_starts` as for the runner."""
+        """`stopping`: set when nothing may move any more; `hold_starts` as for the runner."""
         self.live = LiveRun(consumers)
         self.pacing = Pacing()
         self.pacing.playing = playing
         self.steps_left = 0
-        """Single steps that were asked for and are still to be done."""
+        """Single steps asked for and not yet done."""
         self._clock, self._stopping, self._hold_starts = clock, stopping, hold_starts
         self._block, self._runs = BlockSize(), RunRate()
         self._frame_end = float("inf")
         self._changed_at = float("-inf")
 
     def open_frame(self) -> None:
-        """A frame's time begins."""
+        """Begin a frame."""
         self._frame_end = self._clock() + FRAME_BUDGET
 
     @property
     def may_go_on(self) -> bool:
-        """Whether the frame has time left, and the run as well."""
+        """Whether the frame has time left and the run goes on."""
         return not (self.live.world.status.failed or self._stopping.is_set()) and self._clock() <= self._frame_end
 
     @property
     def is_busy(self) -> bool:
-        """Whether time passes, or is to pass."""
+        """Whether time passes, or steps are left."""
         return self.pacing.runs or self.steps_left > 0
 
     @property
@@ -223,8 +223,8 @@ class PacedRun:
     def begin(self, world: World, name: str, time_before: float | None = None) -> None:
         """Make `world` the current run.
 
-        `time_before`: where the run stood that a change made it of; time then passes as it did, and only the first of several
-        such changes is waited for.
+        `time_before`: time of the run that a change replaces; the pace then stays, and only the first of several such runs waits
+        to be released.
         """
         wall, waited = self._clock(), self.pacing.waiting
         dragged = time_before is not None and wall - self._changed_at < DRAG_PAUSE
@@ -243,32 +243,32 @@ class PacedRun:
             self._fail()
 
     def restart(self) -> None:
-        """Let time go on from where the world is."""
+        """Let the target line begin at the world's time."""
         self.pacing.restart(self._clock(), self.live.world.time)
 
     def take_on_change(self) -> None:
-        """The world has changed at this instant, and with it what a tick costs."""
+        """Follow a change of the world at this instant, which may change the cost of a tick."""
         self._block.forget()
         self.live.take_on_change()
 
     def release(self) -> None:
-        """Let a run go on that waits at its first instant."""
+        """Start a run that waits at its first instant."""
         if self.pacing.waiting:
             self.pacing.waiting = False
             self.restart()
 
     def play(self, playing: bool) -> None:
-        """Let time pass or stand. Raises `FlexlabError` for a run that has stopped."""
+        """Play or pause. Raises `FlexlabError` for a run that has stopped."""
         if playing and self.live.world.status.failed:
             raise FlexlabError(f"This run has stopped: {self.live.world.status.text} Reset, or load another preset.")
         self.steps_left = 0
         if self.pacing.playing or not playing:
-            self.pacing.waiting = False  # Who presses play on a run that only waits does not want to wait.
+            self.pacing.waiting = False  # Pressing play on a run that only waits releases it.
         self.pacing.playing = playing
         self.restart()
 
     def set_speed(self, speed: float) -> None:
-        """Simulated per wall time. Raises `FlexlabError` outside the allowed range."""
+        """Set simulated over wall time. Raises `FlexlabError` outside the allowed range."""
         if not SLOWEST <= speed <= FASTEST:
             raise FlexlabError(f"Speed = {speed:g} is outside 1/256 to {FASTEST:g} times real time: choose within it.")
         wall = self._clock()
@@ -277,14 +277,14 @@ class PacedRun:
         self.pacing.restart(wall, time_now)
 
     def ask_for_steps(self, ticks: int) -> None:
-        """Let time stand, but for so many single steps. Raises `FlexlabError` for too many."""
+        """Pause, and do so many single steps. Raises `FlexlabError` for too many."""
         if not 1 <= ticks <= MOST_STEPS:
             raise FlexlabError(f"Steps = {ticks} is outside 1 to {MOST_STEPS}: choose within it.")
         self.pacing.playing = self.pacing.waiting = False
         self.steps_left = ticks
 
     def work_off_steps(self) -> None:
-        """Do single steps that are left, as far as the frame's time goes; the next frame goes on."""
+        """Do the single steps that are left, as many as fit into the frame."""
         while self.steps_left and self.may_go_on:
             self.steps_left -= self.advance(self.steps_left)
         if self.live.world.status.failed:
@@ -292,7 +292,7 @@ class PacedRun:
         self.restart()
 
     def advance(self, most: int) -> int:
-        """Move by a block of up to `most` ticks, as long as commands may wait; returns the ticks done."""
+        """Move by a block of up to `most` ticks; returns the ticks done."""
         ticks, begun = self._block.ticks(most), self._clock()
         rows = self.live.world.advance_rows(ticks)
         self._block.note(len(rows), self._clock() - begun)
@@ -302,9 +302,9 @@ class PacedRun:
         return len(rows)
 
     def snapshot(self, wall: float, answered: int) -> Snapshot:
-        """What is to be shown at `wall`, s; `answered` as in a `Snapshot`."""
+        """The snapshot at `wall`, s; `answered` as in a `Snapshot`."""
         run, world, latest = self.live, self.live.world, self.live.latest
-        # Drawn one tick late, so that in slow motion there is always a sample on either side to draw between.
+        # One tick late, so that in slow motion there is always a sample on either side.
         fraction = (self.pacing.target(wall) - float(latest.time[0])) / TICK if self.pacing.runs else 1.0
         return Snapshot(
             run_number=run.number,

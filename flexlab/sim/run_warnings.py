@@ -1,4 +1,4 @@
-"""What a run says of its own limits: whether it keeps up with real time, how accurate it is, where the beam's model ends."""
+"""A run's warnings: slower than real time, no longer accurate, beyond the validity of the beam's model."""
 
 from typing import NamedTuple
 
@@ -12,12 +12,12 @@ from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, SPI
 from flexlab.text import number_text
 
 JUMP, LEAST_JUMP = 1.5, 0.05
-"""A tick in which a torque changes by more than the first times what it did in any tick that was looked at, and by more than
-the second times the largest torque, excites fast modes anew: a sampled law, or a path with a kink."""
+"""A torque jumps in a tick, and excites fast modes, if it changes by more than the first factor times its largest change in any
+checked tick, and by more than the second times the largest torque: under a sampled law, or where the desired motion jumps."""
 
 
-class Survey(NamedTuple):
-    """Of a run so far."""
+class Peaks(NamedTuple):
+    """The largest values of a run so far."""
 
     peak: float = 0.0
     """Largest internal force, N or N·m; of one arm alone, which has none, the moving force."""
@@ -26,32 +26,32 @@ class Survey(NamedTuple):
     torque: np.ndarray | None = None
     """Joint torques of the newest sample, N·m, (3 arms,); None: of none yet."""
     load_share: float = 0.0
-    """Largest compression of the beam beside its buckling load, 1."""
+    """Largest compression of the beam over its buckling load, 1."""
     spin_share: float = 0.0
-    """Most that the spin took of the linear beam's stiffness, 1."""
+    """Largest share of the linear beam's stiffness that the spin took, 1."""
 
 
-def survey_rows(before: Survey, arm_count: int, rows: np.ndarray, looked_at: float) -> tuple[Survey, float, int]:
-    """The survey after `rows` (N ≥ 1, row length), the largest change of a torque in one of them, N·m, and the first `JUMP`.
+def peaks_of(before: Peaks, arm_count: int, rows: np.ndarray, checked: float) -> tuple[Peaks, float, int]:
+    """The peaks after `rows` (N ≥ 1, row length), the largest change of a torque in one of them, N·m, and the first `JUMP`.
 
-    `looked_at`: the largest change in ticks looked at so far, N·m. The jump is the index of its row; -1: there is none.
+    `checked`: the largest change in a checked tick so far, N·m. The jump is the index of its row; -1: there is none.
     """
     torque = np.empty(3 * arm_count)
     if before.torque is not None:
         torque[:] = before.torque
-    peak, strongest, change, jump = _survey(
-        rows, arm_count, before.torque is not None, torque, before.peak, before.strongest, looked_at
+    peak, strongest, change, jump = _find_peaks(
+        rows, arm_count, before.torque is not None, torque, before.peak, before.strongest, checked
     )
     pressed, spun = rows[:, LOAD_SHARE].max(), rows[:, SPIN_SHARE].max()
     return (
-        Survey(peak, strongest, torque, max(before.load_share, float(pressed)), max(before.spin_share, float(spun))),
+        Peaks(peak, strongest, torque, max(before.load_share, float(pressed)), max(before.spin_share, float(spun))),
         change,
         jump,
     )
 
 
 @compiled
-def _survey(rows, arm_count, follows, torque, peak, strongest, looked_at):
+def _find_peaks(rows, arm_count, follows, torque, peak, strongest, checked):
     """(peak, strongest, change, jump); `torque`, that of the sample before if it `follows` one, becomes the newest."""
     largest, jump = 0.0, -1
     for k in range(len(rows)):
@@ -68,13 +68,13 @@ def _survey(rows, arm_count, follows, torque, peak, strongest, looked_at):
                 peak = max(peak, abs(force))
         follows = True
         largest = max(largest, change)
-        if jump < 0 and change > JUMP * looked_at and change > LEAST_JUMP * strongest:
+        if jump < 0 and change > JUMP * checked and change > LEAST_JUMP * strongest:
             jump = k
     return peak, strongest, largest, jump
 
 
 SLOWEST_PACE = 0.8
-"""Processor seconds per simulated second, on the machine of the costs below, from which on a run is announced as slow."""
+"""Processor seconds per simulated second, on the machine of `STEP_COSTS`, from which on a run is announced as slow."""
 
 
 class StepCost(NamedTuple):
@@ -85,7 +85,7 @@ class StepCost(NamedTuple):
     per_mode: float
     """s."""
     per_product: float
-    """Of each number of the beam's matrices that couple modes, s."""
+    """Per number in the beam's matrices that couple modes, s."""
 
 
 STEP_COSTS = {
@@ -95,7 +95,7 @@ STEP_COSTS = {
 }
 
 COUPLED_MODES = 8
-"""Modes that damping couples from which on they, and not the arms, are what a step costs."""
+"""Number of modes coupled by damping from which on they, and not the arms, dominate the cost of a step."""
 
 
 def seconds_per_second(integrator: str, beam: Beam, step: float) -> float:
@@ -106,9 +106,9 @@ def seconds_per_second(integrator: str, beam: Beam, step: float) -> float:
 
 
 def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: str = "") -> str:
-    """A sentence if a run is estimated to be slower than real time, what makes it so and what to change; else empty.
+    """A sentence on why a run is estimated to be slower than real time, and what to change; empty: it is not.
 
-    bound: what the step was chosen by, as `step_size.Choice.bound`; others: as of `step_size.other_integrators`.
+    bound: what bounds the step, as `step_size.Choice.bound`; others: as of `step_size.other_integrators`.
     """
     pace = seconds_per_second(integrator, beam, step)
     if pace < SLOWEST_PACE:
@@ -118,8 +118,8 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: s
         "given": f"the step is set to {number_text(step)} s (simulation.step)",
         "beam": f"the modes of this beam in these arms need steps of {size} µs with {integrator}",
         "creep": f"the modes of this beam, strongly damped and heavy for these arms, need steps of {size} µs",
-        "growth": f"nearly undamped modes need steps of {size} µs, or their errors grow",
-        "accuracy": f"what the start or the path's kinks excite needs steps of {size} µs with {integrator}",
+        "resonance": f"nearly undamped modes need steps of {size} µs, or their errors grow",
+        "accuracy": f"what the start or jumps of the desired motion excite needs steps of {size} µs with {integrator}",
         "joints": f"the joints' friction needs steps of {size} µs",
         "grips": f"the grips need steps of {size} µs",
         "motors": f"the motors' time constant needs steps of {size} µs",
@@ -130,7 +130,7 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: s
         "given": ["a longer step (simulation.step), or null"],
         "beam": ["a softer beam", "a coarser pose accuracy (simulation.accuracy)"],
         "creep": ["less damping", "a softer or lighter beam"],
-        "growth": ["some damping (payload.damping)", "a softer beam"],
+        "resonance": ["some damping (payload.damping)", "a softer beam"],
         "accuracy": ["a smooth start", "more damping", "a softer beam"],
         "joints": [
             "a higher speed within which friction turns over (joints.friction.smoothing_speed)",
@@ -164,18 +164,18 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: s
 
 
 def _either(choices: list[str]) -> str:
-    """The choices in a sentence, as in "a, b or c"."""
+    """Choices in a sentence: "a, b or c"."""
     return " or ".join([", ".join(choices[:-1]), choices[-1]] if len(choices) > 1 else choices)
 
 
 POSE_BOUND = 1e-8
-"""Estimated error of the pose, m or rad, up to which a run is called accurate that was not asked to be coarser."""
+"""Estimated error of the pose, m or rad, up to which a run counts as accurate, unless a coarser accuracy was asked for."""
 
 FORCE_BOUND = 1e-4
-"""The same of the internal force, over its peak so far; of one arm alone, of the force that moves the beam."""
+"""The same for the internal force over its peak so far; for a single arm, for the force that moves the beam."""
 
 LEAST_PEAK = 0.5
-"""N or N·m: errors are judged against at least this force, so that what is next to nothing is not."""
+"""N or N·m: errors are judged against at least this force, so that tiny forces are not."""
 
 Sizes = tuple[float, float]
 """Errors of the pose, m or rad, and of the force, N or N·m."""
@@ -184,26 +184,26 @@ COUNTED = (
     "Results are certain up to a count of the encoders: next to its edge, errors of the steps that are too small to be seen "
     "decide which one is told."
 )
-"""The sentence of a run whose encoders count."""
+"""The warning for a run with encoders."""
 
 NOTABLE, WHOLE = 0.1, 1.0
-"""Share of the buckling load, or of the stiffness, from which on the paper's model leaves out what counts, and at which a beam
-has buckled or the linear beam has no stiffness left."""
+"""Share of the buckling load, or of the stiffness, from which on the paper's model neglects too much, and at which a beam
+buckles or the linear beam has no stiffness left."""
 
 CURE = "Set the force along the beam (payload.axial_load) to first-order."
 
 
 class AxialWarning(NamedTuple):
-    """What there is to say of a run, and how grave it is."""
+    """A warning about the axial load, and how grave it is."""
 
     level: int = 0
-    """Grows with each limit that was passed; 0: none was."""
+    """Number of limits exceeded."""
     text: str = ""
-    """A sentence or two; empty: there is nothing to say."""
+    """One or two sentences; empty: no limit was exceeded."""
 
 
-def axial_warning(payload: Payload, seen: Survey) -> AxialWarning:
-    """Of all samples so far: at `NOTABLE` and at `WHOLE`, of the paper's beam; of one that feels the force, at `WHOLE`."""
+def axial_warning(payload: Payload, seen: Peaks) -> AxialWarning:
+    """The warning for all samples so far: at `NOTABLE` and `WHOLE` for the paper's beam, else at `WHOLE` alone."""
     critical = buckling_load(payload.length, payload.bending_stiffness, payload.boundary)
     share, spin, felt = seen.load_share, seen.spin_share, payload.axial_load != "none"
     force, limit = f"up to {number_text(share * critical, 3)} N along it", f"{number_text(critical, 3)} N"
@@ -239,12 +239,12 @@ def axial_warning(payload: Payload, seen: Survey) -> AxialWarning:
 
 
 def bounds(scenario: Scenario, peak: float) -> Sizes:
-    """Errors up to which a run is called accurate whose largest force is `peak`, N or N·m."""
+    """Errors up to which a run with the largest force `peak`, N or N·m, counts as accurate."""
     return max(POSE_BOUND, scenario.simulation.accuracy), FORCE_BOUND * max(peak, LEAST_PEAK)
 
 
 def amplified(scenario: Scenario) -> str:
-    """The sentence of a sampled loop in which errors of any size grow."""
+    """The warning for a sampled loop in which errors of any size grow."""
     period = scenario.controller.control_period
     return (
         f"Results depend on rounding: with a control period of {period:g} s this controller answers each error with a larger "
@@ -252,8 +252,8 @@ def amplified(scenario: Scenario) -> str:
     )
 
 
-def unled(time: float, cure: str) -> str:
-    """The sentence of errors that grow as torques are at their limits."""
+def saturated(time: float, cure: str) -> str:
+    """The warning for errors that grow because torques are at their limits."""
     return (
         f"Results are no longer accurate since about t = {time:.3f} s: a torque is at its limit, so that nothing leads errors of "
         f"the steps back, and they grow. Reset with {cure}, lower gains or a slower path."
@@ -261,9 +261,9 @@ def unled(time: float, cure: str) -> str:
 
 
 def inaccurate(scenario: Scenario, time: float, coming: Sizes, found: Sizes, peak: float) -> str:
-    """A sentence once errors until `time`, s, are beyond their bounds, else empty.
+    """The warning for errors beyond their bounds at `time`, s; empty: they are not.
 
-    `coming`: errors of the pose, m or rad, and of the force, N or N·m, with what is ahead; `found`: so far; `peak`: the largest
+    `coming`: expected errors of the pose, m or rad, and of the force, N or N·m; `found`: those so far; `peak`: the largest
     force so far, N or N·m.
     """
     (pose, force), said = coming, []

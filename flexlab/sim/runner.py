@@ -12,7 +12,7 @@ from flexlab.lapack import one_blas_thread
 from flexlab.own.path import with_table
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly, Unprepared
-from flexlab.sim.command_queue import MOST_WAITING, CommandQueue, merged_changes
+from flexlab.sim.command_queue import ATTEMPTS, MOST_WAITING, CommandQueue, Preparation, merged_changes
 from flexlab.sim.commands import (
     ChangeScenario,
     Command,
@@ -27,28 +27,26 @@ from flexlab.sim.commands import (
 )
 from flexlab.sim.history import Checkpoint
 from flexlab.sim.paced_run import PacedRun
-from flexlab.sim.preparation import ATTEMPTS, Preparation
-from flexlab.sim.samples import Samples
+from flexlab.sim.samples import Origin, Samples
 from flexlab.sim.snapshot import TICK, Consumer, Event, Snapshot
 from flexlab.sim.world import World
-from flexlab.sim.world_state import Origin
 
 FRAME = 1 / 60
-"""Wall seconds per round of the runner, s: the rate of common screens."""
+"""Wall seconds per frame of the runner: the rate of common screens."""
 
 IDLE_PERIOD = 0.25
-"""Wall seconds between two rounds while time stands and nobody asks for anything: a lab that waits costs next to nothing."""
+"""Wall seconds between two frames while nothing happens: an idle lab costs next to nothing."""
 
 SWITCH_INTERVAL = 1e-3
-"""Seconds after which Python takes its lock from a thread that computes without giving it up. The simulation may wait as long
-after every block of ticks, and of Python's usual 5 ms a frame has room for three."""
+"""Seconds after which Python takes its lock from a thread that keeps it. The simulation may wait as long after every block of
+ticks, and a frame has room for only three of Python's usual 5 ms."""
 
 STOP_PERIOD = 0.02
 """Wall seconds between two reminders that the thread is to stop."""
 
 
 class Runner:
-    """Owns the world and its thread. `submit` may be called from any thread; nobody else touches the world."""
+    """The owner of the world and its thread. `submit` may be called from any thread; nobody else touches the world."""
 
     def __init__(
         self,
@@ -64,9 +62,9 @@ class Runner:
     ):
         """Build the world; raises `ScenarioError`. An unreachable trajectory gives a runner with a failed status.
 
-        With an `origin` the run goes on from there. Raises `FlexlabError` if its state is not one of this scenario. Slow
-        derivations run in `executor`, or on a thread of the runner's own. With `hold_starts` every run waits at t = 0 until
-        it is released, or played; of a slider's values that each begin one, the first.
+        With an `origin` the run goes on from there; raises `FlexlabError` if its state is not one of this scenario. Slow
+        derivations run in `executor`, or on a thread of the runner's own. With `hold_starts` every run waits at t = 0 until it is
+        released or played; of several that a dragged slider begins, only the first.
         """
         self._clock, self._sleep = clock, sleep
         self._stopping = threading.Event()
@@ -98,7 +96,7 @@ class Runner:
         self._stopping.set()
         self._news.set()
         self._preparation.stop()
-        # Again and again: the thread may just have begun to work on another world.
+        # Repeatedly, as the thread may just have begun to work on another world.
         while self._thread is not None and self._thread.is_alive():
             self._run.world.interrupt()
             self._thread.join(STOP_PERIOD)
@@ -107,17 +105,17 @@ class Runner:
     def submit(self, command: Command) -> int:
         """Queue a command; it takes effect at the head of the runner's next frame. Invalid ones become error events.
 
-        Commands of one frame that supersede one another are merged (see `command_queue`). Its number: a snapshot whose
-        `answered` is at least that shows what became of it.
+        Commands of one frame that supersede one another are merged (see `command_queue`). Returns the command's number: a
+        snapshot whose `answered` is at least that shows its result.
         """
         number = self._commands.put(command)
         self._news.set()
         if isinstance(command, (LoadScenario, Reset)):
-            self._run.world.interrupt()  # What it still computes, nobody will see.
+            self._run.world.interrupt()  # Nobody will see what it still computes.
         return number
 
     def release(self, run_number: int) -> None:
-        """Let a run go on that waits at its first instant; for another one this means nothing. Any thread."""
+        """Start the run of this number if it waits at its first instant. Any thread."""
         self._released = run_number
         self._news.set()
 
@@ -129,16 +127,16 @@ class Runner:
     def recent(self, seconds: float, ago: float = 0.0) -> Samples:
         """The last `seconds` of the current run at full rate, as they were `ago` s earlier. A copy, any thread.
 
-        At most `HISTORY_SECONDS` in all; where these do not go back so far, what there is.
+        At most `HISTORY_SECONDS` in all, and no more than there is.
         """
         return self._run.history.recent(seconds, round(ago / TICK))
 
     def checkpoint(self, time: float) -> Checkpoint:
-        """Where the current run last stood before simulation time `time`, s, that it remembers. Any thread."""
+        """The newest checkpoint of the current run before simulation time `time`, s. Any thread."""
         return self._run.checkpoints.before(round(time / TICK))
 
     def frame(self) -> None:
-        """One round: commands, then the ticks that are due, then a snapshot. The thread's body; tests call it alone."""
+        """One frame: commands, then the ticks that are due, then a snapshot. The thread's body; tests call it alone."""
         paced = self._paced
         paced.open_frame()
         stepping = paced.steps_left > 0
@@ -160,7 +158,7 @@ class Runner:
         usual = sys.getswitchinterval()
         sys.setswitchinterval(min(SWITCH_INTERVAL, usual))
         try:
-            # For the drawing's products as well: a library's idle thread spins, and of a fine mesh took a core of its own.
+            # Drawing uses BLAS, too: with a fine mesh, its spinning idle threads took a core of their own.
             with one_blas_thread():
                 self._rounds()
         finally:
@@ -179,7 +177,7 @@ class Runner:
 
     @property
     def _is_idle(self) -> bool:
-        """Whether the next round would find nothing to do unless somebody asks for something."""
+        """Whether the next frame would find nothing to do unless a command comes."""
         works = self._paced.is_busy or self._preparation.current is not None
         return not works and self._commands.is_empty
 
@@ -206,7 +204,7 @@ class Runner:
                 return
 
     def _try(self, group: tuple[Command, ...], derived: Callable[[], Assembly] | None = None, attempt: int = 0) -> None:
-        """Carry out a group of `command_queue.grouped`; what cannot be is an event, what takes long is prepared first."""
+        """Carry out a group of `command_queue.grouped`; errors become events, what takes long is prepared first."""
         try:
             try:
                 known = () if derived is None else (derived(),)
@@ -215,7 +213,7 @@ class Runner:
                 self._preparation.start(group, need.scenario, self._run.world.assembly, attempt + 1)
         except FlexlabError as error:
             self._run.say(" ".join(str(error).split("\n")), "error")
-        except Exception as error:  # A command nobody foresaw must not end everybody's lab; nor pass in silence.
+        except Exception as error:  # An unforeseen error must neither end the lab nor pass in silence.
             what = f"{type(group[0]).__name__} could not be carried out ({type(error).__name__}: {error})."
             self._run.say(f"{what} Nothing was changed by it.", "error")
 
@@ -239,7 +237,7 @@ class Runner:
             self._paced.work_off_steps()
 
     def _load(self, command: LoadScenario | Reset, known: tuple[Assembly, ...], at_once: bool) -> None:
-        """Begin a run of another scenario, one that goes on from an earlier one's state, or the same anew; it says so."""
+        """Begin a run of another scenario, of an earlier run's state, or of the same scenario anew, and report it."""
         old, origin = self._run.world, None
         scenario, name = old.scenario, self._run.name
         if isinstance(command, LoadScenario):
@@ -258,7 +256,7 @@ class Runner:
             self._run.report(replace(event, time=world.time))
 
     def _change_scenario(self, changes: Sequence[ChangeScenario], known: tuple[Assembly, ...], at_once: bool) -> None:
-        """Let the world take on changes as one, or those that it can if not all are valid."""
+        """Apply changes to the world as one, or those that are valid if not all are."""
         preparation = self._preparation
         if preparation.touches(changes):
             preparation.later.extend(changes)
@@ -277,11 +275,11 @@ class Runner:
                 self._try((one,))
 
     def _change(self, command: ChangeScenario | Pull | Tap, known: tuple[Assembly, ...], at_once: bool) -> None:
-        """Let the world take on a change; a restart or another beam structure begins a new run."""
+        """Apply a change to the world; a restart or another mesh begins a new run."""
         world, time_before, final = self._run.world, self._run.world.time, self._run.final_status()
         event = Event(time_before, command_text(command), command)
         begins_anew = world.apply(command, known, at_once)
-        if isinstance(command, ChangeScenario):  # What is recorded must need no code of a person's own.
+        if isinstance(command, ChangeScenario):  # A recording must not need a person's own code.
             complete = with_table(command.changes, world.scenario.trajectory)
             if complete != command.changes:
                 event = replace(event, command=replace(command, changes=complete))

@@ -1,8 +1,7 @@
 """A controller that acts at fixed instants: it measures with noise, computes, and its joint torques are held.
 
-The torques computed at one instant take effect `delay` instants later; until the first ones arrive the motors are off,
-or hold what a continuous controller asked for last.
-The law's memory (b̂) advances by explicit Euler, as a digital controller does it.
+The torques computed at one instant take effect `delay` instants later. Until the first ones do, the motors are off, or hold
+what a continuous controller asked for last. The controller's state (b̂) advances by explicit Euler, as in a digital controller.
 """
 
 from typing import NamedTuple
@@ -10,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import call_whole_kernel, compiled, has_address, inlined, pluggable, whole_address
-from flexlab.control.law_kernels import control_law
-from flexlab.control.load_sharing import feed_forward_bending
+from flexlab.control.law_kernels import control_law, feed_forward_bending
 from flexlab.control.motion import desired_motion
 from flexlab.numerics.elementary import cos, log
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
@@ -25,8 +23,8 @@ from flexlab.scenario import Scenario
 from flexlab.sim.closed_loop import System, find_state, law_places, limit_torques, new_workspace, state_length
 
 
-class LoopForm(NamedTuple):
-    """What kernels of a plant are compiled for."""
+class LoopVariant(NamedTuple):
+    """The kinds of plant for which kernels are compiled apart."""
 
     ideal_joints: bool = True
     mass_stays: bool = True
@@ -34,7 +32,7 @@ class LoopForm(NamedTuple):
 
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
-"""First channels of the random numbers of hᵀq̇, gᵀq̇ and of the strain gauges; pose and pose rate have those before."""
+"""First channels of random numbers for hᵀq̇, gᵀq̇ and for the strain gauges; earlier ones are for pose and pose rate."""
 
 
 class Sampling(NamedTuple):
@@ -49,17 +47,17 @@ class Sampling(NamedTuple):
     noise: np.ndarray
     """Standard deviations of pose, pose rate and of hᵀq̇, gᵀq̇, (8,)."""
     gauge_noise: np.ndarray
-    """What the change of each strain gauge's unit noise from reading to reading adds to the measured hᵀq̇ and gᵀq̇, kg·m/s
-    and kg·m²/s, (2, gauges); no gauges without strain noise."""
+    """What a unit change of each strain gauge's noise between two readings adds to the measured hᵀq̇ and gᵀq̇, kg·m/s and
+    kg·m²/s, (2, gauges); no gauges without strain noise."""
     strain: np.ndarray
-    """Strain -½ t w''(s_j) at each of the law's gauges by modal coordinates, 1/(m·kg^½), (gauges, n_m)."""
+    """Strain -½ t w''(s_j) at each of the law's gauges per modal coordinate, 1/(m·kg^½), (gauges, n_m)."""
     strain_noise: float
     """Standard deviation of each gauge's reading, 1."""
     seed: int
     line: np.ndarray
     """Torques on their way, oldest first, N·m, (delay + 1, arms, 3)."""
     kernel: int = 0
-    """Address of `control_instant`; 0: nothing is sampled. So continuous control starts without it being compiled."""
+    """Address of `control_instant`; 0: control is continuous, which then starts without compiling it."""
 
 
 def with_kernel(sampling: Sampling, system: System) -> Sampling:
@@ -68,17 +66,17 @@ def with_kernel(sampling: Sampling, system: System) -> Sampling:
     def arguments():
         return system, sampling, 0, 0.0, np.zeros(state_length(system)), new_workspace(system)
 
-    return sampling._replace(kernel=whole_address(control_instant, arguments, loop_form(system.plant)))
+    return sampling._replace(kernel=whole_address(control_instant, arguments, loop_variant(system.plant)))
 
 
-def loop_form(plant: Plant) -> LoopForm:
-    """The form of a plant."""
-    return LoopForm(plant.joints is None, plant.mass_change is None, plant.grips is None)
+def loop_variant(plant: Plant) -> LoopVariant:
+    """The variant of the loop that a plant needs."""
+    return LoopVariant(plant.joints is None, plant.mass_change is None, plant.grips is None)
 
 
-def form_of(scenario: Scenario) -> LoopForm:
-    """The form of a scenario's plant."""
-    return LoopForm(not scenario.joints.active, not scenario.payload.mass_change.active, not scenario.grips.active)
+def variant_of(scenario: Scenario) -> LoopVariant:
+    """The variant of the loop that a scenario's plant needs."""
+    return LoopVariant(not scenario.joints.active, not scenario.payload.mass_change.active, not scenario.grips.active)
 
 
 @inlined
@@ -91,7 +89,7 @@ def mix(z):
 
 @compiled
 def gaussian(seed, instant, channel):
-    """A standard normal number that depends on its three whole-number arguments only, so that a replay draws it again."""
+    """A standard normal number that depends on its three whole-number arguments only, so that a replay draws the same."""
     key = mix(np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(instant))
     first = mix(key + np.uint64(2 * channel + 1) * np.uint64(0x9E3779B97F4A7C15))
     second = mix(key + np.uint64(2 * channel + 2) * np.uint64(0x9E3779B97F4A7C15))
@@ -102,7 +100,7 @@ def gaussian(seed, instant, channel):
 
 @inlined
 def measure_pose(plant, sampling, instant, pose, rate, y, ws, now):
-    """Fill now.x and now.v for the true pose and pose rate (3,), as encoders tell them, with noise, after `configure_arms`."""
+    """Fill now.x and now.v with encoder readings and noise at the true pose and pose rate (3,), after `configure_arms`."""
     for a in range(3):
         now.x[a], now.v[a] = pose[a], rate[a]
     read_encoders(plant.joints, plant.grips, plant.arms, sampling.period, y[joints_start(plant) :], ws, now)
@@ -113,12 +111,12 @@ def measure_pose(plant, sampling, instant, pose, rate, y, ws, now):
 
 @inlined
 def measure_beam(sampling, instant, truth, measured):
-    """hᵀq̇ and gᵀq̇ (2,) with their own noise and with that of strain gauges, which tell them by the change of their readings.
+    """Fill hᵀq̇ and gᵀq̇ (2,), with their own noise and that of strain gauges, whose readings are differenced.
 
-    A reading is -½ t w''(s_j) plus white noise σ_ε. The moments hᵀq = Σ W_hj · reading_j (`physics.sensors`), differenced
-    over T_c, have the noise Σ W_hj (n_j(k) - n_j(k-1)) / T_c: of standard deviation √2 σ_ε ‖W_h‖ / T_c, kg·m/s, and opposite
-    from one instant to the next, since each reading enters twice. Only the noise is modelled; the readings' own lag of
-    half a control period is not, so that without noise the law sees the true rates.
+    A reading is -½ t w''(s_j) plus white noise σ_ε. The moments hᵀq = Σ W_hj · reading_j (`physics.sensors`), differenced over
+    T_c, have the noise Σ W_hj (n_j(k) - n_j(k-1)) / T_c. Its standard deviation is √2 σ_ε ‖W_h‖ / T_c, kg·m/s, and it is
+    anticorrelated from one instant to the next, since each reading enters twice. Only the noise is modelled; the readings' own
+    lag of half a control period is not, so that without noise the law sees the true rates.
     """
     for a in range(2):
         channel = BEAM_CHANNEL + a
@@ -132,7 +130,7 @@ def measure_beam(sampling, instant, truth, measured):
 
 @inlined
 def noisy_strain(sampling, instant, gauge, strain):
-    """What a gauge reads."""
+    """The reading of a gauge at this strain."""
     if sampling.strain_noise > 0:
         return strain + sampling.strain_noise * gaussian(sampling.seed, instant + 1, GAUGE_CHANNEL + gauge)
     return strain
@@ -151,7 +149,7 @@ def read_gauges(sampling, instant, eta, now):
 
 @inlined
 def note_torques(sampling, arm_count, now):
-    """Fill now.torque with the torques held until now and those on their way."""
+    """Fill now.torque with the torques held until now and those under way."""
     now.delay = sampling.delay
     for place in range(sampling.delay + 1):
         for i in range(arm_count):
@@ -161,7 +159,7 @@ def note_torques(sampling, arm_count, now):
 
 @inlined
 def answer(system, sampling, t, y, ws):
-    """Run the law on what `ws.measured` says, queue its torques and hold those that are due; returns a fault code."""
+    """Run the law on the measurements in `ws.measured`, queue its torques and hold those that are due; returns a fault code."""
     plant, control, now = system.plant, system.control, ws.measured[0]
     x, v = now.x, now.v
     note_torques(sampling, len(plant.arms), now)
@@ -197,7 +195,7 @@ def answer(system, sampling, t, y, ws):
 
 @inlined
 def _measure(grips, plant, sampling, instant, y, ws, now):
-    """`measure_pose` of what the controller can see."""
+    """`measure_pose` where the controller measures it."""
     if grips is None:
         measure_pose(plant, sampling, instant, y, ws.velocity, y, ws, now)
     else:
@@ -219,9 +217,9 @@ def control_instant(system, sampling, instant, t, y, ws):
 
 @compiled
 def answer_sensors(system, sampling, instant, t, sensors, y, ws):
-    """As `control_instant`, of which the plant is elsewhere; `sensors`: pose, pose rate, hᵀq̇, gᵀq̇ and strains, (8 + gauges,).
+    """As `control_instant`, for a plant outside; `sensors`: pose, pose rate, hᵀq̇, gᵀq̇ and strains, (8 + gauges,).
 
-    Of y, only the law's memory and signals count, and what encoders told last.
+    Of y, only the controller's state, the law's signals and the last encoder reading are used.
     """
     now = ws.measured[0]
     find_mass(system.plant.mass_change, t, ws)
@@ -237,12 +235,12 @@ def answer_sensors(system, sampling, instant, t, sensors, y, ws):
     return answer(system, sampling, t, y, ws)
 
 
-def is_loaded(form: LoopForm) -> bool:
-    """Whether `with_kernel` need not compile or load for plants of this `loop_form`."""
-    return has_address(control_instant, form)
+def is_loaded(variant: LoopVariant) -> bool:
+    """Whether `control_instant` is compiled or loaded for plants of this `loop_variant`."""
+    return has_address(control_instant, variant)
 
 
 @inlined
 def act_at_instant(system, sampling, instant, t, y, ws):
-    """`control_instant` of a sampled controller, by its address."""
+    """Call `control_instant` by its address."""
     return call_whole_kernel(sampling.kernel, (system, sampling, instant, t, y, ws))

@@ -1,6 +1,7 @@
-"""What the engine hands out: blocks of samples, read-only, SI units, and where each signal stands in the row of an instant."""
+"""What the engine hands out: read-only blocks of samples in SI units, their row layout, and states from which runs go on."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class Samples(Signals):
         return getattr(self, name)
 
     def _sizes(self) -> tuple[int, int]:
-        """How many arms and beam coordinates there are, told from the signals that are present."""
+        """Numbers of arms and beam coordinates, by the signals that are present."""
         shapes = {
             axis: array.shape[1 + place]
             for name, array in self.signals().items()
@@ -86,7 +87,7 @@ class Samples(Signals):
         return Samples(**{**self.signals(), **signals})
 
     def take(self, rows: Any) -> "Samples":
-        """The samples that an index of the first axis chooses: a slice, or an array of numbers or of truth values."""
+        """The samples of an index of the first axis: a slice, or an array of numbers or of booleans."""
         return Samples(**{name: array[rows] for name, array in self.signals().items()})
 
     def slice(self, start: int, stop: int) -> "Samples":
@@ -95,9 +96,9 @@ class Samples(Signals):
 
 
 def join_blocks(blocks: list[Samples]) -> Samples:
-    """Blocks end to end. Beam coordinates of a coarser mesh are filled up with NaN to the width of the finest.
+    """Blocks end to end. Beam coordinates of coarser meshes are padded with NaN to the width of the finest.
 
-    So is a signal that some blocks do not have: one of a law that was not always at work.
+    So are signals that some blocks lack, as those of a law that was not always in force.
     """
     joined: dict[str, np.ndarray] = {}
     rows = sum(map(len, blocks))
@@ -175,11 +176,11 @@ OF_THE_INTERFACE = (
 )  # fmt: skip
 """What `flexlab.Run` has besides."""
 TAKEN = {*TABLE, *DERIVED, *dir(Run), *vars(Run)["__annotations__"], *OF_THE_INTERFACE}
-"""Names of what a run has in any case."""
+"""Names that every run has."""
 
 
 def check_signal_names(scenario: Scenario) -> None:
-    """Raises `ScenarioError` where a law calls a signal of its own as something else of a run, which it would hide."""
+    """Raise `ScenarioError` if a law's own signal has the name of something else in a run."""
     names = [signal.name for signal in own_signals(scenario)]
     for signal in law_of(scenario.controller).signals:
         if signal.name in TAKEN or names.count(signal.name) > 1:
@@ -236,3 +237,30 @@ def _part(rows: np.ndarray, first: int, end: int, shape: tuple[int, ...]) -> np.
 def empty_samples(arm_count: int, coordinate_count: int, own: Sequence[Signal] = ()) -> Samples:
     """Samples of no instant."""
     return rows_to_samples(np.zeros((0, row_length(arm_count, coordinate_count, own))), arm_count, own)
+
+
+@dataclass(frozen=True)
+class WorldState:
+    """A copy of everything that changes with time: enough to continue a run bit for bit in the same scenario."""
+
+    tick: int
+    y: np.ndarray
+    """State of `physics.plant`."""
+    held_torque: np.ndarray
+    """(arms, 3), N·m."""
+    torque_line: np.ndarray
+    """(delay + 1, arms, 3), N·m."""
+    pull: np.ndarray
+    """A `physics.plant.Hand`, (6,)."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The instant of an earlier run from which a run goes on."""
+
+    run: str
+    """The earlier run's name: that of its file."""
+    time: float
+    """Simulation time, s."""
+    state: WorldState = field(compare=False)
+    """The state at that instant."""

@@ -20,9 +20,9 @@ from flexlab.physics.arm import joint_angles
 from flexlab.physics.axial_load import SPIN, axial_load_at, axial_terms, first_stiffness, largest_compression
 from flexlab.physics.beam import quasi_static_deflection
 from flexlab.physics.dynamics import acceleration
-from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
+from flexlab.physics.energy import arms_kinetic_energy, elastic_energy, gravity_energy, kinetic_energy, spring_energy
 from flexlab.physics.grips import PER_ARM as GRIP_STATES
-from flexlab.physics.grips import arms_kinetic_energy, own_pose, spring_energy
+from flexlab.physics.grips import own_pose
 from flexlab.physics.internal_force import payload_force
 from flexlab.physics.joints import LOSS, is_limited, motor_torques
 from flexlab.physics.mass_change import mass_factor
@@ -42,7 +42,7 @@ from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Axis, Signal, numbered
 
 POSE_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m", "m", "rad"), ("m/s", "m/s", "rad/s"), ("m/s²", "m/s²", "rad/s²")
 GAUGES = 4
-"""Places at which the axial load is told."""
+"""Number of places at which the axial load is given."""
 FORCE_UNITS = ("N", "N", "N·m")
 
 
@@ -53,7 +53,7 @@ def row(symbol: str, unit: str | tuple[str, ...], meaning: str, *axes: Axis, equ
 
 
 class derived:
-    """A row that follows from others: a property of `Signals`, (N,) unless it says otherwise."""
+    """A row that follows from others: a property of `Signals`, (N,) unless given axes."""
 
     def __init__(self, symbol: str, unit: str | tuple[str, ...], *axes: Axis, equation: str = "", since: int = 1):
         self._about = symbol, (unit,) if isinstance(unit, str) else unit, axes, equation, since
@@ -73,7 +73,7 @@ class derived:
 
 @dataclass_transform(field_specifiers=(row,), kw_only_default=True, frozen_default=True)
 def table(cls: type) -> type:
-    """Makes a table of a class of rows."""
+    """Make a class of rows a table."""
     return dataclass(frozen=True, init=False, eq=False, repr=False)(cls)
 
 
@@ -154,7 +154,7 @@ TABLE: Mapping[str, Signal] = {f.name: f.metadata["signal"](f.name) for f in fie
 """What is simulated and recorded, by name, in the order of rows and files."""
 
 DERIVED: Mapping[str, Signal] = {name: part.signal for name, part in vars(Signals).items() if isinstance(part, derived)}
-"""What follows from those."""
+"""What follows from them, by name."""
 
 
 FRICTION = tuple(
@@ -177,7 +177,7 @@ ASKED = tuple(
     for side in ARM.labels
 )  # fmt: skip
 JOINT_SIGNALS = (*FRICTION, FRICTION_LOSS, *ASKED)
-"""Of joints that are not ideal, behind the law's own in rows."""
+"""Signals of joints that are not ideal; in rows they follow the law's own."""
 
 
 MATERIAL_SIGNALS = (
@@ -189,11 +189,11 @@ MATERIAL_SIGNALS = (
         "energy that material brought to the payload, less what it took",
     ),
 )
-"""Of a payload whose mass changes, before the law's own in rows."""
+"""Signals of a payload whose mass changes; in rows they precede the law's own."""
 
 
 GRIP = Axis("3", ("along", "across", "turn"))
-"""The directions in which a grip gives way."""
+"""Directions of a compliant grip."""
 GIVEN_WAY = tuple(
     Signal(
         f"{side}_grip_displacement", "δ", ("m", "m", "rad"), f"how far the {side} arm's grip stands off the beam's end", (GRIP,),
@@ -206,29 +206,29 @@ GRIP_ENERGIES = (
     Signal("grip_loss", "∫ Σ c δ̇² dt", ("J",), "energy that the dampers of the grips took"),
 )
 GRIP_SIGNALS = (*GIVEN_WAY, *GRIP_ENERGIES)
-"""Of grips that give way, before the law's own in rows."""
+"""Signals of compliant grips; in rows they precede the law's own."""
 
 
 def grip_signals(scenario: Scenario) -> tuple[Signal, ...]:
-    """The signals that a scenario's grips add to the table's: none of rigid ones."""
+    """The signals that a scenario's grips add to the table; rigid ones add none."""
     return (*GIVEN_WAY[: len(scenario.arms)], *GRIP_ENERGIES) if scenario.grips.active else ()
 
 
 def joint_signals(scenario: Scenario) -> tuple[Signal, ...]:
-    """The signals that a scenario's joints add to the table's: none of ideal ones."""
+    """The signals that a scenario's joints add to the table; ideal ones add none."""
     joints, arms = scenario.joints, len(scenario.arms)
     friction = (*FRICTION[:arms], FRICTION_LOSS) if joints.friction.active else ()
     return (*friction, *(ASKED[:arms] if joints.motor.active else ()))
 
 
 def own_signals(scenario: Scenario) -> tuple[Signal, ...]:
-    """The signals that the grips, the payload, the law and the joints of a scenario add to the table's."""
+    """The signals that the grips, the payload, the law and the joints of a scenario add to the table."""
     material = MATERIAL_SIGNALS if scenario.payload.mass_change.active else ()
     return (*grip_signals(scenario), *material, *law_of(scenario.controller).signals, *joint_signals(scenario))
 
 
 def known_signals() -> Mapping[str, Signal]:
-    """Every signal that any law, grips, joints, payload or the table have, by name."""
+    """Every signal of the table and of any law, grips, joints and payload, by name."""
     of_laws = {signal.name: signal for law in laws().values() for signal in law.signals}
     others = (*JOINT_SIGNALS, *MATERIAL_SIGNALS, *GRIP_SIGNALS)
     return {**TABLE, **of_laws, **{signal.name: signal for signal in others}}
@@ -247,7 +247,7 @@ OF_EACH_ARM = [signal for signal in TABLE.values() if ARM in signal.axes]
 OF_THE_BEAM = [signal for signal in TABLE.values() if COORDINATE in signal.axes]
 
 COLUMN: Mapping[str, int] = _offsets(PER_SAMPLE) | _offsets(OF_EACH_ARM)
-"""First column of a signal: in the row, or, of those of each arm, in the arm's part of it."""
+"""First column of a signal in the row, or for signals of each arm in the arm's part of it."""
 
 ARMS = sum(signal.fixed_size for signal in PER_SAMPLE)
 """First column of the arms."""
@@ -273,10 +273,10 @@ PLACES = (
     0.25 * (1 - 3**-0.5),
     0.25 * (1 + 3**-0.5),
 )
-"""s/L at which the axial load is told: `sensors.gauge_places`, to the last bit on every machine."""
+"""s/L at which the axial load is given: `sensors.gauge_places`, to the last bit on every machine."""
 
 AT_LIMIT = 1e-9
-"""Relative distance from its limit at which a torque counts as standing there: the rounding of turning τ into u and back."""
+"""Relative distance from its limit at which a torque counts as saturated: the rounding of turning τ into u and back."""
 
 
 @inlined
@@ -309,7 +309,7 @@ def write_sample(system, t, y, beam_rate, ws, row):
 
 @inlined
 def _write_material(change, plant, y, end, ws, row):
-    """Write what a payload shows whose mass changes, up to the column `end` of the row; returns the columns taken."""
+    """Write the signals of a payload whose mass changes, up to column `end`; returns the number of columns."""
     if change is None:
         return 0
     row[end - 2], row[end - 1] = mass_factor(change, ws) * plant.m, y[material_start(plant)]
@@ -318,7 +318,7 @@ def _write_material(change, plant, y, end, ws, row):
 
 @inlined
 def _write_grips(grips, states, end, ws, row):
-    """Write what grips show that give way, up to the column `end`, and add the arms' and the springs' energies to the others."""
+    """Write the signals of compliant grips, up to column `end`, and add the arms' and the springs' energies to the others."""
     if grips is None:
         return
     arm_count, stored = len(ws.grips.displacement), spring_energy(grips, ws)
@@ -332,7 +332,7 @@ def _write_grips(grips, states, end, ws, row):
 
 @inlined
 def _write_joints(joints, states, ws, row):
-    """Write what joints show last, and add friction's loss to the work that reached the links; returns the columns taken."""
+    """Write the joints' signals last, and add friction's loss to the work that reached the links; returns the column count."""
     if joints is None:
         return 0
     count, taken = ws.joint_friction.size, 0
@@ -381,7 +381,7 @@ def _write_arms(system, y, x_ddot, along, ws, row):
 
 @inlined
 def _write_axial_load(plant, x_ddot, along, grip, ws, row):
-    """Write N at its places and what it and the spin are beside what the beam bears; grip (3,): `payload_force` of arm 0."""
+    """Write N at its places, and N and the spin relative to what the beam bears; grip (3,): `payload_force` of arm 0."""
     terms, factor = ws.axial, mass_factor(plant.mass_change, ws)
     axial_terms(plant, x_ddot, along, grip, ws, terms)
     for j in range(GAUGES):
@@ -404,7 +404,7 @@ def _write_beam(plant, y, beam_rate, row):
 
 @disjoint
 def _add_modes(shapes, eta, eta_dot, q, rate):
-    """Write q and q̇ (n_q,) of modal coordinates and rates (n_m,). Four modes at a time are added to a sum, in their order."""
+    """Write q and q̇ (n_q,) for modal coordinates and rates (n_m,). Sums take four modes at a time, in their order."""
     n, n_q = shapes.shape
     for j in range(n_q):
         q[j] = rate[j] = 0.0

@@ -7,7 +7,7 @@ from typing import get_args
 from flexlab.arguments import finite_number
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
-from flexlab.sim.carry_over import same_motion
+from flexlab.sim.bumpless_transfer import same_motion
 from flexlab.sim.commands import WorldCommand
 from flexlab.sim.samples import Run, Status, join_blocks
 from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD
@@ -58,20 +58,20 @@ def simulate(
 
 
 def end_status(world: World) -> Status:
-    """The status of a run that has ended; its sentence says how far results are not to be believed."""
+    """The status of a run that has ended; its sentence includes all warnings."""
     if world.status.failed:
         return failure(world)
     return Status("finished", f"Finished at t = {world.time:g} s. {world.warnings}".rstrip(), world.time)
 
 
 def failure(world: World) -> Status:
-    """Why a run stopped, and what the force along the beam, or its spin, had done before."""
+    """The status of a run that stopped, with the warnings about the force along the beam and its spin."""
     text = f"{world.status.text} {world.axial_warning.text}".rstrip()
     return Status(str(world.status), text, world.status.time)
 
 
 def _check_commands(commands: Sequence[tuple[float, WorldCommand]]) -> None:
-    """Raises `StudyError` for what is no list of commands with their times."""
+    """Raise `StudyError` for anything but a list of commands with their times."""
     kinds = ", ".join(kind.__name__ for kind in get_args(WorldCommand))
     example = 'as in [(1.0, ChangeScenario({"gravity": 9.81}))]'
     if not isinstance(commands, Sequence) or isinstance(commands, str):
@@ -91,7 +91,7 @@ def tick_at(time: float, sample_period: float) -> int:
 
 
 def sample_count(duration: float, sample_period: float) -> int:
-    """Samples after t = 0; raises `StudyError` for what is not a usable time or would not fit in memory."""
+    """Number of samples after t = 0; raises `StudyError` for times that are not usable or too many samples."""
     for name, value, low, high in (
         ("duration", duration, 0.0, math.inf),
         ("sample_period", sample_period, SHORTEST_PERIOD, LONGEST_PERIOD),

@@ -1,22 +1,21 @@
-"""The runner's published picture of the running lab, immutable, replaced by one reference assignment, and who is told of it."""
+"""The runner's immutable snapshot of the running lab, replaced by one reference assignment, and the consumers of its data."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 from flexlab.scenario import Scenario
-from flexlab.sim.samples import Samples, Status
-from flexlab.sim.world_state import WorldState
+from flexlab.sim.samples import Samples, Status, WorldState
 
 TICK = 0.001
 """Sample period of the live engine, s: fine enough for the 44 Hz ring of the paper's beam and for a 1 kHz recording."""
 
 SHORTEST_PERIOD, LONGEST_PERIOD = 1e-6, 1.0
-"""Allowed sample periods, s: of a run, of a file that is taken in."""
+"""Allowed sample periods of runs and imported files, s."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened to a run: a command that took effect, a status, a problem. `time`: simulation time, s."""
+    """A command that took effect, a status or a problem of a run. `time`: simulation time, s."""
 
     time: float
     text: str
@@ -43,7 +42,7 @@ class Snapshot:
     actual_speed: float
     """Simulated seconds per wall second over the last second (0 while paused)."""
     too_slow: bool
-    """Whether the machine could not keep up within the last second, so that backlog was dropped."""
+    """Whether the machine fell behind within the last second, so that a backlog was dropped."""
     dropped_samples: int
     """Samples that did not reach a consumer since the run began."""
     first_frequency: float
@@ -51,7 +50,7 @@ class Snapshot:
     events: tuple[Event, ...]
     """The newest events of this run, oldest first."""
     start_time: float = 0.0
-    """Simulation time at which the run began, s: not 0 where it goes on from an earlier one."""
+    """Simulation time at which the run began, s: not 0 if it goes on from an earlier one."""
     waiting: bool = False
     """Whether the run waits at its first instant until somebody can see it."""
     accuracy_warning: str = ""
@@ -61,11 +60,11 @@ class Snapshot:
     pace_warning: str = ""
     """As `World.pace_warning`: what makes the run slower than real time, and what to change."""
     answered: int = 0
-    """The last command, by the number that `Runner.submit` gave it, that was carried out or refused; all before it were."""
+    """Number, as `Runner.submit` returned it, up to which all commands have been carried out or refused."""
 
 
 class Consumer(Protocol):
-    """Who gets every sample and event. Called on the simulation thread: must return at once (enqueue, never block)."""
+    """A receiver of every sample and event. Called on the simulation thread: must return at once (enqueue, never block)."""
 
     def begin_run(self, run_number: int, name: str, scenario: Scenario, start: WorldState) -> None:
         """A new run starts (reset, preset, or a change of structure, after which time goes on); `start`: its state."""

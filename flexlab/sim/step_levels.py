@@ -1,8 +1,8 @@
 """Which step a tick takes: level k halves the longest step k times.
 
-The level is a function of the state at the tick and of nothing else, so that live, headless, continued and replayed runs take
-the same steps whatever the sizes of their blocks. It follows the fastest rate of the controlled pose, which grows with what
-an adaptive law has in its memory, and resolves what follows a disturbance of modes that are damped faster than the step.
+The level depends on the state at the tick alone, so that live, headless, continued and replayed runs take the same steps whatever
+their block sizes. It follows the fastest rate of the controlled pose, which grows with the state of an adaptive controller, and
+resolves how modes that are damped faster than the step answer a disturbance.
 """
 
 import math
@@ -22,18 +22,18 @@ from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.step_size import CONTROLLED_STEP, SHORTEST_CHOSEN, build_scheme, control_limits
 
 DISTURBED_LEVELS, DISTURBED_TICKS = 4, 6
-"""How much finer the first ticks after a start, a tap or a change are where damping is notable, and how many
-before the first of these levels is given back; each other one stays as long."""
+"""Where damping is notable, the steps of the first ticks after a start, a tap or a change are so many levels finer, and each of
+these levels lasts so many ticks."""
 
 NOTABLE_DAMPING = 0.3
-"""Step times D of the most damped mode from which on disturbances get finer ticks."""
+"""Step times D of the most damped mode from which on ticks after a disturbance get finer steps."""
 
 LIMITED_STEP, NEAR_LIMIT = 1.5e-5, 0.6
-"""Longest step, s, while a torque that a continuous law asks for is beyond this part of its limit: as it begins or ends to be
-limited, within a step, every method is of second order."""
+"""Longest step, s, while a torque that a continuous law asks for is beyond this share of its limit: a step in which it reaches or
+leaves the limit is of second order with every method."""
 
 SLACK = 1.25
-"""A step that is too long by less than this is kept: halving it would cost more than it gains."""
+"""A step that is too long by less than this factor is kept: halving it would cost more than it gains."""
 
 
 class StepWatch(NamedTuple):
@@ -65,7 +65,7 @@ def near_limit(system, ws):
 
 @inlined
 def present_rate(grips, system, memory, ws):
-    """Fastest rate of the controlled pose, 1/s, after `find_state`, with the law's memory (m,): that with rigid grips."""
+    """Fastest rate of the controlled pose, as with rigid grips, 1/s, after `find_state`; memory (m,): the controller's state."""
     control, kappa = system.control, system.plant.kappa
     if grips is None:
         return fastest_control_rate(control, ws.truth[0], memory, ws.S, kappa)
@@ -78,7 +78,7 @@ def wanted_level(system, watch, y, ws):
     """The level of the step from state y, after `find_state`."""
     level = 0
     if watch.most > 0:
-        # Of a sampled controller, the control period says how fast it is.
+        # A sampled controller is only as fast as its control period.
         rate = 0.0
         start, end = law_places(system)
         if not system.control.sampled:
@@ -104,10 +104,10 @@ def wanted_level(system, watch, y, ws):
 
 
 class StepLevels:
-    """The schemes of one beam and integrator for all levels, made when they are first wanted."""
+    """The schemes of one beam and integrator for all levels, each made when it is first used."""
 
     def __init__(self, integrator: str, beam: Beam, step: float, whole: "StepLevels | None" = None, times: int = 0):
-        """`step`: of level 0, s: that of `whole`, if there is one, halved so many times."""
+        """`step`: that of level 0, s; if `whole` is given, its step halved so many times."""
         self.integrator, self.step = integrator, step
         self._whole, self._times, self._halved = whole, times, {0: self}
         self._beam, self._schemes = beam, {}
@@ -123,13 +123,13 @@ class StepLevels:
         return self._schemes[level]
 
     def halved(self, times: int) -> "StepLevels":
-        """The levels of a step that is halved so many times: what is known of it is shared."""
+        """The levels of a step that is halved so many times; schemes are shared."""
         if times not in self._halved:
             self._halved[times] = StepLevels(self.integrator, self._beam, self.step / 2**times, self, times)
         return self._halved[times]
 
     def _known_functions(self, level: int) -> list[list[Functions]]:
-        """The beam's matrix functions for a level's step and its half, if those of level 0 brought them along."""
+        """The beam's matrix functions for a level's step and its half, if they were found with those of level 0; else none."""
         if self.integrator != "etdrk4":
             return []
         if self._functions is None:
@@ -139,7 +139,7 @@ class StepLevels:
         return known if all(len(block) == 2 for block in known) else []
 
     def watch(self, fixed: bool, accuracy: float) -> StepWatch:
-        """What chooses among them; `fixed`: nothing does, the step is given."""
+        """What the kernel needs to choose among them; `fixed`: the step is given, and it does not."""
         wished, coarsest = control_limits(self.integrator, accuracy)
         most = 0 if fixed else max(0, math.frexp(self.step / SHORTEST_CHOSEN)[1] - 1)
         damped = self.step * self._beam.modes.D.diagonal().max() > NOTABLE_DAMPING

@@ -1,4 +1,4 @@
-"""What bounds the step: how fast the law and the beam in its arms are, at the poses of the path."""
+"""The rates that bound the step: those of the law and of the beam in its arms, at poses of the path."""
 
 import math
 from typing import NamedTuple
@@ -21,58 +21,61 @@ from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import System, scratch_workspace
 
 POSES_TRIED = 16
-"""Instants of the first period at which the inertia that the controller works against is looked at."""
+"""Instants of the first period at which the rates are evaluated."""
 
 FADED = 2.5e-4
-"""s: what rings as long counts for exp(-1) of what rings for ever."""
+"""s: a mode that decays within this time counts exp(-1) of one that rings for ever."""
 
 STABLE_CREEP = 1.0
-"""What grips may add at most to the inverse mass of modes that are damped faster than the step: such a mode follows what the
-grips did the stage before at once, so that from about 1.3 on each stage answers the last one with more than it got."""
+"""Most that the grips may add to the inverse mass of modes that are damped faster than the step. Such a mode follows at once what
+the grips did in the stage before, so that from about 1.3 on each stage amplifies the last one."""
 
 AMPLIFYING = 1.5
-"""Fastest rate of a sampled loop over the one that its clock can hold from which on differences in the last digit grow to what
-can be seen: of 60 random loops those beyond diverge or depend on rounding, and none below does."""
+"""Fastest rate of a sampled loop over its stability limit from which on differences in the last digit become visible: of 60
+random loops those beyond diverge or depend on rounding, and none below does."""
 
 STEPS_TRIED = np.outer(2e-3 * np.ldexp(1.0, -np.arange(16)), [1.0, math.sqrt(0.5)]).ravel()
-"""Steps with which that is looked at, from the longest to less than the shortest that are chosen, s."""
+"""Steps that are tried for `STABLE_CREEP`, from the longest to less than the shortest in use, s."""
 
 
 class Rates(NamedTuple):
-    """What bounds the step and no gain changes: inertias on the way, and the beam's rates with arms that give way."""
+    """What bounds the step and depends on no gain: the beam's rates in arms that give way, at poses of the path."""
 
     poses: np.ndarray
     """`POSES_TRIED` desired poses, (k, 3)."""
     beam: float
-    """Of the beam's fastest mode, 1/s."""
+    """Rate of the beam's fastest mode, 1/s."""
     coupling: float
-    """Norm of the modes' coupling through grips that give way, 1/s."""
+    """Norm of the modes' coupling through the motion of the beam's ends, 1/s."""
     lasting: float
     """The same of modes that ring on, 1/s."""
     overdamped: float
-    """Longest step with which modes that creep are stable in grips that give way, s."""
+    """Longest step with which overdamped modes are stable although the beam's ends move, s."""
     forms: np.ndarray
     """As `coupling_forms` of the beam, (3, 3, 3)."""
 
 
 class GripRates(NamedTuple):
-    """How fast grips that give way are, with the arms and the payload that they hold; 0 of rigid ones."""
+    """Bounds of the rates of compliant grips with the arms and the payload that they hold; rigid ones: 0."""
 
     ringing: float = 0.0
-    """No faster than this do springs ring between arms and the payload's ends, 1/s."""
+    """Fastest vibration of the springs between the arms and the payload's ends, 1/s."""
     slow: float = 0.0
-    """The same where the beam does not bend, 1/s."""
+    """The same with a rigid beam, 1/s."""
     fading: float = 0.0
-    """No faster than this do dampers stop what they move, 1/s."""
+    """Fastest decay by the dampers, 1/s."""
 
 
 def find_rates(
     beam: Beam, system: System, trajectory: Trajectory, free_rate: float, forms: np.ndarray | None = None
 ) -> Rates:
-    """The rates of a beam in its arms on its path; `free_rate`: that of `free_beam_rate`, 1/s; `forms`: if they are known."""
+    """The rates of a beam in its arms on its path.
+
+    `free_rate`: of `free_beam_rate`, 1/s; `forms`: of `coupling_forms`, if they are known.
+    """
     desired, forms = desired_poses(system, trajectory), coupling_forms(system, beam) if forms is None else forms
     gives, coupling, lasting = giving_way(system, desired, forms)
-    if system.plant.grips is not None:  # Ends that springs hold: rk4 goes all of them, and propagates nothing apart.
+    if system.plant.grips is not None:  # rk4, the only integrator for compliant grips, propagates nothing exactly.
         eased = note_lightest(system.plant, scratch_workspace(system)) * gives
         return Rates(desired, free_rate * math.sqrt(1 + eased), 0.0, 0.0, math.inf, forms)
     creeping = longest_creeping_step(system, desired, beam, gives)
@@ -88,30 +91,27 @@ def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
 
 
 def control_rate(system: System, desired: np.ndarray) -> float:
-    """Fastest rate of the part of the closed loop that the law shapes, 1/s.
-
-    As the law says it, at rest at desired poses (k, 3) and with an empty memory.
-    """
+    """Fastest rate of the closed loop that the law states, 1/s, at rest at desired poses (k, 3) and with an empty memory."""
     memory = np.zeros(system.control.memory_size)
     return fastest_rate_at(system.plant, system.control, desired, memory, _lightest_workspace(system))
 
 
 def _lightest_workspace(system: System) -> Workspace:
-    """Scratch memory in which the payload is as light as it gets: with all rates at their fastest."""
+    """A scratch workspace with the payload at its lightest, so that all rates are at their fastest."""
     ws = scratch_workspace(system)
     note_lightest(system.plant, ws)
     return ws
 
 
 def joint_rate(system: System, desired: np.ndarray) -> float:
-    """Fastest rate at which friction, or motors at their limits, slow joints at desired poses (k, 3), 1/s; 0 of ideal ones."""
+    """Fastest rate at which friction, or motors at their limits, slow joints at desired poses (k, 3), 1/s; ideal joints: 0."""
     if system.plant.joints is None:
         return 0.0
     return fastest_joint_rate_at(system.plant, desired, _lightest_workspace(system))
 
 
 def motor_rate(system: System) -> float:
-    """Rate at which motors follow what they are asked for, 1/s; 0 of those that follow at once."""
+    """Rate at which motors follow what they are asked for, 1/s; 0: they follow at once."""
     return 0.0 if system.plant.joints is None else system.plant.joints.hurry
 
 
@@ -136,8 +136,8 @@ def grip_rates(system: System, desired: np.ndarray) -> GripRates:
 def fastest_grips_at(plant, desired, ws, found):
     """Raise found (3, 2) to the largest eigenvalues of the springs' forms, of these with a stiff beam, and of the dampers'.
 
-    Those over the payload's inertia, then over an arm's: of both together none is larger than the sum. At those of the poses
-    (k, 3) that the arms can take.
+    They are relative to the payload's inertia, then to an arm's: no eigenvalue of both together exceeds the sum. Poses (k, 3)
+    that the arms cannot take are left out.
     """
     scratch, own = ws.truth[0].scratch, ws.grips.inertia
     for k in range(len(desired)):
@@ -174,7 +174,7 @@ def fastest_joint_rate_at(plant, desired, ws):
 
 
 def amplifies_errors(system: System, desired: np.ndarray, period: float, delay: int) -> bool:
-    """Whether a law that acts each `period`, s, with a delay of so many periods is too fast for that by `AMPLIFYING`.
+    """Whether a law that acts every `period`, s, with a delay of so many periods, exceeds its stability limit by `AMPLIFYING`.
 
     Feedback x⁺ = x - k x(delayed by d) is stable up to k = 2 sin(π/(4d + 2)).
     """
@@ -185,7 +185,7 @@ def amplifies_errors(system: System, desired: np.ndarray, period: float, delay: 
 
 @compiled
 def fastest_rate_at(plant, control, desired, memory, ws):
-    """The largest of the law's fastest rates, 1/s, at rest at those of the desired poses (k, 3) that the arms can take."""
+    """The largest of the law's fastest rates, 1/s, at rest at the desired poses (k, 3) that the arms can take."""
     now, fastest = ws.truth[0], 0.0
     now.gravity = plant.gravity
     for k in range(len(desired)):
@@ -201,7 +201,7 @@ def fastest_rate_at(plant, control, desired, memory, ws):
 def free_beam_rate(beam: Beam, factor: float = 1.0) -> float:
     """Fastest rate of the beam with its grips held, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ).
 
-    `factor`: what its mass is over the one that its modes are of, 1.
+    `factor`: its mass over the mass for which the modes were computed, 1.
     """
     omega, D, starts = beam.modes.omega / math.sqrt(factor), beam.modes.D / factor, beam.modes.block_start
     alone = D.diagonal() / 2
@@ -218,10 +218,10 @@ def free_beam_rate(beam: Beam, factor: float = 1.0) -> float:
 
 
 def giving_way(system: System, desired: np.ndarray, forms: np.ndarray) -> tuple[float, float, float]:
-    """What grips that give way, at the inertias S of desired poses (k, 3), do to the beam: 1, 1/s and 1/s.
+    """How the motion of the beam's ends, with the inertias S at desired poses (k, 3), acts on the beam: 1, 1/s and 1/s.
 
-    They add C S⁻¹Cᵀ to the inverse mass, and with it at most its largest eigenvalue to ω². And they couple the modes with the
-    norm of the largest eigenvalue of S⁻¹(CᵀΩC): of all modes, and of those that ring on. `forms`: of `coupling_forms`.
+    It adds C S⁻¹Cᵀ to the inverse mass, and so at most the largest eigenvalue of that to ω². And it couples the modes, by at most
+    the largest eigenvalue of S⁻¹(CᵀΩC): of all modes, and of those that ring on. `forms`: of `coupling_forms`.
     """
     found = np.zeros(len(forms))
     largest_ratios_at(system.plant, desired, forms, _lightest_workspace(system), found)
@@ -230,9 +230,9 @@ def giving_way(system: System, desired: np.ndarray, forms: np.ndarray) -> tuple[
 
 
 def longest_creeping_step(system: System, desired: np.ndarray, beam: Beam, gives: float) -> float:
-    """Longest of `STEPS_TRIED` with which the modes that creep back, being overdamped, stay within `STABLE_CREEP`, s.
+    """Longest of `STEPS_TRIED` with which the overdamped modes stay within `STABLE_CREEP`, s.
 
-    Infinite where all do; the shortest, which is not taken, where none does. `gives`: as `giving_way` has it, of all modes.
+    Infinite if they do so with all; the shortest, which is not taken, if with none. `gives`: the first of `giving_way`.
     """
     loads, D = system.plant.modal[: G + 1], beam.modes.D.diagonal()
     creeps = beam.modes.omega < D / 2
@@ -259,14 +259,14 @@ def coupling_forms(system: System, beam: Beam) -> np.ndarray:
 
 
 def ring_decay(beam: Beam) -> np.ndarray:
-    """Rate at which each mode's slower part fades with its own damping alone, 1/s, (n_m,)."""
+    """Decay rate of each mode's slower part with its own damping alone, 1/s, (n_m,)."""
     half = beam.modes.D.diagonal() / 2
     return half - np.sqrt(np.maximum(half * half - beam.modes.omega * beam.modes.omega, 0.0))
 
 
 @compiled
 def largest_ratios_at(plant, desired, forms, ws, largest):
-    """Raise `largest` (m,) to the eigenvalues of S⁻¹ form, forms (m, 3, 3) ≥ 0, at those poses (k, 3) that the arms can take.
+    """Raise `largest` (m,) to the eigenvalues of S⁻¹ form, forms (m, 3, 3) ≥ 0, at the poses (k, 3) that the arms can take.
 
     S is that of a straight beam.
     """
@@ -282,5 +282,5 @@ def largest_ratios_at(plant, desired, forms, ws, largest):
 
 
 def _in_pose(hh: float, hg: float, gg: float) -> np.ndarray:
-    """A form in (lateral, angular) as one in (x, y, θ), (3, 3), for every angle: the lateral load counts on both axes."""
+    """A quadratic form in (lateral, angular) as a bound in (x, y, θ), (3, 3), for every angle: lateral counts on both axes."""
     return np.array([[hh, 0, hg], [0, hh, hg], [hg, hg, gg]])

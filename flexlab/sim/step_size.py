@@ -1,4 +1,4 @@
-"""Which integrator and which step a scenario gets."""
+"""The integrator and the step that a scenario gets."""
 
 import math
 from collections.abc import Sequence
@@ -23,50 +23,50 @@ from flexlab.text import number_text
 
 REFERENCE_STEP = 1e-3
 REFERENCE_ERROR = {"rk4": 6e-8, "etdrk4": 3e-8, "generalized-alpha": 6e-6}
-"""Pose error of the paper run with `REFERENCE_STEP` (s), m, that no mesh exceeds (`flexlab bench`)."""
+"""Largest pose error of the paper's run with `REFERENCE_STEP` (s) over all meshes, m (`flexlab bench`)."""
 
 SHORTEST_STEP = 1e-5
-"""Shortest automatic step, s: a second-order method asked for more accuracy than that would never get there."""
+"""Shortest automatic step for accuracy, s: a second-order method that needs a shorter one would never finish."""
 
 LONGEST_STEP = 2e-3
-"""s: beyond it the 1 kHz samples of the live lab would lie within steps."""
+"""s: with a longer one, the 1 kHz samples of the live lab would lie within steps."""
 
 DEFAULT_ACCURACY = 1e-10
 """Pose accuracy, m, for which the limits below are given."""
 
 CONTROL_LIMIT, COARSEST_CONTROL_LIMIT = 0.2, 0.4
-"""Longest step times fastest closed-loop rate for the default accuracy, so that start-up transients are exact to a few 1e-6,
-and for any: well inside the methods' stability (2.8)."""
+"""Longest step times fastest closed-loop rate: for the default accuracy, so that start-up transients are exact to a few 1e-6; and
+for any accuracy, well inside the methods' stability (2.8)."""
 
 CONTROLLED_STEP = 2e-5
-"""s: below it, only stability counts. What a loop does in less than that, no arm follows."""
+"""s: only stability asks for a shorter step, as no arm follows what a loop does in less."""
 
 COUPLING_LIMIT, COUPLED_STEP = 0.1, 1e-5
-"""Longest step times the rate at which light arms give way to the beam's modes, the part of the beam that etdrk4 does not
-propagate exactly, for the default accuracy; never asked for below the second number, s: there, only the highest modes gain."""
+"""Longest step times `Rates.coupling`, of the part of the beam that etdrk4 does not propagate exactly, for the default accuracy;
+a step below the second number, s, is never asked for: only the highest modes would gain."""
 
 FADING_LIMIT = 0.3
-"""`COUPLING_LIMIT` of modes that ring no longer than `step_rates.FADED`: of a smooth motion they show their quasi-static
-bending, and what follows a start or a change has shorter steps (`step_levels`)."""
+"""`COUPLING_LIMIT` for modes that decay within `step_rates.FADED`: in a smooth motion they show their quasi-static bending alone,
+and steps after a start or a change are shorter (`step_levels`)."""
 
 STABLE_COUPLING = 1.0
-"""Longest step times that rate with which etdrk4 is stable, with a margin of two."""
+"""Longest step times `Rates.coupling` with which etdrk4 is stable, with a margin of two."""
 
 SHORTEST_CHOSEN = SMALLEST_STEP
-"""s: a shorter step is not taken, neither at the start nor in a run."""
+"""Shortest step that is taken, at the start or in a run, s."""
 
 RINGING_LIMIT, RINGING_DECAY = 0.01, 1.0
-"""`COUPLING_LIMIT` where nothing fades, so that errors of the modes add up: where no mode decays faster than this, 1/s."""
+"""`COUPLING_LIMIT` where errors of the modes add up, as no mode decays faster than the second number, 1/s."""
 
 RESOLVED, RESOLVED_MODES, RESOLVED_ANGLE = 0.5, 3, 0.05
-"""Part of its stability limit, and step times frequency of its third mode, at which rk4 runs by itself. rk4 takes (ωΔt)⁶/72 of
-a mode's energy per step: with these the modes that a motion excites keep theirs to 1e-6 over 10 s."""
+"""Share of its stability limit, and step times frequency of the third mode, at which rk4 runs by itself. rk4 takes (ωΔt)⁶/72 of a
+mode's energy per step: with these, the modes that a motion excites keep theirs to 1e-6 over 10 s."""
 
 SOFT_BEAM = 0.03
 """Step times the beam's fastest rate below which rk4's error in its stiffest mode is under 1e-9 of its amplitude a step."""
 
 GRIPPED_ANGLE = 0.1
-"""Step times frequency of grips' springs that hold a stiff beam at which rk4 goes: it takes 1e-8 of a ring per step."""
+"""Longest step of rk4 times frequency of the grips' springs with a rigid beam: it takes 1e-8 of a vibration per step."""
 
 SMALLEST_COMMON_STEP = 1e-6
 """Shortest step that aligning samples with control instants may force, s."""
@@ -79,21 +79,21 @@ class Choice(NamedTuple):
     step: float
     """The longest, s."""
     bound: str
-    """What it was chosen by: "beam", "creep" (`Rates.overdamped`), "law", "joints", "motors", "grips" or "given"; once it is
-    divided into the periods also "period" or "growth" (`step_growth`)."""
+    """What bounds the step: "beam", "creep" (`Rates.overdamped`), "law", "joints", "motors", "grips" or "given"; once it
+    divides the periods also "period" or "resonance" (`parametric_resonance`)."""
 
 
 def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) -> Choice:
-    """Integrator and longest step that accuracy, stability and the scenario's wishes give.
+    """Integrator and longest step for accuracy, stability and the scenario's settings.
 
-    Raises `ScenarioError` for a wished step that is unstable.
+    Raises `ScenarioError` for a given step that is unstable.
     """
     simulation, beam_speed, joint_speed = scenario.simulation, rates.beam, joint_rate(system, rates.poses)
     law_speed, motor_speed = control_rate(system, rates.poses), motor_rate(system)
     control_speed = law_speed + joint_speed + motor_speed
     integrator, others, grips = simulation.integrator, other_integrators(scenario), grip_rates(system, rates.poses)
     if integrator == "auto" and others:
-        # They propagate the modes of a mass that stays, in arms that move as one with the beam's ends.
+        # Other integrators need a constant mass and rigid grips to propagate the modes.
         integrator = "rk4"
     elif integrator == "auto":
         # Only a beam so slow that rk4 resolves all its modes saves by not propagating them exactly.
@@ -115,7 +115,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
                 scenario.payload.mass_change.lightest
             )
             stable = min(RESOLVED * stable, RESOLVED_ANGLE / third)
-        gripped = GRIPPED_ANGLE / grips.slow if grips.slow > 0 else math.inf  # 0 too where no pose can be taken.
+        gripped = GRIPPED_ANGLE / grips.slow if grips.slow > 0 else math.inf  # It is 0, too, if no pose can be taken.
         hard = compliant and (gripped < stable or grips.ringing + grips.fading > beam_speed)
         stable = min(stable, gripped)
         creeping = rates.overdamped if integrator == "etdrk4" else math.inf
@@ -143,17 +143,14 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
 
 
 def other_integrators(scenario: Scenario) -> str:
-    """What would let other integrators than rk4 go a scenario, as a cure; empty: they do."""
+    """What a scenario must change so that other integrators than rk4 can be used; empty: they can."""
     mass = "a mass that stays (payload.mass_change.factor = 1)" if scenario.payload.mass_change.active else ""
     grips = "rigid grips (grips.model = rigid)" if scenario.grips.active else ""
     return " and ".join(filter(None, (mass, grips)))
 
 
 def _refuse_tiny(step: float, integrator: str, bound: str, others: str) -> None:
-    """Raise `ScenarioError` for a step that nobody would live to see the end of; `bound`: as of `Choice`.
-
-    `others`: as of `other_integrators`.
-    """
+    """Raise `ScenarioError` for a step below `SHORTEST_CHOSEN`; `bound` as of `Choice`, `others` as of `other_integrators`."""
     if step >= SHORTEST_CHOSEN:
         return
     least = number_text(SHORTEST_CHOSEN)
@@ -162,7 +159,7 @@ def _refuse_tiny(step: float, integrator: str, bound: str, others: str) -> None:
     if others:
         auto = f"or {others}, "
     if bound == "creep":
-        # How short it would have to be was not looked for, and nobody can set one.
+        # How short it would have to be is unknown, and nobody can set one.
         need = f"would need steps below the {least} s that are allowed with {integrator}"
         cause = "this beam, strongly damped and heavy for arms that give way to it,"
         cure = "Choose a softer, lighter or less damped beam, fewer elements, or heavier links"
@@ -206,7 +203,7 @@ def _accurate_step(integrator: str, accuracy: float, control_speed: float) -> fl
 
 
 class Count(NamedTuple):
-    """How the periods are divided into steps."""
+    """The number of steps in each period."""
 
     per_tick: int
     per_control: int
@@ -216,7 +213,7 @@ class Count(NamedTuple):
 
 
 def _root(value: float, order: int) -> float:
-    """value^(1/order) for an order of 2 or 4: square roots alone are the same on every machine."""
+    """value^(1/order) for an order of 2 or 4, by square roots, which are the same on every machine."""
     return math.sqrt(value) if order == 2 else math.sqrt(math.sqrt(value))
 
 
@@ -249,7 +246,7 @@ def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> Count
 
 
 def build_scheme(integrator: str, beam: Beam, dt: float, known: Sequence[Sequence[Functions]] = ()) -> Scheme:
-    """The integrator's constants for step dt; `known`: what `block_functions` says of dt and dt/2, if it has been asked."""
+    """The integrator's constants for step dt; `known`: the `block_functions` of dt and dt/2, if they have been computed."""
     modes = beam.modes
     loads = product(np.stack([beam.matrices.h, beam.matrices.g]), modes.V)
     if integrator == "etdrk4":

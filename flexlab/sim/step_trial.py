@@ -1,12 +1,13 @@
-"""How often the step is halved so that a run's beginning, and what follows a kink of its path, is accurate.
+"""The automatic step: halved until a run's beginning, and what follows a discontinuity of its path, is accurate.
 
-A start with a wrong velocity, a kink and each instant of a sampled law excite modes that are faster than the step, and how well
-a step follows them depends on beam, arms and law together. So it is tried: the first ticks are gone with the step and with
-half of it. What they differ by is the error, and modes that ring on add to it until they fade. The trial is a function of the
-scenario alone, so that a run that goes on from somewhere takes the same steps.
+A start with a wrong velocity, a discontinuity and each instant of a sampled law excite modes that are faster than the step. How
+well a step follows them depends on beam, arms and law together, so it is tried: the first ticks are gone with the step and with
+half of it. The difference is the error, and modes that ring on accumulate it until they decay. The trial depends on the scenario
+alone, so that a run that goes on from somewhere takes the same steps.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,11 +18,12 @@ from flexlab.own.law import OwnController
 from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, P
+from flexlab.scenario import Scenario
 from flexlab.sim import accuracy, samples
-from flexlab.sim.assembly import Assembly, Unprepared
+from flexlab.sim.assembly import Assembly, Unprepared, derive_assembly
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.integrators.beam_flow import TICKS
-from flexlab.sim.motion import start_at
+from flexlab.sim.motion import begin_motion
 from flexlab.sim.run_warnings import SLOWEST_PACE, bounds, seconds_per_second
 from flexlab.sim.step_levels import DISTURBED_TICKS
 from flexlab.sim.step_rates import ring_decay
@@ -37,46 +39,62 @@ FAST_PERIOD, TRIED_FAST = 0.6, 80
 HORIZON = 1.0
 """s after which modes that ring on are to be accurate still."""
 
-ENOUGH = 0.3
-"""Of the bounds of pose and force that `accuracy` keeps: what a trial may take of them."""
+ALLOWED_SHARE = 0.3
+"""Share of the bounds of pose and force in `accuracy` that a trial's errors may reach."""
 
 SLOWEST_TRIED = 8.0
 """Processor seconds per simulated second up to which accuracy comes before real time, by the estimate of `seconds_per_second`;
 where even that is not enough, the step is as short as real time allows."""
 
 RATE_DECAY = 20.0
-"""How fast a law leads errors of the pose's rate back, 1/s, about; until then they move the pose."""
+"""Rate at which a law leads errors of the pose's rate back, 1/s, about; until then they move the pose."""
 
 MOST_ORDER = 4.5
 """A halving leaves no less than 2 to the minus this of an error."""
 
-KINKS_TRIED = 2
-"""Kinks of the path that are tried besides the start."""
+DISCONTINUITIES_TRIED = 2
+"""Discontinuities of the path that are tried besides the start."""
 
 POSE = slice(samples.POSE, samples.POSE + 3)
 
 
 class Trial(NamedTuple):
-    """What a trial comes to."""
+    """The ticks of one step that was tried."""
 
     rows: np.ndarray
-    """Its samples."""
+    """Their samples."""
     y: np.ndarray
-    """Its last state."""
+    """The last state."""
 
 
-def halvings(assembly: Assembly, tick_period: float, at_once: bool) -> int:
+def build_assembly(
+    scenario: Scenario, tick_period: float, known: Sequence[Assembly] = (), at_once: bool = False
+) -> Assembly:
+    """Everything that is derived from a scenario, its automatic step tried; raises `ScenarioError`.
+
+    Parts of `known` assemblies are shared where they fit. `at_once`: raise `Unprepared` instead of deriving what takes long.
+    """
+    assembly = derive_assembly(scenario, tick_period, known, at_once)
+    if scenario.simulation.step is not None:
+        return assembly
+    for old in known:
+        if old.scenario == scenario and (old.unrefined or old).steps == assembly.steps:
+            return halved(assembly, (old.steps.per_tick // assembly.steps.per_tick).bit_length() - 1)
+    return halved(assembly, halvings(assembly, at_once))
+
+
+def halvings(assembly: Assembly, at_once: bool) -> int:
     """How often the automatic step of an assembly is to be halved: as often as needed, and as real time allows.
 
     `at_once`: raise `Unprepared` instead of trying more than one halving.
     """
     if isinstance(assembly.scenario.controller, OwnController):
-        return 0  # A person's own code is asked at the run's instants alone: it may keep count of them.
+        return 0  # A person's own code runs at the run's instants alone: it may count them.
     pace = seconds_per_second(assembly.levels.integrator, assembly.beam, assembly.steps.step)
     most, swift = (_times(assembly, slowest / pace) for slowest in (SLOWEST_TRIED, SLOWEST_PACE))
     needed = 0
-    for tick in _instants(assembly, tick_period) if most > 0 else ():
-        needed = _needed(assembly, tick_period, tick, needed, most, at_once)
+    for tick in _instants(assembly) if most > 0 else ():
+        needed = _needed(assembly, tick, needed, most, at_once)
     return needed if needed <= most else swift
 
 
@@ -90,30 +108,34 @@ def _doublings(ratio: float) -> int:
     return math.frexp(ratio)[1] - 1
 
 
-def _instants(assembly: Assembly, tick_period: float) -> list[int]:
-    """Numbers of the ticks from which a trial goes: the start, those with the first kinks, and where a payload is lightest."""
+def _instants(assembly: Assembly) -> list[int]:
+    """Numbers of the ticks from which a trial goes: the start, the first discontinuities, and where the payload is lightest."""
     found, apart = [0], TRIED // 2
-    for kink in assembly.system.trajectory.kinks:
-        tick = math.floor(kink / tick_period - 1e-9)
+    for instant in assembly.system.trajectory.discontinuities:
+        tick = math.floor(instant / assembly.tick_period - 1e-9)
         if tick > found[-1] + apart:
             found.append(tick)
     mass_change = assembly.scenario.payload.mass_change
-    lighter = [math.ceil((mass_change.begin + mass_change.duration) / tick_period)] if mass_change.lightest < 1 else []
-    return found[: 1 + KINKS_TRIED] + lighter
+    lighter = (
+        [math.ceil((mass_change.begin + mass_change.duration) / assembly.tick_period)]
+        if mass_change.lightest < 1
+        else []
+    )
+    return found[: 1 + DISCONTINUITIES_TRIED] + lighter
 
 
-def _needed(assembly: Assembly, tick_period: float, tick: int, least: int, most: int, at_once: bool) -> int:
+def _needed(assembly: Assembly, tick: int, least: int, most: int, at_once: bool) -> int:
     """As `halvings` for the trial from number `tick` on, at least `least`; more than `most`: that is not enough."""
     found: dict[int, Trial | None] = {}
     level = least
     while level <= most:
         for finer in (level, level + 1):
             if finer not in found:
-                found[finer] = _tried(assembly, tick_period, tick, finer)
+                found[finer] = _tried(assembly, tick, finer)
         coarse, fine = found[level], found[level + 1]
         if fine is None:
             return level
-        excess = math.inf if coarse is None else _excess(assembly, tick_period, coarse, fine)
+        excess = math.inf if coarse is None else _excess(assembly, coarse, fine)
         if excess <= 1:
             return level
         if at_once:
@@ -122,15 +144,15 @@ def _needed(assembly: Assembly, tick_period: float, tick: int, least: int, most:
     return level
 
 
-def _tried(assembly: Assembly, tick_period: float, tick: int, times: int) -> Trial | None:
-    """The ticks from number `tick` on with a step that is halved so many times; None where they cannot be gone."""
-    motion = start_at(halved(_without_counts(assembly), times), tick_period, tick)
-    if motion is None:
+def _tried(assembly: Assembly, tick: int, times: int) -> Trial | None:
+    """The ticks from number `tick` on with a step that is halved so many times; None: they fail."""
+    motion = begin_motion(halved(_without_counts(assembly), times), tick)
+    if motion.status.failed:
         return None
     watch, disturbed = assembly.watch, ETA + 2 * len(assembly.beam.modes.omega) + TICKS
     finer_ticks = watch.disturbed * DISTURBED_TICKS
     if tick > 0 and finer_ticks > 0:
-        motion.y[disturbed], finer_ticks = finer_ticks, 0  # A kink has no shorter steps.
+        motion.y[disturbed], finer_ticks = finer_ticks, 0  # No shorter steps follow a discontinuity.
     width = motion.row_length
     fast = assembly.scenario.trajectory.fastest_period < FAST_PERIOD
     rows = np.zeros((finer_ticks + (TRIED_FAST if fast else TRIED), width))
@@ -139,7 +161,7 @@ def _tried(assembly: Assembly, tick_period: float, tick: int, times: int) -> Tri
 
 
 def _without_counts(assembly: Assembly) -> Assembly:
-    """An assembly whose encoders do not round: next to its edge, any difference of two runs is one of a whole count."""
+    """An assembly whose encoders do not round: next to the edge of a count, any difference of two runs is a whole count."""
     plant = assembly.system.plant
     if plant.joints is None:
         return assembly
@@ -148,7 +170,7 @@ def _without_counts(assembly: Assembly) -> Assembly:
 
 
 def halved(assembly: Assembly, times: int) -> Assembly:
-    """An assembly whose step is halved so many times; it keeps the one that it is made of."""
+    """An assembly whose step is halved so many times; it keeps the unrefined one."""
     if times == 0:
         return assembly
     steps, levels = assembly.steps, assembly.levels.halved(times)
@@ -158,12 +180,12 @@ def halved(assembly: Assembly, times: int) -> Assembly:
         steps=Count(steps.per_tick << times, steps.per_control << times, levels.step),
         sampling=assembly.sampling._replace(steps=assembly.sampling.steps << times),
         bound="accuracy",
-        whole=assembly,
+        unrefined=assembly,
     )
 
 
 def _rate_error(assembly: Assembly, coarse: Trial, fine: Trial) -> np.ndarray:
-    """How the pose's rates differ at the ends of two trials (3,) but for the beam's ring, which moves it to and fro."""
+    """Difference of the pose's rates at the ends of two trials (3,), without what the beam's vibration adds."""
     system, y, rest = assembly.system, fine.y.copy(), np.zeros(len(assembly.beam.modes.omega))
     workspace, inertia = scratch_workspace(system), np.empty((3, 3))
     find_mass_at(system.plant, fine.rows[-1, samples.TIME], workspace)
@@ -173,17 +195,17 @@ def _rate_error(assembly: Assembly, coarse: Trial, fine: Trial) -> np.ndarray:
     return solve(inertia, coarse.y[P : P + 3] - fine.y[P : P + 3])
 
 
-def _excess(assembly: Assembly, tick_period: float, coarse: Trial, fine: Trial) -> float:
-    """By how much two trials differ more than they may, 1."""
+def _excess(assembly: Assembly, coarse: Trial, fine: Trial) -> float:
+    """Difference of two trials over what is allowed, 1."""
     forces, finer_forces = (accuracy.forces(trial.rows, assembly) for trial in (coarse, fine))
     peak = float(np.abs(finer_forces).max())
     force = float(np.abs(forces - finer_forces).max())
     poses = np.abs(coarse.rows[:, POSE] - fine.rows[:, POSE])
     pose = max(float(poses.max()), float((poses[-1] + np.abs(_rate_error(assembly, coarse, fine)) / RATE_DECAY).max()))
     ringing = np.where(accuracy.rings(assembly), accuracy.mode_forces(assembly, coarse.y - fine.y), 0.0)
-    # Where a mode rings on, each such stretch adds as much.
+    # A mode that rings on accumulates as much in each such span.
     decay = np.maximum(ring_decay(assembly.beam), 1e-6 / HORIZON)
-    faded, faded_here = (1 - exponentials(-decay * span) for span in (HORIZON, len(coarse.rows) * tick_period))
+    faded, faded_here = (1 - exponentials(-decay * span) for span in (HORIZON, len(coarse.rows) * assembly.tick_period))
     coming = math.sqrt(math.fsum((ringing * faded / faded_here) ** 2))
     pose_bound, force_bound = bounds(assembly.scenario, peak)
-    return max(max(force, coming) / force_bound, pose / pose_bound) / ENOUGH
+    return max(max(force, coming) / force_bound, pose / pose_bound) / ALLOWED_SHARE

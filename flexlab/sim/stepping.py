@@ -1,21 +1,71 @@
-"""Moving a `Motion` from tick to tick, with the step that each wants, and looking at how accurate it is."""
+"""Moving a `Motion` from tick to tick with the step that each wants, and checking how accurate it is.
+
+Whatever the integrator, a step across a jump of the desired velocity, acceleration or jerk is of first order: these
+discontinuities have to lie on steps. Those on whole ticks do; a tick with one elsewhere is split there, and each part gets
+steps of its own. A sampled controller sees its target at its instants only, so that its ticks are not split.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from flexlab.compiled import entry_point
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.mass_change import find_mass_at
+from flexlab.physics.plant import ETA
 from flexlab.sim import accuracy, samples
 from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, advance
-from flexlab.sim.kinks import advance_in_pieces, next_tick_of_kinks
+from flexlab.sim.assembly import Assembly
+from flexlab.sim.closed_loop import scratch_workspace
+from flexlab.sim.integrators.beam_flow import TICKS
+from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.motion import Motion, restore, state_of
+from flexlab.sim.samples import WorldState
+from flexlab.sim.step_levels import StepWatch
+from flexlab.sim.step_size import build_scheme
 from flexlab.sim.termination import DEFLECTION_LIMIT, runtime_fault
-from flexlab.sim.world_state import WorldState
+
+SAME_INSTANT = 1e-11
+"""s. A discontinuity this close to the end of a step or to another one is taken to be there: nothing moves in that time, and
+steps stay so long that differences over them are not lost in rounding."""
+
+
+class SplitTick(NamedTuple):
+    """A tick that is split at discontinuities of the desired motion."""
+
+    number: int
+    cuts: tuple[float, ...]
+    """Where its parts begin and end, the tick's own ends included, s."""
+
+
+def next_split_tick(assembly: Assembly, level: int, tick: int) -> SplitTick | None:
+    """The first tick from number `tick` on with a discontinuity that lies on no step of this level; None: there is none."""
+    instants, tick_period = assembly.system.trajectory.discontinuities, assembly.tick_period
+    if assembly.system.control.sampled or not len(instants) or instants[-1] <= tick * tick_period:
+        return None
+    dt = tick_period / (assembly.step_count << level)
+    ahead = instants[instants > tick * tick_period + SAME_INSTANT]
+    off = ahead[np.abs(ahead - np.round(ahead / dt) * dt) > SAME_INSTANT]
+    if not len(off):
+        return None
+    number = int(np.floor(off[0] / tick_period))
+    begin, end = number * tick_period, (number + 1) * tick_period
+    cuts = [begin]
+    for instant in ahead:
+        if cuts[-1] + SAME_INSTANT < instant < end - SAME_INSTANT:
+            cuts.append(float(instant))
+    return SplitTick(number, (*cuts, end))
+
+
+def steps_in(length: float, dt: float) -> int:
+    """Number of equal steps, none longer than `dt`, into which a part of this length is divided, s."""
+    return max(1, int(np.ceil(length / dt - 1e-9)))
 
 
 def observe(motion: Motion, row: np.ndarray) -> None:
     """Write the sample of the present instant; of a failed start the pose alone, the rest zero."""
-    _advance(motion, row[None], first_is_present=True)
+    move_on(motion, row[None], first_is_present=True)
     row[samples.TIME] = motion.time
     row[samples.POSE : samples.POSE + 3] = motion.y[:3]
 
@@ -27,106 +77,143 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
     """
     if motion.status.failed:
         return 0
-    if motion.estimate.seen.torque is None:
+    if motion.estimate.peaks.torque is None:
         _note_present_load(motion)
     before, estimate, done, code = state_of(motion), motion.estimate, 0, 0
     while done < len(rows) and code == 0:
         part = rows[done : done + accuracy.ticks_to_check(motion.estimate, motion.tick)]
-        start, looks = state_of(motion), accuracy.is_due(motion.estimate, motion.tick)
-        ticks, code = _advance(motion, part, first_is_present=False)
+        start, checked = state_of(motion), accuracy.is_due(motion.estimate, motion.tick)
+        ticks, code = move_on(motion, part)
         if code == INTERRUPTED:
             _go_back(motion, before, estimate)
             return 0
         if ticks == 0:
             continue
-        seen, change, jump = accuracy.survey(motion.estimate, motion.assembly, part[:ticks])
-        if jump >= 0 and not looks:  # It is to be looked at, and so are the ticks after it.
+        peaks, change, jump = accuracy.note_rows(motion.estimate, motion.assembly, part[:ticks])
+        if jump >= 0 and not checked:  # The tick with the jump has to be checked, and so have those after it.
             _go_back(motion, start, accuracy.jumped(motion.estimate, motion.tick + jump))
             code = 0
             continue
         motion.tick, done = motion.tick + ticks, done + ticks
-        motion.estimate = accuracy.note_survey(motion.estimate, seen, change if looks else 0.0)
-        if looks:
-            _look(motion, part[ticks - 1], start)
+        change = max(motion.estimate.torque_change, change if checked else 0.0)
+        motion.estimate = motion.estimate._replace(peaks=peaks, torque_change=change)
+        if checked:
+            _check(motion, part[ticks - 1], start)
     if code != 0:
         find_mass_at(motion.assembly.system.plant, motion.time, motion.workspace)
         velocities_at(motion.assembly.system.plant, motion.y, motion.workspace)
-        rate = motion.workspace.velocity
-        motion.status = runtime_fault(motion.assembly, code, motion.y, rate, motion.time, motion.tick_period)
+        motion.status = runtime_fault(motion.assembly, code, motion.y, motion.workspace.velocity, motion.time)
     return done
 
 
 def _note_present_load(motion: Motion) -> None:
-    """Note how the beam is pressed and spun where the motion begins: samples to come say the rest."""
+    """Note the load along the beam, and its spin, where the motion begins: later samples say the rest."""
     row = np.zeros(motion.row_length)
     observe(motion, row)
     motion.estimate = accuracy.note_load(motion.estimate, row)
 
 
-def move_on(motion: Motion, rows: np.ndarray) -> tuple[int, int]:
-    """Move by one tick per row without a look at how accurate it is; returns the ticks done and the code of `advance`."""
-    return _advance(motion, rows, first_is_present=False)
-
-
 def _go_back(motion: Motion, state: WorldState, estimate: accuracy.Estimate) -> None:
-    """Stand again at an earlier state of this run, with what is known of its accuracy."""
+    """Return to an earlier state of this run, with what was known of its accuracy then."""
     restore(motion, state)
     motion.estimate = estimate
 
 
-def _look(motion: Motion, row: np.ndarray, start: WorldState) -> None:
-    """Compare the tick from `start` on, whose sample is `row`, with the same tick redone with half the step."""
-    assembly, tick, period = motion.assembly, motion.tick - 1, motion.tick_period
-    finer = accuracy.finer_level(motion.estimate, assembly, tick, motion.level)
-    scratch = np.zeros((1, motion.row_length))
-    again = accuracy.redo_tick(assembly, motion.move or advance, finer, start, period, scratch)
+def _check(motion: Motion, row: np.ndarray, start: WorldState) -> None:
+    """Compare the tick from `start` on, whose sample is `row`, with the same tick in finer steps."""
+    finer = accuracy.finer_level(motion.estimate, motion.assembly, motion.tick - 1, motion.level)
+    again = repeat_tick(motion, start, finer)
     if again is not None:
-        motion.estimate = accuracy.note(motion.estimate, assembly, tick, row, motion.y, again, period)
+        motion.estimate = accuracy.note(motion.estimate, motion.assembly, motion.tick - 1, row, motion.y, *again)
 
 
-def _advance(motion: Motion, rows: np.ndarray, first_is_present: bool) -> tuple[int, int]:
-    """As `advance.advance`, from tick to tick with the step that each wants."""
-    assembly, period, done = motion.assembly, motion.tick_period, 0
-    limit = DEFLECTION_LIMIT * motion.scenario.payload.length
+def repeat_tick(motion: Motion, start: WorldState, level: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """Sample and state at the end of the tick from `start` on, gone with the steps of `level`; None: it fails.
+
+    `motion` stays as it is; `start` is used up.
+    """
+    system = motion.assembly.system._replace(held_torque=start.held_torque)
+    sampling, watch = motion.assembly.sampling._replace(line=start.torque_line), motion.assembly.watch._replace(most=0)
+    assembly = motion.assembly._replace(system=system, sampling=sampling, watch=watch)
+    workspace = scratch_workspace(system)
+    again = replace(motion, assembly=assembly, y=start.y, workspace=workspace, tick=start.tick, level=level)
+    row = np.zeros((1, motion.row_length))
+    _, code = move_on(again, row, np.inf)
+    return (row[0], again.y) if code == 0 else None
+
+
+def move_on(
+    motion: Motion, rows: np.ndarray, limit: float | None = None, first_is_present: bool = False
+) -> tuple[int, int]:
+    """Move by one tick per row with the step that each wants; returns the ticks done and the code of `advance`.
+
+    `limit`: deflection at which the motion stops, m; None: `DEFLECTION_LIMIT`. Nothing is checked, and motion.tick stays.
+    """
+    assembly, done = motion.assembly, 0
+    if limit is None:
+        limit = DEFLECTION_LIMIT * motion.scenario.payload.length
     while True:
         here = motion.tick + done
-        kinked = None if first_is_present else next_tick_of_kinks(assembly, motion.level, here, period)
-        if kinked is not None and kinked.number == here and done < len(rows):
-            dt = period / (assembly.step_count << motion.level)
-            code = advance_in_pieces(
-                assembly, motion.move or advance, assembly.system, assembly.watch, motion.level, dt, limit,
-                kinked.cuts, motion.y, motion.workspace, rows[done : done + 1],
+        split = None if first_is_present else next_split_tick(assembly, motion.level, here)
+        if split is not None and split.number == here and done < len(rows):
+            code = _move_in_parts(motion, split.cuts, rows[done : done + 1], limit)
+            ticks = int(code == 0)
+        else:
+            end = len(rows) if split is None else min(len(rows), done + split.number - here)
+            ticks, code = _run(
+                motion, assembly.levels.scheme(motion.level), assembly.watch, limit, 0.0, here, assembly.tick_period,
+                assembly.step_count << motion.level, rows[done:end], first_is_present,
             )  # fmt: skip
-            if code == 0:
-                done += 1
-            elif code >= OTHER_STEP:
-                motion.level = code - OTHER_STEP
-            else:
-                return done, code
-            continue
-        end = len(rows) if kinked is None else min(len(rows), done + kinked.number - here)
-        arguments = (
-            assembly.system,
-            assembly.sampling._replace(steps=assembly.sampling.steps << motion.level),
-            *assembly.levels.scheme(motion.level),
-            assembly.watch,
-            motion.level,
-            limit,
-            0.0,
-            here,
-            period,
-            assembly.step_count << motion.level,
-            motion.y,
-            np.empty_like(motion.y),
-            motion.workspace,
-            rows[done:end],
-            first_is_present,
-        )
-        if motion.move is None:
-            motion.move = entry_point(advance, *arguments)
-        ticks, code = motion.move(*arguments)
         done += ticks
         if code >= OTHER_STEP:
             motion.level = code - OTHER_STEP
         elif code != 0 or done >= len(rows) or first_is_present:
             return done, code
+
+
+def _move_in_parts(motion: Motion, cuts: tuple[float, ...], row: np.ndarray, limit: float) -> int:
+    """Move by a split tick; fills `row` (1, row length) and returns the code of `advance`: with any but 0, y stays."""
+    assembly, start = motion.assembly, motion.y.copy()
+    since, watch = ETA + 2 * assembly.system.plant.modal.shape[1] + TICKS, assembly.watch
+    dt = assembly.tick_period / (assembly.step_count << motion.level)
+    for begin, end in zip(cuts[:-1], cuts[1:], strict=True):
+        motion.y[since] = start[since]
+        length = end - begin
+        count = steps_in(length, dt)
+        scheme = build_scheme(assembly.levels.integrator, assembly.beam, length / count)
+        _, code = _run(motion, scheme, watch, limit, begin, 0, length, count, row, False)
+        if code != 0:
+            motion.y[:] = start
+            return code
+        # The whole tick keeps the step that its beginning wanted.
+        watch = watch._replace(most=0)
+    row[0, samples.TIME] = cuts[-1]
+    return 0
+
+
+def _run(
+    motion: Motion, scheme: Scheme, watch: StepWatch, limit: float, origin: float, tick: int, period: float, steps: int,
+    rows: np.ndarray, first_is_present: bool,
+) -> tuple[int, int]:  # fmt: skip
+    """`advance` of a motion; with a watch that chooses no level, that of the step is 0 for it."""
+    sampling = motion.assembly.sampling
+    arguments = (
+        motion.assembly.system,
+        sampling._replace(steps=sampling.steps << motion.level),
+        *scheme,
+        watch,
+        motion.level if watch.most > 0 else 0,
+        limit,
+        origin,
+        tick,
+        period,
+        steps,
+        motion.y,
+        np.empty_like(motion.y),
+        motion.workspace,
+        rows,
+        first_is_present,
+    )
+    if motion.move is None:
+        motion.move = entry_point(advance, *arguments)
+    return motion.move(*arguments)

@@ -1,10 +1,12 @@
-"""Why a run stops: fault codes of the kernels turned into sentences."""
+"""Why a run cannot start, or stops: poses out of reach, and fault codes of the kernels, turned into sentences."""
 
 import math
 
 import numpy as np
 
 from flexlab.control.law import laws
+from flexlab.control.motion import poses as desired_motions
+from flexlab.control.path import build_motion
 from flexlab.own.link import address_in
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
 from flexlab.physics.grips import arm_poses
@@ -13,11 +15,12 @@ from flexlab.scenario import Scenario
 from flexlab.sim.advance import BENT
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import own_states_of, scratch_workspace
+from flexlab.sim.parametric_resonance import growth_rate, may_resonate
 from flexlab.sim.sampled_control import gaussian
 from flexlab.sim.samples import Status
-from flexlab.sim.step_growth import growth_rate, may_grow
 from flexlab.sim.step_rates import control_rate
 from flexlab.sim.step_size import STABLE_COUPLING
+from flexlab.sim.target import desired_at
 from flexlab.text import fixed_text, number_text
 
 DEFLECTION_LIMIT = 1.0
@@ -26,13 +29,13 @@ long before."""
 
 
 FASTEST_WRIST = 100.0
-"""m/s: ten times what the fastest robot arms reach; beyond it a computation has diverged, whatever pose it is in."""
+"""m/s: ten times what the fastest robot arms reach; beyond it the computation has diverged, whatever the pose."""
 
 UNSTABLE_COUPLING = 2 * STABLE_COUPLING
 """Step times `Rates.coupling` from which on etdrk4 is unstable, about."""
 
 LOUDER = 10.0
-"""Growth times time from which on errors are what a run diverged of: 1e-10 of the motion have become 1e-6 of it."""
+"""Growth rate times time from which on growing errors explain a divergence: 1e-10 of the motion has become 1e-6 of it."""
 
 
 def arm_name(scenario: Scenario, index: int) -> str:
@@ -41,7 +44,7 @@ def arm_name(scenario: Scenario, index: int) -> str:
 
 
 def wrist_reach(scenario: Scenario, index: int, pose: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Distances base-wrist of an arm at poses (..., 3), and the shortest and longest it can have, m."""
+    """Distances from base to wrist of an arm at poses (..., 3), and the shortest and longest possible, m."""
     arm, side = scenario.arms[index], (-1 if index == 0 else 1)
     reach = side * (scenario.payload.length / 2 + arm.link_length[2])
     x = pose[..., 0] + reach * np.cos(pose[..., 2]) - arm.base[0]
@@ -51,7 +54,7 @@ def wrist_reach(scenario: Scenario, index: int, pose: np.ndarray) -> tuple[np.nd
 
 
 def elbow_sine(distance: np.ndarray, l1: float, l2: float) -> np.ndarray:
-    """|sin| of the elbow angle for wrists at `distance`; 0 outside the workspace."""
+    """|sin| of the elbow angle for wrists at `distance` from the base, m; 0 outside the workspace."""
     cosine = (distance**2 - l1**2 - l2**2) / (2 * l1 * l2)
     return np.sqrt(np.maximum(0.0, 1 - cosine**2))
 
@@ -90,16 +93,14 @@ def pose_fault(scenario: Scenario, pose: np.ndarray, time: float, what: str) -> 
     return None
 
 
-def measurement_fault(
-    assembly: Assembly, pose: np.ndarray, pose_rate: np.ndarray, time: float, tick_period: float
-) -> str:
-    """What encoders and noise did to the pose that was measured within a tick after `time`; empty: no harm."""
+def measurement_fault(assembly: Assembly, pose: np.ndarray, pose_rate: np.ndarray, time: float) -> str:
+    """How encoders and noise took the pose measured within a tick after `time` out of the workspace; empty: they did not."""
     scenario, sampling, encoders = assembly.scenario, assembly.sampling, assembly.scenario.joints.encoders
     if not (sampling.noise[:3].any() or encoders.active):
         return ""
     plant, ws, told = assembly.system.plant, scratch_workspace(assembly.system), np.zeros(3)
     first = math.floor(time / sampling.period + 1e-9) + 1
-    for instant in range(first, math.floor((time + tick_period) / sampling.period + 1e-9) + 1):
+    for instant in range(first, math.floor((time + assembly.tick_period) / sampling.period + 1e-9) + 1):
         now = instant * sampling.period
         true = pose + (now - time) * pose_rate
         with np.errstate(over="ignore"):  # its counters wrap around
@@ -112,7 +113,7 @@ def measurement_fault(
 
 
 def is_unstable(scenario: Scenario, assembly: Assembly) -> bool:
-    """Whether a held torque overshoots what it corrects: the loop's fastest rate λ against the sampling.
+    """Whether a sampled loop is unstable, because held torques overshoot: its fastest rate λ times the control period.
 
     x(k+1) = x(k) - λT_c x(k-d), with d samples of delay, is stable up to λT_c = 2 sin(π / (2 (2d + 1))) (Levin and May 1976).
     """
@@ -123,10 +124,8 @@ def is_unstable(scenario: Scenario, assembly: Assembly) -> bool:
     return control_rate(assembly.system, assembly.rates.poses) * law.control_period > limit
 
 
-def runtime_fault(
-    assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.ndarray, time: float, tick_period: float
-) -> Status:
-    """The status for a kernel's fault code; `y`, `pose_rate` (3,): the last good ones, at `time`, s."""
+def runtime_fault(assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.ndarray, time: float) -> Status:
+    """The status for a kernel's fault code; `y`, `pose_rate` (3,): the last good state, at `time`, s."""
     scenario, pose = assembly.scenario, y[:3]
     own = own_states_of(assembly.system, y).get("grips", np.zeros(0))
     poses = arm_poses(assembly.system.plant, pose, own) if len(own) else [pose] * len(scenario.arms)
@@ -141,7 +140,7 @@ def runtime_fault(
         return Status("law failed", text, time)
     sampled = law.control_period is not None and law.kind != "none"
     if sampled and code in (UNREACHABLE, SINGULAR):
-        measured = measurement_fault(assembly, pose, pose_rate, time, tick_period)
+        measured = measurement_fault(assembly, pose, pose_rate, time)
         if measured:
             name = "unreachable" if code == UNREACHABLE else "singular"
             text = f"{measured}: sensor noise threw the measured pose out of the workspace."
@@ -158,9 +157,9 @@ def runtime_fault(
     margin, index, distance, longest = min(margins)
     arm = scenario.arms[index]
     wrist_speed = math.hypot(*pose_rate[:2]) + abs(pose_rate[2]) * (scenario.payload.length / 2 + arm.link_length[2])
-    # A wrist that could not have come to its limit at ten times its speed, or that is faster than any arm, did not move
-    # there: the numbers ran away.
-    near = wrist_speed < FASTEST_WRIST and margin < 10 * wrist_speed * tick_period + longest * SINGULAR_SINE
+    # A wrist that could not have reached its limit at ten times its speed, or that is faster than any arm, did not move there:
+    # the computation diverged.
+    near = wrist_speed < FASTEST_WRIST and margin < 10 * wrist_speed * assembly.tick_period + longest * SINGULAR_SINE
     too_long = _is_too_long(assembly)
     near = near and not too_long
     if sampled and (is_unstable(scenario, assembly) or (code != BENT and not near and not too_long)):
@@ -198,7 +197,7 @@ def runtime_fault(
 
 
 def _is_too_long(assembly: Assembly) -> bool:
-    """Whether a given step is longer than the beam in these arms allows: what grips that give way do is not propagated."""
+    """Whether a given step is too long for the beam in these arms: the motion of its ends is not propagated exactly."""
     if assembly.scenario.simulation.step is None or assembly.levels.integrator != "etdrk4":
         return False
     step, rates = assembly.levels.step, assembly.rates
@@ -206,16 +205,16 @@ def _is_too_long(assembly: Assembly) -> bool:
 
 
 def _grew(assembly: Assembly, time: float) -> bool:
-    """Whether errors of the steps had the time to ring louder and louder, in modes that next to nothing damps."""
+    """Whether errors of the steps have had time to grow by parametric resonance, in nearly undamped modes."""
     scenario, step = assembly.scenario, assembly.levels.step
-    if assembly.levels.integrator != "etdrk4" or not may_grow(assembly.beam, assembly.rates, step):
+    if assembly.levels.integrator != "etdrk4" or not may_resonate(assembly.beam, assembly.rates, step):
         return False
     middle = np.array(scenario.trajectory.middle)
     return growth_rate(assembly.system, assembly.beam, assembly.rates, middle, step) * time > LOUDER
 
 
 def _what_grew(assembly: Assembly, time: float) -> tuple[str, str]:
-    """Why numbers ran away by `time`, s, as far as the steps tell, and what to do."""
+    """Why the computation diverged by `time`, s, as far as the steps explain it, and what to do."""
     step, given = assembly.levels.step, assembly.scenario.simulation.step is not None
     if _is_too_long(assembly):
         return (
@@ -242,3 +241,55 @@ def _cure(kind: str) -> str:
             "without gravity."
         )
     return "Reset, then use a smaller amplitude or higher gains."
+
+
+SURE = 1.01
+"""Factor on the least elbow sine beyond which rounding cannot matter."""
+
+
+def check_trajectory(scenario: Scenario) -> Status | None:
+    """The fault of the first desired pose that an arm cannot take, over the whole path; None if all can be taken."""
+    if _surely_reached(scenario):
+        return None
+    path, motion = scenario.trajectory, build_motion(scenario.trajectory)
+    if path.span == 0:
+        return pose_fault(scenario, desired_at(motion, 0.0)[0], 0.0, path.place_text(0.0))
+    times = path.instants
+    poses = desired_motions(motion, times)[:, 0]
+    doubtful = np.zeros(len(times), bool)
+    for index in range(len(scenario.arms)):
+        l1, l2, _ = scenario.arms[index].link_length
+        doubtful |= elbow_sine(wrist_reach(scenario, index, poses)[0], l1, l2) < SINGULAR_SINE
+    for k in np.flatnonzero(doubtful)[:1]:
+        return pose_fault(scenario, poses[k], float(times[k]), path.place_text(float(times[k])))
+    return None
+
+
+def _surely_reached(scenario: Scenario) -> bool:
+    """Whether every pose of the path's bounding box keeps both wrists well inside the workspace.
+
+    Most paths pass, and a slider sends twenty a second: a check of every instant takes milliseconds. A wrist moves at most as far
+    as the pose's origin and the chord of its turn; the elbow's sine is least at an end of a range of distances.
+    """
+    path = scenario.trajectory
+    x, y, turn = path.reach
+    for index in range(len(scenario.arms)):
+        arm = scenario.arms[index]
+        l1, l2, l3 = arm.link_length
+        chord = 2 * (scenario.payload.length / 2 + l3) * math.sin(min(turn, math.pi) / 2)
+        middle, moved = float(wrist_reach(scenario, index, np.array(path.middle))[0]), math.hypot(x, y) + chord
+        nearest, farthest = max(middle - moved, 0.0), middle + moved
+        sines = elbow_sine(np.array([nearest, farthest]), l1, l2)
+        if sines.min() < SURE * SINGULAR_SINE:
+            return False
+    return True
+
+
+def same_reach(one: Scenario, other: Scenario) -> bool:
+    """Whether two scenarios need the same reach, so that a check of one holds for the other."""
+    return (
+        one.trajectory == other.trajectory
+        and one.payload.length == other.payload.length
+        and one.left_arm == other.left_arm
+        and one.right_arm == other.right_arm
+    )

@@ -14,34 +14,33 @@ from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim import accuracy, samples
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.build import Beam
-from flexlab.sim.carry_over import take_on
+from flexlab.sim.bumpless_transfer import change_in_motion
 from flexlab.sim.closed_loop import System, scratch_workspace
 from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_axial_impulse, apply_pull, apply_tap
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.motion import begin_motion, restore, state_of
 from flexlab.sim.run_warnings import AxialWarning, axial_warning, pace_warning
-from flexlab.sim.samples import Samples, Status
+from flexlab.sim.samples import Samples, Status, WorldState
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.step_levels import DISTURBED_TICKS
 from flexlab.sim.step_size import other_integrators
+from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.stepping import fill, observe
-from flexlab.sim.world_state import WorldState
 
 
 class World:
-    """One scenario in motion. `advance` moves it, `apply` changes it; both leave it whole when they refuse."""
+    """One scenario in motion. `advance` moves it, `apply` changes it; a change that is refused leaves it as it was."""
 
     def __init__(
         self, scenario: Scenario, tick_period: float = TICK, known: Sequence[Assembly] = (), at_once: bool = False
     ):
         """Build and check; raises `ScenarioError` if the scenario is not valid.
 
-        An unreachable trajectory or start pose is no error but a world whose `status` has failed. `known` and `at_once` as
-        for `apply`.
+        An unreachable trajectory or start pose raises nothing: `status` has failed then. `known` and `at_once` as for `apply`.
         """
-        self._motion = begin_motion(parse_scenario(scenario.model_dump()), tick_period, known, at_once)
+        self._motion = begin_motion(build_assembly(parse_scenario(scenario.model_dump()), tick_period, known, at_once))
 
     @property
     def scenario(self) -> Scenario:
@@ -80,17 +79,17 @@ class World:
 
     @property
     def axial_warning(self) -> AxialWarning:
-        """What the force along the beam, or its spin, did beyond what the model of the beam holds."""
-        return axial_warning(self.scenario.payload, self._motion.estimate.seen)
+        """What the force along the beam, or its spin, did beyond the validity of the beam's model."""
+        return axial_warning(self.scenario.payload, self._motion.estimate.peaks)
 
     @property
     def warnings(self) -> str:
-        """All that is to be said of how far results are to be believed, as sentences; empty: nothing."""
+        """All warnings about the accuracy and validity of the results, as sentences; empty: none."""
         return f"{self.accuracy_warning} {self.axial_warning.text}".strip()
 
     @property
     def pace_warning(self) -> str:
-        """What makes the run slower than real time, and what to change, a sentence; empty: nothing, by an estimate."""
+        """What is estimated to make the run slower than real time, and what to change, a sentence; empty: nothing."""
         assembly = self.assembly
         n, watch = len(assembly.beam.modes.omega), assembly.watch
         settled = not self._motion.y[ETA + 2 * n + TICKS] < DISTURBED_TICKS * watch.disturbed
@@ -122,7 +121,7 @@ class World:
 
     @property
     def first_frequency(self) -> float:
-        """f1 of the payload with its grips held and the mass that it has now, Hz."""
+        """f1 of the payload with its grips held and its present mass, Hz."""
         plant, omega = self.system.plant, float(np.min(self.beam.modes.omega))
         if plant.mass_change is not None:
             omega /= math.sqrt(find_mass_at(plant, self.time, scratch_workspace(self.system)))
@@ -130,7 +129,7 @@ class World:
 
     @property
     def row_length(self) -> int:
-        """Columns of a sample row: changes with arms, mesh and the law's own signals only."""
+        """Columns of a sample row; they depend on arms, mesh and the law's own signals only."""
         return self._motion.row_length
 
     def new_rows(self, count: int) -> np.ndarray:
@@ -181,16 +180,15 @@ class World:
     def apply(self, command: WorldCommand, known: Sequence[Assembly] = (), at_once: bool = False) -> bool:
         """Carry out a command at the present instant; returns whether a new run begins.
 
-        It does when the change cannot be taken on in motion (the world starts anew, at t = 0), when the beam's coordinates get
-        another meaning (another mesh or boundary; time goes on), or when a law with other signals of its own takes over (time
-        and motion go on). Raises `ScenarioError` (and changes nothing) for values
-        that are not valid or a motion that cannot be reached. `known`: assemblies whose parts need no deriving where they fit;
-        the result is the same without them. `at_once`: raise `Unprepared` (and change nothing) instead of deriving what takes
-        long, see `build_assembly`.
+        It does if the change is impossible in motion (the world starts anew at t = 0), if the beam's coordinates change their
+        meaning (another mesh or boundary; time goes on), or if a law with other signals of its own takes over (time and motion
+        go on). Raises `ScenarioError` (and changes nothing) for values that are not valid or a motion that cannot be reached.
+        `known`: assemblies whose parts are shared where they fit; the result is the same without them. `at_once`: raise
+        `Unprepared` (and change nothing) instead of deriving what takes long, see `build_assembly`.
         """
         motion, assembly = self._motion, self.assembly
         if isinstance(command, ChangeScenario):
-            self._motion, begins_anew = take_on(motion, command, known, at_once)
+            self._motion, begins_anew = change_in_motion(motion, command, known, at_once)
             return begins_anew
         if isinstance(command, Pull):
             apply_pull(assembly.system.plant, motion.scenario, assembly.beam, command)

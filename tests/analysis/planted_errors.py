@@ -29,7 +29,7 @@ class PlantedError(NamedTuple):
 PLANTED = (
     PlantedError(
         "payload inertia that an arm drives",
-        "control/load_sharing.py",
+        "control/law_kernels.py",
         "A[1, 2] = s * c * hh, s * hg, -c * hg",
         "A[1, 2] = s * c * hh, s * hg, c * hg",
     ),
@@ -79,13 +79,13 @@ PLANTED = (
     PlantedError("acceleration of the path", "control/paths/sine.py", "= -amplitude * rate", "= amplitude * rate"),
     PlantedError(
         "load that an arm shares",
-        "control/load_sharing.py",
+        "control/law_kernels.py",
         "total = now.G[i, a] + share * f",
         "total = now.G[i, a] + 0.5 * f",
     ),
     PlantedError(
         "velocity terms of the law",
-        "control/load_sharing.py",
+        "control/law_kernels.py",
         "+ now.C[i, a, b] * rate[b]",
         "- now.C[i, a, b] * rate[b]",
     ),
@@ -195,11 +195,11 @@ PLANTED = (
     PlantedError(
         "acceleration of a smooth start", "control/motion.py", "+ desired[1, a] * growth", "- desired[1, a] * growth"
     ),
-    PlantedError("impulse of zvd halved", "control/shapers.py", "[1.0, 2 * k, k * k]", "[1.0, k, k * k]"),
-    PlantedError("impulse of ei-shaper", "control/shapers.py", "(1 - TOLERATED) * k / 2", "(1 + TOLERATED) * k / 2"),
-    PlantedError("time between impulses", "control/shapers.py", "* np.pi / (omega * root)", "* np.pi / omega"),
+    PlantedError("impulse of zvd halved", "control/motion.py", "[1.0, 2 * k, k * k]", "[1.0, k, k * k]"),
+    PlantedError("impulse of ei-shaper", "control/motion.py", "(1 - TOLERATED) * k / 2", "(1 + TOLERATED) * k / 2"),
+    PlantedError("time between impulses", "control/motion.py", "* np.pi / (omega * root)", "* np.pi / omega"),
     PlantedError(
-        "bending fed forward", "control/load_sharing.py", "now.u[i, 0] -= now.share", "now.u[i, 0] += now.share"
+        "bending fed forward", "control/law_kernels.py", "now.u[i, 0] -= now.share", "now.u[i, 0] += now.share"
     ),
     PlantedError(
         "input delay one sample short",

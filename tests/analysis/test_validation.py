@@ -18,8 +18,8 @@ from flexlab.analysis.validation.check import Runs, above, below, close
 from flexlab.analysis.validation.mass_points import time_derivative
 from flexlab.analysis.validation.report import write_report
 from flexlab.control.law import laws
+from flexlab.control.motion import Shaper
 from flexlab.control.path import paths
-from flexlab.control.shapers import Shaper
 from flexlab.errors import StudyError
 from flexlab.physics import beam
 from flexlab.scenario.damping import NodalDamping

@@ -27,7 +27,7 @@ from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.commands import ChangeScenario
-from flexlab.sim.law_memory import memory_parts
+from flexlab.sim.motion import controller_states
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
@@ -70,7 +70,7 @@ def test_joint_torques_and_angles_are_those_of_the_arms():
     )
     world = World(scenario(source, "bad.py"))
     run = world.run(5)
-    parts = memory_parts(world.scenario, world.system, world.state().y)
+    parts = controller_states(world.scenario, world.system, world.state().y)
     angles = run.joint_angle.reshape(6, 6)
     np.testing.assert_allclose(np.exp(1j * parts["angles"]), np.exp(1j * angles[5]), atol=1e-12)
     slopes = [np.polyval(np.polyder(np.polyfit(run.time, angle, 5)), 0.005) for angle in angles.T]

@@ -25,7 +25,7 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.store.run_files import list_runs
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.scenario.choices import options
+from flexlab.scenario.field_text import options
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 from flexlab.sim.commands import ChangeScenario, StepOnce
 from flexlab.sim.runner import Runner

@@ -17,7 +17,7 @@ from flexlab.recording.export import export_run, import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.scenario.choices import options
+from flexlab.scenario.field_text import options
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.simulate import simulate

@@ -7,7 +7,7 @@ from reference.terms import random_scenario, random_state
 
 from flexlab.control.laws.regressor_adaptive import LINKS, PAYLOAD, regressor_adaptive
 from flexlab.scenario import Scenario
-from flexlab.sim.law_memory import outlook
+from flexlab.sim.motion import law_start
 from flexlab.sim.world import World
 
 SPAN = 4e-3
@@ -56,7 +56,7 @@ def test_columns_are_those_of_the_lagrangian(seed: int):
     pose, rate, *_ = random_state(base, np.random.default_rng(seed))
     scenario = base.replace({"initial.pose": tuple(pose), "initial.pose_rate": tuple(rate)})
     world = World(scenario)
-    begin = outlook(scenario, world.system, 0.0, world.state().y, world._motion.workspace, True)
+    begin = law_start(scenario, world.system, 0.0, world.state().y, world._motion.workspace, True)
     assert begin is not None
     now, gains, size = begin.now, begin.gains, PAYLOAD + 2 * LINKS
     slope, (x_d, v_d, a_d) = scenario.controller.sliding_slope, now.desired

@@ -7,12 +7,11 @@ import pytest
 
 from flexlab.analysis.modes import modes
 from flexlab.control.law import laws
-from flexlab.control.shapers import TOLERATED, impulses, residual
+from flexlab.control.motion import TOLERATED, impulses, residual
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.sim.first_mode import first_mode
 from flexlab.sim.simulate import simulate
-from flexlab.sim.target import build_trajectory, desired_at, shaper_impulses
+from flexlab.sim.target import build_trajectory, desired_at, first_mode, shaper_impulses
 
 OMEGA = 2 * np.pi * 45.5
 TABLE = {"zv": (3.2, (15, 17), (35, 44)), "zvd": (14.4, (2.2, 2.7), (12, 20)), "ei-shaper": (20, (2.1, 2.7), (8, 16))}

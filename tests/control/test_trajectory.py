@@ -18,7 +18,7 @@ from flexlab.sim.advance import advance
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.simulate import simulate
 from flexlab.sim.target import build_trajectory, desired_at
-from flexlab.sim.workspace_check import check_trajectory
+from flexlab.sim.termination import check_trajectory
 from flexlab.sim.world import World
 
 three = st.tuples(*[st.floats(-3, 3)] * 3)

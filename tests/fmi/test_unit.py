@@ -136,7 +136,7 @@ def test_the_loop_gives_the_engines_bits(
     assert_same_bits(result[names], run, scenario, ticks)
 
 
-def test_the_path_with_kinks_within_ticks_is_gone_in_pieces():
+def test_the_path_with_discontinuities_within_ticks_is_gone_in_pieces():
     loop = make_part(load_preset("paper").replace(BANG_BANG), "loop", TICK)
     assert {piece.tick for piece in loop.memory.pieces} == {75, 151}
 

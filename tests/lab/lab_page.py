@@ -12,7 +12,7 @@ from waiting import wait_until as wait_until
 from flexlab.lab.scene.beam import GRAB_SIDES
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
-from flexlab.scenario.choices import TITLES, in_words
+from flexlab.scenario.field_text import TITLES, in_words
 from flexlab.sim.commands import Play, SetSpeed
 from flexlab.sockets import free_ports
 

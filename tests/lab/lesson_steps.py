@@ -8,7 +8,7 @@ from lab_page import PATIENCE, LabPage, wait_until
 from playwright.sync_api import Locator
 
 from flexlab.guide import Lesson
-from flexlab.scenario.choices import in_words
+from flexlab.scenario.field_text import in_words
 
 WORDS = {"a": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0}
 NAME = r"\*\*([^*]+)\*\*"

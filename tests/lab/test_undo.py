@@ -15,8 +15,8 @@ from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pause, Play, Pull, SetSpeed
 from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Origin
 from flexlab.sim.world import World
-from flexlab.sim.world_state import Origin
 
 PAPER = Scenario()
 NAMES = preset_names()

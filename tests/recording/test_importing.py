@@ -21,10 +21,9 @@ from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs
 from flexlab.recording.store.run_index import read_row
 from flexlab.sim.commands import ChangeScenario, Tap
-from flexlab.sim.samples import Run, Samples, Status
+from flexlab.sim.samples import Run, Samples, Status, WorldState
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world import World
-from flexlab.sim.world_state import WorldState
 from flexlab.text import visible
 
 

@@ -21,9 +21,9 @@ from flexlab.recording.store.run_files import list_runs
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.runner import Runner
+from flexlab.sim.samples import Origin
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
-from flexlab.sim.world_state import Origin
 from flexlab.text import number_text
 
 OF_THE_PATH = (

@@ -22,8 +22,8 @@ from flexlab.sim.commands import (
     StepOnce,
     Tap,
 )
+from flexlab.sim.samples import Origin, WorldState
 from flexlab.sim.world import World
-from flexlab.sim.world_state import Origin, WorldState
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 pair = st.tuples(finite, finite)

@@ -11,9 +11,8 @@ from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Command
 from flexlab.sim.runner import Runner
-from flexlab.sim.samples import Samples, Status
+from flexlab.sim.samples import Samples, Status, WorldState
 from flexlab.sim.snapshot import Event, Snapshot
-from flexlab.sim.world_state import WorldState
 
 
 @pytest.fixture(autouse=True, scope="session")

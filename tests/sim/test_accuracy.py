@@ -7,7 +7,7 @@ import pytest
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
-from flexlab.sim import accuracy
+from flexlab.sim import accuracy, stepping
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.commands import Tap
 from flexlab.sim.runner import Runner
@@ -120,7 +120,7 @@ def test_the_runner_says_it_once_and_the_snapshot_keeps_it():
 
 
 def test_the_monitor_changes_no_bit_and_block_sizes_change_no_warning(monkeypatch: pytest.MonkeyPatch):
-    """Also with a sampled law, whose held torques and delay line the redone tick must leave alone."""
+    """Also with a sampled law, whose held torques and delay line the repeated tick must leave alone."""
     sampled = {"controller.control_period": 0.002, "controller.input_delay": 1}
     scenario = undamped().replace(sampled)
     whole = World(scenario)
@@ -129,17 +129,17 @@ def test_the_monitor_changes_no_bit_and_block_sizes_change_no_warning(monkeypatc
     parts = np.concatenate([pieces.advance_rows(ticks) for ticks in (1, 63, 1, 7, 128, 200)])
     assert np.array_equal(rows, parts)
     assert whole.accuracy_warning == pieces.accuracy_warning
-    monkeypatch.setattr(accuracy, "redo_tick", lambda *_: None)
+    monkeypatch.setattr(stepping, "repeat_tick", lambda *_: None)
     assert np.array_equal(rows, World(scenario).advance_rows(400))
 
 
 def test_a_jump_of_the_torques_is_looked_at_and_block_sizes_change_nothing(monkeypatch: pytest.MonkeyPatch):
-    """A sampled law on a path with kinks, whose second one is twice the first and long after the looks at the start."""
-    looks: list[int] = []
+    """A sampled law on a path with jumps, the second twice the first and long after the checks at the start."""
+    checks: list[int] = []
     note = accuracy.note
 
     def noted(old: accuracy.Estimate, assembly: Assembly, tick: int, *rest: Any) -> accuracy.Estimate:
-        looks.append(tick)
+        checks.append(tick)
         return note(old, assembly, tick, *rest)
 
     monkeypatch.setattr(accuracy, "note", noted)
@@ -151,13 +151,15 @@ def test_a_jump_of_the_torques_is_looked_at_and_block_sizes_change_nothing(monke
     scenario = load_preset("paper").replace(changes)
     whole = World(scenario)
     samples = whole.advance(600)
-    at_once, looks[:] = list(looks), []
+    at_once, checks[:] = list(checks), []
     pieces = World(scenario)
     parts = [pieces.advance(ticks).joint_torque for ticks in (7, 1, 92, 150, 230, 120)]
-    assert looks == at_once
+    assert checks == at_once
     assert np.array_equal(samples.joint_torque, np.concatenate(parts))
     one, other = whole._motion.estimate, pieces._motion.estimate
-    assert all(map(np.array_equal, (*one._replace(seen=None), *one.seen), (*other._replace(seen=None), *other.seen)))
+    assert all(
+        map(np.array_equal, (*one._replace(peaks=None), *one.peaks), (*other._replace(peaks=None), *other.peaks))
+    )
     torque_changes = np.abs(np.diff(samples.joint_torque, axis=0)).max(axis=(1, 2))
-    kink = 101 + int(np.argmax(torque_changes[100:]))
-    assert {kink, kink + 1, kink + 2} <= set(looks)
+    jump = 101 + int(np.argmax(torque_changes[100:]))
+    assert {jump, jump + 1, jump + 2} <= set(checks)

@@ -6,8 +6,8 @@ import pytest
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
 from flexlab.sim.commands import LoadScenario, Reset
+from flexlab.sim.samples import Origin
 from flexlab.sim.world import World
-from flexlab.sim.world_state import Origin
 
 
 @pytest.fixture(params=["paper", "fast-adaptation"])

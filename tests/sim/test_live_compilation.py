@@ -10,9 +10,10 @@ import pytest
 from flexlab.control.law import laws
 from flexlab.presets import load_preset
 from flexlab.sim import assembly
-from flexlab.sim.assembly import Unprepared, build_assembly
+from flexlab.sim.assembly import Unprepared
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.compile_all import WHILE_OPEN, compile_everything, is_everything_compiled
+from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.world import World
 
 

@@ -6,7 +6,7 @@ import pytest
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.sim.accuracy import LOOKS
+from flexlab.sim.accuracy import CHECKED_TICKS
 from flexlab.sim.step_size import SHORTEST_CHOSEN
 from flexlab.sim.world import World
 
@@ -58,7 +58,7 @@ def test_the_finest_level_is_compared_with_a_finer_one_as_well():
     assert finest == 3
     world.run(12)
     assert world.step == pytest.approx(world.assembly.steps.step / 2**finest)
-    assert world._motion.estimate.looked == LOOKS[4]
+    assert world._motion.estimate.checked == CHECKED_TICKS[4]
 
 
 def test_the_implicit_integrator_keeps_its_steps():

@@ -6,9 +6,9 @@ import pytest
 
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.sim.assembly import build_assembly
 from flexlab.sim.sampled_control import Sampling, gaussian, measure_beam
 from flexlab.sim.simulate import simulate
+from flexlab.sim.step_trial import build_assembly
 
 COUNT = 20_000
 

@@ -13,7 +13,7 @@ from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
 CLAMPED = {"payload.boundary": "clamped-clamped", "payload.bending_stiffness": 5e5}
-KINKED = {"trajectory": {"kind": "bang-bang", "start": 0.1}, "payload.bending_stiffness": 3e5}
+DISCONTINUOUS = {"trajectory": {"kind": "bang-bang", "start": 0.1}, "payload.bending_stiffness": 3e5}
 
 
 def errors(scenario: Scenario, step: float, ticks: int) -> tuple[Samples, float, float]:
@@ -27,7 +27,7 @@ def errors(scenario: Scenario, step: float, ticks: int) -> tuple[Samples, float,
     )
 
 
-@pytest.mark.parametrize("changes", [CLAMPED, KINKED, {**CLAMPED, "controller.control_period": 0.002}])
+@pytest.mark.parametrize("changes", [CLAMPED, DISCONTINUOUS, {**CLAMPED, "controller.control_period": 0.002}])
 def test_a_stiff_beam_is_right_at_the_automatic_step(changes: dict):
     scenario = load_preset("paper").replace(changes)
     world = World(scenario)
@@ -50,7 +50,7 @@ def test_torques_at_their_limits_keep_the_accuracy():
 def test_a_given_step_is_kept_and_one_that_is_enough_is_not_halved():
     given = load_preset("paper").replace({**CLAMPED, "simulation.step": 1e-4})
     assert World(given).step == pytest.approx(1e-4)
-    assert World(load_preset("paper")).assembly.whole is None
+    assert World(load_preset("paper")).assembly.unrefined is None
 
 
 def test_steps_do_not_depend_on_what_was_known_before():
@@ -59,7 +59,7 @@ def test_steps_do_not_depend_on_what_was_known_before():
     before.advance(20)
     before.apply(ChangeScenario(CLAMPED))
     fresh = World(scenario)
-    assert fresh.assembly.whole is not None
+    assert fresh.assembly.unrefined is not None
     assert before.assembly.steps == fresh.assembly.steps == World(scenario, known=[fresh.assembly]).assembly.steps
     before.apply(ChangeScenario({"payload.bending_stiffness": 100.0, "payload.boundary": "pinned-pinned"}))
     assert before.assembly.steps == World(load_preset("paper")).assembly.steps

@@ -22,7 +22,7 @@ from flexlab.control.path import Trajectory, paths
 from flexlab.guide import chapters
 from flexlab.quantities import Quantity, describe
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_names import value_paths
+from flexlab.scenario.validation_errors import value_paths
 from flexlab.sim.signals import known_signals
 from flexlab.text import number_text
 

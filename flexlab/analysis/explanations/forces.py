@@ -4,7 +4,7 @@ import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, newest
-from flexlab.sim.run_warnings import Survey, axial_warning
+from flexlab.sim.run_warnings import Peaks, axial_warning
 from flexlab.sim.termination import arm_name, elbow_sine, wrist_reach
 
 UNEXPLAINED = 0.5
@@ -55,7 +55,7 @@ def wanted_force(seen: Evidence) -> str | None:
 def axial_load(seen: Evidence) -> str | None:
     """The model of the beam leaves out, or ends with, what the force along it does."""
     samples = seen.samples
-    peaks = Survey(load_share=float(samples.axial_load_share.max()), spin_share=float(samples.spin_share.max()))
+    peaks = Peaks(load_share=float(samples.axial_load_share.max()), spin_share=float(samples.spin_share.max()))
     return axial_warning(seen.scenario.payload, peaks).text or None
 
 

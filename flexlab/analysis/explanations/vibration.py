@@ -7,7 +7,7 @@ from flexlab.analysis.lesson_measures import largest, length, newest, ring_frequ
 from flexlab.analysis.metrics.residual_vibration import ResidualVibration
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.modes import Ring
-from flexlab.control.shapers import TOLERATED
+from flexlab.control.motion import TOLERATED
 from flexlab.sim.samples import Samples
 
 RINGING = 2e-5

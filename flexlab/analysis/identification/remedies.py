@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlab.analysis.identification.ring import RingFit
-from flexlab.control.shapers import impulses, residual
+from flexlab.control.motion import impulses, residual
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam
 

@@ -11,10 +11,9 @@ import numpy as np
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
-from flexlab.scenario.choices import TITLES, options
-from flexlab.scenario.field_names import field_paths, value_paths
+from flexlab.scenario.field_text import TITLES, options
 from flexlab.scenario.settings import parse_value
-from flexlab.scenario.validation_errors import LONGEST, unknown_field
+from flexlab.scenario.validation_errors import LONGEST, field_paths, unknown_field, value_paths
 from flexlab.text import visible
 
 LINEAR, LOGARITHMIC = "lin", "log"

@@ -105,7 +105,7 @@ def _rates(words: str, times: np.ndarray, kind: str, **changes: Any) -> Iterator
     """ẋ_d and ẍ_d against differences of x_d and ẋ_d, but for instants next to a jump."""
     path, motion = _motion(kind, **changes)
     found = poses(motion, times)
-    jumps = np.array([*path.kinks, *motion.kinks, np.inf])
+    jumps = np.array([*path.discontinuities, *motion.discontinuities, np.inf])
     clear = np.abs(times[:, None] - jumps).min(axis=1) > CLEAR
     for order, name in ((1, "ẋ_d"), (2, "ẍ_d")):
         before = poses(motion, (times[:, None] + STEP * np.array([-2, -1, 1, 2])).ravel())[:, order - 1]

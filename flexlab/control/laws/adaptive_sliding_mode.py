@@ -18,7 +18,7 @@ from flexlab.compiled import inlined, pluggable
 from flexlab.control.conditions import Circumstances, Condition, within_layer
 from flexlab.control.controller import Controller
 from flexlab.control.law import BOUND_ESTIMATES, Law
-from flexlab.control.load_sharing import drive_arms
+from flexlab.control.law_kernels import drive_arms
 from flexlab.control.sliding_surface import aim_at_surface, layer_of, layer_rate, slope_of
 from flexlab.quantities import Number, OneOrThree, Triple, quantity
 

@@ -153,7 +153,7 @@ _variants: dict[tuple[str, tuple[Memory, ...]], tuple[Law, Law]] = {}
 
 def _with_slow(slow: Law, own: tuple[Memory, ...]) -> Law:
     """The law with a slow part and an observer's memory."""
-    start, carry = slow.start, slow.carry
+    start, transfer = slow.start, slow.bumpless_transfer
 
     def alone(given: Start) -> Start:
         gains = np.array(given.gains.slow_gains[: int(given.gains.slow_gain_count)])
@@ -164,7 +164,7 @@ def _with_slow(slow: Law, own: tuple[Memory, ...]) -> Law:
         memory=(*slow.memory, *own),
         signals=slow.signals,
         start=start and (lambda given: start(alone(given))),
-        carry=carry and (lambda before, given, memory: carry(alone(before), alone(given), memory)),
+        bumpless_transfer=transfer and (lambda before, given, memory: transfer(alone(before), alone(given), memory)),
     )
 
 

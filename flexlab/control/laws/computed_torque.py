@@ -7,7 +7,7 @@ import numpy as np
 from flexlab.compiled import pluggable
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law
-from flexlab.control.load_sharing import drive_arms
+from flexlab.control.law_kernels import drive_arms
 from flexlab.quantities import OneOrThree, quantity
 
 

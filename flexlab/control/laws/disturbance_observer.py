@@ -20,7 +20,7 @@ from flexlab.compiled import inlined, pluggable
 from flexlab.control.conditions import SEPARATION, Circumstances, Condition, n
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law, Memory, Start
-from flexlab.control.load_sharing import drive_arms, share_payload
+from flexlab.control.law_kernels import drive_arms, share_payload
 from flexlab.control.sliding_surface import aim_at_surface, layer_rate, slope_of
 from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.signal import AXIS, Signal
@@ -111,8 +111,8 @@ def start(begin: Start) -> dict[str, np.ndarray]:
     return {"momentum_at_start": _momentum_ahead(begin)}
 
 
-def carry(before: Start, begin: Start, memory: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Keep d̂ where the gain or the believed inertia is changed in motion."""
+def bumpless_transfer(before: Start, begin: Start, memory: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Keep d̂ when the gain or the believed inertia is changed in motion."""
     known = memory["momentum_integral"]
     d_hat = before.gains.observer_gain * (_momentum_ahead(before) - memory["momentum_at_start"] - known)
     passed = d_hat / begin.gains.observer_gain if begin.gains.observer_gain > 0 else np.zeros(3)
@@ -138,7 +138,7 @@ LAW = Law(
     ),
     start=start,
     untouched=("feedback_gain", "sliding_slope", "observer_gain"),
-    carry=carry,
+    bumpless_transfer=bumpless_transfer,
     conditions=conditions,
     sliding_slope=slope_of,
     place=16,

@@ -25,7 +25,7 @@ from flexlab.compiled import pluggable
 from flexlab.control.conditions import Circumstances, Condition, n
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law
-from flexlab.control.load_sharing import drive_arms
+from flexlab.control.law_kernels import drive_arms
 from flexlab.control.observers.believed_plant import believed_plant, hold
 from flexlab.control.observers.kalman import (
     KalmanObserver,

@@ -15,7 +15,7 @@ from flexlab.compiled import pluggable
 from flexlab.control.conditions import Circumstances, Condition, n
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law
-from flexlab.control.load_sharing import drive_arms
+from flexlab.control.law_kernels import drive_arms
 from flexlab.control.sliding_surface import aim_at_surface, layer_of, layer_rate, slope_of
 from flexlab.quantities import Number, OneOrThree, quantity
 

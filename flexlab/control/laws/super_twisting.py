@@ -20,7 +20,7 @@ from flexlab.compiled import pluggable
 from flexlab.control.conditions import Circumstances, Condition, n
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law, Memory
-from flexlab.control.load_sharing import drive_arms
+from flexlab.control.law_kernels import drive_arms
 from flexlab.control.rates import largest_ratio
 from flexlab.control.sliding_surface import aim_at_surface, layer_of, sliding_variable, slope_of
 from flexlab.quantities import Number, OneOrThree, quantity

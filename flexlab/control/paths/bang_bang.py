@@ -21,7 +21,7 @@ class BangBang(StraightLine):
         return True
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def discontinuities(self) -> tuple[float, ...]:
         """Where it starts, turns to braking and stops."""
         return self.start, self.start + 0.5 * self.duration, self.span
 

@@ -18,7 +18,7 @@ class RestToRest(StraightLine):
     kind: Literal["rest-to-rest"] = "rest-to-rest"
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def discontinuities(self) -> tuple[float, ...]:
         """The jerk's, at both ends."""
         return self.window
 

@@ -88,7 +88,7 @@ class Table(Trajectory):
         return self.ends == "free"
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def discontinuities(self) -> tuple[float, ...]:
         """Both ends: between them the spline is smooth."""
         return self.window
 

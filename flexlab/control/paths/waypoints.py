@@ -68,7 +68,7 @@ class Waypoints(Trajectory):
         return self.span
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def discontinuities(self) -> tuple[float, ...]:
         """Where a phase of constant jerk begins."""
         return tuple((self.start + self.phases()[:, 0]).tolist())
 

@@ -15,7 +15,7 @@ from flexlab.lab.panel.number_control import LIVE_HINTS, NumberControl, Numbers
 from flexlab.lab.widgets import handler
 from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Scenario
-from flexlab.scenario.choices import TITLES, in_words, options, word_of
+from flexlab.scenario.field_text import TITLES, in_words, options, word_of
 from flexlab.scenario.settings import PERIOD, USUAL_PERIOD, with_period_if_needed
 from flexlab.text import number_text
 

@@ -13,7 +13,7 @@ from flexlab.errors import LabError
 from flexlab.guide import ClassRules, LessonProgress
 from flexlab.recording.live import LiveHub
 from flexlab.scenario import Scenario
-from flexlab.sim.world_state import Origin
+from flexlab.sim.samples import Origin
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from flexlab.analysis.sweep.result import TABLE, Sweep, read_part, run_sweep
 from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.scenario import Scenario
-from flexlab.scenario.choices import TITLES
+from flexlab.scenario.field_text import TITLES
 from flexlab.scenario.settings import change_settings
 from flexlab.server.study import (
     ELSEWHERE,

@@ -1,1 +1,1 @@
-"""Time integrators, one file each; `step.integrate` chooses by the number in a `Scheme`."""
+"""Time integrators, one file each; `step.take_stage` calls the one whose constants a `Scheme` holds."""

@@ -1,8 +1,8 @@
-"""The beam's exact motion over a step on grips whose acceleration is linear in time: its true rates and its loss.
+"""The beam's exact motion over a step with grips whose acceleration is linear in time: its true rates and its loss.
 
-A Runge-Kutta sum knows η̇ = π - h v2 - g ω to the order of the step; damping multiplies what it does not know by D, up to
-10⁹ 1/s, so that a force Dη̇ or a power η̇ᵀDη̇ made from it means nothing for modes that are damped faster than the step. In
-the frame of the virtual link the beam is linear, with b = (v̇2 + ω v1 + gravity cos θ, ω̇) and C = (h, g):
+A Runge-Kutta sum gives η̇ = π - h v2 - g ω to the order of the step. Damping multiplies its error by D, up to 10⁹ 1/s, so that the
+force Dη̇ and the power η̇ᵀDη̇ made from it are meaningless for modes that are damped faster than the step. In the frame of the
+virtual link the beam is linear, with b = (v̇2 + ω v1 + gravity cos θ, ω̇) and C = (h, g):
 
     η̈ + Dη̇ + Ω²η = f - C b(s),   b = b0 + b1 s,   f: centrifugal force, constant over the step, and -K_G η, linear in it.
 
@@ -11,22 +11,22 @@ the order of Simpson's rule). With η* = Ω⁻²(f - C b) and E(s) = ½|η̇|² 
 
     ∫η̇ᵀDη̇ ds = E(0) - E(h) + (f1 - C b1)ᵀΩ⁻²(Δη̇ + DΔη),      f1: slope of f,
 
-whatever the stiffness of a mode: no mode is too fast for it. It is not the defect of the balance of energies: nothing in it
-comes from the new state that the integrator finds. Only while a hand holds the beam, whose force is not among these, the loss is
-that defect (`sim.advance`).
+whatever the stiffness of a mode: no mode is too fast for it. It is not the defect of the energy balance, as it uses nothing of
+the new state that the integrator finds. Only while a hand holds the beam, whose force is not among these, the loss is that
+defect (`sim.advance`).
 
-Where a sample is taken, b is the parabola that keeps its mean and begins and ends at the accelerations that the rates at these
-instants give: a fast damped mode's η̇ follows the slope of b, which the velocity in the middle tells to first order only. Where
-the inputs jump at that very instant, b ends at the acceleration that they gave until then. Where its beginning is not known,
-as after a start, the parabola misses the line by as much at both ends.
+Where a sample is taken, b is the parabola with the same mean that begins and ends at the accelerations from the rates at these
+instants: η̇ of a fast damped mode follows the slope of b, which the velocity in the middle gives to first order only. If the
+inputs jump at that instant, b ends at the acceleration before the jump. If its beginning is unknown, as after a start, the
+parabola deviates from the line by the same at both ends.
 
-What moves a beam of many coupled modes is said in a few numbers, so that matrix functions act on it at a fraction of their price.
-Without its linear part the beam's rate is, as `physics.plant` has it,
+A few numbers determine what moves a beam of many coupled modes, so that matrix functions act on it at a fraction of their cost.
+Without its linear part the beam's rate is, by `physics.plant`,
 
     N = (-h, Dh) v2 + (-g, Dg) ω + (0, -h) (ω v1 + gravity cos θ) + (0, s),    s = ω²η + what a hand puts on it,
 
-so that φ(hL) N needs the answers to three fixed forces, and of the rest only the columns of modes in which s is anything:
-rotation takes ω²/Ω² of a mode's stiffness. A dense product of the whole reads more numbers than a processor keeps close.
+so that φ(hL) N needs the responses to three fixed forces, and otherwise only the columns of modes in which s is notable: rotation
+takes ω²/Ω² of a mode's stiffness. A dense product of all reads more numbers than fit into a processor's cache.
 """
 
 import numpy as np
@@ -39,7 +39,7 @@ from flexlab.physics.dynamics import acceleration, beam_is_held, block_product
 from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, G, H
 
 FEWEST_COUPLED = 16
-"""Modes that damping couples from which on this pays: with fewer, whole matrices are as fast."""
+"""Number of coupled modes from which on this pays: with fewer, dense matrices are as fast."""
 
 
 COMMON = 3
@@ -47,12 +47,12 @@ COMMON = 3
 
 
 def is_factored(block_start: np.ndarray) -> bool:
-    """Whether a beam with these blocks of modes is moved this way."""
+    """Whether a beam with these blocks of modes is moved by its responses to fixed forces."""
     return int(np.diff(block_start).max(initial=0)) >= FEWEST_COUPLED
 
 
 def forced_columns(function: np.ndarray, damping: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """Of one block φ (2k, 2k) in (η, π) times the fixed forces, then times a unit force on each mode, (3 + k, 2k)."""
+    """φ (2k, 2k) of one block, in (η, π), times the fixed forces, then times a unit force on each mode, (3 + k, 2k)."""
     k = len(damping)
     moving = np.concatenate([-loads, product(loads, damping.T)], axis=1)
     common = np.concatenate([moving, [np.concatenate([np.zeros(k), -loads[0]])]])
@@ -60,9 +60,9 @@ def forced_columns(function: np.ndarray, damping: np.ndarray, loads: np.ndarray)
 
 
 def soft_modes(omega: np.ndarray, block_start: np.ndarray) -> np.ndarray:
-    """How many modes of each block, which stand in ascending order, rotation is notable in, (blocks,).
+    """Number of modes in each block, ordered by frequency, in which rotation is notable, (blocks,).
 
-    Of those above `STIFF_MODE` it takes about a billionth of the stiffness, at 10 rad/s.
+    Above `STIFF_MODE` it takes about a billionth of the stiffness, at 10 rad/s.
     """
     blocks = zip(block_start[:-1], block_start[1:], strict=True)
     return np.array([np.count_nonzero(omega[low:high] <= STIFF_MODE) for low, high in blocks], dtype=np.int64)
@@ -70,7 +70,7 @@ def soft_modes(omega: np.ndarray, block_start: np.ndarray) -> np.ndarray:
 
 @inlined
 def factor_rates(plant, ws, N):
-    """Write over the beam's part of rates N what they are made of: v2, ω and the lift in place of its first η̇, s for its π̇."""
+    """Overwrite the beam's part of rates N with their factors: v2, ω and the lift in place of its first η̇, s in that of π̇."""
     n, c, s, v = plant.modal.shape[1], ws.arm.trig[0], ws.arm.trig[1], ws.velocity
     lateral, turn, lift = c * v[1] - s * v[0], v[2], v[2] * (c * v[0] + s * v[1]) + plant.gravity * c
     for k in range(n):
@@ -91,9 +91,9 @@ def add_two(a, column, b, other, on_eta, on_pi):
 
 @disjoint
 def add_four(a, b, columns, c, d, others, on_eta, on_pi):
-    """Add four columns (2k,) times four numbers to η and π (k,); two columns each stand one behind the other.
+    """Add four columns (2k,) times four numbers to η and π (k,); `columns` and `others` hold two each.
 
-    No element meets another: however many of them a vector unit takes at once, the bits are the same.
+    Elements are independent: the bits are the same however many of them a vector unit takes at once.
     """
     k = len(on_eta)
     a1, a2, b1, b2 = columns[:k], columns[k : 2 * k], columns[2 * k : 3 * k], columns[3 * k : 4 * k]
@@ -106,9 +106,9 @@ def add_four(a, b, columns, c, d, others, on_eta, on_pi):
 
 @inlined
 def add_forced(starts, n, forced, soft, hand_pulls, z, out):
-    """out += φ N of two beams' (η, π), (2 n_m,), of rates z as `factor_rates` leaves them.
+    """out += φ N in (η, π), (2 n_m,), for rates z that `factor_rates` has overwritten.
 
-    `forced`: `forced_columns`, block after block. `soft`: of each block, as `soft_modes`; a hand at the beam may move all.
+    `forced`: `forced_columns`, block after block. `soft`: `soft_modes`; a hand at the beam may move all modes.
     """
     at = 0
     for block in range(len(starts) - 1):
@@ -117,7 +117,7 @@ def add_forced(starts, n, forced, soft, hand_pulls, z, out):
         common, own = forced[at : at + 2 * COMMON * k], forced[at + 2 * COMMON * k : at + 2 * (COMMON + k) * k]
         add_two(z[0], common, z[1], common[2 * k :], on_eta, on_pi)
         moved = k if hand_pulls else soft[block]
-        # The lift, and with it the first mode's force, so that the others go by fours.
+        # The lift together with the first mode's force, so that the others can be added by fours.
         add_two(z[2], common[4 * k :], force[0], own, on_eta, on_pi)
         j = 1
         while j + 3 < moved:
@@ -140,30 +140,29 @@ def add_forced(starts, n, forced, soft, hand_pulls, z, out):
 
 
 ROWS = 19
-"""Rows of `Etdrk4.flow`: for lateral, then angular b: η and η̇ at the step's end under b = 1, then under b = s."""
+"""Rows of `Etdrk4.flow`. The first: η and η̇ at the step's end for b = 1, then for b = s, lateral and angular each."""
 DAMPED, BEGUN, BEGUN_FORCE, MET, MET_FORCE, FAST = 8, 10, 12, 14, 16, 18
-"""Further rows, two each: DΩ⁻²h and DΩ⁻²g; of fast modes only, η̇ at the step's end under the parabola that changes the mean of b
-by nothing, its beginning by 1 and its end by nothing, and D times that; the same for the end. Last: 1 for a fast mode, else 0."""
+"""Further rows, two each: DΩ⁻²h and DΩ⁻²g; for fast modes only, η̇ at the step's end for the parabola of mean 0 that begins at
+1 and ends at 0, and D times that; the same for the one that begins at 0 and ends at 1. Last: 1 for a fast mode, else 0."""
 
 FAST_DAMPING = 3.0
-"""Step times D of a mode from which on the flow knows its η̇ better than the integrator, which has the higher order."""
+"""Step times D of a mode from which on the flow gives a better η̇ than the integrator, although of lower order."""
 
 TICKS = 2
-"""Place behind η and π of the number of ticks since the state was set by a start, a tap or a change; none: not a number."""
+"""Index behind η and π of the number of ticks since a start, a tap or a change set the state; NaN: none."""
 
 SAVED = 9
-"""Row of `Workspace.stage` that keeps η, η̇ and f of a step's beginning, and at its end the grips' motion."""
+"""Row of `Workspace.stage` that keeps η, η̇ and f of a step's beginning; its last entries keep the grips' motion."""
 START, MIDDLE = -6, -3
-"""Where in that row v2, ω and the part of b that is no derivative, ω v1 + gravity cos θ, stand for these instants."""
+"""Index in that row of v2, ω and the part of b that is no derivative, ω v1 + gravity cos θ, at these instants."""
 BEGINNING, LINE = -8, -10
-"""Where in that row two things stand for the beginning of a tick's last step: b, not a number where it is not known; and what
-the line through the step gives for it."""
+"""Index in that row of two values for the beginning of a tick's last step: b, NaN if unknown, and what the line gives for it."""
 
 
 def flow_rows(
     omega: np.ndarray, damping: np.ndarray, loads: np.ndarray, phi: tuple[np.ndarray, ...], dt: float
 ) -> np.ndarray:
-    """Part of `Etdrk4.flow` (19, k) of one block: its ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
+    """Columns of `Etdrk4.flow` (19, k) for one block with ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
     k = len(omega)
     rows = np.zeros((ROWS, k))
     _, phi1, phi2, phi3 = phi
@@ -208,9 +207,9 @@ def begin_flow(plant, y, ws):
 
 @inlined
 def end_flow(plant, flow, dt, free, y, ws):
-    """Add the loss of the step that ends in y and note η̇ and b of its end behind the state, after `find_state` of y.
+    """Add the loss of the step that ends in y, and note η̇ and b of its end behind the state, after `find_state` of y.
 
-    `free`: (η, π) at the step's end had the grips kept their velocity.
+    `free`: (η, π) at the step's end if the grips had kept their velocity.
     """
     n = plant.modal.shape[1]
     kept, rate, b = ws.stage[SAVED], y[ETA + 2 * n + 3 : ETA + 3 * n + 3], y[ETA + 2 * n : ETA + 2 * n + 2]
@@ -256,7 +255,7 @@ def end_flow(plant, flow, dt, free, y, ws):
 
 @inlined
 def has_fast_modes(flow):
-    """Whether a mode is damped faster than the step."""
+    """Whether any mode is damped faster than the step."""
     fast = 0.0
     for k in range(flow.shape[1]):
         fast += flow[FAST, k]
@@ -265,7 +264,7 @@ def has_fast_modes(flow):
 
 @inlined
 def present_b(plant, u, y, ws, b):
-    """Fill b (2,) from the acceleration that the noted η̇ and inputs u (arms, 3) give, after `find_state` of y."""
+    """Fill b (2,) from the acceleration for the noted η̇ and inputs u (arms, 3), after `find_state` of y."""
     n = plant.modal.shape[1]
     x_ddot, c, s = ws.stage[8, 0:3], ws.arm.trig[0], ws.arm.trig[1]
     acceleration(plant, y, y[ETA + 2 * n + 3 : ETA + 3 * n + 3], ws.w_bar[0], ws.beam_rate[0], u, ws, x_ddot)
@@ -274,7 +273,7 @@ def present_b(plant, u, y, ws, b):
 
 @inlined
 def note_beginning(plant, flow, last, y, ws):
-    """Keep b of the beginning of a tick's `last` step, where the modes' true rates are known; of another one nothing."""
+    """Keep b of the beginning of a tick's `last` step if the modes' true rates are known; NaN otherwise."""
     n, b = plant.modal.shape[1], ws.stage[SAVED, BEGINNING : BEGINNING + 2]
     b[0] = np.nan
     if last and has_fast_modes(flow) and np.isfinite(y[ETA + 2 * n + 3]):
@@ -283,9 +282,9 @@ def note_beginning(plant, flow, last, y, ws):
 
 @inlined
 def meet_acceleration(plant, flow, u, y, ws):
-    """Let b end at the present acceleration in the noted η̇, after `end_flow`; u (arms, 3): the inputs up to this instant.
+    """Correct the noted η̇ so that b ends at the present acceleration, after `end_flow`; u (arms, 3): inputs up to this instant.
 
-    A mode as fast as the step has followed those, and not what a controller asks for from this instant on.
+    Fast modes have followed these inputs, and not those that a controller asks for from this instant on.
     """
     n = plant.modal.shape[1]
     b, rate, found, across = (
@@ -310,7 +309,7 @@ def meet_acceleration(plant, flow, u, y, ws):
         on_h = flow[MET_FORCE, k] + unknown * flow[BEGUN_FORCE, k]
         on_g = flow[MET_FORCE + 1, k] + unknown * flow[BEGUN_FORCE + 1, k]
         hh, hg, gh, gg = hh + h * on_h, hg + h * on_g, gh + g * on_h, gg + g * on_g
-    # What a unit more at the end changes of the acceleration itself, through the force Dη̇ on the grips: S⁻¹ of (h, g)ᵀ(Dη̇).
+    # Change of the acceleration itself by one unit at the end, through the force Dη̇ on the grips: S⁻¹ (h, g)ᵀ(Dη̇).
     across[0], across[1], across[2] = -s, c, 0.0
     solve_symmetric(ws.S, across)
     W_hh, W_gh = c * across[1] - s * across[0], across[2]

@@ -1,16 +1,16 @@
 """Exponential time differencing of order 4 (Krogstad, J. Comput. Phys. 203 (2005) 72-88, Eq. 51).
 
-The beam's linear part d/dt (η, π) = (π, -Ω²η - Dπ) is propagated exactly, so the step is set by the motion and not by the
-stiffest mode. Everything else has no linear part and is advanced by the classical Runge-Kutta formulas, which are the
-same formulas with φ_k(0) = 1/k!. With L the linear part and N the rest:
+The beam's linear part d/dt (η, π) = (π, -Ω²η - Dπ) is propagated exactly, so that the motion and not the stiffest mode limits
+the step. All other states have no linear part: the formulas, with φ_k(0) = 1/k!, become those of the classical Runge-Kutta
+method. With L the linear part and N the rest:
 
     a = e^{hL/2} y + ½h φ1(½hL) N1
     b = a + h φ2(½hL) (N2 - N1)
     c = e^{hL} y + h φ1(hL) N1 + 2h φ2(hL) (N3 - N1)
     y⁺ = e^{hL} y + h φ1(hL) N1 + h φ2(hL) (-3N1 + 2N2 + 2N3 - N4) + 4h φ3(hL) (N1 - N2 - N3 + N4)
 
-and e^{hL} y + h φ1(hL) N1 = e^{hL/2} a + ½h φ1(½hL) N1, which saves two matrix functions. Of a beam whose damping couples many
-modes only e^{hL/2} is a dense matrix; for the others see `forced_columns`.
+and e^{hL} y + h φ1(hL) N1 = e^{hL/2} a + ½h φ1(½hL) N1, which saves two matrix functions. If damping couples many modes, only
+e^{hL/2} is a dense matrix; for the others see `forced_columns`.
 """
 
 from collections.abc import Sequence
@@ -41,18 +41,18 @@ HALF_PHI1, HALF_PHI2, PHI2, PHI3, HALF_EXP = range(5)
 """½h φ1(½hL), h φ2(½hL), h φ2(hL), h φ3(hL), e^{hL/2}: rows of `Etdrk4.operators`, or all but the last of `Etdrk4.forced`."""
 
 FREE = 7
-"""Row of `Workspace.stage` that after a step holds e^{hL} y + h φ1(hL) N1: the beam had nothing changed for it."""
+"""Row of `Workspace.stage` that holds e^{hL} y + h φ1(hL) N1 after a step: the beam with N constant."""
 
 NEXT = np.uint64(1)
 
 HALVINGS_KEPT = 8
-"""Steps h, h/2, … whose matrix functions are kept: more than the levels that a disturbance asks for."""
+"""Number of steps h, h/2, … whose matrix functions are kept: more than the levels after a disturbance."""
 
 
 def block_functions(
     omega: np.ndarray, damping: np.ndarray, block_start: np.ndarray, dt: float
 ) -> list[list[Functions]]:
-    """Of each block of modes φ0 to φ3(hL) in (ωη, π) for h = dt, dt/2, …: at least two, at most `HALVINGS_KEPT`."""
+    """φ0 to φ3(hL) of each block of modes in (ωη, π) for h = dt, dt/2, …: at least two, at most `HALVINGS_KEPT`."""
     sizes, found = np.diff(block_start), [[]] * (len(block_start) - 1)
     for k in sorted(set(sizes.tolist())):
         alike = np.flatnonzero(sizes == k)
@@ -76,9 +76,9 @@ def beam_operators(
     dt: float,
     functions_at: Sequence[Sequence[Functions]],
 ) -> Etdrk4:
-    """The matrix functions of the beam's linear part for step dt, and what `beam_flow` needs of it.
+    """The matrix functions of the beam's linear part for step dt, and the constants of `beam_flow`.
 
-    loads: Vᵀh and Vᵀg, (2, n_m); functions_at: of each block those of `block_functions` for dt and dt/2.
+    loads: Vᵀh and Vᵀg, (2, n_m); functions_at: for each block the `block_functions` of dt and dt/2.
     """
     whole, forced, flows, factored = [], [], [], is_factored(block_start)
     for low, high, (full, half) in zip(block_start[:-1], block_start[1:], functions_at, strict=True):
@@ -102,8 +102,8 @@ def beam_operators(
 
 @disjoint
 def add_pair(own, eta, pi, z, out):
-    """`add_product` of one block of two modes, `own` (16,), whose η and π begin at the places eta and pi."""
-    # Unsigned places: none is looked at for being negative, which took longer than the product.
+    """`add_product` for one block of two modes, `own` (16,); eta and pi: indices of its first η and π."""
+    # Unsigned indices are not tested for being negative, which took longer than the product.
     a, b, c, d = z[eta], z[eta + NEXT], z[pi], z[pi + NEXT]
     first = out[eta] + ((a * own[0] + b * own[4]) + (c * own[8] + d * own[12]))
     second = out[eta + NEXT] + ((a * own[1] + b * own[5]) + (c * own[9] + d * own[13]))
@@ -114,9 +114,9 @@ def add_pair(own, eta, pi, z, out):
 
 @inlined
 def add_product(block_start, n, operator, z, out):
-    """out += operator z of two beams' (η, π), (2 n_m,), block by block, of which `operator` has all columns."""
+    """out += operator z for z and out in (η, π), (2 n_m,), block by block; `operator` has all columns."""
     # Slices, not offsets: only for them does the compiler know that no index is negative, and use its vector units.
-    if len(block_start) == n + 1:  # No mode is coupled with another.
+    if len(block_start) == n + 1:  # No modes are coupled.
         eta, pi, on_eta, on_pi = z[:n], z[n:], out[:n], out[n:]
         for k in range(n):
             on_eta[k] += operator[4 * k] * eta[k] + operator[4 * k + 2] * pi[k]
@@ -125,7 +125,7 @@ def add_product(block_start, n, operator, z, out):
     at = 0
     for block in range(len(block_start) - 1):
         low, k = block_start[block], block_start[block + 1] - block_start[block]
-        if k == 2:  # As of two elements: what follows, without the price of loops.
+        if k == 2:  # As with two elements: the same without the cost of loops.
             add_pair(operator[at : at + 16], np.uint64(low), np.uint64(low + n), z, out)
             at += 16
             continue
@@ -142,7 +142,7 @@ def add_product(block_start, n, operator, z, out):
 
 @disjoint
 def classical_stage(stage, dt, N1, N2, N3, N4, z, y):
-    """`next_stage` for a part of the state that has no linear part: the classical Runge-Kutta formulas."""
+    """`next_stage` for states without a linear part: the classical Runge-Kutta formulas."""
     if stage == 0:
         for i in range(len(y)):
             z[i] = y[i] + dt / 2 * N1[i]
@@ -159,7 +159,7 @@ def classical_stage(stage, dt, N1, N2, N3, N4, z, y):
 
 @inlined
 def add_rates(plant, etdrk4, function, z, out):
-    """out += the matrix function of this name times rates (or of HALF_EXP (η, π)) z, of two beams' (η, π), (2 n_m,)."""
+    """out += a matrix function times rates z, or for HALF_EXP times (η, π); z and out: (2 n_m,)."""
     n = plant.modal.shape[1]
     if etdrk4.forced.shape[1] > 0 and function != HALF_EXP:
         add_forced(plant.block_start, n, etdrk4.forced[function], etdrk4.soft_modes, beam_is_held(plant), z, out)
@@ -169,7 +169,7 @@ def add_rates(plant, etdrk4, function, z, out):
 
 @disjoint
 def first_rise(N1, N2, a, d, z):
-    """Set out for b: d = N2 - N1, z = a."""
+    """Prepare b: d = N2 - N1, z = a."""
     for i in range(len(z)):
         d[i] = N2[i] - N1[i]
         z[i] = a[i]
@@ -177,7 +177,7 @@ def first_rise(N1, N2, a, d, z):
 
 @disjoint
 def second_rise(N1, N3, whole, d, z):
-    """Set out for c: d = 2 (N3 - N1), z = e^{hL} y + h φ1(hL) N1."""
+    """Prepare c: d = 2 (N3 - N1), z = e^{hL} y + h φ1(hL) N1."""
     for i in range(len(z)):
         d[i] = 2 * (N3[i] - N1[i])
         z[i] = whole[i]
@@ -185,7 +185,7 @@ def second_rise(N1, N3, whole, d, z):
 
 @disjoint
 def last_rise(N1, N2, N3, N4, whole, d, z, y):
-    """Set out for y⁺: d and z take what φ2(hL) and φ3(hL) multiply, y = e^{hL} y + h φ1(hL) N1."""
+    """Prepare y⁺: d and z are the factors of φ2(hL) and φ3(hL), y = e^{hL} y + h φ1(hL) N1."""
     for i in range(len(y)):
         y[i] = whole[i]
         d[i] = 2 * (N2[i] + N3[i]) - 3 * N1[i] - N4[i]
@@ -194,10 +194,9 @@ def last_rise(N1, N2, N3, N4, whole, d, z, y):
 
 @inlined
 def next_stage(plant, etdrk4, stage, y, ws):
-    """From N1..N(stage + 1) in ws.stage, the beam's next stage in ws.stage[STATE], or after the last one the new y.
+    """From N1..N(stage + 1) in ws.stage, fill the beam's next stage in ws.stage[STATE], or after the last one the new y.
 
-    ws.stage[4] keeps a, ws.stage[FREE] e^{hL} y + h φ1(hL) N1. Of a beam with `forced` functions the rates are replaced by what
-    they are made of.
+    ws.stage[4] keeps a, ws.stage[FREE] e^{hL} y + h φ1(hL) N1. With `forced` functions, `factor_rates` overwrites the rates.
     """
     end = ETA + 2 * plant.modal.shape[1]
     if etdrk4.forced.shape[1] > 0:
@@ -205,7 +204,7 @@ def next_stage(plant, etdrk4, stage, y, ws):
     N1, N2, N3, N4 = ws.stage[0, ETA:end], ws.stage[1, ETA:end], ws.stage[2, ETA:end], ws.stage[3, ETA:end]
     a, z, d, whole = ws.stage[4, ETA:end], ws.stage[STATE, ETA:end], ws.stage[6, ETA:end], ws.stage[FREE, ETA:end]
     beam = y[ETA:end]
-    # Of each product its function, what it takes and to what it is added; one place for all, as they are much machine code.
+    # All products are made in one place, as each is much machine code: choose function, source and target.
     count, function, source, target = 1, HALF_PHI1, d, z
     if stage == 0:
         count, source, target = 3, N1, whole
@@ -237,10 +236,7 @@ def next_stage(plant, etdrk4, stage, y, ws):
 
 @inlined
 def etdrk4_stage(system, etdrk4, stage, dt, y, ws):
-    """`take_stage` of this method: the rates of stage k stand in ws.stage[k].
-
-    What `beam_flow.end_flow` needs stays in the workspace.
-    """
+    """`take_stage` of etdrk4, with the rates of stage k in ws.stage[k]; keeps what `beam_flow.end_flow` needs."""
     if stage == 0:
         begin_flow(system.plant, y, ws)
     elif stage == 2:
@@ -261,7 +257,7 @@ def etdrk4_stage(system, etdrk4, stage, dt, y, ws):
 
 @inlined
 def bend_flow(plant, etdrk4, ws):
-    """Let the axial load's force on the beam be linear in time over the step in ws.stage[FREE], which has it constant."""
+    """Make the axial load's force in ws.stage[FREE], constant over the step, linear in time."""
     if not has_axial_load(plant):
         return
     n = plant.modal.shape[1]

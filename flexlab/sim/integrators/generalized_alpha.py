@@ -24,7 +24,7 @@ GAMMA = 0.5 - ALPHA_M + ALPHA_F
 BETA = 0.25 * (1 - ALPHA_M + ALPHA_F) * (1 - ALPHA_M + ALPHA_F)
 
 CORRECTIONS = 3
-"""Rounds per step: the controller's terms contract by about Δt · its rate each, so that three leave less than the order."""
+"""Rounds per step. Each contracts the controller's terms by about Δt times its rate, so that three keep the order."""
 
 
 def effective_inverse(omega: np.ndarray, damping: np.ndarray, block_start: np.ndarray, dt: float) -> np.ndarray:
@@ -39,7 +39,7 @@ def effective_inverse(omega: np.ndarray, damping: np.ndarray, block_start: np.nd
 
 
 def numerical_damping_ratio(omega: np.ndarray, dt: float) -> np.ndarray:
-    """Damping ratio that the method itself gives undamped modes ω (n,) at step dt, 1, (n,).
+    """Numerical damping ratio of undamped modes ω (n,) at step dt, 1, (n,).
 
     From the largest eigenvalue of the step's amplification matrix on (d, dt v, dt² a): |λ| = exp(-ζ φ), φ its angle.
     """
@@ -106,7 +106,7 @@ def correct(system, constants, x_ddot, middle, new, ws):
 
 @inlined
 def generalized_alpha_stage(system, constants, stage, dt, y, ws):
-    """`take_stage` of this method: a first guess, then `CORRECTIONS` rounds with rates at the α-point; returns a fault code."""
+    """`take_stage` of generalized-α: a prediction, then `CORRECTIONS` rounds with rates at the α-point; returns a fault code."""
     plant, n = system.plant, system.plant.modal.shape[1]
     first_rate, late_rate, velocity, middle, new = ws.stage[0], ws.stage[1], ws.stage[2], ws.stage[3], ws.stage[4]
     z, x_ddot = ws.stage[STATE], ws.stage[6, 0:3]
@@ -136,7 +136,7 @@ def generalized_alpha_stage(system, constants, stage, dt, y, ws):
 
 @inlined
 def _begin_step(plant, x_ddot, velocity, old, new, ws):
-    """Note the velocities (x, η); accelerations of a fresh state are the true ones; the old ones predict the new."""
+    """Note the velocities (x, η) and predict the new accelerations by the old ones; a fresh state has the true ones."""
     c, s = ws.arm.trig[0], ws.arm.trig[1]
     lateral = c * x_ddot[1] - s * x_ddot[0]
     fresh = not np.isfinite(old[0])
@@ -153,7 +153,7 @@ def _begin_step(plant, x_ddot, velocity, old, new, ws):
 
 @inlined
 def _alpha_point(plant, dt, y, velocity, old, new, first_rate, middle, z, ws):
-    """State z (with momenta) and accelerations `middle` between the step's ends; returns a fault code."""
+    """Fill the state z (with momenta) and the accelerations `middle` of the α-point; returns a fault code."""
     n = plant.modal.shape[1]
     now = 1 - ALPHA_F
     rate = ws.stage[9]

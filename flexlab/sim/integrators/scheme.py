@@ -1,7 +1,7 @@
-"""What a step needs besides the system: the constants that an integrator computes once per step size.
+"""The constants that an integrator computes once per step size.
 
-The kernels get `Scheme`'s members one by one: the one that is there says which integrator it is, and numba, which drops the
-branches of those that are None, compiles each integrator alone, when it is first chosen.
+Kernels get the members of a `Scheme` one by one. The one that is not None tells the integrator: numba drops the branches of the
+others, and so compiles each integrator alone, when it is first used.
 """
 
 from typing import NamedTuple
@@ -12,21 +12,21 @@ ORDER = {"rk4": 4, "etdrk4": 4, "generalized-alpha": 2}
 """Declared order of accuracy of each integrator."""
 
 STATE = 5
-"""Row of `Workspace.stage` with the state at which a stage after the first wants the rates."""
+"""Row of `Workspace.stage` with the state at which stages after the first need the rates."""
 
 
 class Etdrk4(NamedTuple):
     """Constants of `etdrk4`."""
 
     operators: np.ndarray
-    """The five matrix functions of the beam's linear part, by row, block after block, (5, Σ 4k²); only the last, (1, Σ 4k²),
-    where the others are `forced`."""
+    """The five matrix functions of the beam's linear part, one per row, block after block, (5, Σ 4k²); only the last, (1, Σ
+    4k²), if the others are `forced`."""
     forced: np.ndarray
-    """The first four as `beam_flow.forced_columns`, (4, Σ 2k (k + 3)); (4, 0) where few modes are coupled."""
+    """The first four as `beam_flow.forced_columns`, (4, Σ 2k (k + 3)); (4, 0) if few modes are coupled."""
     soft_modes: np.ndarray
-    """As `beam_flow.soft_modes`, (blocks,); none where few modes are coupled."""
+    """As `beam_flow.soft_modes`, (blocks,); empty if few modes are coupled."""
     flow: np.ndarray
-    """Of a damped beam the rows of `beam_flow`, (19, n_m); (19, 0) where nothing is damped."""
+    """The rows of `beam_flow`, (19, n_m); (19, 0) without damping."""
 
 
 class GeneralizedAlpha(NamedTuple):
@@ -44,7 +44,7 @@ class Scheme(NamedTuple):
     etdrk4: Etdrk4 | None = None
     generalized_alpha: GeneralizedAlpha | None = None
     rk4: bool | None = None
-    """It has no constants."""
+    """True for rk4, which has no constants."""
 
     @property
     def notes_rates(self) -> bool:

@@ -1,6 +1,6 @@
-"""One stage of a step of the chosen integrator: it turns the rates at its state into the next stage's state, or the step's end.
+"""One stage of a step of the chosen integrator: from the rates at its state to the next stage's state, or to the end of the step.
 
-Classical Runge-Kutta of order 4 stands here itself: for soft or coarse beams, where Δt ω_max stays under its stability limit.
+The classical Runge-Kutta method of order 4 is here as well, for soft or coarse beams with Δt ω_max below its stability limit.
 """
 
 from flexlab.compiled import inlined
@@ -11,12 +11,12 @@ from flexlab.sim.integrators.generalized_alpha import generalized_alpha_stage
 from flexlab.sim.integrators.scheme import STATE
 
 STABILITY_LIMIT = 2.7
-"""Δt ω_max up to which the method is stable on the imaginary axis (2√2), less a margin for damping and control."""
+"""Δt ω_max up to which rk4 is stable on the imaginary axis (2√2), less a margin for damping and control."""
 
 
 @inlined
 def rk4_stage(system, stage, dt, y, ws):
-    """`take_stage` of this method: the rates' weighted sum grows in ws.stage[0]."""
+    """`take_stage` of rk4; the weighted sum of the rates accumulates in ws.stage[0]."""
     end = memory_start(system.plant) + system.control.memory_size
     total, k, z = ws.stage[0], ws.stage[1], ws.stage[STATE]
     if stage == 0:
@@ -44,7 +44,7 @@ def stage_count(generalized_alpha):
 
 @inlined
 def stage_instant(generalized_alpha, stage, t, dt, inside):
-    """The instant of a stage of the step from t, s; the ends of the step are taken `inside` s inside it."""
+    """The instant of a stage of the step from t, s; the ends of the step are moved `inside` s into it."""
     if stage == 0:
         return t + inside
     if generalized_alpha is not None:
@@ -54,16 +54,13 @@ def stage_instant(generalized_alpha, stage, t, dt, inside):
 
 @inlined
 def rates_row(etdrk4, stage):
-    """Row of `Workspace.stage` that takes the rates of a stage."""
+    """Row of `Workspace.stage` for the rates of a stage."""
     return min(stage, 1) if etdrk4 is None else stage
 
 
 @inlined
 def take_stage(system, etdrk4, generalized_alpha, rk4, stage, dt, y, ws):
-    """Go on from the rates of a stage, which stand in their row: to the next state, or after the last to y.
-
-    Returns a fault code.
-    """
+    """Turn the rates of a stage, in their row, into the state of the next one, or into y after the last; returns a fault code."""
     code = 0
     if etdrk4 is not None:
         etdrk4_stage(system, etdrk4, stage, dt, y, ws)

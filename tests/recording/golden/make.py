@@ -22,7 +22,7 @@ from flexlab.recording.store.formats import FORMAT
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.runner import Runner
-from flexlab.sim.world_state import Origin
+from flexlab.sim.samples import Origin
 
 FRAME = 0.0692
 """Wall seconds between two commands: no multiple of a sample."""

@@ -12,7 +12,7 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
 
 FINE = 1e-5
-"""s: all kinks of the paths below are whole multiples of it, none one of the steps chosen."""
+"""s: all discontinuities of the paths below are whole multiples of it, none one of the steps chosen."""
 TICK, TICKS = 0.005, 14
 SIGNALS = ("pose", "pose_rate", "tracking_error", "beam_coordinates", "joint_torque", "internal_force", "input_work")
 
@@ -52,8 +52,8 @@ def run(wanted: Scenario) -> Samples:
 
 
 @pytest.mark.parametrize(("path", "integrator"), [*((path, "etdrk4") for path in PATHS), ("shaped bang-bang", "rk4")])
-def test_kinks_between_steps_cost_no_accuracy(path: str, integrator: str):
-    """Within 1e-7 of a run of which every kink is a step's end; a step across one is off by 1e-3 to 0.1 of the force's peak."""
+def test_discontinuities_between_steps_cost_no_accuracy(path: str, integrator: str):
+    """Within 1e-7 of a run in which each one ends a step; a step across one is off by 1e-3 to 0.1 of the force's peak."""
     found = run(scenario(path, **{"simulation.accuracy": 1e-12, "simulation.integrator": integrator}))
     exact = run(scenario(path, **{"simulation.step": FINE}))
     for signal in SIGNALS:
@@ -61,19 +61,19 @@ def test_kinks_between_steps_cost_no_accuracy(path: str, integrator: str):
         assert np.abs(found[signal] - right).max() < 1e-7 * np.abs(right).max(), signal
 
 
-def test_kinks_lie_where_they_are_said_to():
+def test_discontinuities_lie_where_they_are_said_to():
     """Of the shaped sine where copies begin, of the shaped move where each copy's acceleration jumps."""
     delays = 0.01137 * np.arange(3)
-    assert World(scenario("shaped sine")).system.trajectory.kinks == pytest.approx(delays[1:])
+    assert World(scenario("shaped sine")).system.trajectory.discontinuities == pytest.approx(delays[1:])
     jumps = LINE["start"] + LINE["duration"] * np.array([0, 0.5, 1])
-    assert World(scenario("shaped bang-bang")).system.trajectory.kinks == pytest.approx(
+    assert World(scenario("shaped bang-bang")).system.trajectory.discontinuities == pytest.approx(
         np.sort(np.add.outer(delays, jumps).ravel())
     )
-    assert not len(World(load_preset("paper")).system.trajectory.kinks)
+    assert not len(World(load_preset("paper")).system.trajectory.discontinuities)
 
 
 @pytest.mark.parametrize("along", [1e-6, 0.01, 0.15, 0.2, 3.0])
-def test_a_smooth_start_moves_kinks(along: float):
+def test_a_smooth_start_moves_discontinuities(along: float):
     assert path_time(time_of(along, 0.4), 0.4)[0] == pytest.approx(along, rel=1e-12)
 
 

@@ -8,7 +8,7 @@ import pytest
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
-from flexlab.sim.step_growth import STEADY_GROWTH, growth_rate
+from flexlab.sim.parametric_resonance import STEADY_GROWTH, growth_rate
 from flexlab.sim.step_size import Count
 from flexlab.sim.world import World
 

@@ -1,10 +1,12 @@
-"""A change of the scenario in mid-run: the run goes on with other constants, or begins anew."""
+"""A change of the scenario in mid-run: the run goes on with other constants and no jump in state or torques, or begins anew."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
+from flexlab.control.law import Start, law_of
 from flexlab.errors import ScenarioError
 from flexlab.numerics.linear_algebra import product, solve
 from flexlab.physics.beam import GAUSS_POINTS, gauss_rule
@@ -12,27 +14,37 @@ from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, noted_rates
 from flexlab.physics.sensors import begin_reading
+from flexlab.quantities import Part, parts_of
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim import accuracy, samples
-from flexlab.sim.assembly import Assembly, build_assembly
+from flexlab.sim.assembly import Assembly
 from flexlab.sim.build import payload_row
-from flexlab.sim.closed_loop import new_workspace, own_parts, own_states_of, state_length
+from flexlab.sim.closed_loop import System, new_workspace, own_parts, own_states_of, state_length
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.disturbance import set_pull_row
 from flexlab.sim.geometry import shape_functions
-from flexlab.sim.law_memory import adjust_memory, carry_memory, same_law, start_memory
-from flexlab.sim.motion import Motion, act_at_start, begin_motion, hold, outlook_of, set_coordinates, to_modes
+from flexlab.sim.motion import (
+    Motion,
+    act_at_start,
+    begin_grip_states,
+    begin_motion,
+    controller_states,
+    set_coordinates,
+    start_controller,
+    to_modes,
+)
 from flexlab.sim.signals import own_signals
+from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.stepping import observe
 from flexlab.sim.target import change_path, equal_motions, go_on_from
-from flexlab.sim.workspace_check import check_trajectory, same_reach
+from flexlab.sim.termination import check_trajectory, same_reach
 
 
 def project_beam(old: Payload, new: Payload, M_q: np.ndarray, q: np.ndarray) -> np.ndarray:
     """The new mesh's coordinates closest to the old shape in ∫ρ(w' - w)²ds, with the same mid-span value, (n_q',).
 
-    M_q: mass matrix of the new mesh. A mesh of one pinned element, whose shape cannot always meet that condition, gets it
-    as well where its mid-span can move at all.
+    M_q: mass matrix of the new mesh. A mesh of one pinned element cannot always meet that condition: it
+    meets it if its mid-span can move at all.
     """
     cells = np.union1d(*(np.linspace(-p.length / 2, p.length / 2, p.element_count + 1) for p in (old, new)))
     points, weights = gauss_rule(GAUSS_POINTS)
@@ -48,10 +60,12 @@ def project_beam(old: Payload, new: Payload, M_q: np.ndarray, q: np.ndarray) -> 
     return projected
 
 
-def take_on(motion: Motion, command: ChangeScenario, known: Sequence[Assembly], at_once: bool) -> tuple[Motion, bool]:
-    """The motion that goes on from the given one, or begins anew, and whether a new run begins.
+def change_in_motion(
+    motion: Motion, command: ChangeScenario, known: Sequence[Assembly], at_once: bool
+) -> tuple[Motion, bool]:
+    """The motion after a change, and whether a new run begins.
 
-    Raises `ScenarioError`, or `Unprepared` as `build_assembly`. The given motion stays as it is, but for its scratch.
+    Raises `ScenarioError`, or `Unprepared` as `build_assembly` does. The given motion stays as it is, except for its scratch.
     """
     scenario = change_path(motion.scenario, command.changes, motion.time)
     fault = None if same_reach(motion.scenario, scenario) else check_trajectory(scenario)
@@ -59,7 +73,7 @@ def take_on(motion: Motion, command: ChangeScenario, known: Sequence[Assembly], 
         raise ScenarioError([("trajectory", fault.text)])
     known = [motion.assembly, *known]
     if not _goes_on(motion.scenario, scenario):
-        anew = begin_motion(scenario.anew(), motion.tick_period, known, at_once)
+        anew = begin_motion(build_assembly(scenario.anew(), motion.tick_period, known, at_once))
         if anew.status.failed:
             raise ScenarioError([("initial", anew.status.text)])
         return anew, True
@@ -67,11 +81,11 @@ def take_on(motion: Motion, command: ChangeScenario, known: Sequence[Assembly], 
     assembly = build_assembly(scenario, motion.tick_period, known, at_once)
     if command.keeps_target:
         assembly = _go_on_from_target(motion, assembly)
-    return _carried_over(motion, assembly), reshaped
+    return _transferred(motion, assembly), reshaped
 
 
 def _go_on_from_target(motion: Motion, assembly: Assembly) -> Assembly:
-    """The assembly with a target that goes on from where it is."""
+    """The assembly with a desired motion that goes on from where the old one is."""
     old = motion.assembly.system.trajectory
     if equal_motions(old, assembly.system.trajectory):
         return assembly
@@ -79,19 +93,19 @@ def _go_on_from_target(motion: Motion, assembly: Assembly) -> Assembly:
     return assembly._replace(scenario=scenario, system=assembly.system._replace(trajectory=path))
 
 
-def _carried_over(motion: Motion, assembly: Assembly) -> Motion:
+def _transferred(motion: Motion, assembly: Assembly) -> Motion:
     """The motion with a new assembly: coordinates and velocities stay, momenta follow."""
     motion = replace(motion, y=motion.y.copy())
     before, old, scenario = motion.scenario, motion.assembly, assembly.scenario
     another_law, another_beam = not same_law(before, scenario), assembly.beam is not old.beam
     rate, eta, eta_dot = _coordinates_in(motion, assembly)
     starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
-    law_before = outlook_of(motion, False)
+    law_before = motion.law_start(False)
     parts, parts_before = (own_parts(system.plant) for system in (assembly.system, old.system))
     starts_lag = "torque" in parts and "torque" not in parts_before
-    torques = _torques_at_work(motion) if starts_sampling or starts_lag else motion.assembly.system.held_torque
-    _carry_torques(motion, assembly, torques if starts_sampling else None)
-    motion.scenario, motion.assembly, motion.level, motion.move = scenario, assembly, 0, None
+    torques = _present_torques(motion) if starts_sampling or starts_lag else motion.assembly.system.held_torque
+    _keep_torques(motion, assembly, torques if starts_sampling else None)
+    motion.assembly, motion.level, motion.move = assembly, 0, None
     motion.estimate = accuracy.disturbed(motion.estimate, assembly, motion.tick)
     if another_beam:
         assembly.system.plant.pull[:] = old.system.plant.pull
@@ -104,16 +118,16 @@ def _carried_over(motion: Motion, assembly: Assembly) -> Motion:
         for name, states in own_states_of(assembly.system, y).items():
             states[:] = states_before.get(name, torques.ravel() if name == "torque" else 0.0)
         if "grips" not in parts_before:
-            hold(assembly, y, rate)
-        kept = carry_memory(before, old.system, motion.y, scenario, assembly.system, y)
+            begin_grip_states(assembly, y, rate)
+        kept = copy_states(before, old.system, motion.y, scenario, assembly.system, y)
         motion.y, motion.workspace = y, new_workspace(assembly.system)
     motion.workspace.desired_time[0] = np.nan
     set_coordinates(motion, motion.y[:3].copy(), rate, eta, eta_dot)
-    law_now = outlook_of(motion, starts_sampling)
+    law_now = motion.law_start(starts_sampling)
     if another_law:
-        start_memory(scenario, assembly.system, law_now, motion.y, kept)
+        start_controller(scenario, assembly.system, law_now, motion.y, kept)
     else:
-        adjust_memory(scenario, assembly.system, law_before, law_now, motion.y)
+        adjust_states(scenario, assembly.system, law_before, law_now, motion.y)
     if starts_sampling:
         act_at_start(motion)
     elif "reading" not in parts_before or assembly.sampling.period != old.sampling.period:
@@ -138,15 +152,15 @@ def _coordinates_in(motion: Motion, assembly: Assembly) -> tuple[np.ndarray, np.
     return rate, to_modes(assembly.beam, q), to_modes(assembly.beam, q_dot)
 
 
-def _torques_at_work(motion: Motion) -> np.ndarray:
+def _present_torques(motion: Motion) -> np.ndarray:
     """What the motors give at the present instant, N·m, (arms, 3)."""
     row = np.zeros((1, motion.row_length))
     observe(motion, row[0])
     return samples.rows_to_samples(row, len(motion.scenario.arms), own_signals(motion.scenario)).joint_torque[0]
 
 
-def _carry_torques(motion: Motion, assembly: Assembly, started: np.ndarray | None) -> None:
-    """Let a sampled controller hold on to the torques that act, and to those under way; `started`: those that it begins with."""
+def _keep_torques(motion: Motion, assembly: Assembly, started: np.ndarray | None) -> None:
+    """Let a sampled controller keep the torques that it holds and those under way; `started`: those that it begins with."""
     held, old_line = motion.assembly.system.held_torque, motion.assembly.sampling.line
     assembly.system.held_torque[:] = assembly.sampling.line[:] = held if started is None else started
     if started is None:
@@ -155,12 +169,12 @@ def _carry_torques(motion: Motion, assembly: Assembly, started: np.ndarray | Non
 
 
 def same_motion(one: Scenario, other: Scenario) -> bool:
-    """Whether a run that goes from one scenario to the other is one motion, and only a law's own signals may differ."""
+    """Whether a run can change from one scenario to the other as one motion, in which only a law's own signals may differ."""
     return _goes_on(one, other) and _same_mesh(one, other)
 
 
 def _goes_on(one: Scenario, other: Scenario) -> bool:
-    """Whether a run can go on from one scenario in the other: with another machine or another start it begins anew."""
+    """Whether a run can go on when one scenario is changed to the other: with other arms or another start it begins anew."""
     same_arms = (one.left_arm, one.right_arm) == (other.left_arm, other.right_arm)
     return same_arms and one.payload.length == other.payload.length and one.initial == other.initial
 
@@ -169,3 +183,48 @@ def _same_mesh(one: Scenario, other: Scenario) -> bool:
     """Whether beam coordinates mean the same in two scenarios."""
     a, b = one.payload, other.payload
     return (a.element_count, a.boundary) == (b.element_count, b.boundary)
+
+
+def same_law(one: Scenario, other: Scenario) -> bool:
+    """Whether two scenarios have the same law, and its memory and own signals mean the same."""
+    if one.controller is other.controller and len(one.arms) == len(other.arms):
+        return True
+    laws = law_of(one.controller), law_of(other.controller)
+    slices = [law.memory_slices(len(scenario.arms)) for law, scenario in zip(laws, (one, other), strict=True)]
+    same = slices[0] == slices[1] and laws[0].signals == laws[1].signals
+    return same and _kinds(one.controller) == _kinds(other.controller)
+
+
+def _kinds(part: Part) -> list[str]:
+    """The kinds of a controller and of its parts."""
+    fields = vars(part)
+    own = [fields["kind"]] if "kind" in fields else []
+    inner = (fields[name] for name in _fields_of_parts(type(part)))
+    return own + [kind for value in inner if isinstance(value, Part) for kind in _kinds(value)]
+
+
+@cache
+def _fields_of_parts(model: type[Part]) -> tuple[str, ...]:
+    """Names of the fields that may hold parts of their own."""
+    return tuple(name for name, field in model.model_fields.items() if parts_of(field.annotation))
+
+
+def copy_states(
+    old: Scenario, old_system: System, old_y: np.ndarray, new: Scenario, system: System, y: np.ndarray
+) -> tuple[str, ...]:
+    """Copy the parts of the controller's state that both laws have by name and length, and name them; others stay zero."""
+    before, kept = controller_states(old, old_system, old_y), []
+    for name, part in controller_states(new, system, y).items():
+        if name in before and len(before[name]) == len(part):
+            part[:] = before[name]
+            kept.append(name)
+    return tuple(kept)
+
+
+def adjust_states(scenario: Scenario, system: System, before: Start | None, begin: Start | None, y: np.ndarray) -> None:
+    """Adjust the controller's state in y so that a change from `before` to `begin` does not make the law's answer jump."""
+    law = law_of(scenario.controller)
+    if law.bumpless_transfer is not None and before is not None and begin is not None:
+        parts = controller_states(scenario, system, y)
+        for name, values in law.bumpless_transfer(before, begin, parts).items():
+            parts[name][:] = values

@@ -1,8 +1,8 @@
-"""How fast errors of etdrk4's steps grow in a beam that next to nothing damps, in arms that give way.
+"""Parametric resonance of etdrk4's steps with a nearly undamped beam in arms that give way: how fast it makes errors grow.
 
-The beam is propagated exactly, what its grips do is not. Where step times frequency of two modes add up to a multiple of 2π,
-or differ by one, each step pushes them in phase, and they ring louder without end. Strong ones are narrow: a step that is a few
-percent shorter avoids them. What is left of them all needs a step that is half as long, or a third.
+The beam is propagated exactly, what its grips do is not. Where step times frequency of two modes add up to a multiple of 2π, or
+differ by one, each step excites them in phase and they grow without end. Strong resonances are narrow: a step a few per cent
+shorter avoids them. To avoid all of them takes half the step, or a third.
 """
 
 import math
@@ -20,28 +20,28 @@ from flexlab.sim.step_rates import Rates, largest_ratios_at
 from flexlab.sim.step_size import Count
 
 STEADY_GROWTH = 0.1
-"""Rate of growth that is taken for none, 1/s: in a minute, errors of 1e-10 are still below 1e-7."""
+"""Growth rate that counts as none, 1/s: in a minute, errors of 1e-10 stay below 1e-7."""
 
 SPAN = 32.0
-"""s over which growth is measured: beats of modes then count for 0.02 1/s."""
+"""s over which growth is measured, so that beats of modes count for no more than 0.02 1/s."""
 
 RESOLVING = 2.0
-"""Step times fastest rate of the beam below which no two modes come near 2π."""
+"""Step times fastest rate of the beam below which no two modes can resonate."""
 
 UNRESOLVED, BARELY_DAMPED = 1.0, 100.0
-"""Step times frequency from which on a mode that decays more slowly than the second number, 1/s, may grow: what pushes modes
-pushes none harder than a few hundred 1/s, and both of a pair."""
+"""A mode may grow if step times frequency exceeds the first number and its decay rate, 1/s, is below the second: resonances
+grow at a few hundred 1/s at most, and need both modes of a pair."""
 
 SHORTER = (1.0, 1.03, 1.06, 1.09, 1.13, 1.16, 1.5, 2.0, 3.0)
-"""By how much the steps that are tried are shorter than the one that was asked for."""
+"""Factors by which the steps that are tried are shorter than the one asked for."""
 
 MANY_MODES, FEW_TRIES = 64, 2
-"""Modes from which on a look takes tens of milliseconds, and how many steps are then tried: where a slider is dragged, somebody
-waits for them."""
+"""Number of modes from which on one growth rate takes tens of milliseconds, and how many steps are then tried: somebody who drags
+a slider waits for them."""
 
 
-def may_grow(beam: Beam, rates: Rates, dt: float) -> bool:
-    """Whether errors of steps dt can grow, so that it is worth looking."""
+def may_resonate(beam: Beam, rates: Rates, dt: float) -> bool:
+    """Whether errors of steps dt can grow at all, so that `growth_rate` has to tell."""
     if dt * rates.beam < RESOLVING:
         return False
     barely = beam.modes.D.diagonal() < 2 * BARELY_DAMPED
@@ -51,9 +51,9 @@ def may_grow(beam: Beam, rates: Rates, dt: float) -> bool:
 def steadiest(
     system: System, beam: Beam, rates: Rates, pose: np.ndarray, asked: Count, counted: Callable[[float], Count]
 ) -> Count:
-    """Of the step `asked` for and shorter ones, as `counted` divides them into the periods, the longest that is steady.
+    """The longest step whose errors do not grow: the one `asked` for, or a shorter one that `counted` fits into the periods.
 
-    If none is, the one whose errors grow most slowly. `pose` (3,): as of `growth_rate`.
+    If all grow, the one with the slowest growth. `pose` (3,): as of `growth_rate`.
     """
     found: dict[Count, float] = {}
     for factor in SHORTER[: FEW_TRIES if len(beam.modes.omega) >= MANY_MODES else None]:
@@ -75,14 +75,14 @@ def growth_rate(system: System, beam: Beam, rates: Rates, pose: np.ndarray, dt: 
 
 
 def _loads(system: System, theta: float) -> np.ndarray:
-    """What the modes' accelerations put on the pose, (3, n_m)."""
+    """Force of unit accelerations of the modes on the pose, (3, n_m)."""
     h, g = system.plant.modal[: G + 1]
     sine, cosine = sin_cos(theta)
     return np.stack([-sine * h, cosine * h, g])
 
 
 def _growth(beam: Beam, C: np.ndarray, S: np.ndarray, dt: float) -> float:
-    """Rate at which errors of steps dt grow, 1/s, with the modes' loads C (3, n_m) on the inertia S (3, 3)."""
+    """As `growth_rate`, with the modes' loads C (3, n_m) on the inertia S (3, 3)."""
     step = one_step(beam.modes.omega, beam.modes.D.diagonal(), C, S, dt)
     doublings = max(1, doublings_to(SPAN, dt))
     half, size = power_sizes(step, doublings)
@@ -90,7 +90,7 @@ def _growth(beam: Beam, C: np.ndarray, S: np.ndarray, dt: float) -> float:
 
 
 def one_step(omega: np.ndarray, damping: np.ndarray, C: np.ndarray, S: np.ndarray, dt: float) -> np.ndarray:
-    """The matrix of one step of etdrk4 on (ωη, π), (2 n_m, 2 n_m), as the formulas of `integrators.etdrk4`."""
+    """The matrix of one step of etdrk4 on (ωη, π), (2 n_m, 2 n_m), by the formulas of `integrators.etdrk4`."""
     n = len(omega)
     z = np.zeros((n, 2, 2))
     z[:, 0, 1], z[:, 1, 0], z[:, 1, 1] = omega * dt, -omega * dt, -damping * dt

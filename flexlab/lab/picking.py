@@ -118,9 +118,7 @@ class DisturbanceSettings:
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState, touch: Picking):
         self._touch = touch
-        words = (
-            "Drag the beam or a link to pull it with a spring; click the beam to tap it. Empty space turns the camera."
-        )
+        words = "Drag the beam or a link to pull it with a spring; click the beam to tap it. Drag empty space to turn the camera."
         gui.add_html(f'<div class="fl fl-dim">{words}</div>')
         self._controls = {}
         for about, name in ((STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place")):

@@ -53,7 +53,7 @@ class Attendance:
         snapshot = self._runner.snapshot
         if self._held_run == snapshot.run_number and not snapshot.playing and not self._lab_state.rules.locked:
             time_now = number_text(float(snapshot.latest.time[0]), 5)
-            self._lab_state.say(f"This lab held at t = {time_now} s while nobody looked: it goes on.")
+            self._lab_state.say(f"This lab paused at t = {time_now} s while nobody watched: it runs again.")
             self._lab_state.submit(Play())
         self._held_run = 0
 

@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 from lab_page import wait_until
 
+from flexlab.analysis import own_lessons as own_lesson_files
 from flexlab.analysis.lesson_checks import Verdict, read_check
 from flexlab.analysis.lesson_expressions import Comparison, ExpressionError, LookedAt
 from flexlab.analysis.lesson_measures import Look
-from flexlab.lab.panel import guide_panel
-from flexlab.lab.panel.guide_panel import EVERY, Guide, own_lessons
+from flexlab.analysis.own_lessons import OwnLesson, lesson_mistakes, own_lessons
+from flexlab.lab.panel.guide_panel import EVERY, Guide
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -19,18 +20,18 @@ from flexlab.sim.commands import Play, SetSpeed
 from flexlab.sim.samples import Samples
 from flexlab.sim.simulate import simulate
 
-EXAMPLE = (guide_panel.__doc__ or "").partition(":\n\n")[2].replace("\n    ", "\n").strip() + "\n"
+EXAMPLE = (own_lesson_files.__doc__ or "").partition(":\n\n")[2].replace("\n    ", "\n").strip() + "\n"
 RUN = simulate(load_preset("paper"), 1.0, 0.001)
 SAMPLES = RUN.slice(0, len(RUN))
 
 
-def write(folder: Path, text: str) -> guide_panel.OwnLesson:
+def write(folder: Path, text: str) -> OwnLesson:
     (folder / "mine.md").write_text(text, encoding="utf-8")
     (lesson,) = own_lessons(folder)
     return lesson
 
 
-def verdict(own: guide_panel.OwnLesson, scenario: Scenario, samples: Samples) -> Verdict:
+def verdict(own: OwnLesson, scenario: Scenario, samples: Samples) -> Verdict:
     assert own.lesson is not None
     return read_check(own.lesson).verdict(scenario, samples)
 
@@ -75,7 +76,7 @@ def test_a_bad_lesson_says_line_and_reason(tmp_path: Path, old: str, new: str, s
     assert own.lesson is None
     assert own.problem.startswith("mine.md is not a lesson: line ")
     assert said in own.problem
-    assert guide_panel.lesson_mistakes(tmp_path) == [own.problem]
+    assert lesson_mistakes(tmp_path) == [own.problem]
 
 
 def test_all_mistakes_of_a_lesson_are_said_at_once(tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ def test_a_lab_without_anybody_holds_and_goes_on_for_the_next_one(session: Sessi
         wait_until(lambda: reports.count, "somebody looks", 20)
         attendance.update()
         wait_until(lambda: session.runner.snapshot.playing, "the lab goes on", 20)
-        assert re.search(r"held at t = \S+ s while nobody looked", session.lab_state.notice.text)
+        assert re.search(r"paused at t = \S+ s while nobody watched", session.lab_state.notice.text)
 
 
 def test_what_a_person_paused_stays_paused(session: Session) -> None:

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from flexlab.lab.panel.guide_panel import own_lessons
+from flexlab.analysis.own_lessons import own_lessons
 
 
 def test_the_lesson_in_the_readme_is_a_lesson(tmp_path: Path) -> None:

@@ -131,7 +131,7 @@ HINTS = {
     "payload.boundary": "Reshapes the beam's mesh; its shape is carried over.",
     "payload.axial_load": "Whether the beam feels the force along it. Acts at once.",
     "controller.model.axial_load": "Whether the observer reckons with the steady force along the beam.",
-    "grips.model": "Whether the grips give way. Acts at once, as a new run.",
+    "grips.model": "Whether the grips give way. Starts a new run.",
     "grips.measured_at": "By the arms' joint angles, or at the payload. Acts at once.",
     "simulation.integrator": "Acts at once.",
     "left_arm.elbow": "Sign of joint 2. Starts a new run.",

@@ -1,125 +1,27 @@
-"""The guide in the lab: chapters to read, and lessons: what do you guess, what to do, a check of its own, then the answer.
-
-A person's own lessons are markdown files in a folder `lessons` where they work, beside their presets: like those of flexlab,
-with a hint, and a check that is an expression over metrics and signals:
-
-    ---
-    title: Stiffer
-    preset: paper
-    check: scenario.payload.bending_stiffness > 500 and t > 1
-    hint: Move the slider of EI to the right.
-    ---
-    Does the beam ring less when it is stiffer?
-
-    ## Guess
-    What happens to the ring?
-
-    - [x] it gets faster and smaller
-    - [ ] nothing
-
-    ## Do
-    1. Load the preset `paper` and set EI to 600.
-
-    ## Observe
-    The frequency grows with the square root of EI.
-"""
-
-import contextlib
-from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import NamedTuple
+"""The guide in the lab: chapters, and lessons with a guess, steps, a check and the answer."""
 
 import viser
 
 from flexlab.analysis.lesson_checks import read_check
-from flexlab.analysis.lesson_expressions import ExpressionError
 from flexlab.analysis.lesson_measures import SECONDS
+from flexlab.analysis.own_lessons import lesson_files, lesson_menu, own_lessons
 from flexlab.errors import LabError
 from flexlab.guide import (
     STEPS,
     Chapter,
     Lesson,
-    LessonError,
     LessonProgress,
     chapters,
-    lessons,
-    read_lesson,
     step_text,
     without_html,
 )
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.lab.widgets import add_button, handler, put
-from flexlab.presets import load_preset, preset_names
+from flexlab.presets import load_preset
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, with_units
-
-OWN_LESSONS = Path("lessons")
-"""Relative to the working directory."""
-LARGEST = 200_000
-"""Bytes of a lesson's file."""
-MOST = 50
-"""Lessons that a menu can hold."""
-
-
-class OwnLesson(NamedTuple):
-    """A lesson, or what is wrong with its file."""
-
-    name: str
-    """Of the file, without ending."""
-    lesson: Lesson | None
-    problem: str
-    """A sentence with line and reason; empty if all is well."""
-
-
-def own_lessons(folder: Path = OWN_LESSONS) -> list[OwnLesson]:
-    """All lessons of a folder by name, bad ones with what is wrong."""
-    return [_read(file) for file in sorted(folder.glob("*.md"))[:MOST]]
-
-
-def lesson_menu(own: Sequence[OwnLesson]) -> dict[str, Lesson]:
-    """All lessons that can be read, flexlab's and one's own, by what the guide's menu calls them."""
-    found = {f"Lesson {number}: {lesson.title}": lesson for number, lesson in enumerate(lessons(), 1)}
-    return found | {f"Own lesson: {mine.lesson.title}": mine.lesson for mine in own if mine.lesson is not None}
-
-
-def lesson_files(folder: Path = OWN_LESSONS) -> dict[str, int]:
-    """Name → when it was saved, ns, of each file: where this is another one there is something to read."""
-    found: dict[str, int] = {}
-    for file in folder.glob("*.md"):
-        with contextlib.suppress(OSError):  # It vanished meanwhile.
-            found[file.name] = file.stat().st_mtime_ns
-    return found
-
-
-def _read(file: Path) -> OwnLesson:
-    try:
-        if not file.is_file():  # A pipe would hang.
-            raise LessonError(file, [(1, "it is no ordinary file.")])
-        if file.stat().st_size > LARGEST:
-            raise LessonError(file, [(1, f"over {LARGEST} bytes are no lesson.")])
-        return OwnLesson(file.stem, read_lesson(file, further=_mistakes), "")
-    except (LessonError, OSError, UnicodeDecodeError) as error:
-        reason = str(error) if isinstance(error, LessonError) else f"{file.name}: it cannot be read ({error})."
-        return OwnLesson(file.stem, None, reason)
-
-
-def _mistakes(lesson: Lesson) -> Iterator[tuple[int, str]]:
-    lines = dict(lesson.lines)
-    if "preset" in lines and lesson.preset not in preset_names():
-        yield lines["preset"], f"there is no preset {lesson.preset[:40]!r}."
-    if "check" in lines:
-        try:
-            read_check(lesson)
-        except ExpressionError as error:
-            yield lines["check"], str(error)
-
-
-def lesson_mistakes(folder: Path = OWN_LESSONS) -> list[str]:
-    """What is wrong with each lesson of a folder that cannot be read, a sentence with line and reason."""
-    return [own.problem for own in own_lessons(folder) if own.problem]
-
 
 EVERY = 10
 """Panel updates per check (1 Hz): a check reads the whole run."""
@@ -199,7 +101,7 @@ class Guide:
             self._check(page, snapshot)
 
     def _follow_teacher(self) -> None:
-        """Go to the step at which the class is, or have all steps again."""
+        """Go to the step of the class, or show all steps again."""
         rules = self._lab_state.rules
         self._pace = rules.pace
         if rules.lesson in self._pages:
@@ -215,7 +117,7 @@ class Guide:
 
     @property
     def _last_step(self) -> int:
-        """Of the page that is shown, the last step that the teacher lets everybody see."""
+        """The last step of the shown page that the teacher lets everybody see."""
         rules = self._lab_state.rules
         return rules.step if self._shown == rules.lesson else len(STEPS)
 
@@ -302,12 +204,12 @@ class Guide:
 
 
 def _factor(lesson: Lesson) -> float:
-    """By which all runs of a lesson are drawn: else a soft beam could look straighter than a stiff one."""
+    """The exaggeration of all runs of a lesson: else a soft beam could look straighter than a stiff one."""
     return lesson.exaggeration or fitting_exaggeration(load_preset(lesson.preset))
 
 
 def answer_text(lesson: Lesson, guess: str) -> str:
-    """What there is to observe, and what became of the guess, as markdown."""
+    """The observation, and whether the guess was right, as markdown."""
     if not lesson.options:
         return f"#### Observe\n\n{lesson.observe}"
     if not guess:

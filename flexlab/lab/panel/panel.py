@@ -181,8 +181,8 @@ class Panel:
     ) -> list[Key]:
         lab_state, drive = self._lab_state, self._drive
         return [
-            Key("Play or pause", "Hold or go on with simulation time", "space", None, lambda _: drive.pressed_key()),
-            Key("Step", "1 ms further, then hold", "arrowright", None, lambda _: drive.step()),
+            Key("Play or pause", "Pause or continue the simulation", "space", None, lambda _: drive.pressed_key()),
+            Key("Step", "Advance by 1 ms, then pause", "arrowright", None, lambda _: drive.step()),
             Key("Reset", "A new run from t = 0, same settings", "R", None, lambda _: drive.reset()),
             Key("Slow motion: slower", "Half the speed", ",", None, lambda _: drive.faster(0.5)),
             Key("Slow motion: faster", "Twice the speed", ".", None, lambda _: drive.faster(2.0)),

@@ -33,9 +33,9 @@ SPEEDS = tuple(2.0**power for power in range(2, -9, -1))
 STEPS_PER_SECOND = 10.0
 """While the step button is held."""
 SAME_PRESS = 0.25
-"""A click that follows the key, or the hold, of the same button within this time belongs to it, wall seconds."""
+"""Wall seconds within which a click that follows the key, or the hold, of the same button belongs to it."""
 KEY_REPEATS = 0.1
-"""The same of a key that follows itself: somebody holds it, wall seconds."""
+"""Wall seconds within which a repeated key is one that is held down."""
 
 
 class Playback:
@@ -45,9 +45,9 @@ class Playback:
         self._lab_state = lab_state
         self._key_at = self._held_at = -math.inf
         self._seen_speed = lab_state.snapshot.target_speed
-        self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, hint="Hold or go on with simulation time")
+        self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, hint="Pause or continue the simulation")
         step = gui.add_button(
-            "Step", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", hint="1 ms further; hold the button to go on"
+            "Step", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", hint="Advance by 1 ms; hold the button to continue"
         )
         anew = "A new run from t = 0, same settings"
         add_button(gui, lab_state, "Reset", lambda _: self.reset(), icon=viser.Icon.REFRESH, hint=anew)
@@ -113,7 +113,7 @@ class Playback:
         self._lab_state.submit(Reset())
 
     def step(self) -> None:
-        """Hold, and go one sample further."""
+        """Pause, and advance by one sample."""
         self._lab_state.submit(Pause())
         self._lab_state.submit(StepOnce())
 
@@ -129,7 +129,7 @@ class Playback:
 
 
 SHORTEST_PAST = 0.02
-"""s that there are to look back at before the bar is shown."""
+"""Seconds of the past from which on the bar is shown."""
 FINE_REACH, FINE, COARSE = 5.0, 0.001, 0.01
 """s: up to this reach the bar's steps are the run's samples, beyond it they are coarser."""
 
@@ -180,7 +180,7 @@ class Events:
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState):
         self._lab_state = lab_state
-        self._goal = gui.add_number("Run to t (s)", 1.0, step=0.1, hint="As fast as this machine can, then hold")
+        self._goal = gui.add_number("Run to t (s)", 1.0, step=0.1, hint="As fast as this machine can, then pause")
         self._goal.precision = BOX_DIGITS
         icon = viser.Icon.PLAYER_SKIP_FORWARD
         add_button(gui, lab_state, "Run to it", lambda _: self.run_to(float(self._goal.value)), icon=icon)
@@ -254,6 +254,6 @@ class PlayScreen:
         return float(f"{self._lab_state.target_speed:.3g}")
 
     def _ask(self, value: float) -> None:
-        # The menu of the lab knows powers of two: both say the same.
+        # The lab's menu has powers of two, and both controls show the same speed.
         nearest = min(SPEEDS, key=lambda speed: abs(math.log(speed / value)) if value > 0 else speed)
         self._lab_state.submit(SetSpeed(nearest))

@@ -47,7 +47,7 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
     if legend.strain:
         rows.append(("strain, 1 mm off the axis", _color_legend(legend.strain, "µm/m")))
     if legend.axial:
-        rows.append(("force along the beam, squeeze to pull", _color_legend(legend.axial, "N")))
+        rows.append(("force along the beam, compression to tension", _color_legend(legend.axial, "N")))
     if snapshot.dropped_samples:
         rows.append(("samples not recorded", f'<span class="fl-bad">{snapshot.dropped_samples}</span>'))
     grid = "".join(f"<span>{name}</span><span>{value}</span>" for name, value in rows)

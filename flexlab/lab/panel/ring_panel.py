@@ -26,7 +26,7 @@ log = limited(__name__)
 
 @dataclass(frozen=True)
 class FittedRing:
-    """What a ring told."""
+    """The result of a fit."""
 
     fit: RingFit
     since: str
@@ -52,7 +52,7 @@ class RingStudy:
         return self._is_busy
 
     def ask(self) -> None:
-        """Have the ring fitted that is there now."""
+        """Fit the newest ring."""
         with self._lock:
             if self._is_busy:
                 return

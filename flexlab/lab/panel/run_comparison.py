@@ -18,14 +18,14 @@ from flexlab.text import escaped, number_text
 
 EVERY = 10
 """Panel updates per table (1 Hz): metrics read the whole common time."""
-MOST_DIFFERENCES = 12
+MOST_CHANGES = 12
 
 
 class Comparing:
     """Buttons and table, in the GUI container that is open while it is made."""
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner, recorded: Recorded | None = None):
-        """`recorded`: what the engine remembers no longer of the present run; None: nobody knows."""
+        """`recorded` reads what the engine no longer keeps of the present run; None: it is not recorded."""
         self._lab_state, self._runner, self._recorded = lab_state, runner, recorded
         self._count = 0
         words = (
@@ -50,7 +50,7 @@ class Comparing:
         self._say_kept(kept)
         self._show(self._lab_state.snapshot)
         if self._recorded is not None and kept.span[0] > start:
-            # Beside: reading a minute takes a second or two, in which the page must answer.
+            # On a thread: reading a minute takes a second or two, in which the page must answer.
             threading.Thread(
                 target=self._complete, args=(kept, start, self._recorded), name="flexlab-keep", daemon=True
             ).start()
@@ -84,7 +84,8 @@ class Comparing:
 def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> str:
     """The table of metrics over the common time, and the settings that differ."""
     rows, (first, last) = common_metrics(kept, runner.recent(LONGEST))
-    settings = _settings_html(kept.scenario, snapshot.scenario)
+    settings = changes_table(kept.scenario, snapshot.scenario, "setting", "kept", "now")
+    settings = settings or "<div>Both runs have the same settings.</div>"
     if not rows:
         low, high = kept.span
         text = f"The kept run has t = {low:.2f} s to {high:.2f} s; the present one has nothing in common with it yet."
@@ -115,19 +116,20 @@ def change_text(percent: float) -> str:
     return f"{percent:+.0f} %".replace("-", "−") if round(percent) else "0 %"
 
 
-def _settings_html(kept: Scenario, now: Scenario) -> str:
-    changed = told_html(kept, now)
+def changes_table(before: Scenario, now: Scenario, *heads: str) -> str:
+    """What differs in `now`, as an HTML table with three heads; empty if nothing does."""
+    changed = told_html(before, now)
     if not changed:
-        return "<div>Both runs have the same settings.</div>"
-    lines = [f"<tr><td>{title}</td><td>{a}</td><td>{b}</td></tr>" for title, a, b in changed]
-    more = len(lines) - MOST_DIFFERENCES
+        return ""
+    lines = [f"<tr><td>{title}</td><td>{a}</td><td>{b}</td></tr>" for title, a, b in changed[:MOST_CHANGES]]
+    more = len(changed) - MOST_CHANGES
     note = f"<div>… and {more} more.</div>" if more > 0 else ""
-    head = "<tr><th>setting</th><th>kept</th><th>now</th></tr>"
-    return f'<table class="fl-table">{head}{"".join(lines[:MOST_DIFFERENCES])}</table>{note}'
+    head = "".join(f"<th>{word}</th>" for word in heads)
+    return f'<table class="fl-table"><tr>{head}</tr>{"".join(lines)}</table>{note}'
 
 
 def told_html(before: Scenario, now: Scenario) -> list[tuple[str, str, str]]:
-    """(title, value in `before`, value in `now`) of all that is news in `now`, as HTML."""
+    """(title, value in `before`, value in `now`) of all that differs in `now`, as HTML."""
     return [
         (escaped(field_title(path, now, before)), escaped(value_text(old)), escaped(value_text(new)))
         for path, old, new in told(differences(before, now))

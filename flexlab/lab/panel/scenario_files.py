@@ -1,4 +1,4 @@
-"""The scenario as something to choose, keep and pass on: the preset menu, own presets, download, upload, share."""
+"""The scenario's files: the preset menu, own presets, download, upload, link."""
 
 import re
 import tempfile
@@ -12,7 +12,7 @@ import viser
 from flexlab.assets import presets_folder
 from flexlab.errors import PresetError, ScenarioError
 from flexlab.lab.lab_state import LabState
-from flexlab.lab.panel.run_comparison import told_html
+from flexlab.lab.panel.run_comparison import changes_table, told_html
 from flexlab.lab.reference_run import differences
 from flexlab.lab.widgets import add_button, handler, put
 from flexlab.presets import OWN_FOLDER, load_preset, load_scenario_file, preset_names, save_scenario, scenario_text
@@ -115,7 +115,7 @@ class Presets:
             head = f'<h2 class="fl-title">{escaped(baseline.title or self._lab_state.name)}</h2>'
             put(self._text, content=f'<div class="fl">{head}{escaped(with_units(baseline.watch))}</div>')
             return
-        # What the preset's words promise is no longer what runs.
+        # The preset's text no longer describes what runs.
         words = [f"{title}: {old} → {new}" for title, old, new in told_html(baseline, now)]
         more = f"<br>… and {len(words) - CHANGES_NAMED} more" if len(words) > CHANGES_NAMED else ""
         head = f'<h2 class="fl-title">{escaped(self._lab_state.name)}, changed <span class="fl-badge">not saved</span></h2>'
@@ -125,7 +125,6 @@ class Presets:
         self._lab_state.load(load_preset(name), name)
 
 
-MOST_CHANGES = 12
 LONGEST_WORDS = 1200
 """Characters of what to watch, as a scenario takes them."""
 LONGEST_FILE_NAME = 60
@@ -220,7 +219,7 @@ class ScenarioFiles:
         self._opener.on_upload(handler(self._lab_state, self._upload))
 
     def _upload(self, event: Any) -> None:
-        # A browser does not tell that the same file was chosen once more, but to a new button it does.
+        # A browser does not report the same file chosen again; to a new button it does.
         self._opener.remove()
         self._offer_upload()
         file = event.target.value
@@ -232,7 +231,7 @@ class ScenarioFiles:
         self._lab_state.say(f"Opened {name}.")
 
     def _follow(self, name: str, content: bytes) -> None:
-        """Take up the path of a CSV file from now on."""
+        """Follow the path of a CSV file from now on."""
         rows = decoded_path(content, visible(Path(name).name, LONGEST_FILE_NAME))
         self._lab_state.change({"trajectory.kind": "table", "trajectory.rows": rows})
         self._lab_state.say(f"Follows {len(rows)} rows from now on.")
@@ -244,11 +243,5 @@ def _without_event(action: Callable[[], None]) -> Callable[[Any], None]:
 
 def changes_html(name: str, baseline: Scenario, scenario: Scenario) -> str:
     """What is changed against the preset or file, as a table."""
-    changed = told_html(baseline, scenario)
-    if not changed:
-        return f'<div class="fl">As in {escaped(name)}: nothing is changed.</div>'
-    lines = [f"<tr><td>{title}</td><td>{old}</td><td>{new}</td></tr>" for title, old, new in changed[:MOST_CHANGES]]
-    more = len(changed) - MOST_CHANGES
-    note = f"… and {more} more." if more > 0 else ""
-    head = f"<tr><th>changed, not saved</th><th>{escaped(name)}</th><th>now</th></tr>"
-    return f'<div class="fl"><table class="fl-table">{head}{"".join(lines)}</table>{note}</div>'
+    table = changes_table(baseline, scenario, "changed, not saved", escaped(name), "now")
+    return f'<div class="fl">{table or f"As in {escaped(name)}: nothing is changed."}</div>'

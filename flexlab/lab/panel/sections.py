@@ -98,7 +98,7 @@ def three_valued(scenario: Scenario) -> str:
 
 
 FIRST_PERIOD, FIRST_TORQUE_LIMIT, FIRST_STEP, FIRST_SHAPED = 1e-3, 400.0, 1e-4, 45.5
-"""What a switch begins with: an ordinary controller's 1 ms, two thirds of the paper's largest torque in N·m, 0.1 ms, and the
+"""First values of switches: an ordinary controller's 1 ms, two thirds of the paper's largest torque in N·m, 0.1 ms, and the
 paper's ring in Hz."""
 
 

@@ -116,7 +116,7 @@ def _mark_extremes(drawn: np.ndarray, block: np.ndarray, stretch: int) -> None:
     empty = np.isnan(pieces)
     known = ~empty.all(axis=2)
     silent = np.asarray(empty.all(axis=(0, 2)), bool)
-    drawn[begin[silent]] = True  # Axes are held by points, where there is nothing to draw as well.
+    drawn[begin[silent]] = True  # Points without a value hold the axes.
     for places in (np.where(empty, np.inf, pieces).argmin(axis=2), np.where(empty, -np.inf, pieces).argmax(axis=2)):
         drawn[(begin + places)[known]] = True
     if end + 1 < block.shape[1]:

@@ -45,14 +45,14 @@ WHOLE = {
     "zip": "Archive that others can verify",
 }
 EXPORTS = WHOLE | TABLES | FIGURES
-"""What a run can be had as → in words."""
+"""Format of an export → what it is."""
 PIECE = 1024 * 1024
 """Bytes sent at once."""
 KEPT_FREE = 200_000_000
 """Bytes of the disk that uploads and archives leave free."""
 READING_TIME, DOWNLOAD_TIME = 30.0, 3600.0
-"""s that the other side may take for one piece and for all, the largest archive over a line of 10 Mbit/s: the file takes room
-on this disk until then."""
+"""Seconds that the other side may take for one piece and for all (the largest archive at 10 Mbit/s): until then the file takes
+room on this disk."""
 LARGEST_SHARE = {"csv": 4.0, "parquet": 1.5, "npz": 1.5, "zip": 3.0}
 """Bytes of a table for each byte of its recording, at most."""
 BACK = Markup('<a class="button" href="/runs/{}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>')
@@ -198,9 +198,9 @@ def table_size(row: RunRow, kind: str) -> float:
 
 
 async def send_download(request: web.Request, path: Path) -> web.StreamResponse:
-    """A file as a download, all of it: when this returns, the file may go (aiohttp's own answer opens it later).
+    """Send a whole file as a download: when this returns, the file may be deleted (aiohttp's own answer opens it later).
 
-    Who takes nothing for `READING_TIME`, or not all in `DOWNLOAD_TIME`, is left.
+    A visitor who takes nothing for `READING_TIME`, or not all in `DOWNLOAD_TIME`, is cut off.
     """
     answer = web.StreamResponse()
     answer.content_type = "application/octet-stream"
@@ -239,7 +239,7 @@ LARGEST_ARCHIVE = 4_000_000_000
 """Bytes of recordings in one archive."""
 RECORDINGS = "rrd"
 FORMATS = (RECORDINGS, *TABLES)
-"""What the runs of an archive can be had as."""
+"""Formats of the runs in an archive."""
 ALL_RUNS = button("/runs", "All runs")
 
 
@@ -292,7 +292,7 @@ async def export_many(request: web.Request) -> web.StreamResponse:
 
 
 async def delete(request: web.Request) -> web.StreamResponse:
-    """Ask, and delete runs when the answer is yes; what may not go stays, and is named."""
+    """Ask, and delete runs once that is confirmed; those that may not be deleted are named."""
     rows, sure = await _chosen(request), (await request.post()).get("sure") == "yes"
     stay: dict[str, str] = {}
     for row in rows:

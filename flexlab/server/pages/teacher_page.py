@@ -14,9 +14,9 @@ from urllib.parse import urlencode
 from aiohttp import hdrs, web
 from pydantic import TypeAdapter, ValidationError
 
+from flexlab.analysis.own_lessons import lesson_menu, lesson_mistakes, own_lessons
 from flexlab.errors import LabError
 from flexlab.guide import STEPS, ClassRules, step_text
-from flexlab.lab.panel.guide_panel import lesson_menu, lesson_mistakes, own_lessons
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.server.auth import ask_for_token

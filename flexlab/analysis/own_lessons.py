@@ -1,0 +1,100 @@
+"""A person's own lessons: markdown files in a folder `lessons`.
+
+They stand where a person works, beside their presets: like those of flexlab, with a hint, and a check that is an expression
+over metrics and signals:
+
+    ---
+    title: Stiffer
+    preset: paper
+    check: scenario.payload.bending_stiffness > 500 and t > 1
+    hint: Move the slider of EI to the right.
+    ---
+    Does the beam ring less when it is stiffer?
+
+    ## Guess
+    What happens to the ring?
+
+    - [x] it gets faster and smaller
+    - [ ] nothing
+
+    ## Do
+    1. Load the preset `paper` and set EI to 600.
+
+    ## Observe
+    The frequency grows with the square root of EI.
+"""
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from flexlab.analysis.lesson_checks import read_check
+from flexlab.analysis.lesson_expressions import ExpressionError
+from flexlab.guide import Lesson, LessonError, lessons, read_lesson
+from flexlab.presets import preset_names
+
+OWN_LESSONS = Path("lessons")
+"""Relative to the working directory."""
+LARGEST = 200_000
+"""Bytes of a lesson's file."""
+MOST = 50
+"""Lessons that a menu can hold."""
+
+
+class OwnLesson(NamedTuple):
+    """A lesson, or what is wrong with its file."""
+
+    name: str
+    """Of the file, without ending."""
+    lesson: Lesson | None
+    problem: str
+    """A sentence with line and reason; empty if all is well."""
+
+
+def own_lessons(folder: Path = OWN_LESSONS) -> list[OwnLesson]:
+    """All lessons of a folder by name; a bad one has its problem."""
+    return [_read(file) for file in sorted(folder.glob("*.md"))[:MOST]]
+
+
+def lesson_menu(own: Sequence[OwnLesson]) -> dict[str, Lesson]:
+    """All lessons that can be read, flexlab's and one's own, by their names in the guide's menu."""
+    found = {f"Lesson {number}: {lesson.title}": lesson for number, lesson in enumerate(lessons(), 1)}
+    return found | {f"Own lesson: {mine.lesson.title}": mine.lesson for mine in own if mine.lesson is not None}
+
+
+def lesson_files(folder: Path = OWN_LESSONS) -> dict[str, int]:
+    """Name → time of change, ns, of each file: where it differs there is something to read."""
+    found: dict[str, int] = {}
+    for file in folder.glob("*.md"):
+        with contextlib.suppress(OSError):  # It vanished meanwhile.
+            found[file.name] = file.stat().st_mtime_ns
+    return found
+
+
+def _read(file: Path) -> OwnLesson:
+    try:
+        if not file.is_file():  # A pipe would hang.
+            raise LessonError(file, [(1, "it is no ordinary file.")])
+        if file.stat().st_size > LARGEST:
+            raise LessonError(file, [(1, f"over {LARGEST} bytes are no lesson.")])
+        return OwnLesson(file.stem, read_lesson(file, further=_mistakes), "")
+    except (LessonError, OSError, UnicodeDecodeError) as error:
+        reason = str(error) if isinstance(error, LessonError) else f"{file.name}: it cannot be read ({error})."
+        return OwnLesson(file.stem, None, reason)
+
+
+def _mistakes(lesson: Lesson) -> Iterator[tuple[int, str]]:
+    lines = dict(lesson.lines)
+    if "preset" in lines and lesson.preset not in preset_names():
+        yield lines["preset"], f"there is no preset {lesson.preset[:40]!r}."
+    if "check" in lines:
+        try:
+            read_check(lesson)
+        except ExpressionError as error:
+            yield lines["check"], str(error)
+
+
+def lesson_mistakes(folder: Path = OWN_LESSONS) -> list[str]:
+    """What is wrong with each lesson of a folder that cannot be read, a sentence with line and reason."""
+    return [own.problem for own in own_lessons(folder) if own.problem]

@@ -274,6 +274,21 @@ def test_a_measurement_of_noise_alone_is_no_ring(flexlab_command: Command, tmp_p
     assert "EI" not in done.stdout
 
 
+@pytest.mark.parametrize("memory", [0.5, 0.8])
+def test_coloured_noise_beside_a_ring_is_no_further_mode(memory: float):
+    """One mode in noise that remembers its last value: f and ζ within their intervals, and nothing else that is identifiable."""
+    time, known = np.arange(0, 0.5, 1e-3), 0
+    for seed in range(12):
+        noise = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], np.random.default_rng(seed).normal(size=len(time)))
+        fit = fit_ring(time, ring(time, 45.0, 0.01) + 0.1 * noise)
+        assert fit.is_ring
+        assert len(fit.modes) == 1
+        mode = fit.first
+        known += mode.frequency.low <= 45.0 <= mode.frequency.high
+        known += mode.damping_ratio.low <= 0.01 <= mode.damping_ratio.high
+    assert known >= 20
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_band_of_noise_is_no_ring(seed: int):
     """What random knocks keep a structure doing has a resonance, and no free ring."""

@@ -137,7 +137,16 @@ def _fit(time: np.ndarray, signal: np.ndarray, most_modes: int) -> RingFit:
         found, criterion = more, better
         if _rest(found, tau, y).std() < BEST_TOLD:
             break
-    return _described(found, tau, y, scale, time)
+    return _described(_without_noise(found, tau, y), tau, y, scale, time, _reason(found, tau, y))
+
+
+def _without_noise(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The modes that stand out where what is left is no white noise: the others are fitted to its humps, and are left out."""
+    rest = _rest(modes, tau, y)
+    if len(modes) == 1 or rest.std() < BEST_TOLD or is_white(rest):
+        return modes
+    kept = [stands_out(_rest(np.delete(modes, k, axis=0), tau, y), rest, 1) for k in range(len(modes))]
+    return modes if all(kept) or not any(kept) else _refined(modes[kept], tau, y)
 
 
 def _basis(modes: np.ndarray, tau: np.ndarray) -> np.ndarray:
@@ -166,7 +175,11 @@ def _with_another(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarr
     """The best fit with one more mode, from the strongest line of what is left."""
     omega = _strongest(tau, _rest(modes, tau, y))
     starts = [np.vstack([modes, [omega, ratio * omega]]) for ratio in START_RATIOS]
-    start = min(starts, key=lambda guess: float(np.sum(_rest(guess, tau, y) ** 2)))
+    return _refined(min(starts, key=lambda guess: float(np.sum(_rest(guess, tau, y) ** 2))), tau, y)
+
+
+def _refined(start: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The best fit with as many modes, near `start`."""
     scale = start[:, :1].repeat(2, axis=1)
     low, high = np.zeros_like(start), np.column_stack([start[:, 0] * 4, start[:, 0] * 2])
     low[:, 0], low[:, 1] = start[:, 0] / 4, -0.05 * start[:, 0]
@@ -189,7 +202,9 @@ def _strongest(tau: np.ndarray, rest: np.ndarray) -> float:
     return 2 * np.pi * max(int(np.argmax(spectrum)), 1) / (size * (even[1] - even[0]))
 
 
-def _described(modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, time: np.ndarray) -> RingFit:
+def _described(
+    modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, time: np.ndarray, problem: str
+) -> RingFit:
     basis = _basis(modes, tau)
     linear = np.linalg.lstsq(basis, y, rcond=None)[0]
     rest = y - basis @ linear
@@ -204,10 +219,10 @@ def _described(modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, 
     size = np.linalg.norm(J, axis=0)
     covariance = variance * np.linalg.pinv((J / size).T @ (J / size)) / np.outer(size, size)
     factor = float(student.ppf(0.5 + CONFIDENCE / 2, freedom))
-    density, problem = _judged(modes, tau, y, rest, basis[:, : 2 * len(modes)] @ linear[: 2 * len(modes)])
+    near = [max(1.0, density) for density, _ in _near(modes, tau, y)]
     found = []
     for k, (omega, sigma) in enumerate(modes):
-        own = density[k] * covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
+        own = near[k] * covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
         found.append(_mode(omega, sigma, own, factor, amplitude, tau, problem))
     # A slow change of the background passes for part of a period of something.
@@ -218,26 +233,34 @@ def _described(modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, 
     return RingFit(tuple(found), noise, float(time[0]), float(time[-1]), len(time), background, problem)
 
 
-def _judged(
-    modes: np.ndarray, tau: np.ndarray, y: np.ndarray, rest: np.ndarray, rings: np.ndarray
-) -> tuple[list[float], str]:
-    """By how much noise near each mode is denser than white noise, and why this is no ring, empty if it is one."""
-    if rest.std() < BEST_TOLD:
-        return [1.0] * len(modes), ""
-    if not stands_out(_rest(np.empty((0, 2)), tau, y), rest, len(modes)):
-        return [1.0] * len(modes), NOISE_ALONE
-    uneven = unevenness(rest, rings)
-    if uneven > SEEN:
-        return [1.0] * len(modes), NOT_ONE
-    if is_white(rest):
-        return [1.0] * len(modes), ""
+def _near(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:
+    """Of each mode what `local_density` tells; of white noise that it is as dense as elsewhere."""
+    rest = _rest(modes, tau, y)
+    if rest.std() < BEST_TOLD or is_white(rest):
+        return [(1.0, 0.0)] * len(modes)
     even = np.linspace(0, tau[-1], len(tau))
-    left = np.interp(even, tau, rest)
-    near = [local_density(left, even[1], omega / (2 * np.pi), float(rings @ rings)) for omega in modes[:, 0]]
-    density, excess = map(max, zip(*near, strict=True))
-    if excess > LEFT or (uneven > SEEN_NEAR and density > DENSE):
-        return [1.0] * len(modes), NOT_ONE
-    return [max(1.0, density) for density, _ in near], ""
+    left, rings = np.interp(even, tau, rest), _rings(modes, tau, y)
+    return [local_density(left, even[1], omega / (2 * np.pi), float(rings @ rings)) for omega in modes[:, 0]]
+
+
+def _rings(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The modes' part of the best linear combination, (N,)."""
+    basis = _basis(modes, tau)[:, : 2 * len(modes)]
+    return basis @ np.linalg.lstsq(_basis(modes, tau), y, rcond=None)[0][: 2 * len(modes)]
+
+
+def _reason(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> str:
+    """Why samples with such modes are no ring, empty if they are one."""
+    rest = _rest(modes, tau, y)
+    if rest.std() < BEST_TOLD:
+        return ""
+    if not stands_out(_rest(np.empty((0, 2)), tau, y), rest, len(modes)):
+        return NOISE_ALONE
+    uneven = unevenness(rest, _rings(modes, tau, y))
+    if uneven > SEEN:
+        return NOT_ONE
+    density, excess = map(max, zip(*_near(modes, tau, y), strict=True))
+    return NOT_ONE if excess > LEFT or (uneven > SEEN_NEAR and density > DENSE) else ""
 
 
 def _mode(

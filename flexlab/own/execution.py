@@ -30,6 +30,7 @@ from flexlab.own.declaration import (
     read_declaration,
     read_path_declaration,
 )
+from flexlab.own.endless_calls import CALLS, EndlessCall
 from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement, real_numbers
 from flexlab.own.reading import TextProblem, is_foreign
 from flexlab.physics.law_input import LAW_INPUT
@@ -100,6 +101,8 @@ class RunningText:
             code: CodeType = compile(source, f"<{name}>" if is_foreign(file) else file, "exec")
             exec(code, names)
             self.made: Any = names[name]()
+        except KeyboardInterrupt:
+            raise
         except BaseException as error:  # SystemExit too: a file that ends Python must not end the lab.
             raise TextProblem(self.where(error)) from None
 
@@ -154,6 +157,8 @@ class RunningText:
         what = f"{type(error).__name__}: {words}" if words else type(error).__name__
         if isinstance(error, MemoryError):
             what = f"it needs more memory than a {self._what} may have"
+        elif isinstance(error, EndlessCall):
+            what = words
         return f"{self.at_line(line)}: {what}."
 
 
@@ -176,27 +181,47 @@ class RunningLaw:
         self._told = b""
         self._believed: Believed | None = None
         self._lock = threading.Lock()
-        self._function = AnswerFunction(lambda message, now: self.ask(message_at(message), now_at(now)))
+        self._function = AnswerFunction(self._called)
         self.channel = Channel(address_of(self._function), 0, -1, -1, -1)
-        self.problem = ""
-        """What went wrong last, as a sentence; empty if nothing did."""
+        self._problem, self._is_interrupted = "", False
+
+    @property
+    def problem(self) -> str:
+        """What went wrong last, as a sentence; empty if nothing did. Raises, once, the KeyboardInterrupt that ended a call."""
+        if self._is_interrupted:
+            self._is_interrupted = False
+            raise KeyboardInterrupt
+        return self._problem
 
     def ensure(self) -> None:
         """Forget what went wrong before: a run begins."""
-        self.problem = ""
+        self._problem, self._is_interrupted = "", False
+
+    def _called(self, message: int, now: int) -> None:
+        try:
+            if not self._is_interrupted:
+                self.ask(message_at(message), now_at(now))
+                return
+        except KeyboardInterrupt:
+            # The caller is machine code, which would drop it: the run ends, and whoever asks why gets it.
+            self._is_interrupted = True
+        message_at(message)[OUTCOME] = FAILED
 
     def ask(self, message: np.ndarray, now: np.ndarray) -> None:
         """One call, as `answer`; a sentence goes to `problem`."""
-        with self._lock:  # Runs of several threads share the object.
-            self.problem = self.answer(message, now) or self.problem
+        with self._lock, CALLS.call():  # Runs of several threads share the object.
+            self._problem = self.answer(message, now) or self._problem
 
     def answer(self, message: np.ndarray, now: np.ndarray) -> str:
         """One call: reads gains and memory of the message (MESSAGE_SIZE,) and `now` (a `LAW_INPUT` record as bytes).
 
-        Writes inputs, signals, memory and outcome. Returns what went wrong as a sentence, empty if nothing did.
+        Writes inputs, signals, memory and outcome. Returns what went wrong as a sentence, empty if nothing did. Raises
+        KeyboardInterrupt.
         """
         try:
             text = self._answer(message, now.view(LAW_INPUT)[0])
+        except KeyboardInterrupt:
+            raise
         except BaseException as error:
             text = self._text.where(error)
         message[OUTCOME] = FAILED if text else ANSWERED
@@ -298,7 +323,7 @@ class RunningPath:
                     fits = False
                 if not fits:
                     raise TextProblem(self._wrong(t, given))
-        except TextProblem:
+        except (TextProblem, KeyboardInterrupt):
             raise
         except BaseException as error:  # SystemExit too.
             raise TextProblem(self._text.where(error)) from None

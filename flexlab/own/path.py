@@ -27,6 +27,7 @@ from flexlab.control.paths.table import FREE_ROWS, along_pieces, polynomials, sp
 from flexlab.errors import FlexlabError
 from flexlab.own import hosts
 from flexlab.own.declaration import PathDeclaration, read_path_declaration
+from flexlab.own.endless_calls import CALLS
 from flexlab.own.kinds import OWN_PLACE, OwnKinds, source_field
 from flexlab.own.reading import TextProblem, digest
 from flexlab.quantities import Number, quantity
@@ -188,9 +189,12 @@ def _make_table(path: OwnTrajectory, name: str) -> str:
     sizes = [_option_size(type(path), option) for option in path.options]
     numbers = np.concatenate([np.zeros(0), *(np.broadcast_to(a, n) for a, n in zip(flat, sizes, strict=True))])
     file = hosts.file_of(path.source).replace("\\", "/").rpartition("/")[2]
-    table = to_text(
-        sampled(lambda shares: hosts.PATH_HOSTS.get(path.source).poses(numbers, shares), path.repeats, file)
-    )
+
+    def poses(shares: np.ndarray) -> tuple[float, np.ndarray]:
+        with CALLS.call():
+            return hosts.PATH_HOSTS.get(path.source).poses(numbers, shares)
+
+    table = to_text(sampled(poses, path.repeats, file))
     while len(_made_tables) >= TABLES_KEPT:
         _made_tables.pop(next(iter(_made_tables)), None)
     _made_tables[name] = table

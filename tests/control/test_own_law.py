@@ -19,7 +19,7 @@ from flexlab.api import Run
 from flexlab.control.law import forget_law
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
-from flexlab.own import hosts
+from flexlab.own import endless_calls, hosts
 from flexlab.own.files import add_own_law_file, law_files, law_kind
 from flexlab.own.law import add_own_law
 from flexlab.presets import load_preset, save_scenario
@@ -46,7 +46,7 @@ def scenario(source: str = PD, file: str = "own_pd.py", **changes: object) -> Sc
 def acting(body: str, above: str = "") -> str:
     """A law whose `act` is `body`, from line 6 on."""
     lines = "".join(f"        {line}\n" for line in body.split("\n"))
-    head = "import os, time\nimport numpy as np\nfrom flexlab import OwnLaw, memory\n"
+    head = "import os, signal, time\nimport numpy as np\nfrom flexlab import OwnLaw, memory\n"
     return f"{head}class Bad(OwnLaw):{above}\n    def act(self, at):\n{lines}"
 
 
@@ -192,6 +192,21 @@ def test_what_would_harm_the_lab_ends_only_its_own_process(wrong: str):
     assert_says(run.status.text, said)
     assert time.monotonic() - began < 30
     assert_says(simulate(chosen, 0.5).status.text, said)  # in a new process, the same again
+
+
+def test_an_endless_loop_ends_here_too(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(endless_calls, "LONGEST_CALL", 0.1)
+    run = simulate(scenario(APART["endless loop"][0], "bad.py"), 0.05)
+    assert run.status == "law failed"
+    assert_says(run.status.text, "bad.py, line [67]: one call took more than 0.1 s of processor time")
+    assert len(run) == 22
+
+
+@pytest.mark.parametrize("when", ["at.time > 0.02", "at.time < 0.03"], ids=["on its way", "from the start"])
+def test_ctrl_c_within_a_law_ends_what_asked_for_the_run(when: str):
+    chosen = scenario(acting(f"if {when}:\n    signal.raise_signal(signal.SIGINT)\nreturn at.weights"), "bad.py")
+    with pytest.raises(KeyboardInterrupt):
+        simulate(chosen, 0.05)
 
 
 def assert_says(text: str, said: str) -> None:

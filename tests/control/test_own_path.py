@@ -15,7 +15,7 @@ from flexlab.control.motion import poses
 from flexlab.control.path import build_motion, forget_path, paths
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
-from flexlab.own import hosts
+from flexlab.own import endless_calls, hosts
 from flexlab.own.files import path_files, path_kind
 from flexlab.own.path import add_own_path, sampled
 from flexlab.own.reading import TextProblem
@@ -191,6 +191,17 @@ def test_what_would_harm_the_lab_ends_only_its_own_process(wrong: str):
     with pytest.raises(ScenarioError) as caught:
         scenario(source, "/somewhere/bad.py")
     assert_says(str(caught.value), said)
+
+
+def test_an_endless_loop_ends_here_too(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(endless_calls, "LONGEST_CALL", 0.1)
+    with pytest.raises(ScenarioError, match=r"bad.py, line [78]: one call took more than 0.1 s of processor time"):
+        scenario(APART["endless loop"][0], "/somewhere/bad.py")
+
+
+def test_ctrl_c_within_a_path_ends_what_asked_for_it():
+    with pytest.raises(KeyboardInterrupt):
+        scenario(moving("import signal\nsignal.raise_signal(signal.SIGINT)\nreturn 0, 0.7, 0"), "/somewhere/bad.py")
 
 
 def test_a_process_that_ended_is_replaced():

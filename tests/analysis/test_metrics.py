@@ -1,5 +1,7 @@
 """Metrics: each says what it means, from a stream as from a whole run, over the window that it names."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -228,6 +230,13 @@ def test_why_there_is_no_settling_time_is_said() -> None:
     assert SettlingTime().reason() == ""
     metric.add(TIME, RING)
     assert metric.reason() == ""
+
+
+def test_a_repr_gives_a_unit_to_numbers_alone() -> None:
+    text = repr(run_metrics(simulate(load_preset("paper"), 0.05)))
+    assert re.search(r", Vibration below 1 % after [a-z: ]+ at [\d.]+ %,", text), text
+    assert re.search(r"Peak joint torque [\d.]+ N·m", text)
+    assert "% s" not in text
 
 
 def test_a_ring_after_a_tap_settles_and_pieces_say_the_same():

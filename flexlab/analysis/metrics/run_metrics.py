@@ -152,7 +152,8 @@ class RunMetrics:
         return "no samples" if self.window is None else f"t = {self.window[0]:g} s to {self.window[1]:g} s"
 
     def __repr__(self) -> str:
-        numbers = ", ".join(f"{row.column.field} {row.text} {row.unit}" for row in self.rows if row.column.listed)
+        listed = [row for row in self.rows if row.column.listed]
+        numbers = ", ".join(f"{row.title} {row.text}{'' if isnan(row.value) else ' ' + row.unit}" for row in listed)
         return f"<RunMetrics of {self.window_text}: {numbers}>"
 
     def __str__(self) -> str:

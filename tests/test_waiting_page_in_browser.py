@@ -10,6 +10,16 @@ from playwright.sync_api import Browser
 from flexlab.cli.showing import WaitingPage
 
 
+class Lab(http.server.SimpleHTTPRequestHandler):
+    """Gives its pages to people alone, as a lab gives the addresses of its presets."""
+
+    def do_GET(self) -> None:
+        if self.headers["Sec-Fetch-Dest"] == "document":
+            super().do_GET()
+        else:
+            self.send_error(403)
+
+
 def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path, plain_chromium: Browser):
     (tmp_path / "index.html").write_text("<title>the lab</title>")
     tab = plain_chromium.new_page(locale="de-DE")
@@ -17,7 +27,7 @@ def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path, plain_chromium: Br
         tab.goto(page.url)
         assert "Bewegungsgleichungen" in tab.inner_text("main")
     port = int(page.url.rsplit(":", 1)[1])
-    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
+    handler = functools.partial(Lab, directory=str(tmp_path))
     with http.server.ThreadingHTTPServer(("127.0.0.1", port), handler) as lab:
         threading.Thread(target=lab.serve_forever, args=(0.05,), daemon=True).start()
         tab.wait_for_function("document.title === 'the lab'")

@@ -104,8 +104,9 @@ PAGE = """<!doctype html>
   for (const part of document.querySelectorAll("p")) {
     part.textContent = catalogues[chosen]?.[part.textContent] ?? part.textContent
   }
+  // Any other answer is the lab's, a refusal too: it gives the addresses of presets to people alone.
   const look = () => fetch(location.href, { cache: "no-store" })
-    .then(answer => answer.ok ? location.reload() : setTimeout(look, 500), () => setTimeout(look, 500))
+    .then(answer => answer.status === 503 ? setTimeout(look, 500) : location.reload(), () => setTimeout(look, 500))
   setTimeout(look, 500)
 </script>
 </html>

@@ -9,7 +9,7 @@ from flexlab.analysis.explanations import EXPLANATIONS, Background, Explained, e
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.plots.explanation_list import MISSED, MOST, REWORDED, SEEN, CalmList, evidence, list_html
 from flexlab.presets import load_preset
-from flexlab.sim.commands import ChangeScenario, Play, Tap
+from flexlab.sim.commands import ChangeScenario, Play, Pull, Tap
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import Event
 
@@ -64,6 +64,10 @@ def test_samples_before_a_change_or_a_touch_tell_nothing():
         assert later.samples.time[0] == pytest.approx(0.7)
         assert not later.begins
         assert "jerky start" not in [each.name for each in explain(later)]
+    held = Event(0.7, "", Pull(0.0, (0.0, 1.0), 500.0))
+    assert explain(evidence(about, run, (held, Event(0.8, "", Play())), 0.0)) == (), (
+        "a hand bends the beam all the while"
+    )
 
 
 def test_nothing_is_said_of_a_scenario_that_is_not_computed_yet():

@@ -1,16 +1,20 @@
 """What the head of the panel, the notices over the picture and its text for screen readers say of a run."""
 
+from dataclasses import replace
+
 import pytest
 from lab_page import wait_until
 from raw_browser import RawBrowser, html_texts
 
 from flexlab.analysis.explanations import Explained
 from flexlab.lab.lab_state import Notice
-from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html, summary_text
+from flexlab.lab.panel.readouts import SEEN_TOGETHER, largest_vibration, notices_html, summary_text
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
+from flexlab.sim.commands import Pull
 from flexlab.sim.runner import Runner
+from flexlab.sim.snapshot import Event
 
 
 def notices(scenario: Scenario) -> str:
@@ -51,6 +55,15 @@ def test_the_picture_is_told_in_sentences_with_what_is_wrong_and_what_the_plots_
     assert "first beam frequency" in told
     assert "Large deflection: |w|/L = 6 %" in told
     assert told.endswith(" Deflection: The beam rings.")
+
+
+def test_what_a_hand_bends_is_no_vibration():
+    run = Runner(load_preset("paper"), playing=False).recent(SEEN_TOGETHER)
+    held = run.having(midspan_deflection=run.quasi_static_deflection + 0.005)
+    pull = Pull(0.0, (0.0, 0.8), 500.0)
+    assert largest_vibration(held, ()) == "5.00 mm"
+    assert largest_vibration(held, [Event(0.0, "", pull)]) == "0.0 µm"
+    assert largest_vibration(held, [Event(-1.0, "", replace(pull, stiffness=0.0))]) == "5.00 mm", "it has let go before"
 
 
 def test_a_warning_is_shown_once_however_it_goes_on():

@@ -10,6 +10,7 @@ from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import peak_deflection
+from flexlab.lab.picking import is_pulled
 from flexlab.lab.view_settings import Legend, ViewSettings
 from flexlab.lab.widgets import put
 from flexlab.sim.commands import Pull
@@ -58,14 +59,17 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
 
 def number_html(recent: Samples, snapshot: Snapshot) -> str:
     """The run's main numbers in large type, for a presentation; `recent`: the samples over which the vibration is taken."""
-    shown = largest_vibration(recent)
+    shown = largest_vibration(recent, snapshot.events)
     first = f"f<sub>1</sub> = {fixed_text(snapshot.first_frequency, 1)} Hz"
     return f'<div class="fl fl-number"><span>largest vibration</span><b>{shown}</b><span>{first}</span></div>'
 
 
-def largest_vibration(recent: Samples) -> str:
-    """The largest vibration of some samples, with its unit."""
-    vibration = 1e3 * float(np.abs(recent.vibration).max()) if len(recent) else 0.0
+def largest_vibration(recent: Samples, events: Sequence[Event]) -> str:
+    """The largest vibration of some samples, with its unit; about its middle while a hand bends the beam as well."""
+    signal = recent.vibration
+    if len(recent) and is_pulled(events, float(recent.time[0])):
+        signal = signal - 0.5 * (signal.max() + signal.min())
+    vibration = 1e3 * float(np.abs(signal).max()) if len(recent) else 0.0
     return f"{fixed_text(vibration, 2)} mm" if vibration >= SMALLEST_IN_MM else f"{fixed_text(1e3 * vibration, 1)} µm"
 
 
@@ -205,7 +209,7 @@ def summary_text(snapshot: Snapshot, recent: Samples, sentences: Sequence[Explai
     told = [
         f"{scenario.title or snapshot.name}: {arms} a flexible beam.",
         f"{status_word(snapshot)} at t = {fixed_text(float(sample.time[0]), 2)} s, speed {speed_text(snapshot.target_speed)}.",
-        f"Mid-span deflection {deflection} mm, largest vibration {largest_vibration(recent)}, "
+        f"Mid-span deflection {deflection} mm, largest vibration {largest_vibration(recent, snapshot.events)}, "
         f"first beam frequency {fixed_text(snapshot.first_frequency, 2)} Hz.",
         *warnings(snapshot),
         *(f"{each.plot}: {each.sentence}" for each in sentences),

@@ -9,7 +9,7 @@ from flexlab.analysis.metrics import MetricRow
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.reference_run import LONGEST, Recorded, ReferenceRun, common_metrics, differences, keep_run, whole_run
-from flexlab.lab.widgets import add_button
+from flexlab.lab.widgets import add_button, put
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import field_title, told, value_text
 from flexlab.sim.runner import Runner
@@ -35,7 +35,7 @@ class Comparing:
         gui.add_html(f'<div class="fl fl-dim">{words}</div>')
         ghost, hint = viser.Icon.GHOST_2, "Remove the kept run from the screen"
         add_button(gui, lab_state, "Keep this run", lambda _: self._keep(), icon=ghost, hint="As it was computed")
-        add_button(gui, lab_state, "Forget it", lambda _: self._forget(), hint=hint)
+        self._forgets = add_button(gui, lab_state, "Forget it", lambda _: self._forget(), hint=hint, visible=False)
         self._table = gui.add_html("")
 
     def update(self, snapshot: Snapshot) -> None:
@@ -78,6 +78,7 @@ class Comparing:
 
     def _show(self, snapshot: Snapshot) -> None:
         kept = self._lab_state.kept
+        put(self._forgets, visible=kept is not None)
         self._table.content = "" if kept is None else comparison_html(kept, snapshot, self._runner)
 
 

@@ -154,7 +154,8 @@ class ScenarioFiles:
             ("Back to preset", None, "A new run without your changes", lab_state.back_to_baseline),
         ):
             add_button(gui, lab_state, label, _without_event(action), icon=icon, hint=hint)
-        self.name = gui.add_text("Name", self._suggestion(), hint="Of the preset; its file gets it in small letters")
+        self._suggested = self._suggestion()
+        self.name = gui.add_text("Name", self._suggested, hint="Of the preset; its file gets it in small letters")
         self.words = gui.add_text(
             "What to watch", "", multiline=True, hint="Your own words; left empty: what is changed"
         )
@@ -172,6 +173,7 @@ class ScenarioFiles:
         if self._shown_for is not None and self._shown_for[0] is key[0] and self._shown_for[1] is key[1]:
             return
         self._shown_for = key
+        self._suggest()
         self._changes.content = changes_html(lab_state.name, *key)
         if self._link is not None:
             address = escaped(self._link(lab_state.intended))
@@ -201,7 +203,14 @@ class ScenarioFiles:
         return differences(self._lab_state.baseline, self._lab_state.intended)
 
     def _suggestion(self) -> str:
-        return f"my-{self._lab_state.name}"[:40]
+        name = self._lab_state.name
+        return (name if name.startswith("my-") else f"my-{name}")[:LONGEST_NAME]
+
+    def _suggest(self) -> None:
+        """Suggest a name for what is there now, unless a person has written one."""
+        before, self._suggested = self._suggested, self._suggestion()
+        if self.name.value == before != self._suggested:
+            self.name.value = self._suggested
 
     def _download(self, event: Any) -> None:
         content = scenario_text(self._lab_state.intended).encode()

@@ -267,12 +267,7 @@ class Chart:
         if np.isfinite(lines).any():
             self._span.fit(float(np.nanmin(lines)), float(np.nanmax(lines)))
         low, high = self._span.ends
-        levels = [self._level(len(drawn), sign * limit.value) for limit in self._limits for sign in (1, -1)]
+        levels = [np.full(len(drawn), sign * limit.value) for limit in self._limits for sign in (1, -1)]
         ends = np.full(len(drawn), high)
         ends[::2] = low
         return compact((start + drawn) * TICK, [*lines, *levels, ends], TICK)
-
-    def _level(self, count: int, value: float) -> np.ndarray:
-        """A horizontal line, empty outside the range."""
-        low, high = self._span.ends
-        return np.full(count, value if low <= value <= high else np.nan)

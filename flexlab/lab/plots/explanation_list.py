@@ -7,6 +7,7 @@ import viser
 from flexlab.analysis.explanations import EXPLANATIONS, LONGEST_LOOK, Evidence, Explained, explain
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.lab.mode_computation import ModeStudy
+from flexlab.lab.picking import is_pulled
 from flexlab.lab.widgets import put
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.runner import Runner
@@ -100,7 +101,9 @@ class ExplanationList:
 def evidence(background, samples, events: Sequence[Event], start: float) -> Evidence:
     """What the newest samples show since anything was changed or touched; `start`: when the run began, s."""
     touched = max((event.time for event in events if isinstance(event.command, DISTURBANCES)), default=start)
-    seen = between(samples, touched, float("inf")) if len(samples) else samples
+    # What a hand that pulls bends is no vibration, and none of the causes that sentences know.
+    since = float("inf") if is_pulled(events) else touched
+    seen = between(samples, since, float("inf")) if len(samples) else samples
     begins = touched == start and len(seen) > 0 and bool(seen.time[0] == start)
     return Evidence(background, seen, begins)
 

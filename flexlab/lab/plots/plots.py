@@ -76,7 +76,7 @@ class Spectrum:
             series,
             title="Spectrum of the mid-span vibration",
             scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3, log=10)},
-            axes=(axis(X_AXIS_SIZE), axis(Y_AXIS_SIZE)),
+            axes=(axis(X_AXIS_SIZE), axis(Y_AXIS_SIZE, "µm")),
             legend=uplot.Legend(live=True),
             height=2 * HEIGHT,
             padding=(6, 12, 0, 0),

@@ -17,7 +17,8 @@ from own_law_text import PD, forget_own_laws
 from own_path_text import ROUND, forget_own_paths
 
 import flexlab.cli
-from flexlab.analysis.validation import Validation, beam_theory
+from flexlab.analysis.validation import Validation
+from flexlab.analysis.validation.beam import closed_form
 from flexlab.analysis.validation.check import Runs
 from flexlab.cli import COMMANDS
 from flexlab.own.law import add_own_law
@@ -127,7 +128,7 @@ CALLS: dict[str, list[tuple[str, ...]]] = {
 def test_no_command_shows_a_control_character(
     command: str, folder: Path, flexlab_command: Command, monkeypatch: pytest.MonkeyPatch
 ):
-    few = Validation({beam_theory.SUBJECT: tuple(beam_theory.checks(Runs()))}, Runs())
+    few = Validation({"The beam in closed form": tuple(closed_form(Runs()))}, Runs())
     monkeypatch.setattr(
         "flexlab.analysis.validation.validate", lambda: few
     )  # All take seconds, and nobody else writes them.

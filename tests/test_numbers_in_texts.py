@@ -22,7 +22,7 @@ from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.modes import PoleRow, modes
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY
-from flexlab.analysis.validation import axial_load as buckling
+from flexlab.analysis.validation import beam as buckling
 from flexlab.assets import presets_folder, web_assets_folder
 from flexlab.own.path import AGREED, TOLERATED
 from flexlab.physics.axial_load import buckling_load

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,334 +27,277 @@ class PlantedError(NamedTuple):
     wrong: str
 
 
-PLANTED = (
-    PlantedError(
-        "payload inertia that an arm drives",
-        "control/law_kernels.py",
-        "A[1, 2] = s * c * hh, s * hg, -c * hg",
-        "A[1, 2] = s * c * hh, s * hg, c * hg",
-    ),
-    PlantedError(
-        "centrifugal force on the beam",
-        "physics/dynamics.py",
-        "w * w * y[ETA + k] - h * lift",
-        "-w * w * y[ETA + k] - h * lift",
-    ),
-    PlantedError(
-        "first moment of the beam",
-        "physics/beam.py",
-        "(element - n / 2) * h_element",
-        "(element + n / 2) * h_element",
-    ),
-    PlantedError("bent beam's inertia about θ", "physics/dynamics.py", "= -c * w_bar + s * hg", "= c * w_bar + s * hg"),
-    PlantedError(
-        "weight of the payload",
-        "physics/dynamics.py",
-        "dy[P + 1] -= factor * (plant.m * g)",
-        "dy[P + 1] += factor * (plant.m * g)",
-    ),
-    PlantedError(
-        "Coriolis terms of an arm", "physics/arm.py", "C12, C13, C23 = -arm.mu_12", "C12, C13, C23 = arm.mu_12"
-    ),
-    PlantedError(
-        "torque of the last joint", "physics/arm.py", "on_third = u[2] - arm.reach", "on_third = u[2] + arm.reach"
-    ),
-    PlantedError("inertia in the internal force", "physics/internal_force.py", "grip -= terms.M", "grip += terms.M"),
-    PlantedError(
-        "robust term of the law", "control/laws/adaptive_sliding_mode.py", "*= -(K[a] + bound)", "*= -(K[a] - bound)"
-    ),
-    PlantedError("adaptation", "control/laws/adaptive_sliding_mode.py", "b_rate[1] = s_norm", "b_rate[1] = -s_norm"),
-    PlantedError("boundary", "boundaries.py", '"pinned-pinned": (0, -2)', '"pinned-pinned": (0, -1)'),
-    PlantedError("stiffness of the beam", "physics/beam.py", "- 4), 6 - 12 * xi", "- 4), 6 + 12 * xi"),
-    PlantedError(
-        "damping of the beam",
-        "scenario/damping.py",
-        "self.coefficient * product(V.T",
-        "-self.coefficient * product(V.T",
-    ),
-    PlantedError("joint rates", "physics/arm.py", "J[1, 2] = Kx, Ky, Kt", "J[1, 2] = -Kx, Ky, Kt"),
-    PlantedError(
-        "inertia of an arm", "physics/arm.py", "M23 = arm.mu_23 * arm.tip * (c2", "M23 = arm.mu_23 * arm.tip * (-c2"
-    ),
-    PlantedError("weight of an arm", "physics/arm.py", "G[2] = G1 * Jx + G2", "G[2] = G1 * Jx - G2"),
-    PlantedError("acceleration of the path", "control/paths/sine.py", "= -amplitude * rate", "= amplitude * rate"),
-    PlantedError(
-        "load that an arm shares",
-        "control/law_kernels.py",
-        "total = now.G[i, a] + share * f",
-        "total = now.G[i, a] + 0.5 * f",
-    ),
-    PlantedError(
-        "velocity terms of the law",
-        "control/law_kernels.py",
-        "+ now.C[i, a, b] * rate[b]",
-        "- now.C[i, a, b] * rate[b]",
-    ),
-    PlantedError(
-        "slope of the surface",
-        "control/sliding_surface.py",
-        "desired[2, a] - Lambda[a] *",
-        "desired[2, a] + Lambda[a] *",
-    ),
-    PlantedError("wanted internal force", "control/law_kernels.py", "now.u[1, a] -= squeeze", "now.u[1, a] += squeeze"),
-    PlantedError(
-        "believed density",
-        "sim/build.py",
-        "factors = (settings.model.length_factor, settings.model.linear_density_factor)",
-        "factors = (settings.model.length_factor, 1.0)",
-    ),
-    PlantedError(
-        "switching of the sliding mode",
-        "control/laws/sliding_mode.py",
-        "gains.bound / max(s_norm",
-        "0.5 * gains.bound / max(s_norm",
-    ),
-    PlantedError(
-        "root of super-twisting",
-        "control/laws/super_twisting.py",
-        "* feedback[a] / root + w",
-        "* feedback[a] / size + w",
-    ),
-    PlantedError(
-        "integral of super-twisting",
-        "control/laws/super_twisting.py",
-        "w_rate[a] = -gains.integral_gain",
-        "w_rate[a] = gains.integral_gain",
-    ),
-    PlantedError(
-        "observed disturbance",
-        "control/laws/disturbance_observer.py",
-        "* feedback[a] - d_hat[a]",
-        "* feedback[a] + d_hat[a]",
-    ),
-    PlantedError(
-        "velocity terms of the momentum",
-        "control/laws/disturbance_observer.py",
-        "rate[a] += now.C[i, b, a]",
-        "rate[a] += now.C[i, a, b]",
-    ),
-    PlantedError(
-        "adaptation of the mass",
-        "control/laws/regressor_adaptive.py",
-        "* (r_dot[0] * s[0] + up * s[1])",
-        "* (r_dot[0] * s[0] - up * s[1])",
-    ),
-    PlantedError(
-        "load of the second link",
-        "control/laws/regressor_adaptive.py",
-        "load[1, 0] = l1 * (l1 * first + a2",
-        "load[1, 0] = l1 * (l1 * first - a2",
-    ),
-    PlantedError(
-        "start of the estimates",
-        "control/laws/regressor_adaptive.py",
-        "begin.gains.initial_estimate_factor * begin",
-        "begin",
-    ),
-    PlantedError(
-        "direction of active damping",
-        "control/laws/vibration_damping.py",
-        "ax, ay = -now.trig[1]",
-        "ax, ay = now.trig[1]",
-    ),
-    PlantedError(
-        "angular rate of active damping",
-        "control/laws/composite.py",
-        "gains.angular_vibration_gain * rate[1])",
-        "gains.lateral_vibration_gain * rate[1])",
-    ),
-    PlantedError(
-        "K_d of computed torque halved",
-        "control/laws/computed_torque.py",
-        "- gains.velocity_gain[a] * rate_error",
-        "- 0.5 * gains.velocity_gain[a] * rate_error",
-    ),
-    PlantedError(
-        "weight in pd",
-        "control/laws/proportional_derivative.py",
-        "now.u[i, 1] += now.share",
-        "now.u[i, 1] -= now.share",
-    ),
-    PlantedError(
-        "joint rates in joint-pd",
-        "control/laws/joint_pd.py",
-        "- gains.velocity_gain[a] * rate_error",
-        "+ gains.velocity_gain[a] * rate_error",
-    ),
-    PlantedError("rate of rest-to-rest", "control/paths/rest_to_rest.py", "30 * u * u * w * w", "60 * u * u * w * w"),
-    PlantedError("braking of bang-bang", "control/paths/bang_bang.py", "4 * (1 - u), -4.0", "4 * (1 - u), 4.0"),
-    PlantedError("acceleration of the circle", "control/paths/circle.py", "-rate * rate * x", "rate * rate * x"),
-    PlantedError(
-        "rate of the figure of eight",
-        "control/paths/figure_eight.py",
-        "desired[1, a] = path.amplitude[a] * own",
-        "desired[1, a] = path.amplitude[a] * rate",
-    ),
-    PlantedError("jerk between waypoints", "control/paths/waypoints.py", "dt * jerk / 6", "dt * jerk / 3"),
-    PlantedError("acceleration of a table", "control/paths/table.py", "g = g * dt + 2 * v", "g = g * dt + v"),
-    PlantedError("smooth start", "control/motion.py", "(2.5 - 3 * u + u * u)", "(2.5 - 2 * u + u * u)"),
-    PlantedError(
-        "acceleration of a smooth start", "control/motion.py", "+ desired[1, a] * growth", "- desired[1, a] * growth"
-    ),
-    PlantedError("impulse of zvd halved", "control/motion.py", "[1.0, 2 * k, k * k]", "[1.0, k, k * k]"),
-    PlantedError("impulse of ei-shaper", "control/motion.py", "(1 - TOLERATED) * k / 2", "(1 + TOLERATED) * k / 2"),
-    PlantedError("time between impulses", "control/motion.py", "* np.pi / (omega * root)", "* np.pi / omega"),
-    PlantedError(
-        "bending fed forward", "control/law_kernels.py", "now.u[i, 0] -= now.share", "now.u[i, 0] += now.share"
-    ),
-    PlantedError(
-        "input delay one sample short",
-        "sim/sampled_control.py",
-        "sampling.line[0, i, joint]\n    return",
-        "sampling.line[min(1, sampling.delay), i, joint]\n    return",
-    ),
-    PlantedError(
-        "estimates of a clocked law",
-        "sim/sampled_control.py",
-        "+= sampling.period * ws.memory_rate",
-        "+= 0.5 * sampling.period * ws.memory_rate",
-    ),
-    PlantedError("size of the noise", "sim/sampled_control.py", "radius = np.sqrt(-2 *", "radius = np.sqrt(-4 *"),
-    PlantedError("noise that repeats", "sim/sampled_control.py", "+ np.uint64(instant))", "+ np.uint64(instant // 2))"),
-    PlantedError(
-        "noise of gauges",
-        "sim/sampled_control.py",
-        "gaussian(sampling.seed, instant + 1, channel) - gaussian",
-        "gaussian(sampling.seed, instant + 1, channel) + gaussian",
-    ),
-    PlantedError(
-        "torque limit",
-        "sim/closed_loop.py",
-        "tau[joint] = np.copysign(limit[joint]",
-        "tau[joint] = np.copysign(1.01 * limit[joint]",
-    ),
-    PlantedError("a gauge doubled", "physics/sensors.py", "return -thickness / 2 *", "return -thickness *"),
-    PlantedError(
-        "observer's own torques",
-        "control/observers/kalman.py",
-        "total += gains.force_input[k, a] * force[a]",
-        "total -= gains.force_input[k, a] * force[a]",
-    ),
-    PlantedError(
-        "prediction half a period short",
-        "control/laws/composite.py",
-        "settings.input_delay + 0.5 if",
-        "settings.input_delay if",
-    ),
-    PlantedError(
-        "regulator's weight of the beam", "control/laws/lqr.py", "beam * np.square(plant.omega)", "beam * plant.omega"
-    ),
-    PlantedError("regulator's gain", "control/laws/lqr.py", "total = -feedback[r]", "total = -0.5 * feedback[r]"),
-    PlantedError(
-        "stiffness damping", "scenario/damping.py", "self.coefficient * (omega * omega)", "self.coefficient * omega"
-    ),
-    PlantedError("modal damping", "scenario/damping.py", "2 * self.ratio * omega", "self.ratio * omega"),
-    PlantedError(
-        "viscous friction",
-        "physics/joints.py",
-        "return numbers[VISCOUS, joint] * rate + sliding",
-        "return numbers[VISCOUS, joint] * rate * 1.02 + sliding",
-    ),
-    PlantedError(
-        "Stribeck's fall", "physics/joints.py", "square * numbers[STRIBECK, joint]", "rate * numbers[STRIBECK, joint]"
-    ),
-    PlantedError("friction that drives", "physics/joints.py", "tau[joint] = given - lost", "tau[joint] = given + lost"),
-    PlantedError("friction's loss", "physics/joints.py", "loss += lost * rate", "loss += 0.5 * lost * rate"),
-    PlantedError(
-        "what is believed of friction",
-        "physics/joints.py",
-        "joints.numbers[BELIEVED, joint] * lost",
-        "0.9 * joints.numbers[BELIEVED, joint] * lost",
-    ),
-    PlantedError(
-        "gap of a grip across",
-        "physics/grips.py",
-        "across = c * dy - s * dx + side * sine",
-        "across = c * dy - s * dx - side * sine",
-    ),
-    PlantedError(
-        "turn of the link in a grip's rate", "physics/grips.py", "(vt * sine) + w * across", "(vt * sine) - w * across"
-    ),
-    PlantedError(
-        "arm of a grip's pull", "physics/grips.py", "(side + along) * f2 - across * f1", "side * f2 - across * f1"
-    ),
-    PlantedError("pull at an arm", "physics/grips.py", "(cosine * f2 - sine * f1)", "(cosine * f2 + sine * f1)"),
-    PlantedError(
-        "loss in the grips", "physics/grips.py", "+ b[2] * (turn_rate * turn_rate)", "- b[2] * (turn_rate * turn_rate)"
-    ),
-    PlantedError(
-        "energy of the grips' springs", "sim/signals.py", "row[ELASTIC] += stored", "row[ELASTIC] += 0.9 * stored"
-    ),
-    PlantedError(
-        "rounding of a count", "physics/sensors.py", "np.floor(angle / count + 0.5)", "np.floor(angle / count)"
-    ),
-    PlantedError(
-        "arm whose encoders are read", "physics/sensors.py", "arm.l2 * s2 - arm.reach", "arm.l2 * s2 + arm.reach"
-    ),
-    PlantedError(
-        "time constant of a motor",
-        "physics/joints.py",
-        "hurry=1 / motor.time_constant",
-        "hurry=1.1 / motor.time_constant",
-    ),
-    PlantedError(
-        "torque that falls with speed",
-        "physics/joints.py",
-        "max(min(torque, numbers[STALL, joint] - fall)",
-        "max(min(torque, numbers[STALL, joint] + fall)",
-    ),
-    PlantedError(
-        "torque of a late motor that turns the links",
-        "physics/joints.py",
-        "given = states[place]",
-        "given = 0.9 * states[place]",
-    ),
-    PlantedError("no-load speed", "physics/joints.py", "stall / np.array(motor", "0.9 * stall / np.array(motor"),
-    PlantedError(
-        "late motors in linear models",
-        "analysis/stability.py",
-        "np.eye(count) / time_constant",
-        "np.eye(count) / (1.1 * time_constant)",
-    ),
-    PlantedError(
-        "momentum that material brings",
-        "physics/dynamics.py",
-        "dy[P + a] += rate / factor * own",
-        "dy[P + a] += 0.98 * rate / factor * own",
-    ),
-    PlantedError(
-        "energy that material brings",
-        "physics/dynamics.py",
-        "rate * (twice / 2 + height)",
-        "rate * (twice + height)",
-    ),
-    PlantedError(
-        "stiffness over a filled beam's mass",
-        "physics/dynamics.py",
-        "(w * w - ease * plant.modal[OMEGA2, k])",
-        "(w * w - plant.modal[OMEGA2, k])",
-    ),
-    PlantedError(
-        "mass in the beam's push on the arms",
-        "physics/dynamics.py",
-        "result[1] += s * inward + c * sideways - factor *",
-        "result[1] += s * inward + c * sideways - 1.01 * factor *",
-    ),
-    PlantedError(
-        "part of a change of mass that a law follows",
-        "physics/mass_change.py",
-        "factor = 1 + part * (ws.mass_factor[FACTOR] - 1)",
-        "factor = 1 + part * part * (ws.mass_factor[FACTOR] - 1)",
-    ),
-    PlantedError("course of a change of mass", "physics/mass_change.py", "(15 - 6 * u)", "(15 - 5.9 * u)"),
-    PlantedError("rate of two readings", "physics/sensors.py", "/ period\n", "/ (1.1 * period)\n"),
-    PlantedError(
-        "lag of the rate in the linear model",
-        "analysis/linearization.py",
-        "law.memory, -by_rate",
-        "law.memory, by_rate",
-    ),
-)
+ERRORS = r"""
+payload inertia that an arm drives: control/law_kernels.py
+    A[1, 2] = s * c * hh, s * hg, -c * hg
+    A[1, 2] = s * c * hh, s * hg, c * hg
+centrifugal force on the beam: physics/dynamics.py
+    w * w * y[ETA + k] - h * lift
+    -w * w * y[ETA + k] - h * lift
+first moment of the beam: physics/beam.py
+    (element - n / 2) * h_element
+    (element + n / 2) * h_element
+bent beam's inertia about θ: physics/dynamics.py
+    = -c * w_bar + s * hg
+    = c * w_bar + s * hg
+weight of the payload: physics/dynamics.py
+    dy[P + 1] -= factor * (plant.m * g)
+    dy[P + 1] += factor * (plant.m * g)
+Coriolis terms of an arm: physics/arm.py
+    C12, C13, C23 = -arm.mu_12
+    C12, C13, C23 = arm.mu_12
+torque of the last joint: physics/arm.py
+    on_third = u[2] - arm.reach
+    on_third = u[2] + arm.reach
+inertia in the internal force: physics/internal_force.py
+    grip -= terms.M
+    grip += terms.M
+robust term of the law: control/laws/adaptive_sliding_mode.py
+    *= -(K[a] + bound)
+    *= -(K[a] - bound)
+adaptation: control/laws/adaptive_sliding_mode.py
+    b_rate[1] = s_norm
+    b_rate[1] = -s_norm
+boundary: boundaries.py
+    "pinned-pinned": (0, -2)
+    "pinned-pinned": (0, -1)
+stiffness of the beam: physics/beam.py
+    - 4), 6 - 12 * xi
+    - 4), 6 + 12 * xi
+damping of the beam: scenario/damping.py
+    self.coefficient * product(V.T
+    -self.coefficient * product(V.T
+joint rates: physics/arm.py
+    J[1, 2] = Kx, Ky, Kt
+    J[1, 2] = -Kx, Ky, Kt
+inertia of an arm: physics/arm.py
+    M23 = arm.mu_23 * arm.tip * (c2
+    M23 = arm.mu_23 * arm.tip * (-c2
+weight of an arm: physics/arm.py
+    G[2] = G1 * Jx + G2
+    G[2] = G1 * Jx - G2
+acceleration of the path: control/paths/sine.py
+    = -amplitude * rate
+    = amplitude * rate
+load that an arm shares: control/law_kernels.py
+    total = now.G[i, a] + share * f
+    total = now.G[i, a] + 0.5 * f
+velocity terms of the law: control/law_kernels.py
+    + now.C[i, a, b] * rate[b]
+    - now.C[i, a, b] * rate[b]
+slope of the surface: control/sliding_surface.py
+    desired[2, a] - Lambda[a] *
+    desired[2, a] + Lambda[a] *
+wanted internal force: control/law_kernels.py
+    now.u[1, a] -= squeeze
+    now.u[1, a] += squeeze
+believed density: sim/build.py
+    factors = (settings.model.length_factor, settings.model.linear_density_factor)
+    factors = (settings.model.length_factor, 1.0)
+switching of the sliding mode: control/laws/sliding_mode.py
+    gains.bound / max(s_norm
+    0.5 * gains.bound / max(s_norm
+root of super-twisting: control/laws/super_twisting.py
+    * feedback[a] / root + w
+    * feedback[a] / size + w
+integral of super-twisting: control/laws/super_twisting.py
+    w_rate[a] = -gains.integral_gain
+    w_rate[a] = gains.integral_gain
+observed disturbance: control/laws/disturbance_observer.py
+    * feedback[a] - d_hat[a]
+    * feedback[a] + d_hat[a]
+velocity terms of the momentum: control/laws/disturbance_observer.py
+    rate[a] += now.C[i, b, a]
+    rate[a] += now.C[i, a, b]
+adaptation of the mass: control/laws/regressor_adaptive.py
+    * (r_dot[0] * s[0] + up * s[1])
+    * (r_dot[0] * s[0] - up * s[1])
+load of the second link: control/laws/regressor_adaptive.py
+    load[1, 0] = l1 * (l1 * first + a2
+    load[1, 0] = l1 * (l1 * first - a2
+start of the estimates: control/laws/regressor_adaptive.py
+    begin.gains.initial_estimate_factor * begin
+    begin
+direction of active damping: control/laws/vibration_damping.py
+    ax, ay = -now.trig[1]
+    ax, ay = now.trig[1]
+angular rate of active damping: control/laws/composite.py
+    gains.angular_vibration_gain * rate[1])
+    gains.lateral_vibration_gain * rate[1])
+K_d of computed torque halved: control/laws/computed_torque.py
+    - gains.velocity_gain[a] * rate_error
+    - 0.5 * gains.velocity_gain[a] * rate_error
+weight in pd: control/laws/proportional_derivative.py
+    now.u[i, 1] += now.share
+    now.u[i, 1] -= now.share
+joint rates in joint-pd: control/laws/joint_pd.py
+    - gains.velocity_gain[a] * rate_error
+    + gains.velocity_gain[a] * rate_error
+rate of rest-to-rest: control/paths/rest_to_rest.py
+    30 * u * u * w * w
+    60 * u * u * w * w
+braking of bang-bang: control/paths/bang_bang.py
+    4 * (1 - u), -4.0
+    4 * (1 - u), 4.0
+acceleration of the circle: control/paths/circle.py
+    -rate * rate * x
+    rate * rate * x
+rate of the figure of eight: control/paths/figure_eight.py
+    desired[1, a] = path.amplitude[a] * own
+    desired[1, a] = path.amplitude[a] * rate
+jerk between waypoints: control/paths/waypoints.py
+    dt * jerk / 6
+    dt * jerk / 3
+acceleration of a table: control/paths/table.py
+    g = g * dt + 2 * v
+    g = g * dt + v
+smooth start: control/motion.py
+    (2.5 - 3 * u + u * u)
+    (2.5 - 2 * u + u * u)
+acceleration of a smooth start: control/motion.py
+    + desired[1, a] * growth
+    - desired[1, a] * growth
+impulse of zvd halved: control/motion.py
+    [1.0, 2 * k, k * k]
+    [1.0, k, k * k]
+impulse of ei-shaper: control/motion.py
+    (1 - TOLERATED) * k / 2
+    (1 + TOLERATED) * k / 2
+time between impulses: control/motion.py
+    * np.pi / (omega * root)
+    * np.pi / omega
+bending fed forward: control/law_kernels.py
+    now.u[i, 0] -= now.share
+    now.u[i, 0] += now.share
+input delay one sample short: sim/sampled_control.py
+    sampling.line[0, i, joint]\n    return
+    sampling.line[min(1, sampling.delay), i, joint]\n    return
+estimates of a clocked law: sim/sampled_control.py
+    += sampling.period * ws.memory_rate
+    += 0.5 * sampling.period * ws.memory_rate
+size of the noise: sim/sampled_control.py
+    radius = np.sqrt(-2 *
+    radius = np.sqrt(-4 *
+noise that repeats: sim/sampled_control.py
+    + np.uint64(instant))
+    + np.uint64(instant // 2))
+noise of gauges: sim/sampled_control.py
+    gaussian(sampling.seed, instant + 1, channel) - gaussian
+    gaussian(sampling.seed, instant + 1, channel) + gaussian
+torque limit: sim/closed_loop.py
+    tau[joint] = np.copysign(limit[joint]
+    tau[joint] = np.copysign(1.01 * limit[joint]
+a gauge doubled: physics/sensors.py
+    return -thickness / 2 *
+    return -thickness *
+observer's own torques: control/observers/kalman.py
+    total += gains.force_input[k, a] * force[a]
+    total -= gains.force_input[k, a] * force[a]
+prediction half a period short: control/laws/composite.py
+    settings.input_delay + 0.5 if
+    settings.input_delay if
+regulator's weight of the beam: control/laws/lqr.py
+    beam * np.square(plant.omega)
+    beam * plant.omega
+regulator's gain: control/laws/lqr.py
+    total = -feedback[r]
+    total = -0.5 * feedback[r]
+stiffness damping: scenario/damping.py
+    self.coefficient * (omega * omega)
+    self.coefficient * omega
+modal damping: scenario/damping.py
+    2 * self.ratio * omega
+    self.ratio * omega
+viscous friction: physics/joints.py
+    return numbers[VISCOUS, joint] * rate + sliding
+    return numbers[VISCOUS, joint] * rate * 1.02 + sliding
+Stribeck's fall: physics/joints.py
+    square * numbers[STRIBECK, joint]
+    rate * numbers[STRIBECK, joint]
+friction that drives: physics/joints.py
+    tau[joint] = given - lost
+    tau[joint] = given + lost
+friction's loss: physics/joints.py
+    loss += lost * rate
+    loss += 0.5 * lost * rate
+what is believed of friction: physics/joints.py
+    joints.numbers[BELIEVED, joint] * lost
+    0.9 * joints.numbers[BELIEVED, joint] * lost
+gap of a grip across: physics/grips.py
+    across = c * dy - s * dx + side * sine
+    across = c * dy - s * dx - side * sine
+turn of the link in a grip's rate: physics/grips.py
+    (vt * sine) + w * across
+    (vt * sine) - w * across
+arm of a grip's pull: physics/grips.py
+    (side + along) * f2 - across * f1
+    side * f2 - across * f1
+pull at an arm: physics/grips.py
+    (cosine * f2 - sine * f1)
+    (cosine * f2 + sine * f1)
+loss in the grips: physics/grips.py
+    + b[2] * (turn_rate * turn_rate)
+    - b[2] * (turn_rate * turn_rate)
+energy of the grips' springs: sim/signals.py
+    row[ELASTIC] += stored
+    row[ELASTIC] += 0.9 * stored
+rounding of a count: physics/sensors.py
+    np.floor(angle / count + 0.5)
+    np.floor(angle / count)
+arm whose encoders are read: physics/sensors.py
+    arm.l2 * s2 - arm.reach
+    arm.l2 * s2 + arm.reach
+time constant of a motor: physics/joints.py
+    hurry=1 / motor.time_constant
+    hurry=1.1 / motor.time_constant
+torque that falls with speed: physics/joints.py
+    max(min(torque, numbers[STALL, joint] - fall)
+    max(min(torque, numbers[STALL, joint] + fall)
+torque of a late motor that turns the links: physics/joints.py
+    given = states[place]
+    given = 0.9 * states[place]
+no-load speed: physics/joints.py
+    stall / np.array(motor
+    0.9 * stall / np.array(motor
+late motors in linear models: analysis/stability.py
+    np.eye(count) / time_constant
+    np.eye(count) / (1.1 * time_constant)
+momentum that material brings: physics/dynamics.py
+    dy[P + a] += rate / factor * own
+    dy[P + a] += 0.98 * rate / factor * own
+energy that material brings: physics/dynamics.py
+    rate * (twice / 2 + height)
+    rate * (twice + height)
+stiffness over a filled beam's mass: physics/dynamics.py
+    (w * w - ease * plant.modal[OMEGA2, k])
+    (w * w - plant.modal[OMEGA2, k])
+mass in the beam's push on the arms: physics/dynamics.py
+    result[1] += s * inward + c * sideways - factor *
+    result[1] += s * inward + c * sideways - 1.01 * factor *
+part of a change of mass that a law follows: physics/mass_change.py
+    factor = 1 + part * (ws.mass_factor[FACTOR] - 1)
+    factor = 1 + part * part * (ws.mass_factor[FACTOR] - 1)
+course of a change of mass: physics/mass_change.py
+    (15 - 6 * u)
+    (15 - 5.9 * u)
+rate of two readings: physics/sensors.py
+    / period\n
+    / (1.1 * period)\n
+lag of the rate in the linear model: analysis/linearization.py
+    law.memory, -by_rate
+    law.memory, by_rate
+"""
+"""Name and file of each error; below, what is right and what is wrong."""
+
+
+def _planted() -> Iterator[PlantedError]:
+    lines = ERRORS.strip().splitlines()
+    for head, right, wrong in zip(lines[::3], lines[1::3], lines[2::3], strict=True):
+        name, file = head.split(": ")
+        yield PlantedError(name, file, *(text.strip(" ").replace("\\n", "\n") for text in (right, wrong)))
+
+
+PLANTED = tuple(_planted())
 
 
 def planted_text(error: PlantedError) -> str:

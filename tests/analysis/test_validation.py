@@ -6,16 +6,17 @@ import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import get_args
 
 import numpy as np
 import pytest
 from planted_errors import PLANTED, PlantedError, planted_text
 
-from flexlab.analysis.validation import Validation, beam_theory, mechanics, rival_laws, validate
-from flexlab.analysis.validation.check import Runs, above, below, close
+from flexlab.analysis.validation import Validation, rival_laws, validate
+from flexlab.analysis.validation.beam import closed_form
+from flexlab.analysis.validation.check import Group, Runs, above, below, close
 from flexlab.analysis.validation.mass_points import time_derivative
+from flexlab.analysis.validation.mechanics import mass_points
 from flexlab.analysis.validation.report import write_report
 from flexlab.control.law import laws
 from flexlab.control.motion import Shaper
@@ -94,13 +95,13 @@ def flipped_damping(circumstances: pytest.MonkeyPatch) -> None:
     circumstances.setattr(NodalDamping, "modal", lambda self, omega, V: -self.coefficient * (V.T @ V))
 
 
-@pytest.mark.parametrize(("plant", "group"), [(flipped_stiffness, beam_theory), (flipped_damping, mechanics)])
+@pytest.mark.parametrize(("plant", "group"), [(flipped_stiffness, closed_form), (flipped_damping, mass_points)])
 def test_a_flipped_sign_that_needs_no_compiling_does_not_pass(
-    plant: Callable[[pytest.MonkeyPatch], None], group: ModuleType, monkeypatch: pytest.MonkeyPatch
+    plant: Callable[[pytest.MonkeyPatch], None], group: Group, monkeypatch: pytest.MonkeyPatch
 ):
     """All others take a minute each: `planted_errors.py`."""
     plant(monkeypatch)
-    assert not all(check.holds for check in group.checks(Runs()))
+    assert not all(check.holds for check in group(Runs()))
 
 
 def test_the_command_says_what_does_not_hold(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlab.analysis.validation.axial_load import SPUN, critical_load, spun_frequency, squeezed_frequency
+from flexlab.analysis.validation.beam import SPUN, critical_load, spun_frequency, squeezed_frequency
 from flexlab.physics.axial_load import (
     BUCKLING,
     buckling_load,

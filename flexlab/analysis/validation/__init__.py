@@ -1,7 +1,7 @@
-"""Validation: whether what this installation computes is what the paper and mechanics say.
+"""Validation of this installation against the paper and mechanics.
 
-Each module of this folder states facts about one subject, and checks them against something that this package did not compute:
-closed formulas, the numbers of an independent solution, and mechanics of mass points without its matrices.
+The references are independent of the engine: closed formulas, the numbers of an independent solution, published values, and the
+mechanics of mass points.
 """
 
 from flexlab.analysis.validation.check import Check, Validation, validate

@@ -1,4 +1,4 @@
-"""What a check is, how all of them are made, and the runs that they look at, each simulated once."""
+"""Checks, how all of them are made, and the runs that several of them share, each simulated once."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import ArrayLike
 
+from flexlab.analysis.internal_force import internal_force_eq_26
 from flexlab.analysis.result import Result
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.presets import load_preset
@@ -24,59 +25,57 @@ if TYPE_CHECKING:
 PERIOD = 0.001
 """s between samples of the paper's run."""
 FINE = 1e-5
-"""s between samples of the run whose derivatives are taken: the fastest mode moves by 0.06 rad in it."""
+"""s between samples of runs that are differentiated: the fastest mode turns by 0.06 rad in it."""
+EVERY = 75
+"""Every 75th sample of such a run is compared with mass points."""
+DAMPING = 0.1
+"""The paper's damping coefficient of q̇."""
 
 
 class Runs:
-    """Simulated when they are first asked for. Raises `StudyError` for one that fails."""
+    """Runs that several subjects look at, simulated when first asked for. Raises `StudyError` for one that fails."""
 
     @cached_property
     def paper(self) -> Run:
-        """Section IV for 6 s: four periods are left for spectra after the second."""
-        return _whole("the paper's run", simulate(load_preset("paper"), 6.0, PERIOD))
+        """Section IV for 6 s, so that four periods after the second one are left for spectra."""
+        return run_of("the paper's run", {}, 6.0, PERIOD)
 
     @cached_property
     def free(self) -> Run:
-        """Motors off, no damping: the arms drift and a bent beam rings, for 2 s."""
+        """2 s without motors and damping: the arms drift and the bent beam rings."""
         changes = {
             "controller.kind": "none",
             "payload.damping.coefficient": 0.0,
             "initial.pose_rate": (0.02, 0.02, -0.03),
             "initial.beam_coordinates": (0.008, 0.0013, 0.0, -0.008),
         }
-        return _whole("the free run", simulate(load_preset("paper").replace(changes), 2.0, PERIOD))
+        return run_of("the free run", changes, 2.0, PERIOD)
 
     @cached_property
     def general(self) -> Run:
-        """3 ms of the paper's system with weight, in the middle of a fast motion, its beam bent and clamped at one end.
-
-        It has no symmetry, and is sampled finely enough to take derivatives.
-        """
-        return _general("pinned-clamped", (0.05, 0.006, -0.02))
+        """The motion of `general` with a beam that is clamped at one end, so that nothing is symmetric."""
+        return general(
+            "the general run (pinned-clamped)",
+            payload__boundary="pinned-clamped",
+            initial__beam_coordinates=(0.05, 0.006, -0.02),
+        )
 
     @cached_property
     def general_pinned(self) -> Run:
-        """The same with the paper's boundary."""
-        return _general("pinned-pinned", (0.05, 0.006, -0.02, -0.03))
+        """The motion of `general` with the paper's boundary."""
+        return general("the general run (pinned-pinned)")
 
 
-def _general(boundary: str, beam_coordinates: tuple[float, ...]) -> Run:
-    return general(f"the general run ({boundary})", boundary, beam_coordinates)
+def general(name: str, **changes: Any) -> Run:
+    """3 ms of the paper's system with weight, moving fast, its beam bent, sampled finely enough to take derivatives.
 
-
-def general(
-    name: str,
-    boundary: str = "pinned-pinned",
-    beam_coordinates: tuple[float, ...] = (0.05, 0.006, -0.02, -0.03),
-    **changes: Any,
-) -> Run:
-    """3 ms of a fast, heavy, bent motion, with further changes (dots as double underlines). Raises `StudyError`."""
+    `changes`: fields of the scenario, with two underscores for each dot. Raises `StudyError` if the run fails.
+    """
     start = {
         "gravity": 9.81,
-        "payload.boundary": boundary,
         "initial.pose": (0.06, 0.83, 0.21),
         "initial.pose_rate": (0.9, -0.7, 1.6),
-        "initial.beam_coordinates": beam_coordinates,
+        "initial.beam_coordinates": (0.05, 0.006, -0.02, -0.03),
         "simulation.step": FINE,
     }
     return run_of(name, start | {path.replace("__", "."): value for path, value in changes.items()}, 0.003, FINE)
@@ -84,10 +83,7 @@ def general(
 
 def run_of(name: str, changes: dict[str, Any], duration: float, period: float) -> Run:
     """A run of the paper's system with changes. Raises `StudyError` if it fails."""
-    return _whole(name, simulate(load_preset("paper").replace(changes), duration, period))
-
-
-def _whole(name: str, run: Run) -> Run:
+    run = simulate(load_preset("paper").replace(changes), duration, period)
     if run.status.failed:
         raise StudyError(f"{name} fails: {run.status.text}")
     return run
@@ -95,7 +91,7 @@ def _whole(name: str, run: Run) -> Run:
 
 @dataclass(frozen=True)
 class Check:
-    """One statement, what is expected of it, what came out, and whether it holds."""
+    """A statement, the expected value, the value found here, and whether the statement holds."""
 
     statement: str
     expected: str
@@ -104,7 +100,19 @@ class Check:
 
 
 Group = Callable[[Runs], Iterator[Check]]
-"""The checks of one subject."""
+"""Makes the checks of one subject."""
+_subjects: dict[str, tuple[int, Group]] = {}
+"""Title → (rank in the report, its checks)."""
+
+
+def subject(title: str, place: int) -> Callable[[Group], Group]:
+    """Function decorator: a function's checks become a subject of the report, in the order of `place`."""
+
+    def add(group: Group) -> Group:
+        _subjects[title] = place, group
+        return group
+
+    return add
 
 
 @dataclass(frozen=True)
@@ -116,7 +124,7 @@ class Validation(Result):
 
     @property
     def table(self) -> Any:
-        """A row per statement: subject, statement, expected, found, whether it holds, and the version that was asked."""
+        """A row per statement: subject, statement, expected, found, whether it holds, and flexlab's version."""
         version = package_version()
         rows = [
             {"subject": subject, **vars(check), "version": version}
@@ -126,46 +134,46 @@ class Validation(Result):
         return pa.Table.from_pylist(rows)
 
     def plot(self, number: int = 3) -> "Figure":
-        """The paper's Figure 2, 3, 4 or 5 of the run that was looked at."""
+        """The paper's Figure 2, 3, 4 or 5, drawn from the run of Section IV."""
         from flexlab.analysis.figures import draw_figure
 
         return draw_figure(number, self.runs.paper)
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """All of them."""
+        """The checks of all subjects."""
         return tuple(check for group in self.groups.values() for check in group)
 
     @property
     def holds(self) -> bool:
-        """Whether every statement does."""
+        """Whether every statement holds."""
         return all(check.holds for check in self.checks)
 
 
 def validate() -> Validation:
     """Compare what this installation computes with the paper and with mechanics: `.holds`, and a row per statement.
 
-    The statements are those of the modules in this folder that define `SUBJECT`, `PLACE` and `checks(runs)`. A check that
-    cannot be made, as its run fails, does not hold and says why.
+    The statements are the checks of every `subject` in this folder. A subject whose run fails gets one more check, which
+    does not hold and says why.
     """
+    modules_in("flexlab.analysis.validation")
     runs = Runs()
-    subjects = [module for module in modules_in("flexlab.analysis.validation") if hasattr(module, "SUBJECT")]
-    subjects.sort(key=lambda module: module.PLACE)
-    return Validation({module.SUBJECT: tuple(_made(module.checks, runs)) for module in subjects}, runs)
+    ordered = sorted(_subjects.items(), key=lambda item: item[1][0])
+    return Validation({title: tuple(_made(group, runs)) for title, (_, group) in ordered}, runs)
 
 
 def _made(group: Group, runs: Runs) -> Iterator[Check]:
     try:
         yield from group(runs)
     except (FlexlabError, ArithmeticError, ValueError, IndexError) as error:
-        # Wrong physics ends in numbers that no formula takes: that, too, is an answer.
+        # Wrong physics may give numbers that no formula takes.
         yield Check("can be computed", "yes", " ".join(str(error).split()) or type(error).__name__, False)
 
 
 def close(
     statement: str, expected: float, found: float, unit: str = "", relative: float = 0.0, absolute: float = 0.0
 ) -> Check:
-    """A number that must be as expected, within a relative or an absolute tolerance."""
+    """A number must equal the expected one within a relative or an absolute tolerance."""
     tolerance = max(relative * abs(expected), absolute)
     within = f" ± {100 * relative:g} %" if relative else f" ± {absolute:g}"
     holds = bool(isfinite(found) and abs(found - expected) <= tolerance)
@@ -174,18 +182,37 @@ def close(
 
 
 def below(statement: str, limit: float, found: ArrayLike, unit: str = "") -> Check:
-    """A number that must be less than a limit; of an array, its largest magnitude."""
+    """A number, or the largest magnitude of an array, must be less than a limit."""
     value = float(np.max(np.abs(found)) if np.ndim(found) else found)
     end = f" {unit}" if unit else ""
     return Check(statement, f"< {limit:.3g}{end}", f"{value:.3g}{end}", bool(isfinite(value) and value < limit))
 
 
 def alike(statement: str, limit: float, found: ArrayLike, exact: ArrayLike, whole: ArrayLike | None = None) -> Check:
-    """Arrays whose largest difference must be less than a part of the largest magnitude of `whole`; None: of `exact`."""
+    """The largest difference of two arrays must be less than `limit` times the largest magnitude of `whole` (None: `exact`)."""
     scale = np.max(np.abs(exact if whole is None else whole))
     return below(statement, limit, np.max(np.abs(np.asarray(found) - exact)) / scale)
 
 
 def above(statement: str, limit: float, found: float) -> Check:
-    """A number that must be more than a limit."""
+    """A number must be more than a limit."""
     return Check(statement, f"> {limit:.3g}", f"{found:.3g}", bool(isfinite(found) and found > limit))
+
+
+def true(statement: str, holds: bool, otherwise: str = "no") -> Check:
+    """A statement must be true; `otherwise`: what the report says if it is not."""
+    return Check(statement, "yes", "yes" if holds else otherwise, holds)
+
+
+def balanced(statement: str, run: Run, whole: float | None = None) -> Check:
+    """Energy gained equals work less losses, within 1e-6 of `whole`, J (None: of all work and damping)."""
+    gained, work = run.total_energy, run.input_work + run.axial_work + run.own.get("material_energy", 0.0)
+    lost = run.dissipated_energy + run.own.get("friction_loss", 0.0) + run.own.get("grip_loss", 0.0)
+    imbalance = np.abs((gained - gained[0]) - (work - work[0]) + (lost - lost[0])).max()
+    moved = np.abs(np.diff(run.input_work)).sum() + np.ptp(run.dissipated_energy) if whole is None else whole
+    return below(statement, 1e-6, imbalance / moved)
+
+
+def same_internal_force(statement: str, run: Run) -> Check:
+    """Eq. (26) gives the recorded internal force of Eqs. (13)-(15), within 1e-9 of its largest value."""
+    return alike(statement, 1e-9, internal_force_eq_26(run), run.internal_force)

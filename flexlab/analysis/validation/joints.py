@@ -1,70 +1,74 @@
-"""Joints with friction, against closed forms: momentum of a coasting arm, creep under load, what a controller compensates."""
+"""Joints that are not ideal: friction, encoders and motors, against closed forms."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
-from flexlab.analysis.internal_force import internal_force_eq_26
-from flexlab.analysis.validation.check import Check, Runs, below, close, run_of
-from flexlab.analysis.validation.invariants import imbalance
+from flexlab.analysis.linearize import linearize
+from flexlab.analysis.validation.check import (
+    Check,
+    Runs,
+    above,
+    alike,
+    balanced,
+    below,
+    close,
+    run_of,
+    same_internal_force,
+    subject,
+)
 from flexlab.physics.plant import P
 from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.closed_loop import own_states_of
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
-SUBJECT, PLACE = "Joints that are not ideal", 10
+PERIOD = 0.001
+"""Control period, s."""
+INTEGRATORS = ("etdrk4", "rk4", "generalized-alpha")
 
 COASTING = {
     "controller.kind": "none",
     "initial.pose_rate": (-0.3, 0.1, 0.4),
     "initial.beam_coordinates": None,
 }
-"""One arm whose motors are off."""
+"""The preset single-arm with motors off."""
 VISCOUS, COULOMB = 4.0, 0.3
-"""N·m·s/rad and N·m in the first joint: the arm turns on for longer than it is looked at."""
+"""N·m·s/rad and N·m in the first joint: the arm does not come to rest within the run."""
 FRICTION = {
     "joints.friction.viscous": (5.0, 5.0, 2.0),
     "joints.friction.coulomb": (8.0, 6.0, 2.0),
     "joints.friction.static_factor": 1.5,
 }
 HELD, CREEP = (300.0, 200.0, 50.0), 0.001
-"""N·m: more than the weight of arm and beam asks for; and v_0, rad/s."""
+"""Static friction, N·m, larger than the torque of the weight; and v_0, rad/s."""
 
 
-def checks(runs: Runs) -> Iterator[Check]:
-    """Momentum, creep, compensation, energy and internal force."""
+@subject("Joints that are not ideal", 10)
+def friction(runs: Runs) -> Iterator[Check]:
+    """Momentum, creep, compensation, energy and internal force with friction in the joints."""
     yield from _coasting()
     yield from _creeping()
     known = simulate(load_preset("paper").replace({**FRICTION, "controller.model.friction_factor": 1.0}), 1.0)
-    yield below(
-        "the paper's run with friction that its controller knows: pose beside that without friction, m or rad",
-        1e-9,
-        float(np.abs(known.pose - runs.paper.pose[: len(known.time)]).max()),
-    )
-    for name in ("etdrk4", "rk4", "generalized-alpha"):
+    statement = "the paper's run with friction that its controller knows: pose beside that without friction, m or rad"
+    yield below(statement, 1e-9, known.pose - runs.paper.pose[: len(known.time)])
+    for name in INTEGRATORS:
         changes = {**FRICTION, "simulation.integrator": name, "simulation.step": 1e-5}
         run = run_of(f"the run with friction ({name})", changes, 0.2, 0.001)
-        yield below(
-            f"{name}: energy gained = work put in - energy damped - loss in the joints, as a part of the work",
-            1e-6,
-            imbalance(run) / float(np.ptp(run.input_work)),
-        )
+        statement = "energy gained = work put in - energy damped - loss in the joints, as a part of the work"
+        yield balanced(f"{name}: {statement}", run, float(np.ptp(run.input_work)))
     run = run_of("the run with friction", FRICTION, 0.1, 0.001)
-    away = float(np.abs(internal_force_eq_26(run) - run.internal_force).max() / np.abs(run.internal_force).max())
-    yield below(
-        "internal force with friction, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part", 1e-9, away
-    )
+    statement = "internal force with friction, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part"
+    yield same_internal_force(statement, run)
 
 
 def _coasting() -> Iterator[Check]:
     """The arm's moment of momentum about its base changes by the torque of the first joint alone."""
     turned, fallen, _ = moment_of_momentum({"joints.friction.viscous": (VISCOUS, 2.0, 1.0)})
-    yield close(
-        "one arm coasts with viscous friction B: its moment of momentum falls by B times the angle of its first joint, N·m·s",
-        VISCOUS * turned,
-        fallen,
-        relative=1e-7,
-    )
+    statement = "its moment of momentum falls by B times the angle of its first joint, N·m·s"
+    yield close(f"one arm coasts with viscous friction B: {statement}", VISCOUS * turned, fallen, relative=1e-7)
     dry = {"joints.friction.coulomb": (COULOMB, 0.05, 0.01), "joints.friction.smoothing_speed": CREEP}
     _, fallen, _ = moment_of_momentum(dry, 0.2)
     yield close("the same with Coulomb friction C: by C times the time, N·m·s", COULOMB * 0.2, fallen, relative=1e-3)
@@ -74,7 +78,7 @@ def _coasting() -> Iterator[Check]:
 
 
 def moment_of_momentum(joints: dict[str, object], duration: float = 0.5) -> tuple[float, float, float]:
-    """Of an arm that coasts: angle by which its first joint turns, rad, fall of its moment of momentum, N·m·s, and time, s."""
+    """Angle of a coasting arm's first joint, rad, loss of its moment of momentum, N·m·s, and time, s."""
     world = World(load_preset("single-arm").replace({**COASTING, **joints}))
     x, y = world.scenario.left_arm.base
 
@@ -102,10 +106,8 @@ def _creeping() -> Iterator[Check]:
     rate = (near[-1] - near[0]) / (run.time[-1] - run.time[-20])
     share = _weight(run.scenario.left_arm, run.scenario.payload, near.mean(axis=0)) / np.array(HELD)
     for joint, (r, found) in enumerate(zip(share, rate, strict=True), start=1):
-        expected = -CREEP * r / np.sqrt(1 - r * r)
-        yield close(
-            f"motors off, weight: joint {joint} sticks and creeps by v_0 r/√(1 - r²)", expected, found, "rad/s", 1e-3
-        )
+        statement = f"motors off, weight: joint {joint} sticks and creeps by v_0 r/√(1 - r²)"
+        yield close(statement, -CREEP * r / np.sqrt(1 - r * r), found, "rad/s", 1e-3)
 
 
 def _weight(arm, payload, angle: np.ndarray) -> np.ndarray:
@@ -118,3 +120,168 @@ def _weight(arm, payload, angle: np.ndarray) -> np.ndarray:
     return np.array(
         [9.81 * sum(mass[k] * (places[k] - joints[j]) for k in range(4) if min(k, 2) >= j) for j in range(3)]
     )
+
+
+COUNTS = (20000.0, 16384.0, 9000.0)
+"""Per turn of each joint."""
+COUNT = 2 * np.pi / np.array(COUNTS)
+CLOCKED = {"controller.control_period": PERIOD, "joints.encoders.counts": COUNTS}
+READ = 2000
+"""Control instants at which encoders are read."""
+GAINS = {"controller.kind": "pd", "controller.position_gain": 8000.0, "controller.velocity_gain": 900.0}
+FINEST = (1e9, 1e9, 1e9)
+"""Counts per turn so fine that rounding does not show."""
+OFFSET, INSTANTS = (1e-4, -5e-5, 8e-5), 30
+"""Offset of the pose, m, m, rad, and control periods for which the loop leads it back."""
+
+
+@subject("Encoders", 11)
+def encoders(runs: Runs) -> Iterator[Check]:
+    """The pose that encoders give, its rate, and the effect of the rate's lag on a loop."""
+    del runs
+    for words, scenario in (
+        ("one arm", load_preset("single-arm").replace({**CLOCKED, "controller.control_period": PERIOD / 5})),
+        ("two arms", load_preset("paper").replace(CLOCKED)),
+    ):
+        arms = len(scenario.arms)
+        told, pose, angle = _readings(scenario)
+        rounded = np.stack([_forward(scenario, i, np.round(angle[:, i] / COUNT) * COUNT) for i in range(arms)])
+        statement = f"encoders of {words}: what they tell is the mean of the poses of rounded angles, m or rad"
+        yield below(statement, 1e-12, told - rounded.mean(axis=0))
+        off = (told - pose)[:, 2]
+        yield below(f"{words}: θ is off by half a count of each joint at most, as a part", 1.0, off / (COUNT.sum() / 2))
+        statement = f"{words}: mean square of what rounding does to θ, ΣΔ²/12 over the arms, rad²"
+        yield close(statement, float(np.sum(COUNT**2) / 12 / arms), float(np.mean(off**2)), relative=0.06)
+    yield from _rate()
+    # Without the pose before among its states, the linear model would damp as if the rate did not lag by T_c/2.
+    statement = "PD with differenced rates: pose 30 instants after an offset, by the linear model, as a part"
+    yield _led_back(statement, {"joints.encoders.counts": FINEST}, remembers=True)
+
+
+def _readings(scenario: Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pose by the encoders (N, 3), true pose (N, 3) and joint angles (N, arms, 3) at control instants."""
+    world, told, poses, angles = World(scenario, scenario.controller.control_period), [], [], []
+    for _ in range(READ):
+        now = world.advance(1)
+        told.append(own_states_of(world.system, world.state().y)["reading"].copy())
+        poses.append(now.pose[-1])
+        angles.append(now.joint_angle[-1])
+    return np.array(told), np.array(poses), np.array(angles)
+
+
+def _forward(scenario: Scenario, number: int, angle: np.ndarray) -> np.ndarray:
+    """Pose (N, 3) of the payload's middle, half its length before the grip, from an arm's relative angles (N, 3)."""
+    arm, side = scenario.arms[number], 1 - 2 * number
+    turned = np.cumsum(angle, axis=1)
+    outwards = [*arm.link_length[:2], arm.link_length[2] + scenario.payload.length / 2]
+    x = arm.base[0] + np.sum(outwards * np.cos(turned), axis=1)
+    y = arm.base[1] + np.sum(outwards * np.sin(turned), axis=1)
+    return np.stack([x, y, turned[:, 2] - np.pi * (side < 0)], axis=1)
+
+
+def _rate() -> Iterator[Check]:
+    """The rate by the encoders is what a law that answers the rate alone shows."""
+    law = {"controller": {"kind": "pd", "position_gain": 0.0, "velocity_gain": 1.0, "control_period": PERIOD}}
+    still = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "initial.pose_rate": (0.1, -0.2, 0.3)}
+    scenario = load_preset("paper").replace({**law, **still, "joints.encoders.counts": COUNTS})
+    world, told, answers = World(scenario, PERIOD), [], []
+    for _ in range(100):
+        now = world.advance(1)
+        told.append(own_states_of(world.system, world.state().y)["reading"].copy())
+        answers.append(-now.arm_input[-1].sum(axis=0))
+    differences, statement = np.diff(told, axis=0) / PERIOD, "the rate is the difference of two readings over T_c"
+    yield alike(f"{statement}: largest error, as a part", 1e-3, answers[1:], differences)
+
+
+def _led_back(statement: str, joints: dict[str, Any], remembers: bool) -> Check:
+    """The pose 30 control periods after an offset under PD, by the linear model and by the simulation.
+
+    `remembers`: whether the law remembers the pose before, as the model's last three states.
+    """
+    pose = (0.0, 0.75, 0.0)
+    still = {"trajectory": {"kind": "hold", "pose": pose}, "controller.control_period": PERIOD}
+    scenario = load_preset("paper").replace({**GAINS, **still, **joints})
+    A = np.asarray(linearize(scenario, pose=pose, inputs="desired_pose", outputs="pose").A)
+    z = np.zeros(len(A))
+    z[:3] = OFFSET
+    if remembers:
+        z[-3:] = OFFSET
+    for _ in range(INSTANTS):
+        z = A @ z
+    start = tuple(np.add(pose, OFFSET))
+    world = World(scenario.replace({"initial.pose": start, "initial.pose_rate": (0.0, 0.0, 0.0)}), PERIOD)
+    led_back = world.advance(INSTANTS).pose[-1] - pose
+    return alike(statement, 1e-3, z[:3], led_back, OFFSET)
+
+
+LATE = 0.004
+"""T_m, s."""
+STALL, FREE = (450.0, 250.0, 90.0), (7.0, 6.0, 9.0)
+"""N·m, rad/s: the paper's run needs more at its start, and less later."""
+CURVE = {"joints.motor.stall_torque": STALL, "joints.motor.no_load_speed": FREE}
+WHOLE = {**CURVE, "joints.motor.time_constant": LATE, "joints.friction.viscous": (5.0, 5.0, 2.0)}
+SLOW, WEAK = 0.01, 0.05
+"""rad/s and N·m: a coasting arm turns faster than such a motor without load."""
+
+
+@subject("Motors", 12)
+def motors(runs: Runs) -> Iterator[Check]:
+    """Lag, torque-speed curve, energy, internal force and linear model of motors."""
+    yield from _lag()
+    yield from _ideal_limit(runs)
+    yield from _curve()
+    for name in INTEGRATORS:
+        changes = {**WHOLE, "simulation.integrator": name, "simulation.step": 1e-5}
+        run = run_of(f"the run with motors ({name})", changes, 0.2, 0.001)
+        statement = "energy gained = the motors' work - energy damped - loss in the joints, as a part of the work"
+        yield balanced(f"{name}: {statement}", run, float(np.ptp(run.input_work)))
+    run = run_of("the run with motors", WHOLE, 0.1, 1e-4)
+    middle = (run.joint_torque[1:] + run.joint_torque[:-1]) / 2
+    work = np.cumsum((middle * np.diff(run.joint_angle, axis=0)).sum(axis=(1, 2)))
+    away = float(np.abs(work - (run.input_work[1:] - run.input_work[0])).max() / np.ptp(run.input_work))
+    yield below("work put in = ∫Στ dθ of what motors give, as a part", 1e-4, away)
+    statement = "internal force with motors, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part"
+    yield same_internal_force(statement, run)
+    statement = "PD with late motors: pose 30 instants after an offset, by the linear model, as a part"
+    yield _led_back(statement, {"joints.motor.time_constant": LATE}, remembers=False)
+
+
+def _asked(run) -> np.ndarray:
+    """The torques that the law asks for, N·m, (N, arms, 3)."""
+    return np.stack([run.own["left_asked_torque"], run.own["right_asked_torque"]], axis=1)
+
+
+def _lag() -> Iterator[Check]:
+    """The motors' torques between control instants, while the asked ones are constant."""
+    changes = {"controller.control_period": PERIOD, "joints.motor.time_constant": LATE, "simulation.step": 1e-5}
+    run = run_of("the clocked run with late motors", changes, 0.1, PERIOD)
+    asked, given = _asked(run), run.joint_torque
+    expected = asked[:-1] + (given[:-1] - asked[:-1]) * np.exp(-PERIOD / LATE)
+    statement = "a torque that is asked for is reached as 1 - exp(-t/T_m): largest error, as a part of it"
+    yield alike(statement, 1e-8, given[1:], expected, asked)
+    yield below("motors begin with no torque, N·m", 1e-12, given[0])
+
+
+def _ideal_limit(runs: Runs) -> Iterator[Check]:
+    """A short lag changes the run in proportion to it."""
+    away = []
+    for late in (2e-4, 1e-4):
+        run = run_of("the run with a short lag", {"joints.motor.time_constant": late}, 1.0, 0.001)
+        away.append(float(np.abs(run.pose - runs.paper.pose[: len(run.time)]).max()))
+    yield close("half the time constant: half the way from the paper's run, 1", 2.0, away[0] / away[1], relative=0.02)
+
+
+def _curve() -> Iterator[Check]:
+    weak = {"joints.motor.stall_torque": (WEAK, 0.0, 0.0), "joints.motor.no_load_speed": (SLOW, 1.0, 1.0)}
+    turned, fallen, time = moment_of_momentum(weak)
+    statement = (
+        "one arm coasts faster than its motor's no-load speed: its moment of momentum falls by τ_s (angle/ω_0 - t)"
+    )
+    yield close(f"{statement}, N·m·s", WEAK * (turned / SLOW - time), fallen, relative=1e-6)
+    run = run_of("the run with weak motors", CURVE, 0.05, 1e-5)
+    rate, asked = np.gradient(run.joint_angle, run.time, axis=0), _asked(run)
+    stall, fall = np.array(STALL), np.array(STALL) / np.array(FREE)
+    possible = np.clip(asked, -stall - fall * rate, stall - fall * rate)
+    statement = "motors give what is asked for between -τ_s (1 + θ̇/ω_0) and τ_s (1 - θ̇/ω_0): largest error, as a part"
+    yield alike(statement, 1e-4, run.joint_torque[2:-2], possible[2:-2], possible)
+    yield above("instants at which they give less", 100, int((np.abs(asked - possible) > 1.0).any(axis=(1, 2)).sum()))

@@ -1,4 +1,4 @@
-"""Arms and beam as a heap of mass points whose positions follow from p = (x0, y0, θ, q): mechanics without this package's.
+"""Arms and beam as mass points whose positions follow from p = (x0, y0, θ, q): mechanics without the engine's matrices.
 
 No mass matrix, Jacobian, Christoffel symbol or modal coordinate of the engine is used: inertia is Σ m |∂R/∂p|², found by
 complex steps, and all else follows from it and from potentials by differences.
@@ -78,13 +78,13 @@ class MassPoints:
         return A[:3, :3] - A[:3, 3:] @ np.linalg.solve(A[3:, 3:], A[3:, :3])
 
     def filled(self, factor: float) -> "MassPoints":
-        """The same with a payload whose density is `factor` times as large."""
+        """The same mass points with a payload whose density is `factor` times as large."""
         other, density = copy(self), factor * self._payload.linear_density
         other._payload = self._payload.model_copy(update={"linear_density": density})
         return other
 
     def of_one_kilogram(self, index: int, link: int) -> "MassPoints":
-        """The same with one link of one arm as all of its mass: 1 kg, with that link's radius of gyration."""
+        """One link of one arm, with 1 kg and that link's radius of gyration, as the arm's only mass."""
         alone = copy(self)
         share = np.zeros_like(self._mass)
         share[index, link] = 1 / self._mass[index, link]
@@ -98,24 +98,24 @@ class MassPoints:
         return np.arctan2(before[0] * u[1] - before[1] * u[0], (before * u).sum(axis=0))
 
     def inertia(self, p: np.ndarray) -> np.ndarray:
-        """Of everything, Eq. (16)."""
+        """Inertia matrix of arms and payload, Eq. (16)."""
         A = self.payload_inertia(p)
         for index in range(len(self._arms)):
             A[:3, :3] += self.arm_inertia(p[:3], index)
         return A
 
     def arm_potential(self, x: np.ndarray, index: int) -> float:
-        """Weight of one arm, J."""
+        """Potential energy of one arm's weight, J."""
         return self.gravity * float(self._mass[index] @ self._links(x, index)[1, :3])
 
     def payload_potential(self, p: np.ndarray) -> float:
-        """Weight and bending of the payload, J."""
+        """Potential energy of the payload's weight and bending, J."""
         payload = self._payload
         bending = 0.5 * payload.bending_stiffness * float(self._weight @ (self._N2 @ p[3:]) ** 2)
         return bending + self.gravity * payload.linear_density * float(self._weight @ self._beam(p)[1])
 
     def potential(self, p: np.ndarray) -> float:
-        """Weights and bending, J."""
+        """Potential energy of all weights and of the bending, J."""
         return self.payload_potential(p) + sum(self.arm_potential(p[:3], index) for index in range(len(self._arms)))
 
     def _beam(self, p: np.ndarray) -> np.ndarray:
@@ -158,6 +158,12 @@ def christoffel(inertia, at: np.ndarray, rate: np.ndarray) -> np.ndarray:
     dA = slopes(inertia, at)
     first, second = np.einsum("kij,k->ij", dA, rate), np.einsum("jik,k->ij", dA, rate)
     return (first + second - second.T) / 2
+
+
+def lagrange(inertia, potential, at: np.ndarray, rate: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """d(∂T/∂ṗ)/dt - ∂T/∂p + ∂V/∂p, the generalised forces of a motion; `change`: d(∂T/∂ṗ)/dt."""
+    kinetic = slopes(lambda p: np.array(0.5 * rate @ inertia(p) @ rate), at)
+    return change - kinetic + slopes(lambda p: np.array(potential(p)), at)
 
 
 def time_derivative(values: np.ndarray, period: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The equations of motion, the law and the forces, against mass points: Lagrange's equations hold along a general motion."""
+"""Mechanics of mass points, energy along whole runs, and the order of each integrator."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -6,22 +6,31 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import eigh
 
-from flexlab.analysis.validation.check import FINE, Check, Runs, above, alike, below, general
-from flexlab.analysis.validation.mass_points import MassPoints, christoffel, slopes, time_derivative
+from flexlab.analysis.validation.check import (
+    DAMPING,
+    EVERY,
+    FINE,
+    Check,
+    Runs,
+    above,
+    alike,
+    balanced,
+    below,
+    close,
+    general,
+    subject,
+)
+from flexlab.analysis.validation.mass_points import MassPoints, christoffel, lagrange, slopes, time_derivative
 from flexlab.physics.internal_force import payload_matrices
+from flexlab.presets import load_preset
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Run
-
-SUBJECT, PLACE = "Mechanics of mass points", 2
-
-EVERY = 75
-"""Of the fine run, which instants are looked at."""
-DAMPING = 0.1
-"""The paper's, on q̇."""
+from flexlab.sim.world import World
 
 
-def checks(runs: Runs) -> Iterator[Check]:
-    """For the paper's boundary, and for one without symmetry."""
+@subject("Mechanics of mass points", 2)
+def mass_points(runs: Runs) -> Iterator[Check]:
+    """Lagrange's equations along general motions, for the paper's boundary and for one without symmetry."""
     for run in (runs.general_pinned, runs.general):
         for check in _of(run):
             yield replace(check, statement=f"{run.scenario.payload.boundary}: {check.statement}")
@@ -29,7 +38,7 @@ def checks(runs: Runs) -> Iterator[Check]:
 
 
 def _of(run: Run) -> Iterator[Check]:
-    """Inertia, Lagrange's equations, joint torques; along 3 ms of a fast, bent, heavy motion."""
+    """Inertia, energy, Lagrange's equations and joint torques along a run of `general`."""
     points = MassPoints(run.scenario)
     p = np.hstack([run.pose, run.beam_coordinates])
     rate = np.hstack([run.pose_rate, run.beam_rates])
@@ -53,21 +62,19 @@ def _of(run: Run) -> Iterator[Check]:
 
 
 def lagrange_residual(run: Run, points: MassPoints, D: np.ndarray) -> np.ndarray:
-    """Largest d(∂T/∂ṗ)/dt - ∂T/∂p + ∂V/∂p - (Σu, -D q̇) of each coordinate, as a part of its momentum's change, (3 + n_q,)."""
+    """Largest |d(∂T/∂ṗ)/dt - ∂T/∂p + ∂V/∂p - (Σu, -D q̇)| of each coordinate over its momentum's rate, (3 + n_q,)."""
     p, rate = np.hstack([run.pose, run.beam_coordinates]), np.hstack([run.pose_rate, run.beam_rates])
     momentum = np.array([points.inertia(p[k]) @ rate[k] for k in range(len(run))])
     change = time_derivative(momentum, FINE)
     residual = []
     for k in range(2, len(run) - 2, EVERY):
-        kinetic = slopes(lambda at, v=rate[k]: np.array(0.5 * v @ points.inertia(at) @ v), p[k])
-        stored = slopes(lambda at: np.array(points.potential(at)), p[k])
         force = np.concatenate([run.arm_input[k].sum(axis=0), -D @ rate[k, 3:]])
-        residual.append(change[k - 2] - kinetic + stored - force)
+        residual.append(lagrange(points.inertia, points.potential, p[k], rate[k], change[k - 2]) - force)
     return np.abs(residual).max(axis=0) / np.abs(change).max(axis=0)
 
 
 def _dampings() -> Iterator[Check]:
-    """The other kinds of damping: C = β K_F, and 2ζω of every mode, from matrices of mass points."""
+    """Stiffness damping C = β K_F, and modal damping 2ζω, both from matrices of mass points."""
     for words, field, number in (("stiffness", "coefficient", 1e-5), ("modal", "ratio", 0.2)):
         run = general(f"the run with {words} damping", payload__damping={"kind": words, field: number})
         points, n = MassPoints(run.scenario), run.beam_rates.shape[1]
@@ -76,8 +83,8 @@ def _dampings() -> Iterator[Check]:
         M = points.payload_inertia(straight)[3:, 3:]
         square, V = eigh(K, M)
         D = number * K if words == "stiffness" else M @ V * (2 * number * np.sqrt(square)) @ V.T @ M
-        error = lagrange_residual(run, points, D)
-        yield below(f"{words} damping acts on the beam as it should: relative residual", 1e-6, error.max())
+        statement = f"{words} damping acts on the beam as it should: relative residual"
+        yield below(statement, 1e-6, lagrange_residual(run, points, D))
 
 
 def _inertia(run: Run, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> Iterator[Check]:
@@ -97,3 +104,39 @@ def _inertia(run: Run, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> I
     yield below("Ȧ - 2B is skew: largest entry of its symmetric part", 1e-9, skew + skew.T)
     by_points = christoffel(points.payload_inertia, state, v)
     yield alike("B is the Christoffel matrix of A: relative error", 1e-7, by_points, B)
+
+
+STEPS = {
+    "rk4": (4, (2e-4, 1e-4, 5e-5)),
+    "etdrk4": (4, (5e-4, 2.5e-4, 1.25e-4)),
+    "generalized-alpha": (2, (2.5e-4, 1.25e-4, 6.25e-5)),
+}
+"""Integrator → its order, and steps, s."""
+RINGING = {"controller.boundary_layer": 10.0, "payload.bending_stiffness": 10.0}
+"""The paper's start with a beam whose modes all steps resolve and s within the boundary layer, where the law is smooth."""
+TICK, TICKS = 0.002, 50
+"""s between samples, and how many there are."""
+
+
+@subject("Energy and convergence", 4)
+def energy_and_convergence(runs: Runs) -> Iterator[Check]:
+    """Energy balance with control and damping, conservation without, and the order of each integrator."""
+    run = runs.paper
+    yield balanced("paper's run: energy gained = work put in - energy damped, as a part of what moved", run)
+    damped = run.dissipated_energy
+    yield above("damping takes energy out, J", 0.0, damped[-1])
+    yield below("and never gives any back: least change, as a part", 1e-12, -np.diff(damped).min() / damped[-1])
+    free = runs.free
+    drift = free.total_energy / free.total_energy[0] - 1
+    yield below("no motors, no damping: relative drift of the energy in 2 s", 1e-6, drift)
+    yield above("while the beam holds of it up to", 0.3, free.elastic_energy.max() / free.total_energy[0])
+    exact = _end("etdrk4", TICK / 256)
+    for integrator, (order, steps) in STEPS.items():
+        errors = [np.abs(_end(integrator, step) - exact).max() for step in steps]
+        slope = float(np.log2(errors[0] / errors[-1]) / (len(errors) - 1))
+        yield close(f"{integrator}: the pose's error falls with the step to the power", order, slope, absolute=0.25)
+
+
+def _end(integrator: str, step: float) -> np.ndarray:
+    changes = {**RINGING, "simulation.integrator": integrator, "simulation.step": step}
+    return World(load_preset("paper").replace(changes), TICK).run(TICKS).pose

@@ -1,27 +1,25 @@
-"""Paths by their formulas and by what they promise, with smooth start, input shapers and the bending fed forward."""
+"""Paths by their formulas, rates and limits, with smooth start, input shapers and bending feedforward."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
-from flexlab.analysis.validation.check import Check, Runs, alike, below, close, run_of
+from flexlab.analysis.validation.check import Check, Runs, alike, below, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints
 from flexlab.control.motion import poses
 from flexlab.control.path import paths
 from flexlab.presets import load_preset
 from flexlab.sim.target import build_trajectory
 
-SUBJECT, PLACE = "Paths and input shapers", 7
-
 WINDOW = 1.6
-"""s of each path that are looked at."""
+"""Length of each path that is checked, s."""
 STEP = 1e-4
-"""s, of differences along a path."""
+"""Step of differences along a path, s."""
 CLEAR = 4 * STEP
-"""s next to a jump of acceleration or jerk in which no differences are taken."""
+"""Distance from jumps of acceleration or jerk within which no differences are taken, s."""
 FREQUENCY, RATIO = 9.0, 0.06
-"""Hz and ζ of the mode for which shapers are made here."""
+"""Frequency, Hz, and ζ of the mode for which shapers are designed."""
 VIBRATION = 0.05
 """V of the extra-insensitive shaper."""
 RESIDUALS: dict[str, Callable[[float], float]] = {
@@ -29,7 +27,7 @@ RESIDUALS: dict[str, Callable[[float], float]] = {
     "zvd": lambda c: c * c,
     "ei-shaper": lambda c: (1 + VIBRATION) * c * c - VIBRATION,
 }
-"""Shaper → what it leaves of an ideal mode, of cos(π/2 · frequency of the mode / frequency of the shaper)."""
+"""Shaper → residual vibration of an undamped mode, as a function of cos(π/2 · frequency of mode / of shaper)."""
 
 OWN: dict[str, dict[str, Any]] = {
     "sine": {"phase": (0.3, 0.0, -1.0), "frequency": (1.0, 0.7, 2.0), "amplitude": (0.1, 0.05, 0.2)},
@@ -70,15 +68,15 @@ POSES: dict[str, Callable[[Any, np.ndarray], np.ndarray]] = {
 """Path → x_d at instants (N,), (N, 3)."""
 
 
-def checks(_: Runs) -> Iterator[Check]:
+@subject("Paths and input shapers", 7)
+def paths_and_shapers(_: Runs) -> Iterator[Check]:
     """Formulas, rates, waypoints and tables, smooth start, shapers, the bending fed forward."""
     times = np.linspace(0.011, WINDOW - 0.01, 211)
     for kind in paths():
         if kind in POSES or kind in ("waypoints", "table"):
             yield from _path(kind, times)
-    yield from _rates(
-        "a sine with smooth start and shaper", times, "sine", smooth_start=0.8, shaper="zvd", shaper_frequency=9.0
-    )
+    shaped = {"smooth_start": 0.8, "shaper": "zvd", "shaper_frequency": 9.0}
+    yield from _rates("a sine with smooth start and shaper", times, "sine", **shaped)
     yield from _waypoints()
     yield from _table()
     yield from _smooth_start(times)
@@ -87,7 +85,7 @@ def checks(_: Runs) -> Iterator[Check]:
 
 
 def _motion(kind: str, **changes: Any) -> tuple[Any, Any]:
-    """The path of the paper's system and its target."""
+    """A path of the paper's system, and its target."""
     scenario = load_preset("paper").replace({"trajectory": {"kind": kind, **OWN.get(kind, {}), **changes}})
     return scenario.trajectory, build_trajectory(scenario)
 
@@ -96,13 +94,12 @@ def _path(kind: str, times: np.ndarray) -> Iterator[Check]:
     path, motion = _motion(kind)
     found = poses(motion, times)
     if kind in POSES:
-        error = float(np.abs(found[:, 0] - POSES[kind](path, times)).max())
-        yield below(f"{kind}: x_d by its formula: largest error, m, rad", 1e-13, error)
+        yield below(f"{kind}: x_d by its formula: largest error, m, rad", 1e-13, found[:, 0] - POSES[kind](path, times))
     yield from _rates(kind, times, kind)
 
 
 def _rates(words: str, times: np.ndarray, kind: str, **changes: Any) -> Iterator[Check]:
-    """ẋ_d and ẍ_d against differences of x_d and ẋ_d, but for instants next to a jump."""
+    """ẋ_d and ẍ_d against differences of x_d and ẋ_d, except near jumps."""
     path, motion = _motion(kind, **changes)
     found = poses(motion, times)
     jumps = np.array([*path.discontinuities, *motion.discontinuities, np.inf])
@@ -135,11 +132,8 @@ def _table() -> Iterator[Check]:
     )
     _, motion = _motion("table", rows=rows)
     given = np.array(rows)
-    yield below(
-        "table: the spline goes through its rows: largest error, m, rad",
-        1e-12,
-        poses(motion, given[:, 0])[:, 0] - given[:, 1:],
-    )
+    missed = poses(motion, given[:, 0])[:, 0] - given[:, 1:]
+    yield below("table: the spline goes through its rows: largest error, m, rad", 1e-12, missed)
     ends = poses(motion, [0.0, 1.5])[:, 1:]
     yield below("table: is at rest at both ends: largest rate and acceleration", 1e-9, ends)
 
@@ -151,7 +145,7 @@ def _smooth_start(times: np.ndarray) -> Iterator[Check]:
     reached = np.minimum(times, ramp)
     tau = reached[:, None] * (1 + x) / 2 / ramp
     along = (10 * tau**3 - 15 * tau**4 + 6 * tau**5) @ weight * reached / 2 + np.maximum(times - ramp, 0)
-    error = float(np.abs(poses(motion, times)[:, 0] - POSES["sine"](path, along)).max())
+    error = poses(motion, times)[:, 0] - POSES["sine"](path, along)
     yield below(
         "a smooth start goes along the path at a speed that grows as 10τ³ - 15τ⁴ + 6τ⁵: error, m, rad", 1e-13, error
     )
@@ -170,20 +164,19 @@ def _shapers(times: np.ndarray) -> Iterator[Check]:
         wanted = sum(
             part * POSES["circle"](path, np.maximum(times - j * half, 0)) for j, part in enumerate(size / size.sum())
         )
-        error = float(np.abs(poses(motion, times)[:, 0] - wanted).max())
+        error = poses(motion, times)[:, 0] - wanted
         yield below(f"{shaper}: x_d is Σ A_j x(t - t_j): largest error, m, rad", 1e-13, error)
         for words, ratio in (("lower", np.sqrt(0.8)), ("higher", np.sqrt(1.2))):
             statement = f"{shaper}: leaves of an undamped mode whose stiffness is 20 % {words}, as a part"
-            yield close(
-                statement, abs(RESIDUALS[shaper](np.cos(np.pi * ratio / 2))), _left(shaper, ratio), absolute=1e-9
-            )
+            exact = abs(RESIDUALS[shaper](np.cos(np.pi * ratio / 2)))
+            yield close(statement, exact, _left(shaper, ratio), absolute=1e-9)
     scenario = load_preset("paper").replace({"trajectory.shaper": "zv"})
     late = float(build_trajectory(scenario).impulses[1, 1])
     yield close("a shaper is made for the closed loop's first mode, 45.5 Hz", 45.5, 0.5 / late, "Hz", relative=2e-3)
 
 
 def _left(shaper: str, ratio: float) -> float:
-    """Part of an undamped mode's ring that a shaper leaves, its frequency `ratio` times the shaper's."""
+    """The residual vibration of an undamped mode with `ratio` times the shaper's frequency, as a share of the unshaped."""
     _, motion = _motion("circle", shaper=shaper, shaper_frequency=FREQUENCY, shaper_damping=0.0)
     size, at = motion.impulses.T
     return float(abs(np.sum(size * np.exp(2j * np.pi * FREQUENCY * ratio * at))))
@@ -191,7 +184,7 @@ def _left(shaper: str, ratio: float) -> float:
 
 def _fed_forward() -> Iterator[Check]:
     share, x = 0.7, (0.0, 0.75, 0.3)
-    # At t = 0 the paper's sine has no acceleration: another phase has.
+    # Another phase, as the paper's sine has no acceleration at t = 0.
     later = {"trajectory.phase": (0.9, 0.9, 0.9), "initial.pose": x}
     plain, fed = (
         run_of("bending fed forward", {**later, "trajectory.bending_feedforward": part}, 2e-3, 1e-3)

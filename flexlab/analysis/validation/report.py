@@ -1,15 +1,13 @@
-"""The report of a validation: one HTML file, figures included, that opens without network."""
+"""The report of a validation: one HTML file with figures that opens without network."""
 
-import io
 import platform
 from datetime import datetime
 from pathlib import Path
 
-import matplotlib as mpl
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from flexlab.analysis.figures import FIGURES, STYLE, draw_figure
+from flexlab.analysis.figures import FIGURES, draw_figure, svg_text
 from flexlab.analysis.validation.check import Validation
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.recording.run_info import these_versions
@@ -17,11 +15,11 @@ from flexlab.recording.store.notes import replacing
 
 TITLES = {2: "Trajectory of the payload", 3: "Vibration", 4: "Error of the trajectory", 5: "Internal force"}
 SHOWN = 3.0
-"""s of the run that the figures show, as the paper's do."""
+"""Length of the figures, as in the paper, s."""
 
 
 def write_report(validation: Validation, path: Path, seconds: float) -> None:
-    """Write the report; `seconds`: how long it took. Raises `StudyError`."""
+    """Write the report; `seconds`: duration of the validation. Raises `StudyError`."""
     folder = Path(__file__).parent
     pages = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     text = pages.get_template("report.html").render(
@@ -43,17 +41,13 @@ def write_report(validation: Validation, path: Path, seconds: float) -> None:
 
 
 def _figures(validation: Validation) -> list[tuple[int, str, Markup]]:
-    """(number, title, SVG) of the paper's figures; none where the run fails."""
+    """(number, title, SVG) of the paper's figures; none if the run fails."""
     try:
         run = validation.runs.paper
     except FlexlabError:
         return []
     samples = run.take(run.time <= SHOWN)
-    found = []
-    for number in FIGURES:
-        with mpl.rc_context(STYLE | {"svg.hashsalt": f"flexlab-{number}"}):
-            drawn = io.StringIO()
-            draw_figure(number, samples).savefig(drawn, format="svg", metadata={"Date": None})
-        svg = drawn.getvalue()
-        found.append((number, TITLES[number], Markup(svg[svg.index("<svg") :])))
-    return found
+    return [
+        (number, TITLES[number], Markup(svg_text(draw_figure(number, samples), f"flexlab-{number}")))
+        for number in FIGURES
+    ]

@@ -1,6 +1,6 @@
-"""Every control law as its equation stands, with the arms and the payload of mass points, along a general motion.
+"""Every control law by its equation, with arms and payload made of mass points, along a general motion.
 
-The controller believes in another payload than the true one, shares it unevenly and squeezes it, so that none of these is lost.
+The controller has a wrong model of the payload, shares the load unevenly and squeezes it, so that each of these effects counts.
 """
 
 from collections.abc import Callable, Iterator
@@ -8,16 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.validation.check import FINE, Check, Runs, alike, below, general
-from flexlab.analysis.validation.control_law import desired
+from flexlab.analysis.validation.check import FINE, Check, Runs, alike, below, general, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes, time_derivative
+from flexlab.analysis.validation.paper import desired
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run
 
-SUBJECT, PLACE = "Every control law", 6
-
 EVERY = 75
-"""Of a run's samples, which are looked at."""
+"""Every 75th sample of a run is checked."""
 COMMON = {
     "controller__model__linear_density_factor": 1.3,
     "controller__model__length_factor": 0.9,
@@ -37,11 +35,11 @@ GAINS: dict[str, dict[str, Any]] = {
 }
 """Law → fields that differ from their defaults."""
 STEP = 1e-4
-"""s, of differences along the path."""
+"""Step of differences along the path, s."""
 
 
 class Instant(NamedTuple):
-    """What a law sees at one sample, from mass points; arms first."""
+    """The inputs of a law at one sample, from mass points; arms are the first axis."""
 
     law: Any
     x: np.ndarray
@@ -50,16 +48,16 @@ class Instant(NamedTuple):
     """x_d, ẋ_d, ẍ_d, (3,)."""
     points: MassPoints
     believed: MassPoints
-    """Of the payload in which the controller believes."""
+    """Mass points with the controller's model of the payload."""
     M: np.ndarray
     C: np.ndarray
     G: np.ndarray
     A: np.ndarray
-    """Ā as the controller believes the payload, (3, 3)."""
+    """Ā of the controller's model of the payload, (3, 3)."""
     weight: np.ndarray
-    """Of that payload, N, (3,)."""
+    """Weight of that payload, N, (3,)."""
     share: np.ndarray
-    """Of the common part, by arm, (2,)."""
+    """Each arm's share of the common part, (2,)."""
     beam_rate: np.ndarray
     """hᵀq̇, gᵀq̇, (2,)."""
     squeeze: np.ndarray
@@ -73,7 +71,7 @@ class Instant(NamedTuple):
         return self.v - r, r, a_d - slope * (self.v - v_d)
 
     def shared(self, acceleration: np.ndarray, rate: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Each arm its own part, and its share of payload inertia, weight and a common force, (2, 3)."""
+        """Each arm's own part, and its share of payload inertia, weight and a common force, (2, 3)."""
         common = self.A @ acceleration + self.weight + force
         return self.M @ acceleration + self.C @ rate + self.G + self.share[:, None] * common
 
@@ -88,7 +86,7 @@ class Instant(NamedTuple):
 
 
 Law = Callable[[Instant, np.ndarray], np.ndarray]
-"""u_i (2, 3) of what a law sees and of its memory."""
+"""Maps a law's inputs and memory to u_i, (2, 3)."""
 
 
 def _sliding_mode(at: Instant, _: np.ndarray) -> np.ndarray:
@@ -168,7 +166,7 @@ MEMORY = {
     "vibration-damping": ("bound_estimates",),
     "composite": ("bound_estimates",),
 }
-"""Law → signals that are its memory."""
+"""Law → the signals of its memory."""
 
 
 def regressor(at: Instant, r: np.ndarray, r_dot: np.ndarray) -> np.ndarray:
@@ -183,8 +181,9 @@ def regressor(at: Instant, r: np.ndarray, r_dot: np.ndarray) -> np.ndarray:
     return Y
 
 
-def checks(_: Runs) -> Iterator[Check]:
-    """Inputs of every law, and how its memory moves."""
+@subject("Every control law", 6)
+def rival_laws(_: Runs) -> Iterator[Check]:
+    """The inputs u_i of every law, and the rate of its memory."""
     for kind, gains in GAINS.items():
         own = {f"controller__{name}": value for name, value in gains.items()}
         run = general(f"the law {kind}", controller__kind=kind, **own, **COMMON)
@@ -212,7 +211,7 @@ def _start() -> float:
 
 
 def _memory(run: Run, kind: str) -> np.ndarray:
-    """The law's memory, (N, numbers); of most laws none."""
+    """The law's memory, (N, numbers), which most laws do not have."""
     parts = [getattr(run, name).reshape(len(run), -1) for name in MEMORY.get(kind, ())]
     return np.hstack(parts) if parts else np.zeros((len(run), 0))
 
@@ -236,7 +235,7 @@ def _memory_rate(kind: str, at: Instant, run: Run, k: int) -> np.ndarray:
 
 
 def instant(run: Run, k: int) -> Instant:
-    """What the law of a run sees at sample k."""
+    """The inputs of a run's law at sample k."""
     scenario = run.scenario
     points, believed = MassPoints(scenario), MassPoints(_believed(scenario))
     x, v, law = run.pose[k], run.pose_rate[k], scenario.controller
@@ -254,7 +253,7 @@ def instant(run: Run, k: int) -> Instant:
 
 
 def _believed(scenario: Scenario) -> Scenario:
-    """The scenario with the payload in which its controller believes."""
+    """The scenario with its controller's model of the payload."""
     model, payload = scenario.controller.model, scenario.payload
     return scenario.replace(
         {

@@ -1,4 +1,4 @@
-"""The sampled loop: clock, delay, limits, noise, strain gauges, observer and regulator, each against an answer of its own."""
+"""The sampled loop: clock, delay, limits, noise, strain gauges, observer and regulator, each against an independent answer."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,36 +7,35 @@ import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
 from flexlab.analysis.modes import modes
-from flexlab.analysis.validation.check import Check, Runs, above, alike, below, close, run_of
-from flexlab.analysis.validation.control_law import GAIN, LAYER, SLOPE, desired
+from flexlab.analysis.validation.check import Check, Runs, above, alike, below, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
+from flexlab.analysis.validation.paper import GAIN, LAYER, SLOPE, desired
 from flexlab.physics.sensors import strain_rows
 from flexlab.presets import load_preset
 from flexlab.sim.samples import Run
 
-SUBJECT, PLACE = "The sampled loop and its sensors", 8
-
 PERIOD, DELAY = 1e-3, 2
-"""T_c, s, and input delay, samples, of the clocked run."""
+"""T_c, s, and input delay in control periods."""
 FINER = 4
 """Samples of a run per control period."""
 LIMIT = (300.0, 150.0, 60.0)
 """N·m."""
 MEASURED = 2000
-"""Control instants by which noise is judged: its deviation is known to 1.6 %."""
+"""Control instants of a noisy run, which give the standard deviation to 1.6 %."""
 SIGMA = (1e-4, 2e-4, 3e-4)
-"""Noise of x, y, θ, m, m, rad, and of their rates per second."""
+"""Standard deviation of the noise of x, y, θ, m, m, rad, and of their rates, per second."""
 STRAIN = 1e-6
 CENTER = (0.0, 0.75, 0.0)
 GROWTH = 2.65
-"""1/s: of the 400 Hz mode under rate feedback k_v = 100 at 1 kHz, one sample late, of 8 undamped elements."""
+"""Growth of the 400 Hz mode of 8 undamped elements under rate feedback k_v = 100 at 1 kHz, one sample late, 1/s."""
 QUIET: dict[str, Any] = {"trajectory": {"kind": "hold", "pose": CENTER}, "controller.control_period": PERIOD}
-"""At rest, clocked."""
+"""A constant desired pose, and the control period."""
 BENT = (0.001, 0.00016, 0.0, -0.001)
-"""Start of the beam where the observer is looked at: half a sine, 0.16 mm high, so that the plant stays at its linear model."""
+"""Initial beam coordinates, half a sine of 0.16 mm, for which the linear model holds."""
 
 
-def checks(runs: Runs) -> Iterator[Check]:
+@subject("The sampled loop and its sensors", 8)
+def sampled_loop(runs: Runs) -> Iterator[Check]:
     """The clock, torque limits, noise, gauges, observer, regulator, sampled poles."""
     yield from _clock()
     yield from _limits()
@@ -79,9 +78,8 @@ def _clock() -> Iterator[Check]:
     points, instants = MassPoints(run.scenario), len(run) // FINER
     held = run.joint_torque[: instants * FINER].reshape(instants, FINER, 2, 3)
     scale = float(np.abs(held).max())
-    yield below(
-        "torques are held for a control period: largest change, as a part", 1e-9, np.ptp(held, axis=1).max() / scale
-    )
+    jitter = np.ptp(held, axis=1).max() / scale
+    yield below("torques are held for a control period: largest change, as a part", 1e-9, jitter)
     yield below(f"until the first arrive, {DELAY} periods, motors are off, N·m", 1e-12, held[:DELAY])
     errors, steps, b_hat = [], [], np.zeros(3)
     for instant in range(instants - DELAY - 1):
@@ -117,20 +115,15 @@ def _noise() -> Iterator[Check]:
             readings[seed] = -run.arm_input.sum(axis=1)[1:]
         noise = readings[1]
         for name, sigma, found in zip("xyθ", SIGMA, noise.std(axis=0), strict=True):
-            yield close(
-                f"noise of {words}, {name}: deviation as a part of what is asked for", 1.0, found / sigma, absolute=0.06
-            )
+            statement = f"noise of {words}, {name}: deviation as a part of what is asked for"
+            yield close(statement, 1.0, found / sigma, absolute=0.06)
         mean = np.abs(noise.mean(axis=0)) / SIGMA * np.sqrt(len(noise))
         yield below(f"noise of {words}: mean, in its own standard errors", 4.5, mean.max())
         unit = noise / noise.std(axis=0)
         yield below(f"noise of {words}: correlation from instant to instant", 0.1, (unit[1:] * unit[:-1]).mean(axis=0))
-        other = np.concatenate(
-            [
-                (unit * np.roll(unit, 1, axis=1)).mean(axis=0),
-                (unit * readings[2] / readings[2].std(axis=0)).mean(axis=0),
-            ]
-        )
-        yield below(f"noise of {words}: correlation between coordinates and between seeds", 0.1, other)
+        other = np.stack([np.roll(unit, 1, axis=1), readings[2] / readings[2].std(axis=0)])
+        statement = f"noise of {words}: correlation between coordinates and between seeds"
+        yield below(statement, 0.1, (unit * other).mean(axis=1))
 
 
 def _strain_noise() -> Iterator[Check]:
@@ -152,12 +145,8 @@ def _strain_noise() -> Iterator[Check]:
     wanted = np.sqrt(2) * STRAIN * np.linalg.norm(weights) / PERIOD
     yield close("noise of hᵀq̇ from gauges: deviation", wanted, rates.std(), "kg·m/s", relative=0.06)
     unit = rates / rates.std()
-    yield close(
-        "and each reading enters twice, with both signs: correlation",
-        -0.5,
-        (unit[1:] * unit[:-1]).mean(),
-        absolute=0.06,
-    )
+    alternating = (unit[1:] * unit[:-1]).mean()
+    yield close("and each reading enters twice, with both signs: correlation", -0.5, alternating, absolute=0.06)
 
 
 def _gauges() -> Iterator[Check]:
@@ -173,7 +162,7 @@ def _gauges() -> Iterator[Check]:
 
 
 def _held(name: str, law: dict[str, Any], **changes: Any) -> Run:
-    """At rest on a path that stays where it is, its beam bent, or as `changes` say, clocked and one period late."""
+    """A sampled run, one period late, at a constant desired pose with a bent beam; `changes`: further changes."""
     controller = {"control_period": PERIOD, "input_delay": 1, **law}
     begun = {"initial.beam_coordinates": BENT} | changes
     scenario = {"trajectory": {"kind": "hold", "pose": CENTER}, **begun, "controller": controller}
@@ -181,9 +170,9 @@ def _held(name: str, law: dict[str, Any], **changes: Any) -> Run:
 
 
 def _observer() -> Iterator[Check]:
-    """What the fast part asks for tells the estimate; the truth is that of the middle of the interval in which it acts.
+    """The observer's prediction, from the fast part's torques, beside the truth in the middle of the interval in which they act.
 
-    Arms that sink under their weight set the beam ringing by forces that an observer knows of that hardly asks its gauges.
+    Arms that sink under their weight excite the beam by forces that the observer knows, even if it hardly trusts its gauges.
     """
     trusting = {"unknown_force": (0.01, 0.01, 0.01), "unknown_modal_force": 1e-4}
     sinking = {"gravity": 0.5, "initial.beam_coordinates": None}
@@ -213,14 +202,14 @@ def _observed(name: str, observer: dict[str, Any], changes: dict[str, Any]) -> f
     h = points.payload_inertia(np.zeros(3 + run.beam_rates.shape[1]))[1, 3:]
     inertia = sum(points.arm_inertia(np.array(CENTER), arm) for arm in range(2))
     rate = run.beam_rates @ h
-    # Held torques of instant k stand in the period that begins one later.
+    # Torques of instant k are held from instant k + 1 on.
     acting = np.arange(30, 58) * FINER + FINER // 2
     told = np.linalg.solve(inertia, run.arm_input.sum(axis=1)[acting].T)[1] / gain
     return float(np.abs(told - rate[acting]).max() / np.abs(rate[acting]).max())
 
 
 def _regulator() -> Iterator[Check]:
-    """K from matrices of mass points, in nodal coordinates, by scipy's Riccati equation."""
+    """K from matrices of mass points in nodal coordinates and scipy's Riccati equation."""
     law = {"kind": "lqr", "observer": {"kind": "kalman", "observer_modes": 4}}
     run = _held("the regulated run", law)
     settings, points = run.scenario.controller, MassPoints(run.scenario)

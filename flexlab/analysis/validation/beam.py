@@ -1,0 +1,174 @@
+"""The beam: Euler and Bernoulli's in closed form, the order of its elements, and the force along it."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+from flexlab.analysis.validation.check import Check, Runs, above, balanced, below, close, subject, true
+from flexlab.physics.axial_load import BUCKLING, buckling_load, geometric_matrices
+from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
+from flexlab.presets import load_preset
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.samples import Run
+from flexlab.sim.simulate import simulate
+
+LENGTH, RHO, EI = 0.5, 2.0, 100.0
+"""The paper's: m, kg/m, N·m²."""
+CLAMPED = {"clamped-clamped": 4.730040744862704, "clamped-free": 1.875104068711961, "clamped-pinned": 3.926602312047919}
+"""Boundary → first root z of its characteristic equation, ω = √(EI/ρ) z²/L²."""
+
+
+@subject("The beam in closed form", 1)
+def closed_form(_: Runs) -> Iterator[Check]:
+    """Frequencies, static deflection, and convergence of the finite elements."""
+    for k, value in enumerate((280.256, 1239.35, 3115.22, 5679.44)):
+        yield close(f"two elements, pinned: frequency {k + 1}", value, _frequencies(2)[k], "rad/s", relative=4e-6)
+    for mode in (1, 2, 3):
+        exact, found = np.sqrt(EI / RHO) * (mode * np.pi / LENGTH) ** 2, _frequencies(32)[mode - 1]
+        yield close(f"32 elements, pinned: ω{mode} = √(EI/ρ) ({mode}π/L)²", exact, found, "rad/s", relative=1e-5)
+    for boundary, root in CLAMPED.items():
+        exact = np.sqrt(EI / RHO) * root**2 / LENGTH**2
+        yield close(f"32 elements, {boundary}: ω1", exact, _frequencies(32, boundary)[0], "rad/s", relative=1e-6)
+    beam, middle = beam_matrices(LENGTH, RHO, EI, 2, "pinned-pinned"), shape_row(0.0, LENGTH, 2, "pinned-pinned")
+    sag = float(middle @ np.linalg.solve(beam.K_F, middle))
+    yield close("a force of 1 N at mid-span bends it by L³/(48 EI)", LENGTH**3 / (48 * EI), sag, "m", relative=1e-12)
+    fine = beam_matrices(LENGTH, RHO, EI, 16, "pinned-pinned")
+    weight = float(shape_row(0.0, LENGTH, 16, "pinned-pinned") @ np.linalg.solve(fine.K_F, 9.81 * fine.h))
+    exact = 5 * RHO * 9.81 * LENGTH**4 / (384 * EI)
+    yield close("its own weight bends it by 5 ρ g L⁴/(384 EI)", exact, weight, "m", relative=1e-9)
+    exact = EI / RHO * (np.pi / LENGTH) ** 4
+    errors = np.array([_frequencies(n)[0] ** 2 - exact for n in (2, 4, 8, 16)])
+    slopes = np.log2(errors[:-1] / errors[1:])
+    yield close("the error of ω1² falls with the element length to the power", 4.0, slopes.mean(), absolute=0.1)
+    yield below(
+        "Rayleigh and Ritz: ω1² comes from above (least error, as 1 - error/exact)", 1.0, 1 - errors.min() / exact
+    )
+
+
+def _frequencies(n: int, boundary: str = "pinned-pinned") -> np.ndarray:
+    return undamped_modes(beam_matrices(LENGTH, RHO, EI, n, boundary))[0]
+
+
+ELEMENTS = 8
+SQUEEZES = (-2.0, -1.0, 0.5, 0.9, 0.95)
+"""Compressions, as shares of the buckling load."""
+SPUN = {0.0: 3.5160, 1.0: 3.5432, 2.0: 3.6218, 5.0: 4.0739, 10.0: 5.0490}
+"""γ = Ω√(ρL⁴/EI) → λ = ω√(ρL⁴/EI) of a cantilever spun about its clamped end, in its plane (Wright et al., J. Appl. Mech. 49
+(1982) 197-202, with Southwell's λ² less γ²)."""
+SOFTENED_AWAY = 3.516
+"""γ at which a spun beam has no stiffness left in a model without axial load."""
+
+FELT, PLAIN = {"payload.axial_load": "first-order"}, {"payload.axial_load": "none"}
+PRESSED = {"controller.wanted_internal_force": 30.0}
+SPIN_UP, SPUN_FOR = 3.0, 5.0
+"""s at which the preset `spin-up` spins steadily, and at which it begins to spin down."""
+RISE, WANTED, STEPS = 10.0, 60.0, 100
+"""The slow squeeze raises F_d for so many s, to so many N, in so many steps."""
+MARGIN = 0.03
+"""A bent beam is held this share of the buckling load below and above it."""
+BUCKLED = 0.05
+"""m, a tenth of the beam's length: no ring before comes near this deflection."""
+
+
+@subject("The force along the beam", 9)
+def axial_load(runs: Runs) -> Iterator[Check]:
+    """Frequencies under axial load, buckling loads, published frequencies of spun beams, motions, and energy."""
+    free = squeezed_frequency(ELEMENTS, 0.0)
+    for share in SQUEEZES:
+        statement = f"{ELEMENTS} elements, pinned, squeezed with {share:g} P_cr: ω1 = ω1(0) √(1 - P/P_cr)"
+        exact, found = free * np.sqrt(1 - share), squeezed_frequency(ELEMENTS, share)
+        yield close(statement, exact, found, "rad/s", relative=1e-3)
+    for boundary, c in BUCKLING.items():
+        statement = f"{ELEMENTS} elements, {boundary}: K_F + K_G is first singular at {c:g} π²EI/L²"
+        exact, found = buckling_load(LENGTH, EI, boundary), critical_load(ELEMENTS, boundary)
+        yield close(statement, exact, found, "N", relative=1e-3)
+    for gamma, value in SPUN.items():
+        yield close(f"cantilever spun with γ = {gamma:g}: λ", value, spun_frequency(ELEMENTS, gamma), relative=1e-3)
+    softened = spun_frequency(ELEMENTS, SOFTENED_AWAY, felt=False)
+    yield below(f"without the force along it, with γ = {SOFTENED_AWAY}: λ", 0.05, softened)
+    yield from _motions(runs)
+
+
+def squeezed_frequency(n: int, share: float) -> float:
+    """ω1 of the pinned beam under a constant compression, a share of its buckling load, rad/s."""
+    return float(np.sqrt(_least_square(n, "pinned-pinned", share * buckling_load(LENGTH, EI, "pinned-pinned"))))
+
+
+def _least_square(n: int, boundary: str, load: float) -> float:
+    """The least ω² of the beam under a constant compression, N; negative beyond buckling."""
+    beam, (G0, _, _) = beam_matrices(LENGTH, RHO, EI, n, boundary), geometric_matrices(LENGTH, RHO, n, boundary)
+    return float(eigh(beam.K_F - load * G0, beam.M_q, eigvals_only=True)[0])
+
+
+def critical_load(n: int, boundary: str) -> float:
+    """Compression at which the least eigenvalue of K_F + K_G is first zero, N."""
+    expected = buckling_load(LENGTH, EI, boundary)
+    return float(brentq(lambda load: _least_square(n, boundary, load), 0.5 * expected, 1.5 * expected))
+
+
+def spun_frequency(n: int, gamma: float, felt: bool = True) -> float:
+    """λ of a cantilever spun about its clamped end with γ, in its plane; `felt`: with K_G."""
+    beam = beam_matrices(LENGTH, RHO, EI, n, "clamped-free")
+    G0, G1, G2 = geometric_matrices(LENGTH, RHO, n, "clamped-free")
+    scale = RHO * LENGTH**4 / EI
+    spin2 = gamma**2 / scale
+    # The clamped end alone accelerates the beam's middle inwards, with Ω²L/2.
+    along = -spin2 * LENGTH / 2
+    K_G = -RHO * LENGTH * along * G0 + along * G1 + spin2 * G2
+    stiffness = beam.K_F - spin2 * beam.M_q + (K_G if felt else 0.0)
+    return float(np.sqrt(max(0.0, eigh(stiffness, beam.M_q, eigvals_only=True)[0]) * scale))
+
+
+def _motions(runs: Runs) -> Iterator[Check]:
+    """Kane's spin-up, the slow squeeze, the paper's run, and the balance of energy."""
+    spin = load_preset("spin-up")
+    felt, paper = simulate(spin, SPUN_FOR, 0.01), simulate(spin.replace(PLAIN), SPUN_FOR, 0.01)
+    lag = np.abs(felt.beam_coordinates[:, -2])  # The deflection of the free end.
+    rising, steady = felt.time < SPIN_UP, (felt.time > SPIN_UP + 1) & (felt.time < SPUN_FOR)
+    yield above("Kane's spin-up: the free end lags by up to, m", 0.005, lag[rising].max())
+    back = lag[steady].max() / lag[rising].max()
+    yield below("and returns to the line: while it spins, as a part of that", 0.1, back)
+    yield Check("without the force along it, the same spin", "diverges", str(paper.status), paper.status == "diverged")
+    yield from _squeezed_slowly()
+    plain, with_force = runs.paper, simulate(load_preset("paper").replace(FELT), 2.0)
+    peak = float(np.abs(plain.midspan_deflection).max())
+    share = abs(float(np.abs(with_force.midspan_deflection).max()) / peak - 1)
+    yield below("the paper's run: its peak deflection differs by, as a part", 0.01, share)
+    for name in ("etdrk4", "rk4"):
+        run = simulate(load_preset("soft-beam").replace({**FELT, **PRESSED, "simulation.integrator": name}), 2.0)
+        statement = "energy gained = work put in + work of the axial load - energy damped, as a part"
+        yield balanced(f"{name}, squeezed: {statement}", run)
+
+
+def _squeezed_slowly() -> Iterator[Check]:
+    """F_d of the soft beam raised from 0 to 60 N over 10 s, in steps."""
+    shares = [k / STEPS for k in range(1, STEPS + 1)]
+    steps = [(RISE * x, ChangeScenario({"controller.wanted_internal_force": WANTED * x})) for x in shares]
+    start = {"controller.wanted_internal_force": 0.0, "payload.damping.coefficient": 0.005}
+    run = simulate(load_preset("squeeze-until-it-buckles").replace(start), RISE, 0.001, steps)
+    pressed = WANTED * run.time / RISE
+    early, late = (frequency(run, pressed, *span) for span in ((0.0, 12.0), (30.0, 42.0)))
+    critical = buckling_load(0.5, 1.27, "pinned-pinned")
+    statement = "the soft beam, F_d raised from 0 to 60 N in 10 s: its ring at 30 to 42 N over that at 0 to 12 N"
+    yield close(statement, np.sqrt((1 - 36 / critical) / (1 - 6 / critical)), late / early, relative=0.03)
+    for share, swings in ((1 - MARGIN, True), (1 + MARGIN, False)):
+        force = {"controller.wanted_internal_force": share * critical}
+        held = simulate(load_preset("squeeze-until-it-buckles").replace(start | force), 4.0)
+        back = bool(held.midspan_deflection.min() < 0)
+        words = "swings back through the line" if swings else "bends away for good"
+        yield true(f"held with {share:g} P_cr, a bent beam {words}", back == swings)
+    yield true("at 60 N it has buckled", bool(np.abs(run.midspan_deflection[-1]) > BUCKLED))
+    said = "it buckles" in run.status.text or "passed" in run.status.text
+    yield true("and the run says so", said, run.status.text)
+
+
+def frequency(run: Run, pressed: np.ndarray, low: float, high: float) -> float:
+    """Frequency of the ring while the beam is pressed with `low` to `high` N, Hz, from its crossings of the mean."""
+    part = (pressed >= low) & (pressed <= high)
+    w = run.midspan_deflection[part]
+    w = w - w.mean()
+    upwards = np.flatnonzero((w[:-1] < 0) & (w[1:] >= 0))
+    times = run.time[part][upwards] - w[upwards] * (run.time[1] - run.time[0]) / (w[upwards + 1] - w[upwards])
+    return float((len(times) - 1) / (times[-1] - times[0]))

@@ -1,16 +1,17 @@
-"""What every study gives: a table for programs that says where it comes from, and the same as a data frame.
+"""Results of all studies: a table with its provenance, also as a data frame, and the hash of a run.
 
-`result_hash` is one short text that says whether two results are the same, bit for bit, wherever they were computed.
+Two runs with the same `result_hash` are the same, bit for bit, wherever they were computed.
 """
 
 import hashlib
 import json
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexlab.analysis.metrics.metric import Number
+from flexlab.analysis.metrics.metric import Number, named
 from flexlab.errors import StudyError
 from flexlab.recording.run_info import package_version
 from flexlab.scenario import Scenario
@@ -21,12 +22,12 @@ if TYPE_CHECKING:
 
 
 class Result(ABC):
-    """Of a sweep, a tuning, a fit, a comparison, a replay, a validation or a leaderboard."""
+    """The result of a sweep, tuning, fit, comparison, replay, validation or leaderboard."""
 
     @property
     @abstractmethod
     def table(self) -> Any:
-        """A pyarrow table: a row per case, SI units; "scenario" (a hash) and "version" say what it comes from."""
+        """A pyarrow table in SI units; its columns "scenario" (a hash) and "version" say where each row comes from."""
 
     def to_pandas(self) -> "pandas.DataFrame":
         """The table as a data frame. Raises `StudyError` where pandas is not installed."""
@@ -37,33 +38,48 @@ class Result(ABC):
 
 
 def scenario_hash(scenario: Scenario) -> str:
-    """16 digits that only scenarios have that compute the same: texts do not count."""
+    """A hash of 16 digits over everything in a scenario but its texts."""
     data = scenario.model_dump(mode="json", exclude={"title", "watch"})
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def provenance(scenario: Scenario) -> dict[str, str]:
-    """What a table's row says of where it comes from: "scenario", a hash, and "version", of flexlab."""
+    """The provenance of a table's row: "scenario", its hash, and "version", flexlab's."""
     return {"scenario": scenario_hash(scenario), "version": package_version()}
 
 
+def number_column(table: Any, name: str) -> np.ndarray:
+    """A column of numbers of a pyarrow table, (rows,), SI, NaN for missing ones. Raises `StudyError` for an unknown name.
+
+    Metrics are named as in "rms_error.y"; their short names of earlier versions give the units of tables.
+    """
+    scale = 1.0
+    if name not in table.column_names:
+        with suppress(StudyError):
+            found = named(name)
+            name, scale = found.number.name, found.scale
+    if name not in table.column_names:
+        raise StudyError(f"{name!r:.60} is no column: there are {', '.join(table.column_names)}.")
+    return scale * table.column(name).to_numpy(zero_copy_only=False).astype(float)
+
+
 def about_number(number: Number) -> dict[str, str]:
-    """Metadata of a column: title and unit."""
+    """The metadata of a metric's column: title and unit."""
     return {"title": number.column.title, "unit": number.column.si_unit}
 
 
 DIGITS = 16
-"""Of a hash, hexadecimal: two different results share it by chance once in 2⁶⁴."""
+"""Hexadecimal digits of a hash: two different results share one with a probability of 2⁻⁶⁴."""
 
 
 class ResultHash:
-    """Hash of the samples of a run, gathered in blocks of any size: the same for lab, shell, Python and a file of them."""
+    """The hash of a run's samples, taken in in blocks of any size."""
 
     def __init__(self) -> None:
         self._signals: dict[str, hashlib._Hash] = {}
 
     def update(self, samples: Samples) -> None:
-        """Take in the next block."""
+        """Take in the next block of samples."""
         for name, values in samples.signals().items():
             hashed = self._signals.setdefault(name, hashlib.sha256())
             hashed.update(np.ascontiguousarray(values, dtype="<f8").tobytes())

@@ -14,7 +14,7 @@ import pytest
 
 import flexlab
 from flexlab.analysis.sweep.axes import parse_axes
-from flexlab.analysis.sweep.figures import draw_metric, pareto_front, write_figures
+from flexlab.analysis.sweep.figures import pareto_front, write_figures
 from flexlab.analysis.sweep.plan import KnownBeams, make_plan, run_part
 from flexlab.errors import FlexlabError, ScenarioError, StudyError
 from flexlab.presets import load_preset
@@ -191,14 +191,14 @@ def test_figures_say_units_and_mark_what_failed(tmp_path: Path):
         "paper", [f"{EI}=1:1000:log:4", "trajectory.frequency=0.5:3:3", "trajectory.center=[0,0.75,0],[0,1.6,0]"], 0.1,
         folder=tmp_path / "map",
     )  # fmt: skip
-    paths = write_figures(sweep, ("rms-y", "settled"))
+    paths = write_figures(sweep.plan, sweep.table, sweep.folder, ("rms-y", "settled"))
     assert [path.name for path in paths] == ["rms-y.svg", "settled.svg", "pareto.svg"]
     drawn = paths[0].read_text(encoding="utf-8")
     for words in ("RMS error y (mm)", "Bending stiffness, EI (N·m²)", "failed"):
         assert words in drawn
     for vary in ([f"{EI}=1:10:3"], ["controller.kind=pd,none"]):
         curve = flexlab.sweep("paper", vary, 0.1, folder=tmp_path / vary[0][:9])
-        assert len(draw_metric(curve, "force").axes) == 1
+        assert len(curve.plot("force").axes) == 1
     drawn_cells = flexlab.sweep(
         "paper", [f"{EI}=1:10", f"{K}=1:10"], 0.1, design="sobol", samples=4, folder=tmp_path / "sobol"
     )

@@ -1,10 +1,11 @@
-"""All laws in all cases: what is not known yet is computed, on all cores, and kept as it is done."""
+"""The leaderboard: all laws in all cases, computed on all cores and kept row by row, and the check of kept rows."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 
 from flexlab.analysis.leaderboard.case import Case, Variant
@@ -23,16 +24,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Leaderboard(Result):
-    """Rows of laws in cases; `cases` say what the scores are."""
+    """The rows of all laws in all cases; `cases` define the scores."""
 
     cases: tuple[Case, ...]
     rows: tuple[Row, ...]
     computed: int = 0
-    """How many rows were not known before."""
+    """How many rows had to be computed."""
 
     @cached_property
     def laws(self) -> tuple[str, ...]:
-        """Those that entered, in their order."""
+        """The laws that entered, in their order."""
         return tuple(dict.fromkeys(row.law for row in self.rows))
 
     @cached_property
@@ -40,17 +41,17 @@ class Leaderboard(Result):
         return {row.place: row for row in self.rows}
 
     def row(self, case: Case, variant: Variant, law: str) -> Row | None:
-        """One row; None where the law did not enter."""
+        """A law's row; None where the law did not enter."""
         return self._by_place.get((case.name, variant.name, law))
 
     @property
     def failed(self) -> tuple[Row, ...]:
-        """Laws that did not come to the end of a case."""
+        """The rows of laws that did not reach the end of the case."""
         return tuple(row for row in self.rows if row.failed)
 
     @cached_property
     def table(self) -> pa.Table:
-        """A row per law, case and score: value in SI units and in the unit that is shown, with formula, seed and hashes."""
+        """A row per law, case and score: its value in SI units and in the shown unit, with formula, seed and hashes."""
         return pa.Table.from_pylist(list(self._lines()), schema=SCHEMA)
 
     def _lines(self) -> Iterator[dict[str, Any]]:
@@ -71,15 +72,22 @@ class Leaderboard(Result):
                 }
 
     def plot(self, case: str = "") -> "Figure":
-        """The main score of every law in a case, by its name; the first case without one. Raises `StudyError`."""
-        from flexlab.analysis.leaderboard.report import draw_case
+        """The main score of every law in a case, named as in "B1"; the first case without a name. Raises `StudyError`."""
+        from flexlab.analysis.leaderboard.figures import draw_case
 
-        found = [each for each in self.cases if each.name == (case or self.cases[0].name)]
-        if not found:
-            raise StudyError(
-                f"{case!r:.40} is no case here: choose one of {', '.join(each.name for each in self.cases)}."
-            )
-        return draw_case(self, found[0])
+        known = {each.name: each for each in self.cases}
+        if case and case not in known:
+            raise StudyError(f"{case!r:.40} is no case here: choose one of {', '.join(known)}.")
+        found = known[case] if case else self.cases[0]
+        laws = [law for law in self.laws if any(row.law == law and row.case == found.name for row in self.rows)]
+        values = [[self._shown(found, variant, law) for variant in found.variants] for law in laws]
+        return draw_case(found, laws, np.array(values))
+
+    def _shown(self, case: Case, variant: Variant, law: str) -> float:
+        """A law's main score in the unit that is shown; NaN for none."""
+        row, column = self.row(case, variant, law), case.main.column
+        value = None if row is None or row.failed else row.scores.get(case.main.name)
+        return np.nan if value is None else column.scale * max(value, case.main.floor)
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
@@ -111,7 +119,7 @@ SCHEMA = pa.schema(
 
 
 def make_tasks(cases: Iterable[Case], entrants: Sequence[Entrant], seed: int = 0) -> tuple[Task, ...]:
-    """All rows that are to be, by cases, variants and laws; a law that lacks what a variant changes does not enter there."""
+    """The tasks of all cases, variants and laws; a law without the fields that a variant changes does not enter there."""
     plain = ((case, variant, case.plain_scenario(variant, seed)) for case in cases for variant in case.variants)
     found = (_task(*place, entrant, seed) for place in plain for entrant in entrants)
     return tuple(task for task in found if task is not None)
@@ -132,33 +140,33 @@ def _task(case: Case, variant: Variant, plain: Scenario, entrant: Entrant, seed:
     return Task(entrant, case, variant, scenario, problem, note, seed, key)
 
 
-def compute_rows(tasks: Sequence[Task], workers: Workers) -> Iterator[Row]:
-    """The rows of some tasks as they are done. Raises `StudyError`."""
-    with workers() as run:
-        for _, row in run(partial(_compute, engine(), package_version()), tasks):
-            yield row
+def compute_rows(tasks: Sequence[Task], workers: Workers | None) -> Iterator[Row]:
+    """The rows of some tasks, as they are done; `workers` None: a thread per core. Raises `StudyError`."""
+    if tasks:
+        with (workers or chosen_workers())() as run:
+            for _, row in run(partial(_compute, engine(), package_version()), tasks):
+                yield row
 
 
 def _compute(engine: str, version: str, task: Task) -> Row:
+    # On a worker of a cluster, the machine is the worker's.
     return compute(task, engine, version, machine())
 
 
 def run_board(
     tasks: Sequence[Task], store: RowStore, workers: Workers | None = None, told: Told = lambda done, total: None
 ) -> Leaderboard:
-    """The rows of all tasks: those in the store, and the others computed and put there. Raises `StudyError`.
+    """The rows of all tasks: those in the store, and the others, which are computed and stored. Raises `StudyError`.
 
-    `workers`: None: a thread per core.
-
-    May be interrupted at any time: the same call goes on with the rows that are not done.
+    It may be interrupted at any time: the same call then computes the remaining rows. `workers` None: a thread per core.
     """
     store.prepare()
     known = {task.key: row for task in tasks if (row := store.get(task.key)) is not None}
-    # Long ones first: they would otherwise be what all others have been done for long ago.
+    # Long tasks first, so that no core waits for them at the end.
     missing = sorted((task for task in tasks if task.key not in known), key=lambda task: -task.case.duration)
     done = len(tasks) - len(missing)
     told(done, len(tasks))
-    for row in compute_rows(missing, workers or chosen_workers()) if missing else ():
+    for row in compute_rows(missing, workers):
         store.put(row)
         known[row.key] = row
         done += 1
@@ -173,11 +181,11 @@ COMPARED = ("status", "sentence", "scores", "result_hash", "seed")
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of one kept row."""
+    """The check of one kept row."""
 
     row: Row
     sentence: str
-    """What differs; empty: nothing, to the last bit."""
+    """What differs; empty: nothing, bit for bit."""
 
 
 def verify(
@@ -186,14 +194,14 @@ def verify(
     workers: Workers | None = None,
     told: Told = lambda done, total: None,
 ) -> Iterator[Finding]:
-    """Compute the tasks of the rows again, whatever is kept of them, and say of each row what differs."""
+    """Compute the tasks of some rows again, without the store, and say for each row what differs."""
     wanted = {task.place: task for task in tasks}
     there = {row.place: row for row in rows}
     again = [wanted[place] for place in there if place in wanted]
     for row in rows:
         if row.place not in wanted:
             yield Finding(row, "cannot be computed here: there is no such law or case; give the law's file with --law")
-    for done, found in enumerate(compute_rows(again, workers or chosen_workers()) if again else (), 1):
+    for done, found in enumerate(compute_rows(again, workers), 1):
         yield Finding(there[found.place], _difference(there[found.place], found))
         told(done, len(again))
 

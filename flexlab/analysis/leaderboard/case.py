@@ -1,7 +1,7 @@
-"""What a case is: a scenario, what is varied in it, what is done to it, and by what laws are compared in it.
+"""Cases of the leaderboard: a scenario with its variants and commands, and the scores by which laws are compared in it.
 
-A case is a `Case(...)` in a file in `cases/`; table, figures, report and page follow from it. Copy one of
-`cases/standard.py`. A score is a metric over a window of a run, with its formula. Less is better.
+To add a case, copy one of `cases/standard.py` into a file in `cases/`; table, figures, report and page follow from it. A score is
+a metric over a window of a run, with its formula; less is better.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,38 +31,38 @@ ALWAYS: Window = (-inf, inf)
 
 @dataclass(frozen=True)
 class Score:
-    """One number about a run by which laws are compared."""
+    """A number of a run by which laws are compared."""
 
     column: Column
-    """Short name, title, heading, unit; the number is kept in SI units."""
+    """Short name, title, heading and shown unit; the number itself is in SI units."""
     formula: str
     metric: Callable[[], Metric]
     number: int = 0
-    """Which of the metric's numbers."""
+    """Index among the metric's numbers."""
     window: Window = ALWAYS
-    """Which samples count, s."""
+    """The window of samples that count, s."""
     floor: float = 1e-9
-    """Less than this counts as this where laws are compared, SI: a nanometre is the integrator's error."""
+    """A smaller score counts as this one in comparisons, SI: the integrator's error is about a nanometre."""
 
     @property
     def name(self) -> str:
-        """In tables for programs."""
+        """The name in tables for programs."""
         return self.column.field
 
     @property
     def metric_name(self) -> str:
-        """Of the number that is looked at, as in "residual_vibration.later"; within the window, SI."""
+        """The name of the metric's number, as in "residual_vibration.later"."""
         metric = self.metric if isinstance(self.metric, type) else type(self.metric())
         part = metric.columns[self.number].part
         return f"{metric.name}.{part}" if part else metric.name
 
     def text(self, value: float | None) -> str:
-        """A value (SI, None: there is none) with four digits in its unit, or the word that stands for a missing one."""
+        """A value (SI) with four digits in the shown unit; of None, the word for a missing value."""
         return value_text(self.column, nan if value is None else self.column.scale * value)
 
 
 class Tally:
-    """The scores of a run, gathered in pieces."""
+    """The scores of a run, gathered piece by piece."""
 
     def __init__(self, scores: tuple[Score, ...]):
         self._parts = [(score, score.metric()) for score in scores]
@@ -75,7 +75,7 @@ class Tally:
                 metric.update(piece)
 
     def compute(self) -> dict[str, float | None]:
-        """SI, by the scores' names; None where there is no number."""
+        """The scores by name, SI; None where a score has no value."""
         values = {score.name: float(metric.compute()[score.number]) for score, metric in self._parts}
         return {name: value if np.isfinite(value) else None for name, value in values.items()}
 
@@ -107,7 +107,7 @@ def _position_error(samples: Samples) -> np.ndarray:
 
 
 def since(window: Window) -> str:
-    """A window as a formula ends."""
+    """A window as the end of a formula."""
     first, last = window
     if first == -inf:
         return ""
@@ -131,7 +131,7 @@ def largest_vibration(window: Window) -> Score:
 
 
 def residual(later: bool = True) -> Score:
-    """What rings after the target has stopped, at once or `LATER` s after it."""
+    """The vibration after the target has stopped, or from `LATER` s after the stop on."""
     title = f"Residual vibration {LATER:g} s after the stop" if later else "Residual vibration after the stop"
     column = Column("residual-later" if later else "residual", title, "residual", "µm", 1e6)
     time = f"T + {LATER:g} s" if later else "T"
@@ -139,7 +139,7 @@ def residual(later: bool = True) -> Score:
 
 
 def settled(window: Window = ALWAYS) -> Score:
-    """How long the vibration stays above a hundredth of its peak."""
+    """The time until the vibration stays below a hundredth of its peak."""
     formula = f"last t with |w − w_qs| > 1 % of its peak{since(window)}"
     return Score(SettlingTime.columns[0], formula, SettlingTime, window=window, floor=1e-3)
 
@@ -150,7 +150,7 @@ def peak_torque(window: Window = ALWAYS) -> Score:
 
 
 def internal_force(window: Window = ALWAYS) -> Score:
-    """RMS of the force by which the arms press against each other."""
+    """RMS of the force with which the arms press against each other."""
     return Score(RmsInternalForce.columns[0], f"√(mean(F_1x² + F_1y²)){since(window)}", RmsInternalForce, window=window)
 
 
@@ -158,7 +158,7 @@ SAMPLE_PERIOD = 0.001
 """s between samples of every case."""
 SEED = "controller.sensor_noise.seed"
 UNSAID = {"title": "", "watch": ""}
-"""What a scenario says of itself changes no result."""
+"""The scenario's texts, which change no result."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,11 +166,11 @@ class Variant:
     """One of the scenarios of a case."""
 
     name: str
-    """What is special about it, in a few signs; empty where there is only one."""
+    """Its heading in tables; empty for a single variant."""
     changes: Mapping[str, Any] = field(default_factory=dict)
     """Fields of the scenario by path."""
     law_fields: Mapping[str, Any] = field(default_factory=dict)
-    """Fields that some laws have, or their slow part: a law without them does not enter here."""
+    """Fields of some laws, or of their slow parts; a law without them does not enter this variant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,39 +180,39 @@ class Case:
     name: str
     title: str
     what: str
-    """One or two sentences for people."""
+    """One or two sentences on the case."""
     duration: float
     """s."""
     scores: tuple[Score, ...]
     """The first one ranks."""
     changes: Mapping[str, Any] = field(default_factory=dict)
-    """What makes the preset paper into this case, by path."""
+    """Changes of the preset paper, by path."""
     variants: tuple[Variant, ...] = (Variant(""),)
     commands: tuple[tuple[float, WorldCommand], ...] = ()
     """(time in s, command) pairs, as `simulate` takes them."""
     long: bool = False
-    """Whether it is left out unless asked for."""
+    """Whether the case is computed only if asked for."""
 
     @property
     def main(self) -> Score:
-        """What ranks."""
+        """The score that ranks."""
         return self.scores[0]
 
     def plain_scenario(self, variant: Variant, seed: int) -> Scenario:
-        """A variant under the preset's own law."""
+        """A variant's scenario under the preset's own law."""
         return change_settings(load_preset("paper"), {**self.changes, **variant.changes, SEED: seed, **UNSAID})
 
 
 @cache
 def cases() -> dict[str, Case]:
-    """Every case by name: what the files of `cases/` define."""
+    """Every case of the files in `cases/`, by name."""
     values = (value for module in modules_in("flexlab.analysis.leaderboard.cases") for value in vars(module).values())
     found = [value for value in values if isinstance(value, Case)]
     return {case.name: case for case in sorted(found, key=lambda case: case.name)}
 
 
 def chosen_cases(wanted: Sequence[str | Case] | None, long: bool) -> tuple[Case, ...]:
-    """Cases by name or value; None: all, the long ones only if asked for. Raises `StudyError`."""
+    """Cases by name or value; None: all, the long ones only if `long`. Raises `StudyError`."""
     if wanted is None:
         return tuple(case for case in cases().values() if long or not case.long)
     if isinstance(wanted, str) or not isinstance(wanted, Sequence):

@@ -1,4 +1,4 @@
-"""The laws that enter, with their settings, and a row of the board: one law in one scenario of one case, and its scores."""
+"""The laws that enter, with their settings, and the rows: one law in one variant of one case, with its scores."""
 
 import threading
 from collections.abc import Mapping, Sequence
@@ -27,40 +27,40 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "controller.lateral_vibration_gain": 60.0,
     },
 }
-"""Laws that enter once more, otherwise set: an observer instead of measured rates; a slow part that is slow to soft beams."""
+"""Laws that enter a second time: with an observer instead of measured rates, and with a slow part that suits soft beams."""
 
 AnyEntrant = str | Path | type
 
 
 @dataclass(frozen=True)
 class Entrant:
-    """A law, as it enters all cases."""
+    """A law with the settings with which it enters all cases."""
 
     name: str
     changes: Mapping[str, Any] = field(default_factory=dict)
-    """What makes a scenario have this law, by path."""
+    """The changes that give a scenario this law, by path."""
 
     @property
     def kind(self) -> str:
-        """Of the law."""
+        """The kind of the law."""
         return self.changes["controller.kind"]
 
     @property
     def law(self) -> Law:
-        """As it is known now."""
+        """The law of this kind."""
         return laws()[self.kind]
 
     @property
     def settings(self) -> str:
-        """What differs from the law's defaults, in words."""
+        """The settings that differ from the law's defaults, in words."""
         named = {path.removeprefix("controller."): value for path, value in self.changes.items()}
         words = [f"{path} = {value}" for path, value in named.items() if path not in ("kind", "source")]
         return ", ".join(words)
 
     def scenario(self, plain: Scenario, law_fields: Mapping[str, Any]) -> tuple[Scenario, str] | None:
-        """(scenario with this law, what had to be set for it) of a case; None if it lacks one of the fields.
+        """(a case's scenario with this law, a note on what had to be set for it); None if the law lacks one of the fields.
 
-        Raises `ScenarioError` for one that is not valid.
+        Raises `ScenarioError` if the scenario is not valid.
         """
         changes = with_period_if_needed(plain, self.changes)
         found = change_settings(plain, changes)
@@ -83,7 +83,7 @@ def _has(scenario: Scenario, owner: str, name: str) -> bool:
 
 
 def entrants() -> dict[str, Entrant]:
-    """Flexlab's own by name, as menus list them; laws that drive nothing do not enter."""
+    """Flexlab's own entrants by name, in the order of menus; laws that drive nothing do not enter."""
     found: dict[str, Entrant] = {}
     for kind, law in laws().items():
         if not law.drives or not law.model.__module__.startswith("flexlab.control.laws."):
@@ -96,7 +96,7 @@ def entrants() -> dict[str, Entrant]:
 
 
 def chosen_entrants(wanted: Sequence[AnyEntrant] | None, more: Sequence[AnyEntrant] = ()) -> tuple[Entrant, ...]:
-    """Laws by name, file or class; None: flexlab's own. `more` enter besides. Raises `StudyError` or `ScenarioError`."""
+    """Entrants by name, file or class; None: flexlab's own; `more`: further ones. Raises `StudyError` or `ScenarioError`."""
     known = entrants()
     if isinstance(wanted, str) or not (wanted is None or isinstance(wanted, Sequence)):
         raise StudyError(f"laws = {wanted!r:.60} is no list: give names or files, as in ['pd', 'my_law.py'].")
@@ -115,13 +115,13 @@ def _entrant(wanted: AnyEntrant, known: Mapping[str, Entrant]) -> Entrant:
 
 
 BLOCK = 5000
-"""Samples of a run that are in memory at once."""
+"""Most samples of a run that are in memory at once."""
 FINISHED, INVALID = "finished", "invalid"
 
 
 @dataclass(frozen=True)
 class Row:
-    """What came of it. Two rows with the same key are the same, bit for bit, on the same kind of machine."""
+    """The result of a task. Rows with the same key are the same, bit for bit, on the same kind of machine."""
 
     law: str
     case: str
@@ -129,39 +129,39 @@ class Row:
     status: str
     """As `Run.status`, or "invalid"."""
     sentence: str
-    """Why it failed, or since when its results are no longer accurate; empty: all is well."""
+    """Why it failed, or from when on its results are not accurate; empty: neither."""
     note: str
-    """What had to be set for this law, and settings that are not its defaults."""
+    """Settings other than the law's defaults, and what had to be set for it."""
     scores: dict[str, float | None] = field(hash=False)
-    """SI, by the scores' names; None: no number. Empty if it failed."""
+    """The scores by name, SI; None where a score has no value; empty if the law failed."""
     seed: int
-    """Of the sensors' noise."""
+    """Seed of the sensors' noise."""
     result_hash: str
-    """Of all samples, as `Run.result_hash`."""
+    """Hash of all samples, as `Run.result_hash`."""
     key: str
-    """Of scenario, law, case and engine."""
+    """Hash of scenario, law, case and engine."""
     engine: str
     version: str
-    """Of flexlab."""
+    """flexlab's version."""
     machine: str
 
     @property
     def failed(self) -> bool:
-        """Whether the law did not come to the end."""
+        """Whether the law did not reach the end of the case."""
         return self.status != FINISHED
 
     @property
     def place(self) -> tuple[str, str, str]:
-        """What tells it from other rows of a table."""
+        """(case, variant, law), which no two rows of a table share."""
         return self.case, self.variant, self.law
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data."""
+        """The row as plain data."""
         return asdict(self)
 
     @classmethod
     def from_data(cls, data: Any) -> "Row":
-        """What `as_data` gave. Raises ValueError or TypeError for anything else."""
+        """The row from `as_data`. Raises ValueError or TypeError for anything else."""
         if not isinstance(data, dict) or set(data) != {part.name for part in fields(cls)}:
             raise ValueError("this is no row")
         words = [value for name, value in data.items() if name not in ("scores", "seed")]
@@ -174,13 +174,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Task:
-    """A row that is to be."""
+    """A row that is to be computed."""
 
     entrant: Entrant
     case: Case
     variant: Variant
     scenario: Scenario | None
-    """None: not valid."""
+    """None: it is not valid, as `problem` says."""
     problem: str
     note: str
     seed: int
@@ -193,7 +193,7 @@ class Task:
 
 
 def compute(task: Task, engine: str, version: str, machine: str) -> Row:
-    """Simulate a task. A law that fails says why; nothing is raised for it."""
+    """Simulate a task. The row of a law that fails says why."""
     hashed, tally = ResultHash(), Tally(task.case.scores)
 
     def take(samples: Samples) -> None:
@@ -232,13 +232,13 @@ _turns: dict[str, threading.Lock] = {}
 
 
 def _turn(scenario: Scenario) -> AbstractContextManager[object]:
-    """Runs of the same law in Python take turns: what went wrong last is known of the law, not of the run."""
+    """Runs of the same law in Python take turns, because the law, not the run, knows the last error."""
     source = getattr(scenario.controller, "source", "")
     return _turns.setdefault(source, threading.Lock()) if source else nullcontext()
 
 
 def simulate_into(scenario: Scenario, case: Case, take: Any) -> World:
-    """Simulate a case, and hand out its samples in blocks: those of `sim.simulate` with the same commands."""
+    """Simulate a case as `sim.simulate` does with its commands; `take` gets the samples in blocks."""
     count = sample_count(case.duration, SAMPLE_PERIOD)
     world = World(scenario.anew(), SAMPLE_PERIOD)
     if world.status.failed:

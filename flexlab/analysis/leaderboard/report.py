@@ -1,6 +1,6 @@
-"""What tables, report and page say of a leaderboard: one overview, one section per case, and its figures.
+"""The tables of a leaderboard for terminal, report and page: an overview, then a section per case.
 
-The report is one HTML file that opens without network. A figure has a dot per law and scenario, or is a map where there are many.
+The report is one HTML file that opens without network.
 """
 
 import re
@@ -8,17 +8,12 @@ from dataclasses import dataclass
 from math import exp, isnan, log, log2
 from pathlib import Path
 
-import matplotlib as mpl
-import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 
-from flexlab.analysis.figures import BLUE, GREEN, STYLE, VERMILION, page_svg, svg_text
+from flexlab.analysis.figures import page_svg, svg_text
 from flexlab.analysis.leaderboard.board import Leaderboard
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.analysis.leaderboard.entry import Row
@@ -29,27 +24,27 @@ from flexlab.text import number_text, typed_number
 
 FAILS = "fails"
 LEVELS = 6
-"""Shades of a table: each is for a score twice as large as the one before."""
+"""Shades of a table, each for scores twice as large as those of the shade before."""
 AS_GOOD = 1.05
-"""Times the best score up to which a score counts as the best, too."""
+"""A score up to this many times the best one counts as the best, too."""
 OF_THE_BEST = "times the best law's score"
 SEVERAL = "of several scenarios the geometric mean"
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A number of a table."""
+    """A cell of a table."""
 
     text: str
     level: int | None = None
-    """0: the best of its column; `LEVELS`: 2^LEVELS times as large or more; None: it has no number."""
+    """0: the best score of its column; `LEVELS`: 2^LEVELS times the best or more; None: no number."""
     about: str = ""
-    """More of it, for whoever points there."""
+    """The text that appears when a person points at the cell."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Laws and columns."""
+    """A table with a line per law."""
 
     heads: tuple[str, ...]
     lines: tuple[tuple[str, tuple[Cell, ...]], ...]
@@ -58,19 +53,19 @@ class Grid:
 
 @dataclass(frozen=True)
 class Section:
-    """One case."""
+    """The tables of one case."""
 
     case: Case
     main: Grid
-    """The score that ranks, a column per variant; of a single scenario, all scores."""
+    """The score that ranks with a column per variant; all scores of a case with a single variant."""
     details: tuple[tuple[str, Grid], ...]
-    """(variant, all scores) where there are several."""
+    """(variant, all scores) of a case with several variants."""
     failures: tuple[str, ...]
-    """Sentences."""
+    """A sentence for each law that failed."""
 
 
 def ratios(board: Leaderboard, case: Case, variant: Variant, score: Score) -> dict[str, float]:
-    """How many times the best law's score each law's is; laws without a number are not in it."""
+    """Each law's score over the best law's; laws without a score are left out."""
     found = {law: _value(board.row(case, variant, law), score) for law in board.laws}
     known = {law: max(value, score.floor) for law, value in found.items() if value is not None}
     best = min(known.values(), default=1.0)
@@ -86,12 +81,12 @@ def _level(ratio: float) -> int:
 
 
 def _ratio_text(ratio: float) -> str:
-    """Three digits, thousands apart."""
+    """Three digits, with a thin space between thousands."""
     return f"{float(f'{ratio:.3g}'):,.0f}".replace(",", "\u202f") if ratio >= 999.5 else number_text(ratio, 3)
 
 
 def overview(board: Leaderboard) -> Grid:
-    """Laws × cases: how many times the best law's main score, the geometric mean of a case's variants."""
+    """Laws × cases: the main score over the best law's, as the geometric mean over a case's variants."""
     columns = [_overview_column(board, case) for case in board.cases]
     lines = tuple((law, tuple(column[law] for column in columns)) for law in board.laws)
     return Grid(tuple(f"{case.name} {case.title}" for case in board.cases), lines)
@@ -124,7 +119,7 @@ def _failed(board: Leaderboard, case: Case, law: str) -> bool:
 
 
 def sections(board: Leaderboard) -> tuple[Section, ...]:
-    """One per case."""
+    """A section per case."""
     return tuple(_section(board, case) for case in board.cases)
 
 
@@ -171,7 +166,7 @@ def _failure(row: Row) -> str:
 
 
 def settings(board: Leaderboard) -> tuple[str, ...]:
-    """Laws whose settings are not their defaults, or that need a clock, as sentences."""
+    """A sentence for each law that has settings other than its defaults, or was sampled."""
     notes = dict.fromkeys((row.law, part) for row in board.rows for part in _in_words(row.note).split("; ") if part)
     by_law: dict[str, list[str]] = {}
     for law, part in notes:
@@ -195,7 +190,7 @@ def _in_words(note: str) -> str:
 
 
 def provenance(board: Leaderboard) -> str:
-    """Version, engine, seed and machine of the rows, as a sentence."""
+    """A sentence with version, engine, seed and machine of the rows."""
     names = ("version", "engine", "seed", "machine")
     found = {name: ", ".join(dict.fromkeys(str(getattr(row, name)) for row in board.rows)) for name in names}
     return (
@@ -204,82 +199,9 @@ def provenance(board: Leaderboard) -> str:
     )
 
 
-WIDTH, LINE, AROUND = 6.5, 0.26, 1.1
-"""Inches: of a figure, of a law's line, of what stands above and below."""
-BESIDE = 0.15
-"""Inches left and right: a law's name may be longer in the language of the page."""
-ABOVE_LEGEND = 20
-"""Points between a figure's axes and its title."""
-MARKS = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"))
-"""Of a case's scenarios: told apart by colour and by shape."""
-INK = "#1c2430"
-"""Of digits on light shades, in dark mode too."""
-DARK = 0.45
-"""Share of the colour scale below which white digits are read more easily than black ones."""
-
-
-def draw_case(board: Leaderboard, case: Case) -> Figure:
-    """The score that ranks, of all laws, less being better, on a logarithmic scale."""
-    laws = [law for law in board.laws if any(row.law == law and row.case == case.name for row in board.rows)]
-    values = np.array([[_shown(board, case, law, place) for place in range(len(case.variants))] for law in laws])
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, AROUND + LINE * max(len(laws), 2)))
-        figure.set_layout_engine("constrained", w_pad=BESIDE)
-        axes = figure.add_subplot()
-        if len(case.variants) <= len(MARKS):
-            _draw_dots(axes, case, values)
-        else:
-            _draw_map(figure, axes, case, values)
-        axes.set_yticks(range(len(laws)), laws)
-        axes.set_ylim(len(laws) - 0.5, -0.5)
-        above = ABOVE_LEGEND if 1 < len(case.variants) <= len(MARKS) else None
-        axes.set_title(f"{case.name}  {case.title}", loc="left", fontsize="medium", pad=above)
-    return figure
-
-
-def _shown(board: Leaderboard, case: Case, law: str, place: int) -> float:
-    row = board.row(case, case.variants[place], law)
-    value = None if row is None or row.failed else row.scores.get(case.main.name)
-    return np.nan if value is None else case.main.column.scale * max(value, case.main.floor)
-
-
-def _draw_dots(axes: Axes, case: Case, values: np.ndarray) -> None:
-    for place, variant in enumerate(case.variants):
-        color, mark = MARKS[place]
-        axes.plot(values[:, place], range(len(values)), mark, color=color, markersize=5, label=variant.name)
-    for line in np.flatnonzero(np.isnan(values).any(axis=1)):
-        axes.annotate(
-            "no score" if np.isnan(values[line]).all() else "", (0.99, line), xycoords=("axes fraction", "data"),
-            ha="right", va="center", fontsize="small",
-        )  # fmt: skip
-    if np.isfinite(values).any():
-        axes.set_xscale("log")
-    axes.grid(axis="x", which="both", alpha=0.2)
-    axes.set_xlabel(f"{case.main.column.title} ({case.main.column.unit})")
-    if len(case.variants) > 1:
-        axes.legend(
-            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(case.variants), frameon=False, fontsize="small"
-        )
-
-
-def _draw_map(figure: Figure, axes: Axes, case: Case, values: np.ndarray) -> None:
-    known = values[np.isfinite(values)]
-    norm = LogNorm(known.min(), max(known.max(), known.min() * 1.001)) if len(known) else LogNorm(1, 10)
-    drawn = axes.imshow(values, norm=norm, cmap="cividis_r", aspect="auto")
-    axes.grid(False)
-    axes.set_xticks(range(len(case.variants)), [variant.name for variant in case.variants], rotation=30, ha="right")
-    for line, place in np.ndindex(*values.shape):
-        value = values[line, place]
-        text, color = "–", "black"  # Where no shade is, the page's colour.
-        if np.isfinite(value):
-            text, color = number_text(value, 2), "white" if norm(value) > 1 - DARK else INK
-        axes.text(place, line, text, ha="center", va="center", fontsize="x-small", color=color)
-    figure.colorbar(drawn, ax=axes, label=f"{case.main.column.title} ({case.main.column.unit})")
-
-
 def page_figure(board: Leaderboard, case: Case) -> str:
-    """The figure as SVG in a page: the same rows give the same text."""
-    return page_svg(draw_case(board, case), _salt(case))
+    """A case's figure as SVG for a page: the same rows give the same text."""
+    return page_svg(board.plot(case.name), _salt(case))
 
 
 def _salt(case: Case) -> str:
@@ -294,7 +216,7 @@ def write_figures(board: Leaderboard, folder: Path) -> list[Path]:
         for case in board.cases:
             path = folder / f"{case.name}.svg"
             with replacing(path) as draft:
-                draft.write_text(svg_text(draw_case(board, case), _salt(case)), encoding="utf-8")
+                draft.write_text(svg_text(board.plot(case.name), _salt(case)), encoding="utf-8")
             paths.append(path)
     except OSError as error:
         raise StudyError(f"{folder} cannot be written ({error.strerror}): choose another folder.") from None
@@ -322,7 +244,7 @@ def write_report(board: Leaderboard, folder: Path) -> list[Path]:
 
 
 def report_text(board: Leaderboard) -> str:
-    """The HTML file's text."""
+    """The text of the HTML file."""
     folder = Path(__file__).parent
     pages = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     return pages.get_template("report.html").render(

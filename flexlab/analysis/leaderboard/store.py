@@ -1,7 +1,4 @@
-"""Rows on disk, each under a key of what it depends on: whatever else changes, the row stays.
-
-The store also knows which rows the last table showed.
-"""
+"""Rows of the leaderboard on disk, each under a hash of everything on which it depends, and the keys of the newest table."""
 
 import ast
 import hashlib
@@ -34,10 +31,10 @@ from flexlab.scenario import Scenario
 from flexlab.text import syntax_tree
 
 DIGITS = 16
-"""Of a key, hexadecimal."""
+"""Hexadecimal digits of a key."""
 LAWS, CASES = "flexlab.control.laws.", "flexlab.analysis.leaderboard.cases."
 COMMON = ("engine", "version", "machine", "seed")
-"""What all rows of a table have in common that one machine computed at once."""
+"""Fields that are the same in all rows of a table computed on one machine at one time."""
 _THIS_PROCESS = secrets.token_hex()
 _PACKAGE = Path(__file__).resolve().parents[2]
 _ROOMS = ("physics", "control", "sim", "scenario", "own", "analysis/metrics")
@@ -46,7 +43,7 @@ _HERE = ("case.py", "entry.py")
 
 
 def digest(parts: Iterable[bytes | str]) -> str:
-    """`DIGITS` hexadecimal digits of some texts, one after the other."""
+    """A hash of `DIGITS` hexadecimal digits over a sequence of texts."""
     found = hashlib.sha256()
     for part in parts:
         raw = part.encode() if isinstance(part, str) else part
@@ -56,7 +53,7 @@ def digest(parts: Iterable[bytes | str]) -> str:
 
 @cache
 def engine() -> str:
-    """What computes rows here besides the law itself: flexlab's sources without those of laws, and versions of libraries."""
+    """A digest of everything but the laws that computes rows here: flexlab's sources and the libraries' versions."""
     laws_folder = _PACKAGE / "control" / "laws"
     files = [file for room in _ROOMS for file in sorted((_PACKAGE / room).rglob("*.py"))]
     files = [file for file in files if laws_folder not in file.parents]
@@ -66,15 +63,15 @@ def engine() -> str:
 
 
 def machine() -> str:
-    """The processor, for whose instructions the engine is compiled: another one may round otherwise."""
+    """The processor, for which the engine is compiled."""
     return f"{platform.machine()} {llvmlite.binding.get_host_cpu_name()}"
 
 
 def law_source(scenario: Scenario) -> str:
-    """A digest of the files in which a scenario's law is written: its own, and those of laws that it uses.
+    """A digest of the source files of a scenario's law, and of the laws that it uses.
 
-    A law in Python stands in the scenario itself; what a program elsewhere computes is known to this process alone, as the
-    next one may find another program there.
+    The source of a law in Python is part of the scenario. The digest of a law at an address holds for this process only, as
+    another program may answer there later.
     """
     controller: Any = scenario.controller
     slow = getattr(controller, "slow", None)
@@ -86,7 +83,7 @@ def law_source(scenario: Scenario) -> str:
 
 @cache
 def _digest_of(modules: tuple[str, ...]) -> str:
-    """Of the modules, and those of the laws' folder that they import, and so on."""
+    """A digest of the modules and of all modules in the laws' folder that they import, directly or not."""
     found: set[str] = set()
     left = list(modules)
     while left:
@@ -114,10 +111,7 @@ def _file(module: str) -> Path:
 
 
 def row_key(name: str, case: Case, variant: Variant, scenario: Scenario | None, problem: str) -> str:
-    """The key of a law, by its name among those that enter, in a case.
-
-    Of the scenario or why it is none, what is done to it and measured, the law's sources, and the engine.
-    """
+    """The key of an entrant's row: a hash of name, case, scenario (or why it is not valid), law's sources and engine."""
     scores = [(score.column, score.formula, score.number, score.window) for score in case.scores]
     task = [name, case.name, variant.name, case.duration, SAMPLE_PERIOD, case.commands, scores, problem]
     metrics = sorted({score.metric.__module__ for score in case.scores})
@@ -128,23 +122,23 @@ def row_key(name: str, case: Case, variant: Variant, scenario: Scenario | None, 
 
 
 FOLDER = Path("leaderboard")
-"""Where somebody works."""
+"""The store's folder in the working directory."""
 ROWS, LAST = "rows", "last.json"
 LARGEST = 1_000_000
-"""Bytes of a file that is read."""
+"""Most bytes of a file that is read."""
 SHIPPED = "leaderboard.json"
-"""In `web_assets`: the table that is shown before anything was computed; a test computes its rows again."""
+"""The file in `web_assets` with the table that ships; a test computes its rows again."""
 
 
 @cache
 def shipped_rows() -> tuple[Row, ...]:
-    """The rows that came with flexlab, of all its laws in all cases but the long ones."""
+    """The rows that ship with flexlab: all its laws in all cases but the long ones."""
     common, rows = _read(web_assets_folder() / SHIPPED)
     return tuple(Row.from_data(common | row) for row in rows)
 
 
 def ship(rows: Sequence[Row]) -> None:
-    """Make these the rows that come with flexlab; all were computed by one engine."""
+    """Make these the rows that ship with flexlab; one engine must have computed them all."""
     data = [row.as_data() for row in rows]
     common = {name: data[0][name] for name in COMMON}
     lines = [json.dumps({name: row[name] for name in row if name not in COMMON}, ensure_ascii=False) for row in data]
@@ -153,18 +147,18 @@ def ship(rows: Sequence[Row]) -> None:
 
 
 class RowStore:
-    """The rows that were computed in one place."""
+    """The rows in one folder."""
 
     def __init__(self, folder: Path):
         self.folder = folder
 
     def prepare(self) -> None:
-        """Make the folder. Raises `StudyError` if that cannot be."""
+        """Make the folder. Raises `StudyError` if that is not possible."""
         with self._full(self.folder / ROWS):
             (self.folder / ROWS).mkdir(parents=True, exist_ok=True)
 
     def get(self, key: str) -> Row | None:
-        """The row of a key; None if there is none, or its file holds something else."""
+        """The row of a key; None if there is none or its file is damaged."""
         try:
             row = Row.from_data(_read(self._path(key)))
         except (OSError, ValueError, TypeError, RecursionError):
@@ -172,11 +166,11 @@ class RowStore:
         return row if row.key == key else None
 
     def put(self, row: Row) -> None:
-        """Keep a row. Raises `StudyError`."""
+        """Write a row. Raises `StudyError`."""
         self._write(self._path(row.key), row.as_data())
 
     def put_last(self, rows: Iterable[Row]) -> None:
-        """Note which rows the newest table has. Raises `StudyError`."""
+        """Write the keys of the newest table's rows. Raises `StudyError`."""
         self._write(self.folder / LAST, [row.key for row in rows])
 
     def last(self) -> tuple[Row, ...]:

@@ -1,5 +1,5 @@
-"""Sweeps: one scenario with some fields varied over ranges, a thousand runs, one table of their metrics.
+"""Sweeps: one scenario with some fields varied over ranges, and a table with the metrics of all runs.
 
-`axes.py` what is varied, `plan.py` which cells that makes and one of them, `execution.py` all of them on this machine or a
-cluster, `result.py` the table and what Python users get, `figures.py` what it looks like.
+`axes.py`: the varied fields; `plan.py`: the cells, and how one is computed; `result.py`: all cells, and their table;
+`figures.py`: its figures.
 """

@@ -1,4 +1,4 @@
-"""What a study varies: fields by their paths, over a range or a list of values, and which fields are worth varying."""
+"""The fields that a study varies, over a range or a list of values, and the fields that forms offer."""
 
 import json
 import math
@@ -20,19 +20,19 @@ LINEAR, LOGARITHMIC = "lin", "log"
 ONE = "payload.bending_stiffness=1:1000:log:25"
 EXAMPLE = f"{ONE}, or controller.kind=pd,computed-torque"
 DEFAULT_COUNT = 10
-"""Values of a range that does not say how many."""
+"""Values of a range without a count."""
 MOST_VALUES = 1_000_000
-"""Of one range: they are in memory before anything is computed."""
+"""Most values of a range: all are in memory before anything is computed."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One varied field. Of a range, `values` are the grid's; designs that sample take any value between the limits."""
+    """One varied field. `values` are those of a grid; a design that samples takes any value between the limits."""
 
     path: str
     values: tuple[Any, ...]
     low: float | None = None
-    """Limits of a range; None: `values` are all there are."""
+    """Limits of a range; None: the axis is a list of values."""
     high: float | None = None
     logarithmic: bool = False
     whole: bool = False
@@ -40,11 +40,11 @@ class Axis:
 
     @property
     def numeric(self) -> bool:
-        """Whether its values are numbers."""
+        """Whether all its values are numbers."""
         return all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in self.values)
 
     def at(self, share: float) -> Any:
-        """The value at a share of the way, 0 <= share < 1: equal shares are equal ratios on a logarithmic range."""
+        """The value at a share, 0 <= share < 1, of the range; on a logarithmic one, equal shares are equal ratios."""
         if self.low is None or self.high is None:
             return self.values[int(share * len(self.values))]
         if self.logarithmic:
@@ -55,7 +55,7 @@ class Axis:
         return float(round(value)) if self.whole else value
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data, for a key and for a file."""
+        """The axis as plain data, for a key and for a file."""
         return {
             "path": self.path,
             "values": list(self.values),
@@ -66,9 +66,9 @@ class Axis:
 
 
 def parse_axes(vary: Mapping[str, Any] | Sequence[str], scenario: Scenario) -> tuple[Axis, ...]:
-    """The axes of `path=range` texts, or of a mapping from paths to ranges (as text) or lists of values.
+    """The axes from `path=range` texts, or from a mapping of paths to ranges (as text) or lists of values.
 
-    A range is `low:high`, then `lin` or `log`, then how many values: "1:1000:log:25". Raises `StudyError` or
+    A range is `low:high`, optionally `lin` or `log`, and optionally a count: "1:1000:log:25". Raises `StudyError` or
     `ScenarioError`.
     """
     if isinstance(vary, Mapping):
@@ -170,16 +170,16 @@ def _shown(value: Any) -> str:
 
 
 NOT_VARIED = ("simulation", "transition", "elbow", "seed")
-"""Names on a path: how the equations are integrated, what is left of a change in motion, and numbers without a size."""
+"""Parts of paths that forms do not offer: integration, the state after a change in motion, numbers without a size."""
 CHOSEN = ("controller.kind", "trajectory.kind", "trajectory.shaper", "payload.damping.kind", "payload.boundary")
-"""Fields that are a choice, and of which a sweep may take several."""
+"""Fields that are a choice, whose options a sweep may compare."""
 AROUND = 4.0
-"""Where a field has no slider, a range goes from its value over this to its value times this."""
+"""The range of a field without a slider goes from its value divided by this to its value times this."""
 
 
 @dataclass(frozen=True)
 class VariedField:
-    """A field that is one number."""
+    """A numeric field that a form offers."""
 
     path: str
     value: float
@@ -190,19 +190,19 @@ class VariedField:
 
     @property
     def words(self) -> str:
-        """Title, symbol and unit."""
+        """Title, symbol and unit of the field."""
         unit = f" ({self.about.unit})" if self.about.unit not in ("", "1") else ""
         return " ".join(filter(None, (self.about.title, self.about.symbol))) + unit
 
     @property
     def part(self) -> str:
-        """The part of the scenario that it belongs to, in words."""
+        """The title of the scenario's part that has the field."""
         first, _, rest = self.path.partition(".")
         return first.replace("_", " ").capitalize() if rest else "Scenario"
 
     @property
     def range(self) -> tuple[float, float]:
-        """A range worth looking at: the slider's, or one around the value, within what is allowed."""
+        """The proposed range: the slider's, or one around the value, within the allowed limits."""
         if self.about.slider is not None:
             return self.about.slider
         if self.value == 0:
@@ -212,28 +212,28 @@ class VariedField:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether equal ratios are equally far apart on that range."""
+        """Whether the proposed range is logarithmic."""
         return self.about.logarithmic and self.range[0] > 0
 
 
 @dataclass(frozen=True)
 class VariedChoice:
-    """A field that is one of a few words."""
+    """A field with a few options."""
 
     path: str
     value: str
     """As the scenario has it."""
     options: tuple[str, ...]
-    """What a sweep may take: those with which the scenario is valid."""
+    """The options with which the scenario is valid."""
 
     @property
     def words(self) -> str:
-        """What it is called."""
+        """The title of the field."""
         return TITLES[self.path]
 
 
 def varied_choices(scenario: Scenario) -> tuple[VariedChoice, ...]:
-    """The fields of a scenario of which a sweep may compare several words."""
+    """The fields of a scenario whose options a sweep may compare."""
     found = []
     for path in CHOSEN:
         try:
@@ -255,7 +255,7 @@ def _is_valid(scenario: Scenario, path: str, word: str) -> bool:
 
 
 def varied_fields(scenario: Scenario) -> tuple[VariedField, ...]:
-    """Every field of a scenario that is one number, in the scenario's order."""
+    """Every numeric field of a scenario that a form offers, in the scenario's order."""
     found = []
     for path in value_paths(scenario):
         value = scenario.get(path)

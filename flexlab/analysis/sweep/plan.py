@@ -1,6 +1,6 @@
-"""Which cells a sweep has: the base scenario, its axes and the design that combines them; the same plan has the same key.
+"""The plan of a sweep (base scenario, axes and design), its cells, and the computation of a cell.
 
-A cell is a scenario, simulated, as a row of numbers.
+The same plan has the same key. A cell is one simulated scenario, and one row of the table.
 """
 
 import hashlib
@@ -32,21 +32,21 @@ from flexlab.sim.world import World
 
 DESIGNS = ("grid", "latin-hypercube", "sobol")
 TABLE_FORMAT = 2
-"""Of a sweep's table: 2 has metrics by name, in SI units, and says what computed it."""
+"""Format of a sweep's table: 2 has metrics by name, in SI units, and the provenance."""
 MOST_CELLS = 100_000_000
-"""Beyond this nobody waits for the end."""
+"""Most cells of a sweep."""
 MANY_CELLS = 100_000
-"""Beyond this the person is asked: it takes an hour."""
+"""Cells, about an hour's work, above which the command asks for confirmation."""
 PARTS, LARGEST_PART = 64, 256
-"""A sweep is cut into about so many parts, which are computed and saved one by one, of at most so many cells."""
+"""Number of parts that are computed and saved one by one, about, and most cells of a part."""
 
 DEFAULT_ACCURACY = 1e-7
-"""Pose accuracy of a cell, m: metrics are exact to about 1e-5, and steps up to five times as long as those of a lab's run."""
+"""Pose accuracy of a cell, m: metrics have an error of about 1e-5, and steps are up to five times those of a lab's run."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep, complete: the same plan gives the same table, byte for byte."""
+    """All that defines a sweep: the same plan gives the same table, byte for byte."""
 
     scenario: Scenario
     axes: tuple[Axis, ...]
@@ -56,18 +56,18 @@ class Plan:
     """s."""
     design: str = "grid"
     samples: int | None = None
-    """Cells of a design that samples."""
+    """Number of cells of a design that samples; None: a grid."""
     seed: int = 0
-    """Of a design that samples."""
+    """Seed of a design that samples."""
 
     @property
     def cell_count(self) -> int:
-        """How many cells there are."""
+        """Number of cells."""
         return prod(self.shape) if self.samples is None else self.samples
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Values per axis, of a grid."""
+        """Number of values per axis of a grid."""
         return tuple(len(axis.values) for axis in self.axes)
 
     def values(self, cell: int) -> tuple[Any, ...]:
@@ -79,28 +79,28 @@ class Plan:
 
     @cached_property
     def _shares(self) -> np.ndarray:
-        """Of a design that samples: where on each axis each cell lies, (cells, axes) in [0, 1)."""
+        """Shares of each axis in each cell of a design that samples, (cells, axes) in [0, 1)."""
         from scipy.stats import qmc
 
         count, axes = self.samples or 0, len(self.axes)
         if self.design == "sobol":
             with warnings.catch_warnings():
-                # Any number of points is allowed here; powers of two are the best balanced.
+                # The warning recommends powers of two, but any number of points is allowed.
                 warnings.simplefilter("ignore", UserWarning)
                 return qmc.Sobol(axes, rng=np.random.default_rng(self.seed)).random(count)
         return qmc.LatinHypercube(axes, rng=np.random.default_rng(self.seed)).random(count)
 
     def changes(self, cell: int) -> dict[str, Any]:
-        """The changes by path that make the base scenario into a cell's."""
+        """The changes, by path, from the base scenario to a cell's."""
         return dict(zip((axis.path for axis in self.axes), self.values(cell), strict=True))
 
     def cell_scenario(self, cell: int) -> Scenario:
-        """The scenario of a cell. Raises `ScenarioError` for one that is not valid."""
+        """The scenario of a cell. Raises `ScenarioError` if it is not valid."""
         return change_settings(self.scenario, self.changes(cell))
 
     @property
     def part_size(self) -> int:
-        """Cells of a part."""
+        """Number of cells of a part."""
         return min(LARGEST_PART, -(-self.cell_count // PARTS))
 
     def parts(self) -> Iterator[range]:
@@ -109,7 +109,7 @@ class Plan:
             yield range(first, min(first + self.part_size, self.cell_count))
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data, with what the results depend on besides."""
+        """The plan as plain data, with everything else on which the results depend."""
         return {
             "scenario": self.scenario.model_dump(mode="json"),
             "vary": [axis.as_data() for axis in self.axes],
@@ -125,7 +125,7 @@ class Plan:
 
     @cached_property
     def key(self) -> str:
-        """Sixteen digits that only the same sweep has, computed by the same engine."""
+        """A hash of 16 digits over the sweep and the engine that computes it."""
         text = json.dumps(self.as_data(), sort_keys=True, ensure_ascii=False)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -153,7 +153,7 @@ def make_plan(
     poorest = None if accuracy is None else finite_number("accuracy", accuracy, "m", 0.0)
     if poorest is not None and not any(axis.path.startswith("simulation") for axis in axes):
         scenario = scenario.replace({"simulation.accuracy": max(poorest, scenario.simulation.accuracy)})
-    # What a scenario says of itself changes no result.
+    # The scenario's texts change no result.
     scenario = scenario.replace({"watch": ""})
     plan = Plan(scenario, axes, float(duration), float(sample_period), design, samples, seed)
     if plan.cell_count > MOST_CELLS:
@@ -162,41 +162,41 @@ def make_plan(
 
 
 BLOCK = 5000
-"""Samples of a run that are in memory at once."""
+"""Most samples of a run that are in memory at once."""
 MOST_KEPT = 1024
-"""Sum of squares of the coordinates of the beams of which a thread keeps what was derived, one at least: matrices grow so. It is
-64 beams of two elements, or 4 of eight."""
+"""A thread keeps the derived matrices of its newest beams, up to this sum of squared numbers of coordinates: 64 beams of two
+elements, or 4 of eight."""
 
 
 class Cell(NamedTuple):
-    """What came of a cell."""
+    """The result of a cell."""
 
     number: int
     values: tuple[Any, ...]
-    """Of the axes."""
+    """The value of each axis."""
     status: str
     """As `Run.status`, or "invalid"."""
     sentence: str
-    """Why it failed, or since when its results are no longer accurate; empty: all is well."""
+    """Why it failed, or from when on its results are not accurate; empty: neither."""
     metrics: tuple[float | None, ...] | None
     """SI; None: it failed."""
     scenario: str = ""
-    """Hash of its scenario; empty: it has none that is valid."""
+    """Hash of its scenario; empty if that is not valid."""
 
 
 class KnownBeams:
-    """What was derived for the beams that one thread's cells had last: where a beam comes again, it costs nothing anew."""
+    """The derived matrices of a thread's newest beams, so that a cell with one of these beams need not derive them again."""
 
     def __init__(self) -> None:
         self._known: OrderedDict[Payload, Assembly] = OrderedDict()
 
     def of(self, payload: Payload) -> tuple[Assembly, ...]:
-        """What is known of a beam: one assembly, or none."""
+        """The assembly of a beam, if it is kept, as a tuple of one or none."""
         found = self._known.get(payload)
         return () if found is None else (found,)
 
     def note(self, assembly: Assembly) -> None:
-        """Keep an assembly; the one that was not needed for longest goes."""
+        """Keep an assembly, in place of the least recently used one if need be."""
         self._known[assembly.scenario.payload] = assembly
         self._known.move_to_end(assembly.scenario.payload)
         while len(self._known) > 1 and sum(payload.coordinate_count**2 for payload in self._known) > MOST_KEPT:
@@ -207,9 +207,9 @@ _own = threading.local()
 
 
 def run_part(plan: Plan, cells: Sequence[int], beams: KnownBeams | None = None) -> list[Cell]:
-    """Compute some cells of a sweep, one after the other. A cell that fails says why and stops nobody.
+    """Compute some cells of a sweep, one after the other. A cell that fails says why; the others go on.
 
-    `beams`: what this thread's cells before had; the numbers are the same without.
+    `beams`: the beams of this thread's earlier cells, which change no number.
     """
     if beams is None:
         beams = vars(_own).setdefault("beams", KnownBeams())
@@ -238,7 +238,7 @@ def _run(plan: Plan, number: int, beams: KnownBeams) -> Cell:
 
 
 def measure(world: World, ticks: int) -> MetricCollection:
-    """Run a world on for so many ticks; the metrics of all its samples, the present one included."""
+    """The metrics of a world's samples from the present one until tick `ticks`."""
     metrics = MetricCollection()
     metrics.update(world.run(min(BLOCK, ticks)))
     while world.tick < ticks and not world.status.failed:

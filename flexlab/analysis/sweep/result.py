@@ -1,12 +1,11 @@
-"""The table of a sweep, and a finished sweep as Python users get it.
+"""A sweep's table on disk, one row per cell, saved in parts while it is computed, and the finished sweep.
 
-One row per cell, saved part by part under a key of what the table holds, whole or not at all.
+Each part is written whole or not at all. The key of the plan says whether a folder holds the same sweep.
 """
 
 import json
 import shutil
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from html import escape
@@ -17,8 +16,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
-from flexlab.analysis.metrics.metric import named, numbers
-from flexlab.analysis.result import Result, about_number
+from flexlab.analysis.metrics.metric import numbers
+from flexlab.analysis.result import Result, about_number, number_column
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Cell, Plan, run_part
 from flexlab.analysis.workers import Told, Workers
@@ -32,21 +31,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TABLE, PARTS, PLAN = "cells.parquet", "parts", "sweep.json"
-"""In a sweep's folder: the whole table; what there is of it while it is computed; what was asked for."""
+"""Names in a sweep's folder: the whole table, the folder of its parts, the plan."""
 METADATA = b"flexlab"
 SWEEPS = Path("sweeps")
-"""Where sweeps go that name no folder."""
+"""Parent of the folders of sweeps for which none is named."""
 
 
 def sweep_folder(name: str, plan: Plan) -> Path:
-    """The folder of a sweep that names none: the same sweep finds it again."""
+    """The default folder of a sweep, the same for the same plan."""
     return SWEEPS / f"{name}-{plan.key}"
 
 
 def schema(plan: Plan) -> pa.Schema:
-    """Columns: the cell's number, each axis by its path, status, sentence, each metric by its name, and where it all comes from.
+    """Columns: number of the cell, each axis by its path, status, sentence, each metric by its name, and the provenance.
 
-    Metrics are in SI units; the columns' metadata have titles and units. "scenario" is the cell's own, as a hash.
+    Metrics are in SI units; the columns' metadata hold titles and units. "scenario" is the hash of the cell's scenario.
     """
     axes = [(axis.path, pa.float64() if axis.numeric else pa.string()) for axis in plan.axes]
     metrics = [pa.field(each.name, pa.float64(), metadata=about_number(each)) for each in numbers()]
@@ -57,7 +56,7 @@ def schema(plan: Plan) -> pa.Schema:
 
 
 def to_table(plan: Plan, cells: Sequence[Cell]) -> pa.Table:
-    """Rows of some cells, in their order."""
+    """The rows of some cells, in their order."""
     nothing = (None,) * len(numbers())
     version = package_version()
     rows = [
@@ -86,12 +85,12 @@ def _plain(value: Any) -> Any:
 
 
 def part_file(folder: Path, cells: range) -> Path:
-    """Where some cells of a sweep lie while it is computed."""
+    """The file of a part while the sweep is computed."""
     return folder / PARTS / f"{cells.start:09d}.parquet"
 
 
 def read_part(folder: Path, plan: Plan, cells: range) -> dict[str, list[Any]] | None:
-    """Columns of some cells of a sweep that is being computed; None: they are not there (yet, or any more)."""
+    """The columns of a part; None: its file does not exist, as before it is computed and after the end of the sweep."""
     try:
         return parquet.read_table(part_file(folder, cells), schema=schema(plan)).to_pydict()
     except OSError:
@@ -99,10 +98,10 @@ def read_part(folder: Path, plan: Plan, cells: range) -> dict[str, list[Any]] | 
 
 
 class SweepFolder:
-    """A sweep's folder. All methods raise `StudyError` if it cannot be written or holds another sweep."""
+    """The folder of a sweep. All methods raise `StudyError` if it cannot be written or holds another sweep."""
 
     def __init__(self, path: Path, plan: Plan):
-        """Make the folder, or take up the one that holds a part of the same sweep."""
+        """Make the folder, or go on with one that holds parts of the same sweep."""
         self.path, self._plan = path, plan
         try:
             (path / PARTS).mkdir(parents=True, exist_ok=True)
@@ -130,66 +129,55 @@ class SweepFolder:
 
     @property
     def table(self) -> Path:
-        """The whole table, once all is done."""
+        """The file of the whole table, which exists once all cells are done."""
         return self.path / TABLE
 
-    @property
-    def is_done(self) -> bool:
-        """Whether the whole table is there."""
-        return self.table.exists()
-
     def missing(self) -> list[range]:
-        """The parts that are not there yet."""
-        return [cells for cells in self._plan.parts() if not self._part(cells).exists()]
+        """The parts that are still to be computed."""
+        return [cells for cells in self._plan.parts() if not part_file(self.path, cells).exists()]
 
     def save(self, cells: Sequence[Cell]) -> None:
-        """Save a part, whole or not at all."""
+        """Write a part, whole or not at all."""
         first = cells[0].number
         try:
-            with replacing(self._part(range(first, first + len(cells)))) as draft:
+            with replacing(part_file(self.path, range(first, first + len(cells)))) as draft:
                 parquet.write_table(to_table(self._plan, cells), draft)
         except OSError as error:
             raise self._full(error) from None
 
     def finish(self) -> None:
-        """Make the whole table of its parts, which then go."""
+        """Write the whole table and remove its parts."""
         try:
-            if not self.is_done:
+            if not self.table.exists():
+                layout = schema(self._plan)
                 with (
                     replacing(self.table) as draft,
-                    parquet.ParquetWriter(draft, schema(self._plan), compression="zstd") as writer,
+                    parquet.ParquetWriter(draft, layout, compression="zstd") as writer,
                 ):
-                    for part in self._tables():
-                        writer.write_table(part)
+                    for cells in self._plan.parts():
+                        writer.write_table(parquet.read_table(part_file(self.path, cells), schema=layout))
             shutil.rmtree(self.path / PARTS, ignore_errors=True)
         except OSError as error:
             raise self._full(error) from None
 
-    def _tables(self) -> Iterable[pa.Table]:
-        for cells in self._plan.parts():
-            yield parquet.read_table(self._part(cells), schema=schema(self._plan))
-
-    def _part(self, cells: range) -> Path:
-        return part_file(self.path, cells)
-
 
 HTML_ROWS = 10
-"""Rows of the table in a notebook."""
+"""Rows of the table that a notebook shows."""
 
 
 def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda done, total: None) -> Path:
-    """Compute what is missing of a sweep in its folder; the table's path. Raises `StudyError`.
+    """Compute the missing parts of a sweep in its folder, and return the table's path. Raises `StudyError`.
 
-    May be interrupted or killed at any time: the same call goes on with the parts that are not done, and the table is the
-    same, byte for byte.
+    It may be interrupted or killed at any time: the same call then computes the remaining parts, and the table is the same,
+    byte for byte.
     """
     kept = SweepFolder(folder, plan)
-    if not kept.is_done:
+    if not kept.table.exists():
         missing = kept.missing()
         done = plan.cell_count - sum(map(len, missing))
         told(done, plan.cell_count)
         with workers() as run:
-            # A copy without what the plan has worked out: drawn samples may be large, and a worker draws the same ones.
+            # A copy without the drawn samples, which may be large; a worker draws the same ones.
             for _, cells in run(partial(run_part, replace(plan)), missing):
                 kept.save(cells)
                 done += len(cells)
@@ -199,15 +187,15 @@ def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda do
 
 
 class Sweep(Result):
-    """A scenario with some fields varied: `table` has a row per cell, with its values, its status and its metrics."""
+    """A finished sweep: `table` has a row per cell with its values, status and metrics."""
 
     def __init__(self, plan: Plan, folder: Path):
-        """The finished sweep of a plan in its folder."""
+        """The sweep of `plan`, whose table is in `folder`."""
         self.plan, self.folder = plan, folder
 
     @cached_property
-    def table(self) -> pa.Table:
-        """All cells: number, varied fields by path, status, sentence, metrics by name, SI; scenario (hash), key and version."""
+    def table(self) -> Any:
+        """A row per cell: number, varied fields, status, sentence, metrics (SI), hash of the scenario, key and version."""
         return parquet.read_table(self.folder / TABLE)
 
     @property
@@ -215,59 +203,44 @@ class Sweep(Result):
         """What was varied."""
         return self.plan.axes
 
-    @property
-    def is_grid(self) -> bool:
-        """Whether the cells are all combinations of values."""
-        return self.plan.samples is None
-
     def __len__(self) -> int:
         return self.plan.cell_count
 
     def column(self, name: str) -> np.ndarray:
-        """A column of numbers, (cells,), SI; NaN where a cell has none. Raises `StudyError`.
-
-        Metrics are named as in "rms_error.y"; by their short names of earlier versions they come in the units of tables.
-        """
-        scale = 1.0
-        if name not in self.table.column_names:
-            with suppress(StudyError):
-                found = named(name)
-                name, scale = found.number.name, found.scale
-        if name not in self.table.column_names:
-            raise StudyError(f"{name!r:.60} is no column: there are {', '.join(self.table.column_names)}.")
-        return scale * self.table.column(name).to_numpy(zero_copy_only=False).astype(float)
+        """A column of numbers, (cells,), SI, NaN where a cell has none, as of `number_column`. Raises `StudyError`."""
+        return number_column(self.table, name)
 
     def columns(self) -> dict[str, list[Any]]:
-        """All of the table as plain lists; None where a cell has nothing."""
+        """The whole table as lists by column; None where a cell has no value."""
         return self.table.to_pydict()
 
     def texts(self, name: str) -> list[str]:
-        """A column of texts, as status and sentence are."""
+        """A column of texts, such as "status" or "sentence"."""
         return self.table.column(name).to_pylist()
 
     @property
     def failed(self) -> dict[int, str]:
-        """The cells that failed, and why."""
+        """Failed cell → the reason."""
         rows = zip(*(self.table.column(name).to_pylist() for name in ("cell", "status", "sentence")), strict=True)
         return {cell: sentence for cell, status, sentence in rows if status != "finished"}
 
     def scenario(self, cell: int) -> Scenario:
-        """The scenario of a cell: simulated by itself, for as long, it gives the same metrics. Raises `StudyError`."""
+        """The scenario of a cell; simulated alone for the same time, it gives the same metrics. Raises `StudyError`."""
         if isinstance(cell, bool) or not isinstance(cell, (int, np.integer)) or not 0 <= cell < len(self):
             raise StudyError(f"cell = {cell!r:.60} is none: give a whole number from 0 to {len(self) - 1}.")
         return self.plan.cell_scenario(int(cell))
 
     def plot(self, metric: str = "rms_error.y") -> "Figure":
-        """A metric over what was varied: see `analysis.sweep.figures.draw_metric`."""
+        """A metric over the varied fields, as of `analysis.sweep.figures.draw_metric`."""
         from flexlab.analysis.sweep.figures import draw_metric
 
-        return draw_metric(self, metric)
+        return draw_metric(self.plan, self.table, metric)
 
     def plot_pareto(self, first: str = "rms_error.y", second: str = "rms_internal_force") -> "Figure":
-        """What less of one metric costs in another: see `analysis.sweep.figures.draw_pareto`."""
+        """The trade-off between two metrics, as of `analysis.sweep.figures.draw_pareto`."""
         from flexlab.analysis.sweep.figures import draw_pareto
 
-        return draw_pareto(self, first, second)
+        return draw_pareto(self.table, first, second)
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""

@@ -101,18 +101,30 @@ from dataclasses import dataclass
 
 from flexlab.analysis.modes import modes
 from flexlab.scenario.settings import change_settings
-from flexlab.server.study import Found, Question, Study, StudyKind, axes_of, whole_of
+from flexlab.server.study import Found, Question, Study, axes_of, whole_of
 from flexlab.server.task_book import Outcome
 
 
 @dataclass
 class Ends(Study):
+    kind, place, title, what, run_words = "ends", 30, "Ends", "First frequencies.", "run"
+    questions = (Question("number", "Mode", "1", range=(1, 2)),)
     scenario: object
     axes: tuple
     number: int
 
+    @classmethod
+    def read(cls, form, scenario, duration):
+        return cls(scenario, axes_of(form, scenario, counted=False), whole_of(form, "number", "Mode"))
+
     def job(self):
-        return frequencies, (self.scenario, self.axes[0], self.number)
+        return self.frequencies
+
+    def frequencies(self):
+        axis = self.axes[0]
+        ends = [change_settings(self.scenario, {axis.path: value}) for value in (axis.low, axis.high)]
+        found = [modes(end).frequency[self.number - 1] for end in ends]
+        return Outcome(list(zip((axis.low, axis.high), map(float, found))))
 
     def drawing(self, task):
         return task.result and {"points": task.result, "titles": ["value", "f (Hz)"]}
@@ -121,17 +133,7 @@ class Ends(Study):
         return Found([(f"Mode {self.number} (Hz)", *(f"{f:.4g}" for _, f in task.result))])
 
 
-def frequencies(scenario, axis, number):
-    ends = [change_settings(scenario, {axis.path: value}) for value in (axis.low, axis.high)]
-    found = [modes(end).frequency[number - 1] for end in ends]
-    return Outcome(list(zip((axis.low, axis.high), map(float, found))))
-
-
-def read(form, scenario, duration):
-    return Ends(scenario, axes_of(form, scenario, counted=False), whole_of(form, "number", "Mode"))
-
-
-STUDY = StudyKind("ends", 30, "Ends", "First frequencies.", "run", False, (Question("number", "Mode", "1", range=(1, 2)),), read)
+STUDY = Ends
 '''
 COMMAND = '''"""`flexlab greet NAME`: say good morning."""
 

@@ -1,8 +1,7 @@
-"""Tuning: the parameters, within stated bounds, for which runs cost least.
+"""Tuning: a search, within stated bounds, for the parameters with the least cost.
 
-The cost is a weighted sum of metrics under limits; the search is differential evolution on all cores, after Storn and Price,
-J. Global Optim. 11 (1997) 341 (scipy.optimize). Robust if asked: a candidate costs what it costs in the worst of a set of
-scenarios.
+The cost is a weighted sum of metrics under limits. The search is differential evolution on all cores, after Storn and Price,
+J. Global Optim. 11 (1997) 341 (scipy.optimize). In a robust tuning, the worst of several scenarios gives a candidate's cost.
 """
 
 import math
@@ -37,22 +36,22 @@ from flexlab.sim.simulate import sample_count
 from flexlab.sim.world import World
 
 FAILED = 1e12
-"""Cost of a run that fails, and of each unit relative to its limit by which a limit is passed a millionth of it: any run that
-keeps within its limits is better than one that does not, and that better than one that fails."""
+"""Cost of a run that fails. A run that exceeds a limit costs a millionth of it per relative excess, so that any run within its
+limits is better than one beyond them, and that is better than one that fails."""
 NOT_SETTLED = 10.0
-"""Times its length that a run which has not settled counts as settling time."""
+"""The settling time of a run that has not settled, in lengths of the run."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Weights and limits by the metrics' names, as in "rms_error.y", SI; earlier ones, as "rms-y", are in the units of tables."""
+    """Weights and limits by metric: "rms_error.y" in SI units, earlier names such as "rms-y" in the units of tables."""
 
     weights: Mapping[str, float]
     limits: Mapping[str, float]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All metrics that count."""
+        """All metrics with a weight or a limit."""
         return tuple(dict.fromkeys((*self.weights, *self.limits)))
 
     def of(self, metrics: RunMetrics | None) -> float:
@@ -71,14 +70,14 @@ class Cost:
 
 
 def numbers_of(metrics: RunMetrics) -> dict[str, float]:
-    """Number by each of its names; a settling time that there is not counts as ten times the run's length."""
+    """Number by each name of a metric; a run that has not settled has ten times its length as settling time."""
     found = {number.name: metrics[number.name] for number in numbers()}
     found |= {row.column.field: row.value for row in metrics.rows}
     return {name: NOT_SETTLED * metrics.duration if math.isnan(value) else value for name, value in found.items()}
 
 
 def parse_cost(weights: Sequence[str] | Mapping[str, float], limits: Sequence[str] | Mapping[str, float] = ()) -> Cost:
-    """A cost of texts `rms_error.y=1` or of mappings; a weight may be left out, it is then 1. Raises `StudyError`."""
+    """A cost from texts such as `rms_error.y=1`, or from mappings; a missing weight is 1. Raises `StudyError`."""
     cost = Cost(_numbers("cost", weights, default=1.0), _numbers("limit", limits, default=None))
     if not cost.weights:
         raise StudyError(
@@ -117,26 +116,31 @@ def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: flo
 
 FEWEST_CANDIDATES, MOST_CANDIDATES = 8, 100_000
 BELOW_ONE = 1 - 1e-12
-"""Largest share of a range: shares are below 1."""
+"""Largest share of a range: `Axis.at` takes shares below 1."""
 CANDIDATES_PER_FIELD = 8
-"""Of a generation."""
+"""Candidates of a generation per varied field."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """Parameters that were tried."""
+    """One set of parameters and its cost."""
 
     changes: dict[str, Any]
     cost: float
     metrics: RunMetrics | None
-    """Of the scenario in which it costs most; None: it fails there."""
+    """Metrics in the scenario with the highest cost; None: the run fails there."""
     reason: str
     """Why it fails."""
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Number by each name of a metric, as of `numbers_of`; empty of a candidate that fails."""
+        return {} if self.metrics is None else numbers_of(self.metrics)
 
 
 @dataclass(frozen=True)
 class Tuning(Result):
-    """What a search tried; the first candidate is the scenario as it was."""
+    """All candidates of a search; the first is the scenario as it was, the others follow by cost."""
 
     scenario: Scenario
     cost: Cost
@@ -157,6 +161,11 @@ class Tuning(Result):
         """The scenario with the best parameters."""
         return change_settings(self.scenario, self.best.changes)
 
+    @property
+    def holds(self) -> bool:
+        """Whether the best candidate keeps within the limits."""
+        return self.best.metrics is not None and self.cost.holds(self.best.metrics)
+
     @cached_property
     def table(self) -> Any:
         """A row per candidate, the scenario as it was first, then the cheapest: what was changed, cost, metrics by name, SI."""
@@ -174,7 +183,7 @@ class Tuning(Result):
         return pa.Table.from_pylist(rows)
 
     def plot(self, first: str = "", second: str = "") -> Figure:
-        """What less of one metric costs in another, of all that was tried; by default the first two that count."""
+        """The trade-off between two metrics among all candidates; by default the first two of the cost."""
         names = [*filter(None, (first, second)), *self.cost.names, "rms_error.y", "rms_internal_force"]
         return draw_trade_off(self, *list(dict.fromkeys(names))[:2])
 
@@ -230,7 +239,7 @@ def tune(
     with one_blas_thread(), (workers or chosen_workers())() as run:
 
         def costs(_: object, generation: Iterable[np.ndarray]) -> list[float]:
-            """Of the shares of the ranges that a generation's candidates have."""
+            """The costs of a generation, given as shares of the ranges."""
             changes = [
                 {axis.path: axis.at(min(float(share), BELOW_ONE)) for axis, share in zip(axes, shares, strict=True)}
                 for shares in generation
@@ -278,9 +287,8 @@ def _run(scenario: Scenario, changes: dict[str, Any], duration: float) -> tuple[
 
 
 def draw_trade_off(tuning: Tuning, first: str, second: str) -> Figure:
-    """Two metrics of every candidate: what less of one costs in the other, where the scenario stood, what was chosen."""
-    ran = [candidate for candidate in tuning.candidates if candidate.metrics is not None]
-    found = [numbers_of(candidate.metrics) for candidate in ran if candidate.metrics is not None]
+    """Two metrics of every candidate, with the scenario as it was and the chosen one."""
+    found = [values for candidate in tuning.candidates if (values := candidate.numbers)]
     x, y = (np.array([values[name] for values in found]) for name in (first, second))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout="constrained")
@@ -289,8 +297,7 @@ def draw_trade_off(tuning: Tuning, first: str, second: str) -> Figure:
         best = pareto_front(x, y)
         axes.step(x[best], y[best], "-", where="post", color=GRAY, linewidth=1)
         for candidate, color, words in ((tuning.before, VERMILION, "before"), (tuning.best, BLUE, "chosen")):
-            if candidate.metrics is not None:
-                values = numbers_of(candidate.metrics)
+            if values := candidate.numbers:
                 axes.plot(values[first], values[second], "o", color=color, markersize=8, label=words)
         axes.set_xlabel(named(first).title)
         axes.set_ylabel(named(second).title)

@@ -1,6 +1,6 @@
-"""Long work on runs: each function is one job in a process of its own.
+"""Long work on runs: each function is one job for a process of its own.
 
-Runs without metrics are measured at low priority when somebody looks at the library.
+When a visitor opens the library, a process at low priority measures runs that have no metrics yet.
 """
 
 import contextlib
@@ -37,12 +37,12 @@ from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
 from flexlab.sim.samples import Samples
 
 MOST_SAMPLES = 1_200_000
-"""Of a run that is needed whole: 20 minutes at a lab's rate, 0.6 GB in memory."""
+"""Most samples of a run that a job reads whole: 20 minutes at a lab's rate, 0.6 GB in memory."""
 
 
 @dataclass(frozen=True)
 class SettingRow:
-    """A field in which runs differ."""
+    """A field in which the runs differ."""
 
     title: str
     """With symbol and unit."""
@@ -51,21 +51,21 @@ class SettingRow:
 
 @dataclass(frozen=True)
 class ComparisonTables:
-    """What a comparison's page says beside the curves."""
+    """The tables of a comparison's page."""
 
     window: str
-    """What the metrics speak of, in words."""
+    """The stretch of time over which metrics are taken, in words."""
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
     settings: tuple[SettingRow, ...]
 
 
 OVERLAY = "overlay.rrd"
-"""In the folder of a comparison."""
+"""File in the folder of a comparison."""
 
 
 def compare_runs(paths: tuple[Path, ...], folder: Path) -> Outcome:
-    """Compare runs, as `ComparisonTables`, and write their overlay into `folder`."""
+    """Compare runs; the result is `ComparisonTables`, and their overlay is written into `folder`."""
     for path in paths:
         check_size(path)
     comparison = compare(paths)
@@ -77,7 +77,7 @@ def compare_runs(paths: tuple[Path, ...], folder: Path) -> Outcome:
 
 
 def check_size(path: Path) -> None:
-    """Raises `RecordingError` for a run that does not fit into memory whole."""
+    """Raise `RecordingError` for a run that is too long to be read whole."""
     rows = read_notes(path).get("rows", 0)
     if isinstance(rows, int) and rows > MOST_SAMPLES:
         raise RecordingError(
@@ -86,7 +86,7 @@ def check_size(path: Path) -> None:
 
 
 def replay_run(path: Path, report: Callable[[float], None]) -> Outcome:
-    """Whether a run comes out again, bit for bit; `report` is told how far it is, 0 to 1."""
+    """Replay a run and compare it with its recording; `report` takes progress, 0 to 1."""
     _, last = recorded_span(path)
 
     def blocks() -> Iterator[Samples]:
@@ -99,7 +99,7 @@ def replay_run(path: Path, report: Callable[[float], None]) -> Outcome:
 
 
 def choice_at(path: Path, time: float | None) -> Choice:
-    """What a lab is to open to go on from a run at `time` s; None: from its end."""
+    """The choice with which a lab continues a run at `time` s; None: at its end."""
     recording = read_recording(path, with_samples=False)
     scenario, origin = resume(recording, time, recorded_span(path))
     return Choice(scenario, recording.name, origin, stands=True)
@@ -114,31 +114,31 @@ def recorded_span(path: Path) -> tuple[float, float]:
 
 
 def export_into(path: Path, kind: str, start: float | None, end: float | None, folder: Path) -> Path:
-    """Write a run, or a range of its time, into `folder`; returns the file. `kind`: csv, parquet or npz."""
+    """Write a run, or a range of its time, into `folder` and return the file. `kind`: csv, parquet or npz."""
     target = folder / f"{range_name(path, start, end)}.{kind}"
     return export_recording(read_recording(path, with_samples=False), target, start, end, read_blocks(path))
 
 
 def whole_into(row: RunRow, kind: str, folder: Path) -> Path:
-    """Write a whole run into `folder` as one page ("html") or as an archive that others can verify ("zip"); returns it."""
+    """Write a whole run into `folder` as one page ("html") or as an archive that others can verify ("zip"); return the file."""
     check_size(row.path)
     target = folder / f"{row.path.stem}.{kind}"
     if kind == "zip":
         write_capsule(row.path, target)
         return target
-    from flexlab.lab.run_page import Noted, write_run_page  # Other work need not wait for a library of drawing.
+    from flexlab.lab.run_page import Noted, write_run_page  # Only this job needs a drawing library.
 
     recording = read_recording(row.path)
     noted = Noted(row.heading, row.note, row.lessons, row.changes)
-    with contextlib.redirect_stdout(io.StringIO()):  # viser says where it serves, which it does for a moment only.
+    with contextlib.redirect_stdout(io.StringIO()):  # viser prints its address, although it serves only for a moment.
         write_run_page(recording.run, target, recording.name, package_version(), noted)
     return target
 
 
 def archive_into(paths: tuple[Path, ...], kind: str, folder: Path) -> Path:
-    """Write runs into one archive in `folder`, as they were recorded ("rrd", with their notes) or as tables; returns it."""
+    """Write runs into one archive in `folder`, as recordings with their notes ("rrd") or as tables; return the file."""
     target = folder / f"flexlab-{len(paths)}-runs.zip"
-    # Recordings and tables are packed already, or large: packing them again would only make a visitor wait.
+    # Recordings and binary tables are compressed already: compressing them again would only take time.
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED if kind == "csv" else zipfile.ZIP_STORED) as archive:
         for path in paths:
             if kind != "rrd":
@@ -153,22 +153,22 @@ def archive_into(paths: tuple[Path, ...], kind: str, folder: Path) -> Path:
 
 
 def range_name(path: Path, start: float | None, end: float | None) -> str:
-    """What a file with this range of a run is called, without ending."""
+    """The name of a file with this range of a run, without ending."""
     if start is None and end is None:
         return path.stem
     return f"{path.stem}-{'start' if start is None else f'{start:g}'}-to-{'end' if end is None else f'{end:g}'}-s"
 
 
 def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) -> str:
-    """Take an uploaded file into the library, note whose it is and measure it; returns the new run's id.
+    """Import an uploaded file into the library, note its owner and measure it; return the new run's id.
 
-    `quota`: bytes that the owner's runs may take. Raises `RecordingError`, and takes nothing in, for what is over it.
+    `quota`: most bytes of the owner's runs. Raises `RecordingError`, and imports nothing, if the run exceeds it.
     """
     owner = notes.get("owner", "")
     if refused := Quota(logs, owner, quota)(path.stat().st_size if path.suffix.lower() == SUFFIX else 0):
         raise RecordingError(refused)
     taken = import_into(path, logs, **notes)
-    if refused := Quota(logs, owner, quota)():  # A table says how large its recording is only when that is there.
+    if refused := Quota(logs, owner, quota)():  # The recording of a table has a size only after the import.
         remove_run(taken)
         raise RecordingError(f"{path.name} as a recording is too large: {refused}")
     note_metrics(taken)
@@ -176,8 +176,8 @@ def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) 
 
 
 def figures_into(path: Path, kind: str, start: float | None, end: float | None, folder: Path) -> Path:
-    """Draw Figures 2-5 of a run, or of a range of its time, into one file in `folder`. `kind`: png or svg."""
-    from flexlab.analysis.figures import paper_figures  # Other work need not wait for a library of drawing.
+    """Draw Figures 2-5 of a run, or of a range of its time, into one archive in `folder`. `kind`: png or svg."""
+    from flexlab.analysis.figures import paper_figures  # Only this job needs a drawing library.
 
     name = range_name(path, start, end)
     if start is None and end is None:
@@ -190,13 +190,13 @@ def figures_into(path: Path, kind: str, start: float | None, end: float | None, 
 
 
 MOST_COMPARISONS = 8
-"""Comparisons that are kept: enough to go back and forth."""
+"""Most comparisons that a server keeps: enough to go back and forth."""
 
 
 async def comparison(book: TaskBook, asker: Asker, rows: Sequence[RunRow]) -> Task:
-    """The comparison of these runs, made if need be. Raises `FlexlabError` if they cannot be compared."""
+    """The comparison of these runs, computed if it is not kept. Raises `FlexlabError` if they cannot be compared."""
     asked = tuple(row.id for row in rows)
-    # Who asks meanwhile shares what the first question started, although a run that is being recorded has grown.
+    # A second visitor shares a running comparison, although a run that is being recorded has grown since.
     making = next((task.key for task in book.all() if task.working and task.about == asked), None)
     key = making or hashlib.sha256(repr([(row.id, row.size) for row in rows]).encode()).hexdigest()[:24]
     paths = tuple(row.path for row in rows)
@@ -204,21 +204,21 @@ async def comparison(book: TaskBook, asker: Asker, rows: Sequence[RunRow]) -> Ta
 
 
 MOST_REPLAYS = 200
-"""Replays that are remembered."""
+"""Most replays that a server keeps."""
 
 
 def replay_key(row: RunRow) -> str:
-    """Names the replay of a run as its file is now."""
+    """The key of the replay of a run's present file."""
     return f"{row.id} {row.size}"
 
 
 LOW_PRIORITY = 19
-"""Unix niceness: the labs must not notice."""
+"""Unix niceness of the measuring process, the lowest priority."""
 
 
 @failures_told_plainly()
 def measure(logs: Path) -> None:
-    """The life of the measuring process."""
+    """The main function of the measuring process."""
     end_with_the_server()
     with contextlib.suppress(AttributeError, OSError):
         os.nice(LOW_PRIORITY)
@@ -227,7 +227,7 @@ def measure(logs: Path) -> None:
 
 
 class Measuring:
-    """At most one such process of a server."""
+    """The measuring process of a server, of which there is at most one."""
 
     def __init__(self, logs: Path):
         self._logs = logs
@@ -235,11 +235,11 @@ class Measuring:
         self._tried: set[str] = set()
 
     def look(self, rows: Sequence[RunRow]) -> int:
-        """Start measuring if there is something new to measure; returns how many runs are still to be measured."""
+        """Start measuring if there are new runs to measure; return how many runs are still to be measured."""
         missing = {row.id for row in rows if not measured(row.metrics) and row.state in ("complete", "recovered")}
         if self._process is not None and self._process.is_alive():
             return len(missing)
-        # What could not be measured once is not tried again at every look.
+        # A run that could not be measured is not tried again.
         if missing <= self._tried:
             return 0
         self._tried |= missing
@@ -250,7 +250,7 @@ class Measuring:
         return len(missing)
 
     def close(self) -> None:
-        """End it; what is missing is measured another time."""
+        """End the process; a later one measures the rest."""
         if self._process is not None and self._process.is_alive():
             self._process.terminate()
             self._process.join()

@@ -1,7 +1,6 @@
-"""What a study is to its page: a form that asks for it, a job that computes it, and what its page shows.
+"""Studies of the page *Studies*: what a form asks, what is computed, and what the study's page shows.
 
-A file in `studies/` that defines `STUDY` is all that a new one takes. What a form asks is bounded, as a visitor's page must not
-take the machine from the labs.
+To add one, copy a file of `studies/`. A form's requests are bounded, so that a visitor cannot take the machine from the labs.
 """
 
 import math
@@ -9,97 +8,111 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
 
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.metric import Column
 from flexlab.analysis.sweep.axes import CHOSEN, Axis, parse_axes
 from flexlab.errors import FlexlabError, StudyError
-from flexlab.registry import Registry
+from flexlab.registry import modules_in
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES, options, short_title
 from flexlab.server.task_book import Outcome, Task
 from flexlab.text import number_text, typed_number, visible
 
 MOST_STUDIES = 30
-"""Finished ones that are remembered."""
+"""Finished studies that a server keeps."""
 MOST_AT_ONCE = 2, 5, 6, 1
-"""Studies that work or wait: of one visitor, of one address, of all, and more for the teacher. One works at a time."""
+"""Most running and waiting studies: of one visitor, of one address, of all, and more for the teacher. One runs at a time."""
 MOST_VALUES = 900
-"""Values of an axis, and cells of all: 30 by 30 are as fine as a map on a screen is read."""
+"""Most values of an axis, and most cells: a map on a screen shows no more than 30 by 30."""
 LONGEST_RUN = 20.0
-"""s that a cell or a candidate may simulate."""
+"""Longest simulated time of a cell or candidate, s."""
 MOST_SIMULATED = 6000.0
-"""s that all cells or candidates of a study may simulate together: half a minute's work for the paper's beam."""
+"""Longest simulated time of all cells or candidates together, s: about half a minute of work for the paper's beam."""
 AXES = ("1", "2")
-"""What the form's fields of each axis end with."""
+"""Endings of the form's fields for each axis."""
 ELSEWHERE = "or use the command line, which takes any number"
 LONGEST_SHOWN = 30
-"""Characters of what was typed that a sentence repeats."""
+"""Most characters of an input that a message repeats."""
 
 Form = Mapping[str, Any]
-Job = Callable[..., Outcome]
 
 
 @dataclass(frozen=True)
 class Question:
-    """A field of a study's form, besides what is varied and the simulated time."""
+    """A field of a study's form, besides the varied fields and the simulated time."""
 
     name: str
     words: str
+    """Its label."""
     default: str = ""
     is_metric: bool = False
     none: str = ""
-    """Of a metric: what stands there for none; empty: one must be chosen."""
+    """Label of "no metric"; empty: a metric must be chosen."""
     range: tuple[int, int] | None = None
-    """Of a whole number."""
+    """Range of a whole number."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What came of a study, in words, besides its drawing."""
+    """The result of a study in words; its drawing comes from `Study.drawing`."""
 
     lines: Sequence[tuple[str, str, str]] = ()
-    """(what, before, now) of what it changed."""
+    """(what, before, now) of each number that the study changed."""
     remark: str = ""
     problem: str = ""
-    """What is wrong with it; empty: nothing."""
+    """What is wrong with the result; empty: nothing."""
     scenario: Scenario | None = None
-    """Where it leads."""
+    """The scenario that the study found."""
     table: Path | None = None
-    """A file with all of it."""
+    """File with all results."""
 
 
 class Study(ABC):
-    """A study that somebody asks for."""
+    """A study that a visitor asked for. A file of `studies/` defines one subclass as `STUDY`."""
+
+    kind: ClassVar[str]
+    """Its name in forms, and the command that does the same without bounds: flexlab KIND."""
+    place: ClassVar[int]
+    """Rank on the page."""
+    title: ClassVar[str]
+    what: ClassVar[str]
+    """What it does, in a sentence or two."""
+    run_words: ClassVar[str]
+    """Its name for one simulation: "cell"."""
+    is_map: ClassVar[bool] = False
+    """Whether it varies fields over a number of values, or over choices, and draws a map that fills cell by cell."""
+    questions: ClassVar[tuple[Question, ...]] = ()
 
     scenario: Scenario
     axes: tuple[Axis, ...]
 
+    @classmethod
     @abstractmethod
-    def job(self) -> tuple[Job, tuple[Any, ...]]:
-        """What computes it in a process of its own, and with what."""
+    def read(cls, form: Form, scenario: Scenario, duration: float) -> Self:
+        """The study that a form asks for; `duration`: simulated time, s. Raises `StudyError` or `ScenarioError`."""
+
+    @abstractmethod
+    def job(self) -> Callable[..., Outcome]:
+        """The function that computes it, run in a process of its own as `TaskBook.start` says."""
 
     @abstractmethod
     def drawing(self, task: Task) -> dict[str, Any] | None:
-        """What the page's script draws, as far as it is computed; None: nothing yet. For any thread."""
-
-    @property
-    def is_map(self) -> bool:
-        """Whether cells are drawn, from the first one on, of a metric that the page lets choose."""
-        return False
+        """What the page's script draws of the results so far; None: nothing yet. May be called from any thread."""
 
     def cell_scenario(self, cell: int) -> Scenario:
-        """The scenario of a cell of the map. Raises `FlexlabError` for none."""
+        """The scenario of a cell of the map. Raises `FlexlabError` for a cell that does not exist."""
         raise StudyError(f"{visible(cell)}: this study has no cells.")
 
-    def found(self, task: Task) -> "Found":
-        """What its page says of it, once it is done."""
+    def found(self, task: Task) -> Found:
+        """What the page says of a finished study."""
         return Found()
 
     def axis_title(self, axis: Axis) -> str:
-        """A varied field in words, with its symbol."""
+        """The title and symbol of a varied field."""
         if axis.path in TITLES:
             return TITLES[axis.path]
         try:
@@ -109,7 +122,7 @@ class Study(ABC):
         return f"{short_title(about)} {about.symbol}".strip()
 
     def axis_text(self, axis: Axis) -> str:
-        """What an axis covers, in words."""
+        """The title and values of a varied field."""
         title = self.axis_title(axis)
         if axis.low is None or axis.high is None:
             return f"{title}: {', '.join(map(str, axis.values))}"
@@ -122,45 +135,29 @@ class Study(ABC):
         return f"{title}: {number_text(axis.low)} to {number_text(axis.high)}{unit}{spacing}{count}"
 
 
-@dataclass(frozen=True)
-class StudyKind:
-    """A study as the page offers it."""
-
-    kind: str
-    """Its name in forms, and the command that does the same without bounds: flexlab KIND."""
-    place: int
-    """Rank on the page."""
-    title: str
-    what: str
-    """What it does, in a sentence or two."""
-    run_words: str
-    """What is simulated again and again: "cell"."""
-    counts: bool
-    """Whether an axis has a number of values, and may be a choice."""
-    questions: tuple[Question, ...]
-    read: Callable[[Form, Scenario, float], Study]
-    """(form, scenario, simulated time in s) → what is asked for. Raises `StudyError` or `ScenarioError` with what is wrong."""
-
-
-STUDIES = Registry(StudyKind, "study", "STUDY", "flexlab.server.studies")
+@cache
+def known_studies() -> dict[str, type[Study]]:
+    """Every study by its kind, in the order of the page."""
+    found: list[type[Study]] = [module.STUDY for module in modules_in("flexlab.server.studies")]
+    return {study.kind: study for study in sorted(found, key=lambda study: study.place)}
 
 
 def threads() -> int:
-    """How many a study takes: one core stays for the labs."""
+    """The number of threads of a study, which leaves one core for the labs."""
     return max((os.cpu_count() or 1) - 1, 1)
 
 
 def metric_columns() -> list[Column]:
-    """The metrics that a study may be about."""
+    """The metrics that a form offers."""
     return [column for metric in METRICS.values() for column in metric.columns if column.field != "window"]
 
 
 def read_study(form: Form, scenario: Scenario) -> Study:
     """The study that a form asks for. Raises `StudyError` or `ScenarioError` with what is wrong."""
     try:
-        kind = STUDIES[text_of(form, "kind")]
+        study = known_studies()[text_of(form, "kind")]
     except KeyError:
-        known = ", ".join(STUDIES.all())
+        known = ", ".join(known_studies())
         raise StudyError(f"{visible(form.get('kind', ''), LONGEST_SHOWN)!r} is no study: choose of {known}.") from None
     duration = number_of(form, "duration", "Simulated time")
     if not 0 < duration <= LONGEST_RUN:
@@ -168,11 +165,11 @@ def read_study(form: Form, scenario: Scenario) -> Study:
             f"Simulated time = {number_text(duration)} s is outside 0 to {number_text(LONGEST_RUN)} s: choose "
             "within it."
         )
-    return kind.read(form, scenario, duration)
+    return study.read(form, scenario, duration)
 
 
 def check_work(count: int, duration: float, what: str, command: str) -> None:
-    """Raises `StudyError` for more than a page may ask for."""
+    """Raises `StudyError` for more simulated time than a form may ask for."""
     if count * duration > MOST_SIMULATED:
         raise StudyError(
             f"{count} {what} of {number_text(duration)} s simulate {number_text(count * duration)} s, over the "
@@ -182,7 +179,7 @@ def check_work(count: int, duration: float, what: str, command: str) -> None:
 
 
 def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
-    """What a form varies. Raises `StudyError` or `ScenarioError`."""
+    """The fields that a form varies; `counted`: over a number of values. Raises `StudyError` or `ScenarioError`."""
     texts: list[str] = []
     for end in AXES:
         path = text_of(form, f"field{end}")
@@ -192,7 +189,7 @@ def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
             texts.append(f"{path}={','.join(_chosen(form, end, path, counted))}")
             continue
         low, high = number_of(form, f"low{end}", f"From, of {path},"), number_of(form, f"high{end}", f"To, of {path},")
-        # Every digit, as a text that is read again.
+        # `parse_axes` reads the numbers again, so they keep every digit.
         parts = [repr(low), repr(high), *(["log"] if form.get(f"log{end}") else [])]
         if counted:
             count = whole_of(form, f"count{end}", f"Values of {path}")
@@ -210,10 +207,10 @@ def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
 
 
 def _chosen(form: Form, end: str, path: str, counted: bool) -> list[str]:
-    """The words that were ticked for a field that is a choice. Raises `StudyError`."""
+    """The ticked options of a field that is a choice. Raises `StudyError`."""
     if not counted:
         raise StudyError(f"{path} is a choice: a tuning searches numbers; compare choices with a sweep.")
-    # A form says each box as "path=word", and only the chosen field's boxes count.
+    # A box is called "path=word", and the boxes of other fields do not count.
     several = getattr(form, "getall", None)
     boxes: list[Any] = [form.get(f"words{end}")] if several is None else several(f"words{end}", [])
     ticked = [box.removeprefix(f"{path}=") for box in boxes if isinstance(box, str) and box.startswith(f"{path}=")]

@@ -1,4 +1,4 @@
-"""Long work that pages come back to: how far each task is, and what came of it. Bounded, gone when the server closes."""
+"""Long tasks with progress and results that pages show later. The number kept is bounded, and all end with the server."""
 
 import asyncio
 import contextlib
@@ -19,17 +19,17 @@ from flexlab.server.limits import THE_SERVER, Asker, Limit
 from flexlab.server.tasks import Tasks
 
 MOST_BYTES = 1_000_000_000
-"""Of the files of one book's finished tasks; the newest one keeps its own whatever they are."""
+"""Most bytes of all files of finished tasks; the newest task keeps its files whatever their size."""
 GOOD, BAD = "good", "bad"
 NAME_DIGITS = 16
-"""Of a task's folder, hexadecimal."""
+"""Hexadecimal digits in the name of a task's folder."""
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a task's work gives."""
+    """The result of a task's work."""
 
     result: Any = None
     sentence: str = "Finished."
@@ -38,41 +38,41 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Task:
-    """One task, as it stands."""
+    """The state of one task."""
 
     key: str
     asker: Asker
     folder: Path
-    """For its files; made by the work that has some."""
+    """Folder for its files, which the work makes if it writes any."""
     about: Any = None
-    """What its page knows of it."""
+    """Anything that its page wants to keep with it."""
     share: float = 0.0
-    """How far it is, 0 to 1."""
+    """Progress, 0 to 1."""
     working: bool = True
     sentence: str = ""
     kind: str = ""
-    """"good" or "bad" once it is over."""
+    """"good" or "bad" once it has ended."""
     result: Any = None
-    """None, too, if it came to no end."""
+    """None, too, of a task that failed or was cancelled."""
     size: int = 0
-    """Bytes of its files."""
+    """Size of its files, bytes."""
 
     def as_data(self) -> dict[str, Any]:
-        """How it stands, for the script in its page."""
+        """The state for the script in its page."""
         return {"working": self.working, "share": self.share, "sentence": self.sentence, "kind": self.kind}
 
 
 IDLE = Task("", THE_SERVER, Path(), working=False)
-"""One that nobody has begun."""
+"""The state of a task that was never started."""
 
 
 class TaskBook:
-    """The tasks of one kind, of one server. For its event loop only."""
+    """All tasks of one kind on one server. To be used in its event loop only."""
 
     def __init__(self, tasks: Tasks, folder: Path, most_kept: int, limit: Limit | None = None, long: bool = False):
-        """`folder`: where their folders lie; somebody else removes it. `most_kept`: finished ones that are remembered.
+        """`folder`: parent of the tasks' folders, which the caller removes. `most_kept`: finished tasks that are kept.
 
-        `limit`: bounds those that work or wait, besides what bounds all tasks. `long`: only one of them works at a time.
+        `limit`: bounds running and waiting tasks, in addition to the bounds of `Tasks`. `long`: only one runs at a time.
         """
         self._all, self._folder, self._most_kept, self._limit, self._long = tasks, folder, most_kept, limit, long
         self._tasks: OrderedDict[str, Task] = OrderedDict()
@@ -81,9 +81,9 @@ class TaskBook:
     def start(
         self, word: str, key: str, asker: Asker, work: Callable[..., Outcome], *arguments: Any, about: Any = None
     ) -> Task:
-        """Begin `work(*arguments)`, or queue it, unless that is being done; `word`: what it is, as in "Replay".
+        """Start or queue `work(*arguments)`, unless a task with this key is running; `word` names it, as in "Replay".
 
-        Work with a parameter `folder` gets the task's, which it makes; `report` as in `Tasks.run`. Raises `BusyError`.
+        Work with a parameter `folder` gets the task's folder; `report` is as for `Tasks.run`. Raises `BusyError`.
         """
         task = self._tasks.get(key)
         if task is not None and task.working:
@@ -108,7 +108,7 @@ class TaskBook:
     async def finished(
         self, word: str, key: str, asker: Asker, work: Callable[..., Outcome], *arguments: Any, about: Any = None
     ) -> Task:
-        """The task with this key, at its end, begun if nobody has. Raises `FlexlabError` if it fails."""
+        """Wait for the task with this key, started if there is none, and return it. Raises `FlexlabError` if it fails."""
         task = self._tasks.get(key)
         if task is None or (not task.working and task.result is None):
             task = self.start(word, key, asker, work, *arguments, about=about)
@@ -121,15 +121,15 @@ class TaskBook:
         return task
 
     def get(self, key: str) -> Task | None:
-        """A task by its key."""
+        """The task with this key, if any."""
         return self._tasks.get(key)
 
     def all(self) -> list[Task]:
-        """Those that are known, the newest first."""
+        """All tasks that are kept, newest first."""
         return list(reversed(self._tasks.values()))
 
     def cancel(self, task: Task) -> None:
-        """End a task that works or waits."""
+        """Cancel a task that is running or waiting."""
         if task.key in self._jobs:
             self._jobs[task.key].cancel()
             self._note(task, working=False, kind=BAD, sentence="Cancelled.")
@@ -160,7 +160,7 @@ class TaskBook:
             self._tasks[task.key] = replace(known, **news)
 
     def _forget_old(self) -> list[Task]:
-        """Those that went, whose files may go."""
+        """Forget the oldest finished tasks over the bounds; returns them, so that their files can be removed."""
         done = [task for task in self._tasks.values() if not task.working]
         gone: list[Task] = []
         while len(done) > 1 and (len(done) > self._most_kept or sum(task.size for task in done) > MOST_BYTES):

@@ -1,4 +1,4 @@
-"""Long work on runs (comparing, replaying, exporting) in processes of their own: labs and pages never wait for it."""
+"""Long work on runs (comparing, replaying, exporting) in separate processes, so that labs and pages never wait for it."""
 
 import asyncio
 import contextlib
@@ -26,20 +26,20 @@ from flexlab.server.child_processes import (
 from flexlab.server.limits import Asker, Limit
 
 AT_ONCE = 3
-"""Tasks that run together, the last of them only for the teacher; they stand back behind labs, so more would only be slower."""
+"""Tasks that run at once, the last of them only for the teacher; they have low priority, so more would only be slower."""
 MOST_OF_ONE, MOST_OF_ADDRESS, MOST = 4, 30, 40
-"""Tasks that run or wait: of one visitor, of one address, and of all visitors."""
+"""Most running and waiting tasks: of one visitor, of one address, and of all visitors."""
 MOST_OF_TEACHER = 10
-"""Beside them."""
+"""Most running and waiting tasks of the teacher, in addition."""
 LOW_PRIORITY = 10
-"""Unix niceness: the labs must not notice, but a person waits."""
+"""Unix niceness: below the labs, but above work for which nobody waits."""
 MOST_MEMORY = 4_000_000_000
-"""Bytes that a task may take: a hostile upload could unpack into any size."""
+"""Memory that a task may take, bytes: a hostile upload could unpack into any size."""
 LONGEST = 600.0
-"""s that a task may take."""
+"""Time that a task may take, s."""
 
 OUT_OF_MEMORY = Path("/proc/self/oom_score_adj")
-"""Of Linux: 1000 there says that this process goes first where memory runs out, before labs and the server."""
+"""On Linux, 1000 in this file makes the kernel end this process first if memory runs out, before labs and the server."""
 
 TOO_LARGE = (
     f"This takes more than {MOST_MEMORY / 1e9:g} GB of memory: choose a shorter range of time, or use the command line."
@@ -51,28 +51,28 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Progress:
-    """How far the work is, 0 to 1."""
+    """The work's progress, 0 to 1."""
 
     share: float
 
 
 @dataclass(frozen=True)
 class Done:
-    """What the work gave."""
+    """The work's result."""
 
     result: Any
 
 
 @dataclass(frozen=True)
 class Failed:
-    """Why it gave nothing."""
+    """The reason why the work failed."""
 
     sentence: str
 
 
 @failures_told_plainly()
 def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], own_laws: dict[str, str], pipe: Connection) -> None:
-    """The life of a task's process."""
+    """The main function of a task's process."""
     know_own_files(own_laws)
     leave_interrupts_to_the_server()
     end_with_the_server()
@@ -94,7 +94,7 @@ def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], own_laws: di
 
 
 def _limit_memory() -> None:
-    if sys.platform == "linux":  # Elsewhere this limit does not hold what it promises.
+    if sys.platform == "linux":  # Other systems do not enforce this limit.
         import resource
 
         hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
@@ -105,7 +105,7 @@ def _limit_memory() -> None:
 
 
 class Turns:
-    """Who works now and who waits. One visitor has one turn at a time, and the last one is kept for the teacher."""
+    """The queue of tasks. A visitor runs one task at a time, and one place is kept for the teacher."""
 
     def __init__(self) -> None:
         self._working: list[tuple[Asker, bool]] = []
@@ -113,7 +113,7 @@ class Turns:
 
     @contextlib.asynccontextmanager
     async def turn(self, asker: Asker, long: bool = False) -> AsyncGenerator[None]:
-        """Wait for a turn, and hold it. `long`: only one such turn is held at a time."""
+        """Wait for a turn and hold it. `long`: only one long turn is held at a time."""
         mine = asyncio.get_running_loop().create_future()
         self._waiting[mine] = asker, long
         self._go_on()
@@ -126,11 +126,11 @@ class Turns:
             self._go_on()
 
     def _go_on(self) -> None:
-        """Give free turns away: to the teacher first, then to addresses that have the fewest, then in order."""
+        """Give free turns to the teacher first, then to addresses with the fewest turns, then in order of arrival."""
         while ready := [turn for turn, asked in self._waiting.items() if self._may_work(*asked)]:
             turn = min(ready, key=lambda ready: self._rank(self._waiting[ready][0]))
             self._working.append(self._waiting.pop(turn))
-            if not turn.done():  # Its asker may just have been cancelled, and gives it back.
+            if not turn.done():  # A cancelled asker gives its turn back.
                 turn.set_result(None)
 
     def _may_work(self, asker: Asker, long: bool) -> bool:
@@ -147,7 +147,7 @@ class Turns:
 
 
 class Tasks:
-    """All tasks of one server. For its event loop only."""
+    """All tasks of one server. To be used in its event loop only."""
 
     def __init__(self) -> None:
         self._limit = Limit("tasks", MOST_OF_ONE, MOST_OF_ADDRESS, MOST, MOST_OF_TEACHER)
@@ -156,7 +156,7 @@ class Tasks:
         self._closed = False
 
     def check(self, asker: Asker) -> None:
-        """Raises `BusyError` if this asker may not begin a task now."""
+        """Raise `BusyError` if this asker may not start a task now."""
         self._limit.check(asker)
 
     async def run(
@@ -167,23 +167,23 @@ class Tasks:
         on_progress: Callable[[float], None] = lambda share: None,
         long: bool = False,
     ) -> T:
-        """What `work(*arguments)` gives in a process of its own; a parameter `report` of it takes how far it is, 0 to 1.
+        """The result of `work(*arguments)` in a process of its own; its parameter `report`, if any, takes progress, 0 to 1.
 
-        `long`: it waits until no other long work is being done. All must be such that processes can pass them to each other.
-        Raises `FlexlabError` as `work` does, `BusyError` if too much is going on, and `LabError` if the process fails. The
-        process ends when the caller is cancelled.
+        `long`: only one long task runs at a time. Work, arguments and result must be picklable. The process ends when the
+        caller is cancelled. Raises `FlexlabError` as `work` does, `BusyError` for too many tasks, and `LabError` if the
+        process fails.
         """
         with self._limit.place(asker):
             async with self._turns.turn(asker, long):
                 try:
                     return await self._run(work, arguments, on_progress)
-                except OSError as error:  # No handle, process or memory is left.
+                except OSError as error:  # There is no handle, process or memory left.
                     raise LabError(
                         f"This task cannot begin ({error.strerror}): this machine has too much to do. Try again later."
                     ) from None
 
     async def _run(self, work: Callable[..., T], arguments: tuple[Any, ...], on_progress: Callable[[float], None]) -> T:
-        if self._closed:  # What waited for its turn gets it when the others are ended.
+        if self._closed:  # Waiting tasks get their turn when running ones are ended.
             raise LabError("This server is closing.")
         context = job_processes()
         pipe, other = context.Pipe(duplex=False)
@@ -193,7 +193,7 @@ class Tasks:
             name="flexlab-task",
             daemon=True,
         )
-        # Beside: what is large is handed over only once the process has come up, which takes seconds on a busy machine.
+        # In a thread: large arguments are handed over once the process is up, which takes seconds on a busy machine.
         starting = asyncio.ensure_future(asyncio.to_thread(_start, process, other))
         self._processes.add(process)
         try:
@@ -219,7 +219,7 @@ class Tasks:
         )
 
     def close(self) -> None:
-        """End all at once."""
+        """End all tasks at once."""
         self._closed = True
         for process in list(self._processes):
             if process.pid is not None:
@@ -233,7 +233,7 @@ def _start(process: BaseProcess, its_end: Connection) -> None:
 
 
 def _hear(pipe: Connection) -> Progress | Done | Failed | None:
-    """The next word of a process; None if it ended without one."""
+    """The next message of a process; None if it ended without one."""
     try:
         return pipe.recv()
     except (EOFError, OSError):

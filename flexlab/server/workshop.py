@@ -1,4 +1,4 @@
-"""A folder for files that nobody keeps. It is locked by its server; those of servers that were killed are swept."""
+"""A server's temporary folder. Its server locks it, and a later server removes the folders of servers that were killed."""
 
 import contextlib
 import shutil
@@ -9,18 +9,18 @@ from typing import IO
 
 try:
     import fcntl
-except ImportError:  # Windows: there nothing is swept
+except ImportError:  # On Windows no folder is removed.
     fcntl = None
 
 PREFIX = "flexlab-server-"
 LOCK = "in-use"
-"""A file in the folder whose lock dies with its server: a process's number alone may be another one's by now."""
+"""A file in the folder whose lock ends with its server; a process's number could belong to another process by now."""
 YOUNG = 60.0
-"""s within which a folder without a lock may be one that is just being made."""
+"""Age of a folder without a lock file, s, up to which it may be one that is just being made."""
 
 
 class Workshop:
-    """A new folder of one server's own."""
+    """A new temporary folder."""
 
     def __init__(self) -> None:
         sweep()
@@ -30,13 +30,13 @@ class Workshop:
             fcntl.flock(self._lock, fcntl.LOCK_EX)
 
     def close(self) -> None:
-        """Remove it with all that is in it."""
+        """Remove the folder with its files."""
         self._lock.close()
         shutil.rmtree(self.path, ignore_errors=True)
 
 
 def sweep() -> None:
-    """Remove the folders of servers that are no more."""
+    """Remove the folders of servers that no longer run."""
     if fcntl is None:
         return
     with contextlib.suppress(OSError):
@@ -47,7 +47,7 @@ def sweep() -> None:
 
 
 def _is_left(folder: Path) -> bool:
-    """Whether no server has it. Raises OSError for a folder that is another person's."""
+    """Whether no server holds the folder. Raises OSError for another user's folder."""
     try:
         lock: IO[bytes] = (folder / LOCK).open("rb")
     except FileNotFoundError:

@@ -1,6 +1,6 @@
-"""`/leaderboard`: control laws on the same cases, as last computed here, and a button that computes what is missing.
+"""`/leaderboard`: the newest table of control laws on the same cases, and a button that computes the missing rows.
 
-Computing and drawing take a process each.
+Computing and drawing run in processes of their own.
 """
 
 import asyncio
@@ -21,11 +21,11 @@ from flexlab.server.task_book import IDLE, Outcome
 from flexlab.server.visitors import asker_of
 
 MOST_BOARDS = 4
-"""Computations that are remembered: the newest table's, and what drew the figures of it and some before."""
+"""Most tasks that a server keeps: the newest computation, and the figures of the newest tables."""
 
 
 def newest_board(folder: Path) -> tuple[Leaderboard, str]:
-    """(the newest table in a folder, or the one that came with flexlab; what names it): its cases that are still known."""
+    """(the newest table in a folder, or the one that ships with flexlab; its digest), with the cases that still exist."""
     known = cases()
     rows = tuple(row for row in RowStore(folder).last() if _is_of(row.case, row.variant)) or shipped_rows()
     found = Leaderboard(tuple(known[name] for name in dict.fromkeys(row.case for row in rows)), rows)
@@ -33,7 +33,7 @@ def newest_board(folder: Path) -> tuple[Leaderboard, str]:
 
 
 def came_along(board: Leaderboard) -> bool:
-    """Whether nothing was computed here yet."""
+    """Whether the table is the one that ships with flexlab."""
     return board.rows == shipped_rows()
 
 
@@ -43,19 +43,19 @@ def _is_of(case: str, variant: str) -> bool:
 
 
 def is_of_today(board: Leaderboard) -> bool:
-    """Whether all rows were computed by the engine as it is now."""
+    """Whether the present engine computed all rows."""
     return all(row.engine == engine() for row in board.rows)
 
 
 def compute_board(kept: Path, report: Callable[[float], None]) -> Outcome:
-    """Compute what is missing of flexlab's own laws in all cases but the long ones."""
+    """Compute the missing rows of flexlab's own laws in all cases but the long ones."""
     tasks = make_tasks(chosen_cases(None, long=False), chosen_entrants(None))
     board = run_board(tasks, RowStore(kept), told=lambda done, total: report(done / total))
     return Outcome(sentence=f"{len(board.rows)} rows, {board.computed} of them computed now.")
 
 
 def draw_board(kept: Path) -> Outcome:
-    """(What names the newest table, its figures by case as SVG)."""
+    """The result is (digest of the newest table, its figures by case as SVG)."""
     from flexlab.analysis.leaderboard.report import page_figure
 
     board, name = newest_board(kept)
@@ -64,12 +64,12 @@ def draw_board(kept: Path) -> Outcome:
 
 PLACE = "/leaderboard"
 TABLE = "table"
-"""The task that computes it; those that draw are called as what they draw."""
+"""Key of the task that computes; a task that draws has the table's digest as its key."""
 DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
 
 
 def add_leaderboard_pages(router: web.UrlDispatcher) -> None:
-    """Routes of the leaderboard."""
+    """Add the routes of the leaderboard."""
     router.add_get(PLACE, leaderboard)
     router.add_post(PLACE, start)
     router.add_get(f"{PLACE}/state", state)
@@ -77,17 +77,17 @@ def add_leaderboard_pages(router: web.UrlDispatcher) -> None:
 
 
 def _folder(context: Context) -> Path:
-    """Where rows are kept, from one server to the next."""
+    """The folder of rows, which later servers use too."""
     return context.settings.logs.parent / FOLDER
 
 
 async def _newest(context: Context) -> tuple[Leaderboard, str]:
-    """(The newest table, what names it)."""
+    """(The newest table, its digest)."""
     return await asyncio.to_thread(newest_board, _folder(context))
 
 
 async def leaderboard(request: web.Request) -> web.Response:
-    """The newest table."""
+    """The page with the newest table."""
     context = context_of(request)
     board, name = await _newest(context)
     return page(
@@ -109,14 +109,14 @@ async def leaderboard(request: web.Request) -> web.Response:
 
 
 async def start(request: web.Request) -> web.Response:
-    """Compute what is missing; the page tells how it goes."""
+    """Start computing the missing rows; the page shows the progress."""
     context = context_of(request)
     context.boards.start("Leaderboard", TABLE, asker_of(request), compute_board, _folder(context))
     raise web.HTTPSeeOther(PLACE)
 
 
 async def state(request: web.Request) -> web.Response:
-    """How the computation stands, for the script in the page."""
+    """The progress of the computation, for the script in the page."""
     return told(context_of(request).boards.get(TABLE))
 
 

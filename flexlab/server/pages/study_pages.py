@@ -1,4 +1,4 @@
-"""`/studies`: what can be computed of the lab's scenario or of a preset; `/studies/<id>`: one study, live and when it is done."""
+"""`/studies`: forms for studies of the lab's scenario or of a preset; `/studies/<id>`: one study, running or finished."""
 
 import asyncio
 import secrets
@@ -17,36 +17,34 @@ from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.page_context import context_of, told
 from flexlab.server.pages.templating import button, message, page
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
-from flexlab.server.study import MOST_VALUES, STUDIES, Found, Study, metric_columns, read_study
+from flexlab.server.study import MOST_VALUES, Found, Study, known_studies, metric_columns, read_study
 from flexlab.server.task_book import Task
 from flexlab.server.visitors import asker_of, keep_visitor, known_visitor_of, visitor_of
 from flexlab.text import visible
 
 FROM_LAB = "lab"
-"""What `?from=` says for the lab's present scenario."""
+"""The value of `?from=` for the lab's present scenario."""
 USUAL = ("payload.bending_stiffness", "controller.feedback_gain")
-"""Fields that a form proposes, where the scenario has them."""
+"""Fields that a form proposes if the scenario has them."""
 ALL_STUDIES = button("/studies", "Studies")
 NO_STUDY = "There is no such study: a server keeps the last few, as long as it runs."
 ID_BYTES = 9
-"""Randomness of a study's address: whoever has it may look and cancel, so that nobody guesses it."""
+"""Random bytes of a study's address, so that nobody can guess it: whoever has the address may look and cancel."""
 
 
 @dataclass(frozen=True)
 class Begun:
-    """A study that somebody began."""
+    """A study that a visitor started."""
 
     study: Study
-    kind: str
-    """In a word."""
     visitor: str
-    """Whose it is; empty: everybody's."""
+    """Id of the visitor; empty: the study belongs to all visitors."""
     name: str
-    """Of the scenario: a preset's, or the lab's."""
+    """Name of the scenario: a preset's, or the lab's."""
 
 
 def add_study_pages(router: web.UrlDispatcher) -> None:
-    """Routes of studies."""
+    """Add the routes of the page and of each study."""
     router.add_get("/studies", studies)
     router.add_post("/studies", start)
     router.add_get("/studies/{study}", study_page)
@@ -58,13 +56,13 @@ def add_study_pages(router: web.UrlDispatcher) -> None:
 
 
 def _visitor(request: web.Request) -> str:
-    """Whose studies these are; all visitors of a shared lab share them as well."""
+    """Id of the visitor whose studies a page shows; empty in a shared lab, whose visitors share all studies."""
     context = context_of(request)
     return visitor_of(request).id if context.places.is_private else ""
 
 
 async def studies(request: web.Request) -> web.Response:
-    """The forms, about the lab's scenario or a preset, and what was studied."""
+    """The forms for the lab's scenario or a preset, and the list of studies."""
     context = context_of(request)
     cards = await context.preset_cards.look(())
     presets = [(card.name, card.scenario.title or card.name) for card in cards if card.scenario is not None]
@@ -91,14 +89,14 @@ async def studies(request: web.Request) -> web.Response:
         proposed=[_proposed(fields, path) for path in (*[path for path in USUAL if path in paths], "", "")[:2]],
         choices=varied_choices(scenario),
         metrics=metric_columns(),
-        kinds=list(STUDIES.all().values()),
+        kinds=list(known_studies().values()),
         most_values=MOST_VALUES,
         studies=[_row(task) for task in context.studies.all() if task.about.visitor == _visitor(request)],
     )
 
 
 def _lab_scenario(request: web.Request) -> tuple[str, Scenario] | None:
-    """(name, scenario) of the visitor's lab as it is now."""
+    """(name, scenario) of the visitor's lab as it is now; None without a lab."""
     context = context_of(request)
     place = context.places.of_visitor(visitor_of(request).id)
     if place is None:
@@ -116,12 +114,12 @@ def _proposed(fields: Iterable[VariedField], path: str) -> VariedField | None:
 
 
 def _row(task: Task) -> dict[str, Any]:
-    """A study in a list, in words."""
+    """A study's row in the list."""
     begun: Begun = task.about
     study = begun.study
     return {
         "address": f"/studies/{task.key}",
-        "kind": begun.kind,
+        "kind": study.title,
         "title": study.scenario.title or begun.name,
         "axes": " × ".join(map(study.axis_title, study.axes)),
         "sentence": task.sentence,
@@ -129,19 +127,17 @@ def _row(task: Task) -> dict[str, Any]:
 
 
 async def start(request: web.Request) -> web.Response:
-    """Begin what a form asks for."""
+    """Start the study that a form asks for."""
     form = await request.post()
     context = context_of(request)
     try:
         scenario = decode_scenario(str(form.get("scenario", "")))
         study = await asyncio.to_thread(read_study, form, scenario)
         visitor = known_visitor_of(request)
-        word = STUDIES[str(form["kind"])].title
         mine = visitor.id if context.places.is_private else ""
-        about = Begun(study, word, mine, visible(form.get("name", ""), 80))
-        work, arguments = study.job()
+        about = Begun(study, mine, visible(form.get("name", ""), 80))
         name = secrets.token_urlsafe(ID_BYTES)
-        context.studies.start(word, name, asker_of(request), work, *arguments, about=about)
+        context.studies.start(study.title, name, asker_of(request), study.job(), about=about)
     except LabError as error:
         return message("Not now", str(error), 503, ALL_STUDIES)
     except FlexlabError as error:
@@ -161,7 +157,7 @@ def _task(request: web.Request) -> Task:
 
 
 async def study_page(request: web.Request) -> web.Response:
-    """A study: how far it is, or what it found."""
+    """The page of a study: its progress, or its results."""
     try:
         task = _task(request)
     except web.HTTPNotFound:
@@ -170,7 +166,7 @@ async def study_page(request: web.Request) -> web.Response:
     found = study.found(task) if task.result is not None else Found()
     return page(
         "study.html",
-        task.about.kind,
+        study.title,
         here="/studies",
         kind="studies",
         scripts=("chart", "study"),
@@ -187,12 +183,12 @@ async def study_page(request: web.Request) -> web.Response:
 
 
 async def state(request: web.Request) -> web.Response:
-    """How a study stands, for the script in its page."""
+    """A study's progress, for the script in its page."""
     return told(_task(request))
 
 
 async def data(request: web.Request) -> web.Response:
-    """What the script in a study's page draws."""
+    """The data that the script in a study's page draws."""
     task = _task(request)
     drawing = await asyncio.to_thread(task.about.study.drawing, task)
     if drawing is None:
@@ -201,7 +197,7 @@ async def data(request: web.Request) -> web.Response:
 
 
 async def table(request: web.Request) -> web.StreamResponse:
-    """The file with all that came of a study."""
+    """The file with all results of a study."""
     task = _task(request)
     path = task.about.study.found(task).table if task.result is not None else None
     if path is None:
@@ -228,7 +224,7 @@ async def cell(request: web.Request) -> web.Response:
 
 
 async def cancel(request: web.Request) -> web.Response:
-    """End a study that is being computed."""
+    """Cancel a study that is running or waiting."""
     task = _task(request)
     context_of(request).studies.cancel(task)
     raise web.HTTPSeeOther(f"/studies/{task.key}")

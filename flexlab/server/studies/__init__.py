@@ -1,1 +1,1 @@
-"""What the page of studies computes: each file here is one study, and all that its form and its page need."""
+"""The studies of the page *Studies*, one per file: what its form asks, its computation and its page."""

@@ -1,8 +1,9 @@
-"""A sweep on its page: a map of each metric that fills while it is computed, and leads to the scenario of every cell."""
+"""The sweep of the page *Studies*: a map of each metric that fills as cells are computed; each cell opens in the lab."""
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +17,7 @@ from flexlab.errors import FlexlabError, StudyError
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES
 from flexlab.scenario.settings import change_settings
-from flexlab.server.study import (
-    ELSEWHERE,
-    LONGEST_RUN,
-    MOST_VALUES,
-    Form,
-    Found,
-    Job,
-    Study,
-    StudyKind,
-    axes_of,
-    check_work,
-    threads,
-)
+from flexlab.server.study import ELSEWHERE, LONGEST_RUN, MOST_VALUES, Form, Found, Study, axes_of, check_work, threads
 from flexlab.server.task_book import Outcome, Task
 
 SAMPLE_PERIOD = 1e-3
@@ -38,76 +27,67 @@ Columns = Mapping[str, Sequence[Any]]
 
 @dataclass
 class SweepStudy(Study):
-    """A sweep that somebody wants."""
+    """A sweep over one or two fields."""
+
+    kind, place, title, run_words, is_map = "sweep", 10, "Sweep", "cell", True
+    what = (
+        "Simulates the scenario for every pair of values and draws each metric as a map: where it rings, where it fails. "
+        f"At most {MOST_VALUES} cells of {LONGEST_RUN:g} s."
+    )
 
     scenario: Scenario
-    """What is varied, with the accuracy of a lab's run, which is finer than a cell's."""
+    """The scenario that is varied, with the accuracy of a lab's run, which is finer than a cell's."""
     axes: tuple[Axis, ...]
     plan: Plan
     _growing: "GrowingSweep | None" = field(default=None, init=False)
 
-    @property
-    def is_map(self) -> bool:
-        """It is."""
-        return True
+    @classmethod
+    def read(cls, form: Form, scenario: Scenario, duration: float) -> "SweepStudy":
+        """The sweep that a form asks for. Raises `StudyError` or `ScenarioError`."""
+        plan = make_plan(scenario, axes_of(form, scenario, counted=True), duration, SAMPLE_PERIOD)
+        if plan.cell_count > MOST_VALUES:
+            raise StudyError(
+                f"{plan.cell_count} cells are too many for this page: choose fewer values, {MOST_VALUES} cells at most, "
+                f"{ELSEWHERE}: flexlab sweep."
+            )
+        check_work(plan.cell_count, duration, "cells", "sweep")
+        return cls(scenario, plan.axes, plan)
 
-    def job(self) -> tuple[Job, tuple[Any, ...]]:
-        """The plan's cells."""
-        return sweep_study, (self.plan,)
+    def job(self) -> Callable[..., Outcome]:
+        """Computes the plan's cells."""
+        return partial(sweep_study, self.plan)
 
     def drawing(self, task: Task) -> dict[str, Any] | None:
-        """As `page_data`, of the cells that are done."""
+        """`page_data` of the cells that are done."""
         if task.working:
             self._growing = self._growing or GrowingSweep(self.plan, task.folder)
             return self._growing.data()
         return task.result
 
     def found(self, task: Task) -> Found:
-        """A table of all cells."""
+        """The table of all cells."""
         return Found(table=task.folder / TABLE)
 
     def cell_scenario(self, cell: int) -> Scenario:
-        """A cell's scenario for the lab. Raises `StudyError` for none, `ScenarioError` for one that is not valid."""
+        """A cell's scenario for the lab. Raises `StudyError` if there is no such cell, `ScenarioError` if it is not valid."""
         if not 0 <= cell < self.plan.cell_count:
             raise StudyError(f"This sweep has the cells 0 to {self.plan.cell_count - 1}.")
         return change_settings(self.scenario, self.plan.changes(cell))
 
 
-def read(form: Form, scenario: Scenario, duration: float) -> SweepStudy:
-    """The sweep that a form asks for."""
-    plan = make_plan(scenario, axes_of(form, scenario, counted=True), duration, SAMPLE_PERIOD)
-    if plan.cell_count > MOST_VALUES:
-        raise StudyError(
-            f"{plan.cell_count} cells are too many for this page: choose fewer values, {MOST_VALUES} cells at most, "
-            f"{ELSEWHERE}: flexlab sweep."
-        )
-    check_work(plan.cell_count, duration, "cells", "sweep")
-    return SweepStudy(scenario, plan.axes, plan)
-
-
-STUDY = StudyKind(
-    "sweep",
-    10,
-    "Sweep",
-    "Simulates the scenario for every pair of values and draws each metric as a map: where it rings, where it fails. "
-    f"At most {MOST_VALUES} cells of {LONGEST_RUN:g} s.",
-    "cell",
-    True,
-    (),
-    read,
-)
+STUDY = SweepStudy
 
 
 def sweep_study(plan: Plan, folder: Path, report: Callable[[float], None]) -> Outcome:
-    """Compute a sweep in `folder`; what the page draws, as plain data."""
+    """Compute a sweep in `folder`; the result is its `page_data`."""
     run_sweep(plan, folder, chosen_workers(threads()), lambda done, total: report(done / total))
     return Outcome(page_data(plan, Sweep(plan, folder).columns()))
 
 
 def page_data(plan: Plan, table: Columns) -> dict[str, Any]:
-    """What the page's script takes: axes, metrics, and per cell its status, sentence and numbers.
+    """The data that the page's script draws: axes, metrics, and of each cell its status, sentence and numbers.
 
-    `table`: columns by name, of some cells or all. Of a cell that is not there the status is None.
+    `table`: columns by name, of some cells or all; the status of a missing cell is None.
     """
     cells, count = table.get("cell", ()), plan.cell_count
 
@@ -154,7 +134,7 @@ def _axis_data(scenario: Scenario, axis: Axis) -> dict[str, Any]:
 
 
 class GrowingSweep:
-    """A sweep that is being computed in a folder: what is new is read once. For any thread."""
+    """A sweep that is being computed in a folder; each part is read once. May be used from any thread."""
 
     def __init__(self, plan: Plan, folder: Path):
         self._plan, self._folder = plan, folder
@@ -163,7 +143,7 @@ class GrowingSweep:
         self._lock = threading.Lock()
 
     def data(self) -> dict[str, Any]:
-        """As `page_data`, of the cells that are done."""
+        """`page_data` of the cells that are done."""
         with self._lock:
             parts = {cells: read_part(self._folder, self._plan, cells) for cells in self._missing}
             for cells, part in parts.items():

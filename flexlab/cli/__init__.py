@@ -1,7 +1,7 @@
-"""The command line: the one place that knows every room of the house and puts them together.
+"""The command line, which uses all other packages.
 
-Each command is a module of this folder with a function `command`, loaded only when asked for, so that help is instant. Its first
-line says how it is called and what it does.
+Each command is a module of this folder with a function `command`, and is loaded only when it is called, so that help is instant.
+The module's first line is the command's usage and purpose for the help.
 """
 
 import difflib
@@ -20,20 +20,20 @@ from flexlab.errors import FlexlabError
 from flexlab.text import tell_failures_plainly
 
 ENDING = "_command"
-"""Of a command's module."""
+"""Ending of a command's module."""
 COMMANDS = tuple(
     sorted(each.name.removesuffix(ENDING) for each in iter_modules(__path__) if each.name.endswith(ENDING))
 )
 """`flexlab` without a command means `flexlab lab`."""
 
-EXIT_OK, EXIT_FAILED_RUN, EXIT_BAD_INPUT = 0, 1, 2
+EXIT_OK, EXIT_BAD_INPUT = 0, 2
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Entry point of the console script. Exits: 0 fine, 1 the run failed, 2 bad input, 130 interrupted."""
+    """Entry point of the console script. Exit codes: 0 success, 1 the run failed, 2 bad input, 130 interrupted."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    reconfigure: Any = getattr(sys.stdout, "reconfigure", None)  # A test's stream has none.
-    if reconfigure is not None:  # A name that is no text must not end a listing.
+    reconfigure: Any = getattr(sys.stdout, "reconfigure", None)  # The streams of tests do not have it.
+    if reconfigure is not None:  # Names that are not valid text are listed, too.
         reconfigure(errors="backslashreplace")
     tell_failures_plainly()
     try:
@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         note("Interrupted.")
         sys.exit(EXIT_INTERRUPTED)
     except BrokenPipeError:
-        # Whoever read our output has left (as in `flexlab presets | head`): nobody is there to be told.
+        # The reader of the output has closed it, as in `flexlab presets | head`.
         sys.stderr.close()
         sys.exit(EXIT_OK)
 
@@ -71,7 +71,7 @@ def _dispatch(words: list[str]) -> int:
     def chosen(*words: Any, **options: Any) -> Any:
         return lambda: command(*words, **options)
 
-    # What tyro complains about repeats words that may be names of files, as they are.
+    # tyro's complaints repeat the arguments, which may hold control characters.
     complaint = io.StringIO()
     try:
         with redirect_stderr(complaint):
@@ -85,7 +85,7 @@ def _dispatch(words: list[str]) -> int:
 
 
 def _others() -> str:
-    """How each command but the lab is called, and what it does, for the help."""
+    """Usage and purpose of each command but the lab, for the help."""
     files = (Path(__path__[0], f"{name}{ENDING}.py") for name in COMMANDS if name != "lab")
     firsts = (file.read_text(encoding="utf-8").partition("\n")[0] for file in files)
     called = [first.strip('"`').split("`: ") for first in firsts]

@@ -5,25 +5,18 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
+from flexlab.cli.options import option
 
 if TYPE_CHECKING:
     from types import ModuleType
 
 
 def command(
-    as_json: Annotated[
-        bool, tyro.conf.arg(name="json", help="Print one JSON object instead of tables.", help_behavior_hint="")
-    ] = False,
-    quick: Annotated[
-        bool, tyro.conf.arg(help="Measure less: half a minute instead of two.", help_behavior_hint="")
-    ] = False,
+    as_json: Annotated[bool, option("Print one JSON object instead of tables.", name="json")] = False,
+    quick: Annotated[bool, option("Measure less: half a minute instead of two.")] = False,
     peers: Annotated[
         bool,
-        tyro.conf.arg(
-            help="Compare with MuJoCo and Exudyn as well (in a checkout of flexlab, with flexlab[peers] installed).",
-            help_behavior_hint="",
-        ),
+        option("Compare with MuJoCo and Exudyn as well (in a checkout of flexlab, with flexlab[peers] installed)."),
     ] = False,
 ) -> None:
     """Measure speed and accuracy of the engine on this machine, on one core, after compiling."""
@@ -37,7 +30,7 @@ def command(
 
 
 def _peers() -> "ModuleType":
-    """The other engines, which stand beside the tests. Raises `StudyError` where there are none."""
+    """The module of other engines in the folder of tests. Raises `StudyError` outside a checkout."""
     from flexlab.errors import StudyError
 
     beside = Path(__file__).resolve().parents[2] / "tests"

@@ -5,10 +5,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
-import tyro
-
 from flexlab.cli.console import output, print_json
-from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort
+from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort, option
 from flexlab.cli.showing import show_review
 from flexlab.errors import StudyError
 
@@ -20,19 +18,12 @@ def command(
     runs: Runs = (),
     save: Annotated[
         Path | None,
-        tyro.conf.arg(
-            metavar="FILE.rrd",
-            help="Write the overlay to this file instead of showing it; flexlab review shows it.",
-            help_behavior_hint="",
-        ),
+        option("Write the overlay to this file instead of showing it; flexlab review shows it.", "FILE.rrd"),
     ] = None,
     set_: Settings = (),
     law: Law = None,
     seed: Seed = None,
-    as_json: Annotated[
-        bool,
-        tyro.conf.arg(name="json", help="Print the tables as JSON and show nothing.", help_behavior_hint=""),
-    ] = False,
+    as_json: Annotated[bool, option("Print the tables as JSON and show nothing.", name="json")] = False,
     no_browser: NoBrowser = False,
     port: ViewerPort = 0,
     logs: Logs = LOGS,
@@ -72,7 +63,7 @@ def command(
 
 
 def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
-    """A recorded run's scenario, simulated again for as long with some changes, as a recording; only once."""
+    """The recording of a run's scenario with some changes, simulated for the same time unless there is one."""
     from flexlab.cli.headless_run import run_and_record
     from flexlab.cli.warmup import warm_up
     from flexlab.recording.reader import read_blocks, read_recording

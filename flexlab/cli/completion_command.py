@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from flexlab.cli.console import note, output
+from flexlab.cli.options import option
 from flexlab.errors import StudyError
 
 Shell = Literal["bash", "zsh", "fish"]
@@ -22,18 +23,14 @@ PLACES = {
     ),
     "fish": (".config/fish/completions/flexlab.fish", "It works in new shells."),
 }
-"""Where a shell looks for it below the home folder, and what to say then."""
+"""Shell → (place of its script below the home folder, hint after installing it)."""
 
 
 def command(
     shell: tyro.conf.Positional[
-        Annotated[
-            Shell | None, tyro.conf.arg(metavar="[bash|zsh|fish]", help="The shell; without it, yours as $SHELL says.")
-        ]
+        Annotated[Shell | None, option("The shell; without it, yours as $SHELL says.", "[bash|zsh|fish]", default=None)]
     ] = None,
-    install: Annotated[
-        bool, tyro.conf.arg(help="Write it where the shell looks for it, in your home folder.", help_behavior_hint="")
-    ] = False,
+    install: Annotated[bool, option("Write it where the shell looks for it, in your home folder.")] = False,
 ) -> None:
     """Print what makes a shell complete flexlab's commands and options, or install it."""
     chosen = shell or Path(os.environ.get("SHELL", "")).name
@@ -55,7 +52,7 @@ def command(
 
 
 def completion_script(shell: str) -> str:
-    """The script for a shell, with every command and option."""
+    """The completion script of a shell, with every command and option."""
     from flexlab.cli import COMMANDS
 
     commands = {name: importlib.import_module(f"flexlab.cli.{name}_command").command for name in COMMANDS}

@@ -1,5 +1,7 @@
-"""What the commands say: results on standard output, progress and complaints on standard error."""
+"""Output of the commands: results on standard output, progress and complaints on standard error."""
 
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -14,33 +16,47 @@ EXIT_INTERRUPTED = 130
 
 @cache
 def output() -> "Console":
-    """Results: tables, addresses."""
+    """The console for results, such as tables and addresses."""
     return console()
 
 
 @cache
 def notes() -> "Console":
-    """Progress and notes; a separate stream, so that results can be piped."""
+    """The console for progress and notes, on another stream so that results can be piped."""
     return console(stderr=True)
 
 
 def complain(sentence: str) -> None:
-    """Show what went wrong, in red, on standard error."""
+    """Print an error in red on standard error."""
     notes().print(sentence, style="red", soft_wrap=True)
 
 
 def note(sentence: str) -> None:
-    """Say something in passing, on standard error."""
+    """Print a remark on standard error."""
     notes().print(sentence, soft_wrap=True)
 
 
+@contextmanager
+def progress(what: str, total: float | None, shown: str) -> Generator[Callable[[float], None]]:
+    """A progress bar on a terminal; yields the function that moves it on. `shown`: rich's text beside the bar."""
+    if not notes().is_terminal:
+        yield lambda _: None
+        return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn(what), BarColumn(), TextColumn(shown), TimeRemainingColumn()
+    with Progress(*columns, console=notes(), transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
 def print_json(text: str, end: str = "\n") -> None:
-    """Print JSON, the same data whatever its texts hold."""
+    """Print JSON with control characters escaped."""
     output().out(visible_json(text), end=end)
 
 
 def agreed(question: str, otherwise: str) -> bool:
-    """Whether the person answers yes. Raises `StudyError` if nobody is there to answer; `otherwise` says what to do then."""
+    """Whether the person answers yes. Raises `StudyError` with the advice `otherwise` if nobody can answer."""
     notes().print(f"{question} [y/N] ", end="", soft_wrap=True)
     try:
         return input().strip().lower() in ("y", "yes")

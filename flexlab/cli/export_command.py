@@ -3,10 +3,8 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-import tyro
-
 from flexlab.cli.console import output
-from flexlab.cli.options import LOGS, Logs, Run
+from flexlab.cli.options import LOGS, Logs, Run, option
 from flexlab.errors import StudyError
 
 WHOLE_RUN = (".html", ".zip")
@@ -19,35 +17,20 @@ def command(
     run: Run = "newest",
     to: Annotated[
         Path | None,
-        tyro.conf.arg(
-            metavar="FILE",
-            help="Table (.csv, .parquet, .npz), page with moving picture (.html), archive to verify (.zip); "
+        option(
+            "Table (.csv, .parquet, .npz), page with moving picture (.html), archive to verify (.zip); "
             "of a preset: .fmu, .urdf, .xml (MuJoCo).",
-            help_behavior_hint="",
+            "FILE",
         ),
     ] = None,
-    figures: Annotated[
-        str | None,
-        tyro.conf.arg(
-            metavar="PNG|SVG", help="Draw the paper's Figures 2 to 5, beside FILE or here.", help_behavior_hint=""
-        ),
-    ] = None,
-    start: Annotated[
-        float | None, tyro.conf.arg(metavar="S", help="Leave out what is earlier, s.", help_behavior_hint="")
-    ] = None,
-    end: Annotated[
-        float | None, tyro.conf.arg(metavar="S", help="Leave out what is later, s.", help_behavior_hint="")
-    ] = None,
+    figures: Annotated[str | None, option("Draw the paper's Figures 2 to 5, beside FILE or here.", "PNG|SVG")] = None,
+    start: Annotated[float | None, option("Leave out what is earlier, s.", "S")] = None,
+    end: Annotated[float | None, option("Leave out what is later, s.", "S")] = None,
     part: Annotated[
         Literal["plant", "law", "loop", "follower"] | None,
-        tyro.conf.arg(
-            help="Of an .fmu: arms and beam, law and path, all of it, or all but the path.",
-            help_behavior_hint="(plant)",
-        ),
+        option("Of an .fmu: arms and beam, law and path, all of it, or all but the path.", default="(plant)"),
     ] = None,
-    fmi: Annotated[
-        Literal[2, 3] | None, tyro.conf.arg(help="Of an .fmu: version of the standard.", help_behavior_hint="(3)")
-    ] = None,
+    fmi: Annotated[Literal[2, 3] | None, option("Of an .fmu: version of the standard.", default="(3)")] = None,
     logs: Logs = LOGS,
 ) -> None:
     """Write all signals of RUN as a table, or its figures, or both; or RUN as one page, or as one archive.

@@ -7,46 +7,25 @@ from typing import Annotated, Any, cast
 import tyro
 
 from flexlab.cli.console import note, output, print_json
-from flexlab.cli.options import LOGS, Logs
+from flexlab.cli.options import LOGS, Logs, option
 from flexlab.errors import StudyError
 
 
 def command(
     source: tyro.conf.Positional[
-        Annotated[str, tyro.conf.arg(metavar="RUN|FILE.csv", help="A recording, or a CSV file of your own.")]
+        Annotated[str, option("A recording, or a CSV file of your own.", "RUN|FILE.csv", default=None)]
     ],
     signal: Annotated[
-        str | None,
-        tyro.conf.arg(
-            metavar="NAME", help="Column with its unit, as in 'laser [mm]'; of a run, a signal.", help_behavior_hint=""
-        ),
+        str | None, option("Column with its unit, as in 'laser [mm]'; of a run, a signal.", "NAME")
     ] = None,
-    time: Annotated[
-        str | None,
-        tyro.conf.arg(metavar="NAME", help="Column of time with its unit, as in 't [ms]'.", help_behavior_hint=""),
-    ] = None,
+    time: Annotated[str | None, option("Column of time with its unit, as in 't [ms]'.", "NAME")] = None,
     start: Annotated[
-        float | None,
-        tyro.conf.arg(
-            metavar="S",
-            help="Where the free ring begins, s. (default: found; of a run, its last tap)",
-            help_behavior_hint="",
-        ),
+        float | None, option("Where the free ring begins, s. (default: found; of a run, its last tap)", "S")
     ] = None,
-    end: Annotated[float | None, tyro.conf.arg(metavar="S", help="Where it ends, s.", help_behavior_hint="")] = None,
-    preset: Annotated[
-        str | None,
-        tyro.conf.arg(
-            metavar="PRESET", help="What is known of the beam: length, density, boundary.", help_behavior_hint=""
-        ),
-    ] = None,
-    save: Annotated[
-        Path | None,
-        tyro.conf.arg(metavar="FILE.json", help="Write the scenario with what was found.", help_behavior_hint=""),
-    ] = None,
-    as_json: Annotated[
-        bool, tyro.conf.arg(name="json", help="Print JSON with all digits.", help_behavior_hint="")
-    ] = False,
+    end: Annotated[float | None, option("Where it ends, s.", "S")] = None,
+    preset: Annotated[str | None, option("What is known of the beam: length, density, boundary.", "PRESET")] = None,
+    save: Annotated[Path | None, option("Write the scenario with what was found.", "FILE.json")] = None,
+    as_json: Annotated[bool, option("Print JSON with all digits.", name="json")] = False,
     logs: Logs = LOGS,
 ) -> int:
     """Fit a free vibration: each mode's frequency and damping ratio with 95 % intervals, and the beam that rings so.

@@ -1,11 +1,10 @@
-"""A simulation without a screen: recorded, told on the terminal, or kept as numbers for a program."""
+"""A simulation without a screen: its recording, its summary on the terminal, and its numbers for programs."""
 
 import math
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,7 @@ from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.metrics.settling_time import SettlingTime
 from flexlab.analysis.result import ResultHash
 from flexlab.analysis.run_summary import run_notes
-from flexlab.cli.console import complain, notes, output
+from flexlab.cli.console import complain, output, progress
 from flexlab.errors import FlexlabError
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class _NoPandas:
-    """Finds no pandas, and leaves every other module to the finders after it."""
+    """A finder that hides pandas, and leaves all other modules to the next finder."""
 
     def find_spec(self, name: str, path: Any, target: Any = None, /) -> None:
         """As of `importlib.abc.MetaPathFinder`."""
@@ -43,9 +42,9 @@ class _NoPandas:
 
 
 def leave_pandas_out() -> None:
-    """Let pyarrow look for pandas now, and not find it; what asks for pandas by name still gets it.
+    """Hide pandas from pyarrow, which then treats a pandas series as a list; other imports of pandas still work.
 
-    For processes that are the command line's own: from then on, a pandas series is to pyarrow a list like any other.
+    Only for processes of the command line, where it saves the import of pandas.
     """
     if "pandas" in sys.modules:
         return
@@ -58,13 +57,13 @@ def leave_pandas_out() -> None:
 
 
 MOST_EXPLAINED = 3
-"""Sentences of a report: the most important ones."""
+"""Most explanations of a report."""
 START_SPAN = 1.0
-"""s: what counts as the start, in which the paper's controller has caught the path and the beam has calmed down."""
+"""Length of the start, s, in which the paper's controller reaches the path and the beam calms down."""
 
 
 def explained(samples: Samples, scenario: Scenario) -> list[str]:
-    """What can be said of a run's newest samples, a line per sentence; none where a scenario has no modes."""
+    """The explanations of a run's newest samples, a line each; none if the scenario has no modes."""
     try:
         background = Background.of(scenario)
     except FlexlabError:
@@ -74,7 +73,7 @@ def explained(samples: Samples, scenario: Scenario) -> list[str]:
 
 
 class Summary:
-    """Largest magnitudes over the start and over the rest of a run."""
+    """The largest magnitudes over the start and over the rest of a run."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -105,7 +104,7 @@ class Summary:
                     self._peaks[key] = np.maximum(self._peaks.get(key, 0.0), peak)
 
     def settling_text(self) -> str:
-        """When the vibration had died away, in a sentence."""
+        """A sentence with the settling time of the vibration."""
         (column,), (seconds,) = self._settling.columns, self._settling.compute()
         return (
             f"{column.title} {value_text(column, seconds)} s."
@@ -114,7 +113,7 @@ class Summary:
         )
 
     def table(self, status: Status) -> "Table":
-        """The numbers as a table for the terminal."""
+        """The magnitudes as a table for the terminal."""
         from rich.table import Table
 
         table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), title_justify="left")
@@ -142,14 +141,14 @@ class Summary:
 
 
 BLOCK = 1000
-"""Samples between two writes: a megabyte at most, so that long runs need no more memory than short ones."""
+"""Samples between two writes, a megabyte at most, so that long runs need no more memory than short ones."""
 KEPT = round(LONGEST_LOOK / 0.001 / BLOCK)
-"""Newest blocks that are kept for explanations: all that they look at, at the usual sample period."""
+"""Newest blocks that are kept for explanations, enough at the usual sample period."""
 
 
 @dataclass(frozen=True)
 class EndedRun:
-    """What is known of a run that has been recorded."""
+    """The results of a recorded run."""
 
     name: str
     path: Path
@@ -157,12 +156,12 @@ class EndedRun:
     status: Status
     samples: int
     seconds: float
-    """Of the clock."""
+    """Wall time of the simulation, s."""
     result_hash: str
     metrics: RunMetrics
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data, all digits, SI units; null where a number has no value."""
+        """The results as plain data with all digits, SI units; null for a missing value."""
         return {
             "name": self.name,
             "file": str(self.path),
@@ -186,7 +185,7 @@ class EndedRun:
 def run_and_record(
     name: str, scenario: Scenario, duration: float, sample_period: float, logs: Path, quiet: bool = False
 ) -> EndedRun:
-    """Simulate and record a scenario; unless `quiet`, print how it went. Complaints go to standard error in any case."""
+    """Simulate and record a scenario; unless `quiet`, print a summary. Complaints always go to standard error."""
     world, summary, hashed, metrics = World(scenario, sample_period), Summary(), ResultHash(), MetricCollection()
     if world.pace_warning:
         complain(world.pace_warning)
@@ -232,23 +231,9 @@ def _tell(run: EndedRun, summary: Summary) -> None:
     output().print(f"Recorded in {run.path}", soft_wrap=True)
 
 
-@contextmanager
-def _progress(ticks: int) -> Generator[Callable[[int], None], None, None]:
-    """A progress bar on a terminal, and what moves it on to a tick."""
-    if not notes().is_terminal:
-        yield lambda _: None
-        return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = TextColumn("simulating"), BarColumn(), TextColumn("{task.percentage:.0f} %"), TimeRemainingColumn()
-    with Progress(*columns, console=notes(), transient=True) as progress:
-        task = progress.add_task("simulating", total=ticks)
-        yield lambda tick: progress.update(task, completed=tick)
-
-
 def _blocks(world: World, ticks: int) -> Iterator[Samples]:
-    """The run from the present instant on, in blocks, under a progress bar where somebody watches."""
-    with _progress(ticks) as advance_to:
+    """The run from the present instant on, in blocks, with a progress bar on a terminal."""
+    with progress("simulating", ticks, "{task.percentage:.0f} %") as advance_to:
         samples = world.run(min(BLOCK, ticks))
         while True:
             if len(samples):

@@ -6,12 +6,12 @@ from typing import Annotated
 import tyro
 
 from flexlab.cli.console import note, output
-from flexlab.cli.options import LOGS, Logs
+from flexlab.cli.options import LOGS, Logs, option
 
 
 def command(
     file: tyro.conf.Positional[
-        Annotated[Path, tyro.conf.arg(metavar="FILE", help="An exported .csv, .parquet or .npz, or a recording.")]
+        Annotated[Path, option("An exported .csv, .parquet or .npz, or a recording.", "FILE", default=None)]
     ],
     logs: Logs = LOGS,
 ) -> None:

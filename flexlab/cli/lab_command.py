@@ -7,10 +7,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from flexlab.cli.console import complain, output
-from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Preset
+from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Preset, option
 from flexlab.cli.showing import ending, open_browser, wait_for
 from flexlab.cli.warmup import loading
 
@@ -25,80 +23,38 @@ def command(
     path: PathChoice = None,
     host: Annotated[
         str,
-        tyro.conf.arg(
-            metavar="ADDRESS",
-            help="Who may look: this machine only, 0.0.0.0 for all who have the token, or a proxy (unix:FILE).",
+        option(
+            "Who may look: this machine only, 0.0.0.0 for all who have the token, or a proxy (unix:FILE).",
+            "ADDRESS",
+            default=None,
         ),
     ] = "127.0.0.1",
-    port: Annotated[int, tyro.conf.arg(metavar="PORT", help="The page's port; 0 takes any free one.")] = 8080,
-    base_url: Annotated[
-        str,
-        tyro.conf.arg(
-            metavar="/PATH", help="What a proxy has before every address, as a JupyterHub does.", help_behavior_hint=""
-        ),
-    ] = "",
-    no_browser: Annotated[
-        bool, tyro.conf.arg(help="Only serve the page; do not open a browser.", help_behavior_hint="")
-    ] = False,
-    rerun: Annotated[
-        bool, tyro.conf.arg(help="Serve the data live to a rerun viewer as well.", help_behavior_hint="")
-    ] = False,
+    port: Annotated[int, option("The page's port; 0 takes any free one.", "PORT", default=None)] = 8080,
+    base_url: Annotated[str, option("What a proxy has before every address, as a JupyterHub does.", "/PATH")] = "",
+    no_browser: Annotated[bool, option("Only serve the page; do not open a browser.")] = False,
+    rerun: Annotated[bool, option("Serve the data live to a rerun viewer as well.")] = False,
     logs: Logs = LOGS,
-    private: Annotated[
-        bool,
-        tyro.conf.arg(help="Give each visitor a lab of their own; otherwise all share one.", help_behavior_hint=""),
-    ] = False,
+    private: Annotated[bool, option("Give each visitor a lab of their own; otherwise all share one.")] = False,
     max_sessions: Annotated[
-        int | None,
-        tyro.conf.arg(
-            metavar="N",
-            help="Most private labs at once; as many as memory and cores take if left out.",
-            help_behavior_hint="",
-        ),
+        int | None, option("Most private labs at once; as many as memory and cores take if left out.", "N")
     ] = None,
     max_per_address: Annotated[
-        int | None,
-        tyro.conf.arg(
-            metavar="N",
-            help="Most private labs of one address; one less than in all if left out.",
-            help_behavior_hint="",
-        ),
+        int | None, option("Most private labs of one address; one less than in all if left out.", "N")
     ] = None,
     idle_time: Annotated[
-        float, tyro.conf.arg(metavar="S", help="A private lab closes after so long without an open page, s.")
+        float, option("A private lab closes after so long without an open page, s.", "S", default=None)
     ] = 600.0,
     token: Annotated[
-        str | None,
-        tyro.conf.arg(
-            metavar="WORD", help="The word that opens the server to others; made up if left out.", help_behavior_hint=""
-        ),
+        str | None, option("The word that opens the server to others; made up if left out.", "WORD")
     ] = None,
     teacher_token: Annotated[
-        str | None,
-        tyro.conf.arg(
-            metavar="WORD",
-            help="The word that opens all labs and all runs; made up if left out.",
-            help_behavior_hint="",
-        ),
+        str | None, option("The word that opens all labs and all runs; made up if left out.", "WORD")
     ] = None,
-    quota: Annotated[
-        float | None,
-        tyro.conf.arg(
-            metavar="MB", help="Record no more for a visitor whose runs take so much.", help_behavior_hint=""
-        ),
-    ] = None,
+    quota: Annotated[float | None, option("Record no more for a visitor whose runs take so much.", "MB")] = None,
     max_size: Annotated[
-        float | None,
-        tyro.conf.arg(
-            metavar="GB",
-            help="Delete the oldest runs, but never kept ones, while all are larger.",
-            help_behavior_hint="",
-        ),
+        float | None, option("Delete the oldest runs, but never kept ones, while all are larger.", "GB")
     ] = None,
-    max_age: Annotated[
-        float | None,
-        tyro.conf.arg(metavar="DAYS", help="Delete older runs, but never kept ones.", help_behavior_hint=""),
-    ] = None,
+    max_age: Annotated[float | None, option("Delete older runs, but never kept ones.", "DAYS")] = None,
 ) -> None:
     """Open the lab: two arms carry a flexible beam, live in your browser, every run recorded."""
     if private:
@@ -136,14 +92,14 @@ def command(
         class_service="" if private else os.environ.get("FLEXLAB_CLASS", ""),
     )
     if not settings.is_local and token is None:
-        # Made up here, so that a page opened while compiling can turn into the lab.
+        # Chosen here, so that a page opened while compiling can turn into the lab.
         settings = replace(settings, token=secrets.token_urlsafe(SECRET_BYTES))
     # Before compiling, which takes long.
     check_folder(logs)
     listen(host, port).close()
     shown: list[str] = []
     has_browser = not (no_browser or settings.is_socket)
-    known = port or settings.is_socket  # Else nobody knows yet where the lab will be.
+    known = port or settings.is_socket  # Otherwise the lab's address is not known yet.
     warm_up(scenario, meanwhile=_waiting_page(settings, has_browser, shown) if known else None)
     with ending() as ended, ExitStack() as closing:
         front_server = closing.enter_context(open_front_server(settings, scenario, name, on_problem=complain))
@@ -160,18 +116,18 @@ def command(
 
 
 def _read_ahead() -> None:
-    """Begin to read the program of labs, beside what this process reads itself: the first visitor waits for both."""
+    """Start loading the program of labs in parallel, as the first visitor waits for both."""
     from flexlab.compiled import is_warm
     from flexlab.server.child_processes import prepare_lab_processes
 
-    # Where the engine is yet to be compiled, the two would do that at once, each for itself.
+    # If the engine is not compiled yet, both processes would compile it.
     if is_warm():
         prepare_lab_processes()
 
 
 @contextmanager
 def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Generator[None, None, None]:
-    """A page that says what takes so long, where the lab will be; notes in `shown` that a browser shows it."""
+    """A waiting page at the lab's address; its URL is appended to `shown` if a browser opens it."""
     from flexlab.cli.showing import WaitingPage
 
     with WaitingPage(settings.host, settings.port) as page:
@@ -196,7 +152,7 @@ def _welcome(front_server: "FrontServer") -> None:
         )
     if settings.private or not settings.is_local:
         lines.append(f"All labs at a glance, for the teacher: {front_server.teacher_url}")
-    # Where each has a lab of their own, they first say who they are.
+    # With private labs, a visitor first gives a name.
     addresses = front_server.outside_addresses("/" if settings.private else "/lab/")
     lines += [f"From other machines: {address}" for address in addresses]
     if not settings.is_local and not addresses:

@@ -3,10 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from flexlab.cli.console import complain, note, output
-from flexlab.cli.options import Cluster, Threads
+from flexlab.cli.options import Cluster, Several, Threads, option
 
 if TYPE_CHECKING:
     from flexlab.analysis.leaderboard.board import Leaderboard
@@ -20,35 +18,16 @@ LONG_RUNS_ARE_LEFT_OUT = "B7 simulates ten minutes of each law, which takes some
 
 def command(
     law: Annotated[
-        tyro.conf.UseAppendAction[tuple[str, ...]],
-        tyro.conf.arg(
-            metavar="FILE.py",
-            help="A law of your own that enters, too: the Python file that holds it; repeat it.",
-            help_behavior_hint="",
-        ),
+        Several, option("A law of your own that enters, too: the Python file that holds it; repeat it.", "FILE.py")
     ] = (),
-    law_name: Annotated[
-        tyro.conf.UseAppendAction[tuple[str, ...]],
-        tyro.conf.arg(metavar="KIND", help="Only this law of flexlab's; repeat it.", help_behavior_hint=""),
-    ] = (),
-    case: Annotated[
-        tyro.conf.UseAppendAction[tuple[str, ...]],
-        tyro.conf.arg(metavar="B1…B8", help="Only this case; repeat it.", help_behavior_hint=""),
-    ] = (),
-    long: Annotated[bool, tyro.conf.arg(help="B7, too: ten minutes of each law.", help_behavior_hint="")] = False,
-    seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of the sensors' noise.")] = 0,
+    law_name: Annotated[Several, option("Only this law of flexlab's; repeat it.", "KIND")] = (),
+    case: Annotated[Several, option("Only this case; repeat it.", "B1…B8")] = (),
+    long: Annotated[bool, option("B7, too: ten minutes of each law.")] = False,
+    seed: Annotated[int, option("Of the sensors' noise.", "N", default=None)] = 0,
     to: Annotated[
-        Path | None,
-        tyro.conf.arg(
-            metavar="FOLDER",
-            help="Write leaderboard.html, the table as Parquet and CSV, and a figure per case.",
-            help_behavior_hint="",
-        ),
+        Path | None, option("Write leaderboard.html, the table as Parquet and CSV, and a figure per case.", "FOLDER")
     ] = None,
-    verify: Annotated[
-        bool,
-        tyro.conf.arg(help="Compute the rows that are kept again, and compare every bit.", help_behavior_hint=""),
-    ] = False,
+    verify: Annotated[bool, option("Compute the rows that are kept again, and compare every bit.")] = False,
     workers: Threads = None,
     cluster: Cluster = None,
 ) -> int:

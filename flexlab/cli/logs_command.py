@@ -3,11 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from flexlab.cli.console import agreed, output, print_json
 from flexlab.cli.console import note as say
-from flexlab.cli.options import LOGS, Logs, Runs
+from flexlab.cli.options import LOGS, Logs, Runs, option
 from flexlab.cli.runs_listing import FIELDS, as_json_text, count_text, print_runs, print_table, sorted_rows
 from flexlab.errors import StudyError
 
@@ -19,47 +17,23 @@ GIGABYTE = 1e9
 
 def command(
     runs: Runs = (),
-    search: Annotated[
-        str, tyro.conf.arg(metavar="WORDS", help="List runs that have all these words.", help_behavior_hint="")
-    ] = "",
+    search: Annotated[str, option("List runs that have all these words.", "WORDS")] = "",
     sort: Annotated[
-        str,
-        tyro.conf.arg(
-            metavar="FIELD",
-            help=f"List by {', '.join(FIELDS)}: the newest, else the smallest first.",
-        ),
+        str, option(f"List by {', '.join(FIELDS)}: the newest, else the smallest first.", "FIELD", default=None)
     ] = "started",
-    reverse: Annotated[bool, tyro.conf.arg(help="List the other way round.", help_behavior_hint="")] = False,
-    as_json: Annotated[
-        bool, tyro.conf.arg(name="json", help="Print one JSON list, with all metrics.", help_behavior_hint="")
-    ] = False,
-    note: Annotated[
-        str | None,
-        tyro.conf.arg(metavar="TEXT", help="Write a note on RUN; an empty one removes it.", help_behavior_hint=""),
-    ] = None,
-    tags: Annotated[
-        str | None,
-        tyro.conf.arg(metavar="A,B", help="Tag RUN so, in place of its tags; empty: none.", help_behavior_hint=""),
-    ] = None,
-    keep: Annotated[bool, tyro.conf.arg(help="Mark RUN: it is never deleted.", help_behavior_hint="")] = False,
-    unkeep: Annotated[bool, tyro.conf.arg(help="Take that mark away.", help_behavior_hint="")] = False,
-    delete: Annotated[bool, tyro.conf.arg(help="Delete RUN, after asking.", help_behavior_hint="")] = False,
+    reverse: Annotated[bool, option("List the other way round.")] = False,
+    as_json: Annotated[bool, option("Print one JSON list, with all metrics.", name="json")] = False,
+    note: Annotated[str | None, option("Write a note on RUN; an empty one removes it.", "TEXT")] = None,
+    tags: Annotated[str | None, option("Tag RUN so, in place of its tags; empty: none.", "A,B")] = None,
+    keep: Annotated[bool, option("Mark RUN: it is never deleted.")] = False,
+    unkeep: Annotated[bool, option("Take that mark away.")] = False,
+    delete: Annotated[bool, option("Delete RUN, after asking.")] = False,
     max_size: Annotated[
-        float | None,
-        tyro.conf.arg(
-            metavar="GB",
-            help="Delete the oldest runs, after asking, until all together are smaller.",
-            help_behavior_hint="",
-        ),
+        float | None, option("Delete the oldest runs, after asking, until all together are smaller.", "GB")
     ] = None,
-    max_age: Annotated[
-        float | None,
-        tyro.conf.arg(metavar="DAYS", help="Delete runs older than that, after asking.", help_behavior_hint=""),
-    ] = None,
-    yes: Annotated[bool, tyro.conf.arg(help="Delete without asking.", help_behavior_hint="")] = False,
-    measure: Annotated[
-        bool, tyro.conf.arg(help="Mend and measure runs that have no metrics yet.", help_behavior_hint="")
-    ] = False,
+    max_age: Annotated[float | None, option("Delete runs older than that, after asking.", "DAYS")] = None,
+    yes: Annotated[bool, option("Delete without asking.")] = False,
+    measure: Annotated[bool, option("Mend and measure runs that have no metrics yet.")] = False,
     logs: Logs = LOGS,
 ) -> None:
     """List the recorded runs; look at one; note, tag, keep or delete them.
@@ -98,7 +72,7 @@ def command(
 
 
 def _check(runs: tuple[str, ...], edits: bool, delete: bool, limits: bool, both: bool) -> None:
-    """Refuse options that say nothing together. Raises `StudyError`."""
+    """Raise `StudyError` for options that contradict each other."""
     if both:
         raise StudyError("--keep and --unkeep contradict each other: give one of them.")
     if not runs and (edits or delete):
@@ -128,15 +102,15 @@ def _over_limits(logs: Path, gigabytes: float | None, days: float | None) -> "li
     from flexlab.recording.store.run_files import removable_runs
     from flexlab.recording.store.run_index import read_row
 
-    for option, limit, unit in (("max-size", gigabytes, "GB"), ("max-age", days, "days")):
+    for name, limit, unit in (("max-size", gigabytes, "GB"), ("max-age", days, "days")):
         if limit is not None and not limit > 0:
-            raise StudyError(f"--{option} {limit:g} is not usable: give a number of {unit} above 0.")
+            raise StudyError(f"--{name} {limit:g} is not usable: give a number of {unit} above 0.")
     most_bytes = None if gigabytes is None else gigabytes * GIGABYTE
     return [read_row(path) for path in removable_runs(logs, most_bytes, days)]
 
 
 def _delete(rows: "list[RunRow]", yes: bool, nothing: str) -> None:
-    """Show what would go, ask, delete. Raises `RecordingError` for the first run that may not go, before any went."""
+    """List the runs, ask, and delete them. Raises `RecordingError`, before any is deleted, for a run that must stay."""
     from flexlab.recording.store.run_index import check_removable, delete_run, size_text
 
     for row in rows:
@@ -156,7 +130,7 @@ def _delete(rows: "list[RunRow]", yes: bool, nothing: str) -> None:
 
 
 def _measure(logs: Path) -> None:
-    """Mend what a killed lab left, read every run without metrics."""
+    """Repair the recordings of killed labs, and measure every run without metrics."""
     from flexlab.analysis.run_summary import note_missing_metrics
     from flexlab.errors import FlexlabError
     from flexlab.recording.repair import finish, sweep_empty, unfinished_runs

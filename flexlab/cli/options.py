@@ -1,4 +1,4 @@
-"""Options that several commands share, described once."""
+"""Options that several commands share."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,78 +11,69 @@ from flexlab.errors import StudyError
 if TYPE_CHECKING:
     from flexlab.scenario import Scenario
 
+Several = tyro.conf.UseAppendAction[tuple[str, ...]]
+"""An option that may be given as often as one likes."""
+
+
+def option(help: str, metavar: str | None = None, name: str | None = None, default: str | None = "") -> object:
+    """An option's help, the form of its value, and its name where Python's would be another.
+
+    `default`: what the help says of the default; None: its value.
+    """
+    return tyro.conf.arg(name=name, metavar=metavar, help=help, help_behavior_hint=default)
+
+
 Preset = Annotated[
-    str, tyro.conf.arg(metavar="PRESET", help="A preset's name (see `flexlab presets`) or the path of a scenario file.")
+    str, option("A preset's name (see `flexlab presets`) or the path of a scenario file.", "PRESET", default=None)
 ]
 Presets = tyro.conf.Positional[
     Annotated[
         tuple[str, ...],
-        tyro.conf.arg(
-            metavar="PRESET [PRESET ...]",
-            help="Presets' names (see `flexlab presets`) or paths of scenario files.",
-            help_behavior_hint="",
-        ),
+        option("Presets' names (see `flexlab presets`) or paths of scenario files.", "PRESET [PRESET ...]"),
     ]
 ]
 Settings = Annotated[
-    tyro.conf.UseAppendAction[tuple[str, ...]],
-    tyro.conf.arg(
+    Several,
+    option(
+        "Change a field of the scenario, as in controller.feedback_gain=400; as often as you like.",
+        "PATH=VALUE",
         name="set",
-        metavar="PATH=VALUE",
-        help="Change a field of the scenario, as in controller.feedback_gain=400; as often as you like.",
-        help_behavior_hint="",
     ),
 ]
 Law = Annotated[
     str | None,
-    tyro.conf.arg(
-        metavar="KIND|FILE.py|FILE.fmu|tcp://HOST:PORT",
-        help="Another control law: its name, the Python file or unit (.fmu) that holds it, or the address of a program.",
-        help_behavior_hint="",
+    option(
+        "Another control law: its name, the Python file or unit (.fmu) that holds it, or the address of a program.",
+        "KIND|FILE.py|FILE.fmu|tcp://HOST:PORT",
     ),
 ]
 PathChoice = Annotated[
     str | None,
-    tyro.conf.arg(
-        metavar="KIND|FILE",
-        help="Another path, by its name, a CSV file with the columns t, x, y, theta, or the Python file that holds it.",
-        help_behavior_hint="",
+    option(
+        "Another path, by its name, a CSV file with the columns t, x, y, theta, or the Python file that holds it.",
+        "KIND|FILE",
     ),
 ]
-Seed = Annotated[
-    int | None,
-    tyro.conf.arg(
-        metavar="N", help="Choose the sensor noise: --set controller.sensor_noise.seed=N.", help_behavior_hint=""
-    ),
-]
-Threads = Annotated[
-    int | None, tyro.conf.arg(metavar="N", help="Threads. (default: one per core)", help_behavior_hint="")
-]
+Seed = Annotated[int | None, option("Choose the sensor noise: --set controller.sensor_noise.seed=N.", "N")]
+Threads = Annotated[int | None, option("Threads. (default: one per core)", "N")]
 Cluster = Annotated[
-    str | None,
-    tyro.conf.arg(
-        metavar="tcp://HOST:PORT",
-        help="Compute on the Dask cluster of this scheduler (needs flexlab[cluster]).",
-        help_behavior_hint="",
-    ),
+    str | None, option("Compute on the Dask cluster of this scheduler (needs flexlab[cluster]).", "tcp://HOST:PORT")
 ]
-Logs = Annotated[Path, tyro.conf.arg(metavar="FOLDER", help="Where recordings go; made if it is not there.")]
+Logs = Annotated[Path, option("Where recordings go; made if it is not there.", "FOLDER", default=None)]
 RUN_HELP = "A recording: a file, a run's name in logs or the beginning of one, or newest."
-Runs = tyro.conf.Positional[
-    Annotated[tuple[str, ...], tyro.conf.arg(metavar="[RUN ...]", help=RUN_HELP, help_behavior_hint="")]
-]
-Run = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="[RUN]", help=RUN_HELP)]]
-NoBrowser = Annotated[bool, tyro.conf.arg(help="Only serve the viewer; do not open a browser.", help_behavior_hint="")]
-ViewerPort = Annotated[int, tyro.conf.arg(metavar="PORT", help="The viewer's port; 0 takes any free one.")]
+Runs = tyro.conf.Positional[Annotated[tuple[str, ...], option(RUN_HELP, "[RUN ...]")]]
+Run = tyro.conf.Positional[Annotated[str, option(RUN_HELP, "[RUN]", default=None)]]
+NoBrowser = Annotated[bool, option("Only serve the viewer; do not open a browser.")]
+ViewerPort = Annotated[int, option("The viewer's port; 0 takes any free one.", "PORT", default=None)]
 LOGS = Path("logs")
 
 
 def chosen_scenarios(
     presets: Sequence[str], settings: Sequence[str], law: str | None, seed: int | None, path: str | None = None
 ) -> "list[tuple[str, Scenario]]":
-    """(short name, scenario with what was set) of each preset. Raises `FlexlabError` before anything is run.
+    """(short name, changed scenario) of each preset. Raises `FlexlabError` before anything is run.
 
-    A law or path in Python runs in a process of its own, which has a time limit; what it prints goes to standard error.
+    A law or path in Python runs in a process of its own with a time limit; its output goes to standard error.
     """
     from flexlab.own import hosts
     from flexlab.own.files import law_kind

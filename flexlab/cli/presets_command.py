@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, output, print_json
-from flexlab.cli.options import Law, Seed, Settings, chosen_scenarios
+from flexlab.cli.options import Law, Seed, Settings, chosen_scenarios, option
 from flexlab.cli.warmup import loading
 from flexlab.errors import FlexlabError, StudyError
 
@@ -15,23 +15,13 @@ if TYPE_CHECKING:
 
 
 def command(
-    preset: tyro.conf.Positional[
-        Annotated[
-            str, tyro.conf.arg(metavar="[PRESET]", help="Print this one as a scenario file.", help_behavior_hint="")
-        ]
-    ] = "",
+    preset: tyro.conf.Positional[Annotated[str, option("Print this one as a scenario file.", "[PRESET]")]] = "",
     set_: Settings = (),
     law: Law = None,
     seed: Seed = None,
-    as_json: Annotated[
-        bool, tyro.conf.arg(name="json", help="List them as JSON, with all their fields.", help_behavior_hint="")
-    ] = False,
+    as_json: Annotated[bool, option("List them as JSON, with all their fields.", name="json")] = False,
     schema: Annotated[
-        bool,
-        tyro.conf.arg(
-            help="Write presets/schema/scenario.json here: with it, editors check scenario files.",
-            help_behavior_hint="",
-        ),
+        bool, option("Write presets/schema/scenario.json here: with it, editors check scenario files.")
     ] = False,
 ) -> int:
     """List the presets: name, title and what to watch. Or print one, changed as you say: a new scenario file.

@@ -5,10 +5,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
-from flexlab.cli.console import agreed, complain, note, notes, output
-from flexlab.cli.options import LOGS, Logs, Run
+from flexlab.cli.console import agreed, complain, note, output, progress
+from flexlab.cli.options import LOGS, Logs, Run, option
 from flexlab.errors import StudyError
 from flexlab.text import visible
 
@@ -18,9 +16,8 @@ if TYPE_CHECKING:
 
 RunOwnLaw = Annotated[
     bool,
-    tyro.conf.arg(
-        help="Let a control law run that came with the recording as Python code, or connect to its program, without asking.",
-        help_behavior_hint="",
+    option(
+        "Let a control law run that came with the recording as Python code, or connect to its program, without asking."
     ),
 ]
 
@@ -43,7 +40,7 @@ def command(run: Run = "newest", logs: Logs = LOGS, run_own_law: RunOwnLaw = Fal
 
 
 def _replay(path: Path, run_own_law: bool) -> int:
-    """Replay a recording and say how it compares; returns the exit code."""
+    """Replay a recording and print the result; returns the exit code."""
     from flexlab.recording.reader import read_blocks, read_recording
 
     recording = read_recording(path, with_samples=False)
@@ -63,7 +60,7 @@ def _replay(path: Path, run_own_law: bool) -> int:
 
 
 def _allow(kind: str, source: str, allowed: bool) -> None:
-    """Let a recording's own law run if the person agrees. Raises `StudyError` if not."""
+    """Allow a recording's own law to run if the person agrees. Raises `StudyError` if not."""
     from flexlab.own import hosts
     from flexlab.own.files import LAW_FILES
     from flexlab.own.link import address_in
@@ -100,12 +97,8 @@ def _allow(kind: str, source: str, allowed: bool) -> None:
 
 
 def _counted(blocks: "Iterable[Samples]", end: float) -> "Iterator[Samples]":
-    """The blocks, under a progress bar that ends at `end` s of simulation (0: unknown)."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = TextColumn("replaying"), BarColumn(), TextColumn("{task.completed:.0f} s"), TimeRemainingColumn()
-    with Progress(*columns, console=notes(), transient=True, disable=not notes().is_terminal) as progress:
-        task = progress.add_task("replaying", total=end or None)
+    """The blocks, with a progress bar up to `end` s of simulation (0: unknown)."""
+    with progress("replaying", end or None, "{task.completed:.0f} s") as advance_to:
         for block in blocks:
             yield block
-            progress.update(task, completed=float(block.time[-1]))
+            advance_to(float(block.time[-1]))

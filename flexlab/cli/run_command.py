@@ -3,10 +3,8 @@
 import json
 from typing import Annotated
 
-import tyro
-
 from flexlab.cli.console import print_json
-from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Presets, Seed, Settings
+from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Presets, Seed, Settings, option
 from flexlab.cli.warmup import loading
 from flexlab.errors import StudyError
 from flexlab.text import number_text
@@ -17,17 +15,14 @@ LONGEST_DURATION = 1e6
 
 def command(
     preset: Presets,
-    duration: Annotated[float, tyro.conf.arg(metavar="S", help="Simulated time, s.")] = 3.0,
-    sample_period: Annotated[float, tyro.conf.arg(metavar="S", help="Time between samples, s.")] = 0.001,
+    duration: Annotated[float, option("Simulated time, s.", "S", default=None)] = 3.0,
+    sample_period: Annotated[float, option("Time between samples, s.", "S", default=None)] = 0.001,
     set_: Settings = (),
     law: Law = None,
     path: PathChoice = None,
     seed: Seed = None,
     as_json: Annotated[
-        bool,
-        tyro.conf.arg(
-            name="json", help="Print a JSON list, one object per run with all digits (SI).", help_behavior_hint=""
-        ),
+        bool, option("Print a JSON list, one object per run with all digits (SI).", name="json")
     ] = False,
     logs: Logs = LOGS,
 ) -> int:

@@ -1,4 +1,4 @@
-"""Recorded runs on the terminal: a line of numbers each, what was changed and noted below it; or all there is on one."""
+"""Listings of recorded runs on the terminal: a line of numbers with changes and notes below it, or all about one run."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -23,19 +23,19 @@ class Column(NamedTuple):
 
 
 COLUMNS = {number.name: number.column for number in numbers()}
-"""Field → how a metric is shown."""
+"""Name of a metric → its column."""
 
 FIELDS = tuple(dict.fromkeys(("started", "preset", "duration", "size", "state", *COLUMNS)))
-"""What the table can be sorted by."""
+"""Fields by which the table can be sorted."""
 
 CHANGES_SHOWN = 3
-"""Of what was changed in a run, how many stand in the table."""
+"""Most changes of a run that the table shows."""
 
 GAP = "  "
 
 
 def sorted_rows(rows: Sequence[RunRow], field: str, reverse: bool = False, search: str = "") -> list[RunRow]:
-    """The rows that have all words of `search`, by `field`: the newest first, or the smallest. Raises `StudyError`."""
+    """The rows with all words of `search`, sorted by `field`: newest or smallest first. Raises `StudyError`."""
     with suppress(StudyError):
         field = field if field in FIELDS else named(field).number.name
     if field not in FIELDS:
@@ -62,7 +62,7 @@ def _all_words(row: RunRow) -> str:
 
 
 def as_json_text(rows: Sequence[RunRow]) -> str:
-    """Everything about the runs as one JSON list."""
+    """All data of the runs as one JSON list."""
     return json.dumps([_plain(row) for row in rows], indent=1, ensure_ascii=False)
 
 
@@ -87,7 +87,7 @@ def _plain(row: RunRow) -> dict[str, Any]:
 
 
 def print_table(rows: Sequence[RunRow], logs: Path) -> None:
-    """One line of aligned numbers per run; below it, indented, what was changed, noted and tagged."""
+    """A line of aligned numbers per run; below it, indented, changes, note and tags."""
     from rich.cells import set_cell_size
     from rich.text import Text
 
@@ -121,7 +121,7 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
 
 
 def count_text(count: int) -> str:
-    """So many runs."""
+    """A number of runs in words."""
     return "1 run" if count == 1 else f"{count} runs"
 
 
@@ -138,14 +138,14 @@ def _size_text(row: RunRow) -> str:
 
 
 def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[Column], list[str]]:
-    """The columns for which the window is wide enough, and the headings of the others."""
+    """The columns that fit into the window, and the headings of the others."""
     columns = [
         Column("run", "", _id_text),
         Column("duration", "", _duration_text),
         Column("size", "", _size_text),
         Column("state", "", state_word),
     ]
-    # In a narrow window the last ones have no room.
+    # A narrow window leaves out the last columns.
     listed = [column for column in COLUMNS.values() if column.listed]
     metrics = [Column(column.heading, column.unit, _metric_text(column)) for column in listed]
     console = output()
@@ -177,7 +177,7 @@ def _more(row: RunRow) -> str:
 
 
 def print_runs(rows: Sequence[RunRow]) -> None:
-    """All that is known of some runs."""
+    """All data of some runs."""
     from rich.table import Table
     from rich.text import Text
 

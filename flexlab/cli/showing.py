@@ -1,4 +1,4 @@
-"""What the commands share that show a page until the person ends them."""
+"""Shared by commands that show a page until the person ends them."""
 
 import json
 import os
@@ -17,7 +17,7 @@ from flexlab.cli.console import output
 from flexlab.sockets import listen
 
 LOOK = 0.5
-"""s between two looks at whether to end: on Windows, Ctrl-C cannot interrupt a wait without end."""
+"""Interval of the checks for the end, s: on Windows, Ctrl-C cannot interrupt an endless wait."""
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 """Ctrl-C, a polite kill, a closed terminal."""
@@ -26,20 +26,20 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 def open_browser(url: str) -> None:
     """Show a page in the person's browser, if this machine has a screen."""
     screen = sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    # Without a screen, a browser for terminals would take this one over.
+    # Without a screen, a text browser would take over this terminal.
     if screen or os.environ.get("BROWSER"):
         webbrowser.open(url)
 
 
 @contextmanager
 def ending() -> Generator[threading.Event, None, None]:
-    """An event that the signals set instead of killing, so that recordings are closed; a second Ctrl-C ends at once."""
+    """An event that the signals set, so that recordings are closed before the end; a second Ctrl-C ends at once."""
     ended = threading.Event()
     numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
 
     def answer(number: int, _: object) -> None:
         if ended.is_set() and number == signal.SIGINT:
-            os._exit(128 + number)  # Whoever asks twice does not want to wait; recordings are whole up to here.
+            os._exit(128 + number)  # Recordings are valid up to here.
         ended.set()
 
     before = {number: signal.signal(number, answer) for number in numbers}
@@ -51,7 +51,7 @@ def ending() -> Generator[threading.Event, None, None]:
 
 
 def show_review(path: Path, what: str, browser: bool, port: int) -> None:
-    """Serve a recording to rerun's viewer, say where, open a browser on it if wished, until the person ends it."""
+    """Serve a recording to rerun's viewer, print its address and optionally open a browser, until the person ends it."""
     from flexlab.recording.viewer import open_review
 
     with ending() as ended, open_review(path, port) as review:
@@ -124,7 +124,7 @@ def _page() -> str:
 
 
 class WaitingPage:
-    """Serves the page where the lab will be as a context manager. Raises `LabError` if the address cannot be had."""
+    """A context manager that serves a waiting page at the lab's address. Raises `LabError` if that is not available."""
 
     def __init__(self, host: str, port: int):
         self._server = _Server((host, port), _Handler, bind_and_activate=False)
@@ -138,7 +138,7 @@ class WaitingPage:
 
     @property
     def url(self) -> str:
-        """Where a browser on this machine finds the page."""
+        """The page's address for a browser on this machine."""
         from flexlab.server.settings import WILDCARDS, base_address
 
         host, port = str(self._server.server_address[0]), int(self._server.server_address[1])
@@ -159,12 +159,12 @@ class WaitingPage:
 
 class _Server(ThreadingHTTPServer):
     def handle_error(self, request: object, client_address: object) -> None:
-        """Whoever does not wait for the page need not be told of."""
+        """Ignore closed connections."""
 
 
 class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
-        """The same page whatever is asked; 503 tells programs that the lab is not there yet."""
+        """Answer any request with the page; 503 tells programs that the lab is not ready."""
         body = _page().encode()
         self.send_response(503)
         self.send_header("Content-Type", "text/html; charset=utf-8")
@@ -174,4 +174,4 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Nobody needs a line per request."""
+        """Print no line per request."""

@@ -7,55 +7,41 @@ from typing import Annotated, Literal
 import tyro
 
 from flexlab.cli.console import complain, note, output
-from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Threads, chosen_scenarios
+from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
 
 FAILED_SHOWN = 3
-"""Of cells that failed, how many are said."""
+"""Most failed cells whose reason is printed."""
 
 
 def command(
     preset: tyro.conf.Positional[Preset],
     vary: Annotated[
-        tyro.conf.UseAppendAction[tuple[str, ...]],
-        tyro.conf.arg(
-            metavar="PATH=RANGE",
-            help="What to vary: LOW:HIGH:COUNT, LOW:HIGH:log:COUNT, or values as in controller.kind=pd,none; repeat it.",
-            help_behavior_hint="",
+        Several,
+        option(
+            "What to vary: LOW:HIGH:COUNT, LOW:HIGH:log:COUNT, or values as in controller.kind=pd,none; repeat it.",
+            "PATH=RANGE",
         ),
     ] = (),
-    duration: Annotated[float, tyro.conf.arg(metavar="S", help="Simulated time of a cell, s.")] = 3.0,
-    sample_period: Annotated[float, tyro.conf.arg(metavar="S", help="Time between samples, s.")] = 0.001,
+    duration: Annotated[float, option("Simulated time of a cell, s.", "S", default=None)] = 3.0,
+    sample_period: Annotated[float, option("Time between samples, s.", "S", default=None)] = 0.001,
     set_: Settings = (),
     law: Law = None,
     seed: Seed = None,
     design: Annotated[
         Literal["grid", "latin-hypercube", "sobol"],
-        tyro.conf.arg(help="All combinations, or --samples drawn from the ranges."),
+        option("All combinations, or --samples drawn from the ranges.", default=None),
     ] = "grid",
-    samples: Annotated[
-        int | None, tyro.conf.arg(metavar="N", help="Cells that a design draws.", help_behavior_hint="")
-    ] = None,
-    design_seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of what a design draws.")] = 0,
-    accuracy: Annotated[
-        float | None,
-        tyro.conf.arg(metavar="M", help="Pose accuracy of the runs, m. (default: 1e-7)", help_behavior_hint=""),
-    ] = None,
-    show: Annotated[
-        str,
-        tyro.conf.arg(
-            metavar="METRIC,…", help="Metrics to draw, as in rms_error.y,rms_internal_force.", help_behavior_hint=""
-        ),
-    ] = "",
-    pareto: Annotated[str, tyro.conf.arg(metavar="METRIC,METRIC", help="Two metrics to draw over each other.")] = (
+    samples: Annotated[int | None, option("Cells that a design draws.", "N")] = None,
+    design_seed: Annotated[int, option("Of what a design draws.", "N", default=None)] = 0,
+    accuracy: Annotated[float | None, option("Pose accuracy of the runs, m. (default: 1e-7)", "M")] = None,
+    show: Annotated[str, option("Metrics to draw, as in rms_error.y,rms_internal_force.", "METRIC,…")] = "",
+    pareto: Annotated[str, option("Two metrics to draw over each other.", "METRIC,METRIC", default=None)] = (
         "rms_error.y,rms_internal_force"
     ),
-    to: Annotated[
-        Path | None,
-        tyro.conf.arg(metavar="FOLDER", help="Where it all goes. (default: sweeps/…)", help_behavior_hint=""),
-    ] = None,
+    to: Annotated[Path | None, option("Where it all goes. (default: sweeps/…)", "FOLDER")] = None,
     workers: Threads = None,
     cluster: Cluster = None,
-    yes: Annotated[bool, tyro.conf.arg(help="Do not ask, however many cells.", help_behavior_hint="")] = False,
+    yes: Annotated[bool, option("Do not ask, however many cells.")] = False,
 ) -> int:
     """Simulate PRESET with fields varied, gather the metrics of all cells in a table, and draw it.
 
@@ -63,8 +49,9 @@ def command(
     is given again. A cell that fails says why in the table.
     """
     ((name, scenario),) = chosen_scenarios([preset], set_, law, seed)
+    from flexlab.analysis.metrics.metric import named
     from flexlab.analysis.sweep.axes import parse_axes
-    from flexlab.analysis.sweep.figures import metric_column, write_figures
+    from flexlab.analysis.sweep.figures import write_figures
     from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, make_plan
     from flexlab.analysis.sweep.result import Sweep, run_sweep, sweep_folder
     from flexlab.analysis.workers import chosen_workers, progress_bar
@@ -76,7 +63,7 @@ def command(
     )
     shown, pair = _names(show), _pair(pareto)
     for metric in (*shown, *pair):
-        metric_column(metric)
+        named(metric)
     _ask(plan.cell_count, yes)
     folder = to or sweep_folder(name, plan)
     known = chosen_workers(workers, cluster)
@@ -85,7 +72,7 @@ def command(
     with progress_bar(True) as told:
         run_sweep(plan, folder, known, told)
     sweep = Sweep(plan, folder)
-    paths = write_figures(sweep, shown, pair)
+    paths = write_figures(plan, sweep.table, folder, shown, pair)
     for path in (folder / "cells.parquet", *paths):
         output().print(str(path), soft_wrap=True)
     _tell_failed(sweep.failed, len(sweep))

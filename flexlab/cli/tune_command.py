@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, output
-from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Threads, chosen_scenarios
+from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
 
 if TYPE_CHECKING:
     from flexlab.analysis.tuning import Tuning
@@ -16,43 +16,25 @@ if TYPE_CHECKING:
 def command(
     preset: tyro.conf.Positional[Preset],
     change: Annotated[
-        tyro.conf.UseAppendAction[tuple[str, ...]],
-        tyro.conf.arg(
-            metavar="PATH=LOW:HIGH[:log]",
-            help="What may change, and within which bounds; repeat it.",
-            help_behavior_hint="",
-        ),
+        Several, option("What may change, and within which bounds; repeat it.", "PATH=LOW:HIGH[:log]")
     ] = (),
     cost: Annotated[
-        str, tyro.conf.arg(metavar="METRIC=WEIGHT,…", help="What is to be small, in SI units.")
+        str, option("What is to be small, in SI units.", "METRIC=WEIGHT,…", default=None)
     ] = "rms_error.x,rms_error.y",
-    limit: Annotated[
-        str, tyro.conf.arg(metavar="METRIC=VALUE,…", help="What must not be exceeded.", help_behavior_hint="")
-    ] = "",
+    limit: Annotated[str, option("What must not be exceeded.", "METRIC=VALUE,…")] = "",
     robust: Annotated[
-        tyro.conf.UseAppendAction[tuple[str, ...]],
-        tyro.conf.arg(
-            metavar="PATH=VALUE,…",
-            help="The worst of these scenarios counts, as in payload.bending_stiffness=50,200.",
-            help_behavior_hint="",
-        ),
+        Several, option("The worst of these scenarios counts, as in payload.bending_stiffness=50,200.", "PATH=VALUE,…")
     ] = (),
-    duration: Annotated[float, tyro.conf.arg(metavar="S", help="Simulated time of a run, s.")] = 3.0,
-    candidates: Annotated[int, tyro.conf.arg(metavar="N", help="Parameters to try, about.")] = 200,
-    search_seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of the search.")] = 0,
+    duration: Annotated[float, option("Simulated time of a run, s.", "S", default=None)] = 3.0,
+    candidates: Annotated[int, option("Parameters to try, about.", "N", default=None)] = 200,
+    search_seed: Annotated[int, option("Of the search.", "N", default=None)] = 0,
     workers: Threads = None,
     cluster: Cluster = None,
     set_: Settings = (),
     law: Law = None,
     seed: Seed = None,
-    save: Annotated[
-        Path | None,
-        tyro.conf.arg(metavar="FILE.json", help="Write the tuned scenario: a preset.", help_behavior_hint=""),
-    ] = None,
-    figure: Annotated[
-        Path | None,
-        tyro.conf.arg(metavar="FILE.svg", help="Draw the trade-off among what was tried.", help_behavior_hint=""),
-    ] = None,
+    save: Annotated[Path | None, option("Write the tuned scenario: a preset.", "FILE.json")] = None,
+    figure: Annotated[Path | None, option("Draw the trade-off among what was tried.", "FILE.svg")] = None,
 ) -> int:
     """Search the ranges for the parameters that cost least, and say what they gain.
 
@@ -74,14 +56,13 @@ def command(
     with progress_bar(True, "candidates") as told:
         found = tune(scenario, axes, wanted, others, duration, candidates, search_seed, told, known)
     _print(found)
-    best = found.best
     if save is not None:
         save_scenario(found.tuned, save)
         output().print(str(save), soft_wrap=True)
     if figure is not None:
         write_trade_off(found, figure)
         output().print(str(figure), soft_wrap=True)
-    if best.metrics is None or not wanted.holds(best.metrics):
+    if not found.holds:
         complain("Nothing that was tried keeps within the limits: widen the bounds or the limits.")
         return 1
     return 0
@@ -91,17 +72,15 @@ def _print(found: "Tuning") -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from flexlab.analysis.tuning import numbers_of
-
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("")
     for head in ("before", "tuned"):
         table.add_column(head, justify="right")
     for path, value in found.best.changes.items():
         table.add_row(Text(path), Text(str(_there(found.scenario, path))), f"{value:.6g}")
-    before, after = (numbers_of(item.metrics) if item.metrics else {} for item in (found.before, found.best))
     for name in found.cost.names:
-        table.add_row(Text(name), *(f"{values[name]:.5g}" if values else "fails" for values in (before, after)))
+        both = (candidate.numbers for candidate in (found.before, found.best))
+        table.add_row(Text(name), *(f"{values[name]:.5g}" if values else "fails" for values in both))
     table.add_row("cost", f"{found.before.cost:.5g}", f"{found.best.cost:.5g}")
     output().print(table)
     output().print(f"{len(found.candidates)} candidates were tried.")

@@ -5,16 +5,13 @@ import time
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from flexlab.cli.console import complain, output, print_json
+from flexlab.cli.options import option
 
 
 def command(
-    to: Annotated[Path, tyro.conf.arg(metavar="FILE.html", help="The report, with figures.")] = Path("validation.html"),
-    as_json: Annotated[
-        bool, tyro.conf.arg(name="json", help="Print the table as JSON.", help_behavior_hint="")
-    ] = False,
+    to: Annotated[Path, option("The report, with figures.", "FILE.html", default=None)] = Path("validation.html"),
+    as_json: Annotated[bool, option("Print the table as JSON.", name="json")] = False,
 ) -> int:
     """Check the paper's statements, closed formulas, mass points, energy and both theorems, and write a report.
 

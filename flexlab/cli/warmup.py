@@ -1,4 +1,4 @@
-"""What a start can be spared, and what takes its time at the first: modules that nobody asks, and the engine's compilation."""
+"""Faster starts: modules that are loaded only when used; and the compilation of the engine at the first start."""
 
 import gc
 import os
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from flexlab.scenario import Scenario
 
 UNASKED = frozenset({"numpy.f2py", "yaml", "rerun.experimental", "rerun.server", "rerun.urdf"})
-"""Modules that scipy, numba and rerun load in case somebody asks something of them, a twelfth of a start: no command does."""
+"""Modules that scipy, numba and rerun load and no command uses, a twelfth of a start."""
 
 
 class _Later:
-    """Finds these modules as all others, but has each read when something is asked of it."""
+    """A finder that delays the loading of these modules until their first use."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: Any = None, /) -> ModuleSpec | None:
         """As of `importlib.abc.MetaPathFinder`."""
@@ -33,9 +33,9 @@ class _Later:
 
 @contextmanager
 def loading() -> Generator[None, None, None]:
-    """While modules load, no garbage is looked for, and never again among what they have made: that is a tenth of a start.
+    """Suspend garbage collection while modules load, and exempt their objects from it, which saves a tenth of a start.
 
-    For processes that are the command line's own.
+    Only for processes of the command line.
     """
     later = _Later()
     sys.meta_path.insert(0, later)
@@ -49,7 +49,7 @@ def loading() -> Generator[None, None, None]:
 
 
 def warm_up(scenario: "Scenario", meanwhile: AbstractContextManager[object] | None = None) -> None:
-    """Have the engine compiled; if that takes long, tell the person and hold `meanwhile` open until it is done."""
+    """Compile the engine; if that takes long, tell the person and keep `meanwhile` entered until the end."""
     from flexlab.compiled import COMPILATION, COMPILING
     from flexlab.sim.world import World
 
@@ -63,17 +63,17 @@ def warm_up(scenario: "Scenario", meanwhile: AbstractContextManager[object] | No
 
         shown.callback(setattr, COMPILATION, "tell", COMPILATION.tell)
         COMPILATION.tell = tell
-        # One sample period of simulation goes through every kernel.
+        # A sample period of simulation calls every kernel.
         World(scenario).run(1)
 
 
 @contextmanager
 def _ending_at_once() -> Generator[None]:
-    """Meanwhile, Ctrl-C ends the process, which has nothing to save: within the compiler, Python may lose an exception."""
+    """Let Ctrl-C end the process at once: it has nothing to save, and within the compiler Python may lose an exception."""
 
     def end(*_: object) -> None:
         notes().show_cursor()
-        # Not by the console, which may be in the middle of a sentence.
+        # The console may be in the middle of a sentence.
         os.write(2, b"Interrupted: the next start compiles what is missing.\n")
         os._exit(EXIT_INTERRUPTED)
 
@@ -86,7 +86,7 @@ def _ending_at_once() -> Generator[None]:
 
 @contextmanager
 def compiling_the_rest() -> Generator[None]:
-    """Meanwhile, have a process of its own compile what the first picture did not need, if that was never done."""
+    """Compile, in a separate process, everything that the first picture does not need, unless that has been done."""
     from flexlab.sim.compile_all import WHILE_OPEN, is_everything_compiled
 
     if is_everything_compiled():
@@ -94,7 +94,7 @@ def compiling_the_rest() -> Generator[None]:
         return
     nowhere = subprocess.DEVNULL
     program = [sys.executable, "-m", "flexlab.sim.compile_all", WHILE_OPEN]
-    # A lab that is killed closes the pipe, too: nothing is left that takes a core for a minute.
+    # A lab that is killed closes the pipe, which ends this process as well.
     process = subprocess.Popen(program, stdin=subprocess.PIPE, stdout=nowhere, stderr=nowhere)
     try:
         yield
@@ -104,7 +104,7 @@ def compiling_the_rest() -> Generator[None]:
 
 
 def _wheel() -> AbstractContextManager[object]:
-    """A turning wheel with the seconds so far, if somebody looks at a terminal."""
+    """A spinner with the elapsed time on a terminal."""
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     if not notes().is_terminal:

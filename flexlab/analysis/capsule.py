@@ -1,4 +1,4 @@
-"""A run as one archive that another machine can verify: data, scenario, commands, versions, figures, and RO-Crate metadata.
+"""Archives of a run that another machine can verify: data, scenario, commands, versions, figures and RO-Crate metadata.
 
 RO-Crate 1.1 (https://w3id.org/ro/crate/1.1): `ro-crate-metadata.json` describes every file of the archive with its SHA-256.
 """
@@ -27,12 +27,12 @@ METADATA, RUN = "ro-crate-metadata.json", "run.rrd"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
 LICENSE = "https://spdx.org/licenses/MIT"
 LARGEST_METADATA = 10_000_000
-"""Bytes."""
+"""Most bytes of the metadata."""
 LARGEST_RUN = 50_000_000_000
-"""Bytes of a recording that is unpacked."""
+"""Most bytes of a recording that is unpacked."""
 CHUNK = 1 << 20
 SAME_DATE = (1980, 1, 1, 0, 0, 0)
-"""Of files in the archive: the same run gives the same bytes."""
+"""Date of all files in the archive, so that the same run gives the same bytes."""
 
 KINDS = {
     RUN: ("application/octet-stream", "The recording: every sample, bit for bit"),
@@ -98,7 +98,7 @@ def _fill(folder: Path, source: Path, recording: Recording) -> None:
 
 
 def _metadata(folder: Path, files: list[str], recording: Recording) -> dict[str, Any]:
-    """The RO-Crate."""
+    """The RO-Crate metadata."""
     described = [_file(folder, name) for name in files]
     program = {
         "@id": "https://pypi.org/project/flexlab/",
@@ -170,14 +170,14 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
         raise
     except FileNotFoundError:
         raise RecordingError(f"There is no file {archive_path}: check the name.") from None
-    except Exception as error:  # Archives fail in a dozen ways, as those of `export.import_run` do.
+    except Exception as error:  # Reading a damaged archive raises many kinds of errors.
         reason = " ".join(str(error).split())
         raise RecordingError(f"{archive_path} cannot be read as an archive of a run ({reason:.120}).") from None
     return folder / RUN
 
 
 def _digest(archive: zipfile.ZipFile, name: str, copy: Path | None) -> str:
-    """SHA-256 of a member, which is written to `copy` on the way if given."""
+    """The SHA-256 of a member, which is also written to `copy` if that is given."""
     digest = hashlib.sha256()
     with archive.open(name) as member:
         out = copy.open("wb") if copy is not None else None

@@ -1,4 +1,4 @@
-"""Two or more recordings side by side: what was set differently, and what came of it."""
+"""Comparisons of two or more recordings: the settings in which they differ, and their metrics."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Table = list[list[str]]
-"""A line of headings, then rows."""
+"""A row of headings, then the rows of the table."""
 
 SAME_LENGTH = 1e-9
-"""Runs whose durations differ by less are equally long, s: their sample instants are."""
+"""Difference of durations, s, below which two runs count as equally long."""
 
 SAME = "All runs started from the same scenario."
 
 
 @dataclass(frozen=True)
 class Comparison(Result):
-    """Of the runs A, B, C… in the order they were given."""
+    """A comparison of the runs A, B, C… in the given order."""
 
     recordings: tuple[Recording, ...]
-    """Without their samples."""
+    """The recordings, without their samples."""
     duration: tuple[float, ...]
-    """Of each whole run, s."""
+    """Duration of each whole run, s."""
     window: float
-    """The metrics speak of each run's first `window` seconds: as long as the shortest of them is."""
+    """Metrics are taken over each run's first `window` s, the duration of the shortest run."""
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
     settings: tuple[tuple[str, tuple[str, ...]], ...]
@@ -48,7 +48,7 @@ class Comparison(Result):
 
     @cached_property
     def table(self) -> Any:
-        """A row per run: its label, name, duration, status, every metric by name, SI, each setting that differs, its scenario."""
+        """A row per run: label, name, duration, status, every metric (SI), every setting that differs, provenance."""
         by_run = zip(*self.metrics, strict=True)
         rows = []
         for label, recording, duration, found in zip(self.labels, self.recordings, self.duration, by_run, strict=True):
@@ -62,7 +62,7 @@ class Comparison(Result):
         return pa.Table.from_pylist(rows)
 
     def plot(self, *metrics: str) -> "Figure":
-        """Metrics of all runs beside each other, by name; those that lists show without one. Raises `StudyError`."""
+        """Bars of the named metrics for all runs; without a name, those in lists of runs. Raises `StudyError`."""
         from flexlab.analysis.figures import draw_bars
 
         names = metrics or tuple(number.name for number in numbers() if number.column.listed)
@@ -76,22 +76,22 @@ class Comparison(Result):
 
     @property
     def labels(self) -> list[str]:
-        """A, B, C and so on, one per run."""
+        """The label of each run: A, B, C and so on."""
         return [run_label(number) for number in range(len(self.recordings))]
 
     @property
     def window_text(self) -> str:
-        """What the metrics speak of, in words."""
+        """The stretch of time over which metrics are taken, in words."""
         return f"of the first {number_text(self.window)} s of each run"
 
     def repeated(self) -> list[tuple[str, str]]:
-        """(label, label of the first one) of every run that was named before."""
+        """(label, label of its first occurrence) of every run that was named before."""
         paths = [recording.path.resolve() for recording in self.recordings]
         firsts = [(self.labels[number], self.labels[paths.index(path)]) for number, path in enumerate(paths)]
         return [(label, first) for label, first in firsts if label != first]
 
     def run_table(self) -> Table:
-        """Which run is which."""
+        """Label, name, duration and scenario of each run."""
         rows = [
             [label, run.path.stem, f"{duration:.4g}", run.scenario.title or run.name]
             for label, run, duration in zip(self.labels, self.recordings, self.duration, strict=True)
@@ -99,7 +99,7 @@ class Comparison(Result):
         return [["", "run", "duration [s]", "scenario"], *rows]
 
     def metric_table(self) -> Table:
-        """Each metric of each run, and how far it is from A's."""
+        """Each metric of each run, and its difference from A's."""
         labels = self.labels
         rows = [
             [rows[0].key, *(row.short for row in rows), *(difference_text(rows[0], row) for row in rows[1:])]
@@ -108,11 +108,11 @@ class Comparison(Result):
         return [["metric", *labels, *(f"{label} − A" for label in labels[1:])], *rows]
 
     def setting_table(self) -> Table:
-        """The settings that differ; only the heading if none does."""
+        """The settings that differ; only the headings if none does."""
         return [["setting", *self.labels], *([path, *values] for path, values in self.settings)]
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data with all digits, in the tables' units; None where a number has no value."""
+        """The comparison as plain data with all digits, in the tables' units; None for a missing value."""
         runs = [
             {"label": label, "run": run.path.stem, "duration [s]": duration, "title": run.scenario.title}
             for label, run, duration in zip(self.labels, self.recordings, self.duration, strict=True)
@@ -122,7 +122,7 @@ class Comparison(Result):
         return {"runs": runs, "window [s]": self.window, "metrics": metrics, "settings": settings}
 
     def text(self) -> str:
-        """All of it as markdown."""
+        """The whole comparison as markdown."""
         heads, *settings = self.setting_table()
         settings = [[f"`{path}`", *values] for path, *values in settings]
         parts = ["# Comparison", _markdown(self.run_table())]
@@ -151,7 +151,7 @@ def compare(paths: Sequence[Path]) -> Comparison:
 
 
 def compare_into(paths: Sequence[Path], target: Path) -> Comparison:
-    """Compare recordings and write the overlay, with the tables beside it, as the rerun file `target`.
+    """Compare recordings and write their curves and tables as the rerun file `target`.
 
     Raises `RecordingError` if a run cannot be read, there are too few or too many, or `target` cannot be written.
     """
@@ -161,12 +161,12 @@ def compare_into(paths: Sequence[Path], target: Path) -> Comparison:
 
 
 def difference_text(first: MetricRow, other: MetricRow) -> str:
-    """How far a metric is from the first run's; "–" where one of them has no value."""
+    """The difference of a metric from the first run's; "–" if one of them has no value."""
     return number_difference(first.value, other.value, scale=first.column.scale)
 
 
 def _metrics(path: Path, seconds: float = inf, finished: bool = True) -> RunMetrics:
-    """Of a run, or of its first `seconds`; reads no further than that. `finished`: whether it came to their end."""
+    """The metrics of a run's first `seconds`, beyond which nothing is read. `finished`: whether the run reached their end."""
     collection = None
     last = inf
     for block in read_blocks(path):
@@ -181,7 +181,7 @@ def _metrics(path: Path, seconds: float = inf, finished: bool = True) -> RunMetr
 
 
 def _value(recording: Recording, path: str) -> str:
-    """A field's value in words; "–" where a scenario has no such field (another kind of damping, say)."""
+    """A field's value in words; "–" if the scenario has no such field, as with another kind of damping."""
     value = recording.scenario
     for name in path.split("."):
         value = getattr(value, name, None)

@@ -1,7 +1,7 @@
-"""The paper's Figures 2 to 5 of any run, as files for a report, and figures as parts of pages.
+"""The paper's Figures 2 to 5 of any run, as files or as parts of pages, and figures of signals and of other studies.
 
 Figure 2: trajectory of the payload. 3: vibration. 4: error of the trajectory. 5: internal force. The same run gives the
-same bytes of SVG, so that a figure can live under version control.
+same bytes of SVG, so that a figure can be kept under version control.
 """
 
 import io
@@ -27,13 +27,13 @@ from flexlab.views import DEFLECTION, ERROR, Color, View, views
 
 FORMATS = ("png", "svg")
 WIDTH = 6.0
-"""Inches: a text column."""
+"""Width of a figure, inches: a text column."""
 ROW_HEIGHT = 1.7
-"""Inches per plot; a figure of one plot is twice as high."""
+"""Height of a plot, inches; a figure of one plot is twice as high."""
 RESOLUTION = 200
-"""Dots per inch of PNG."""
+"""Resolution of PNG, dots per inch."""
 POINTS = 4000
-"""Most points of one curve: more only swell the file. Beyond that, least and largest of each stretch are drawn."""
+"""Most points of a curve; of a longer signal, the least and largest value of each stretch are drawn."""
 
 
 def _hex(color: Color) -> str:
@@ -66,11 +66,11 @@ _GROUND = re.compile(r'(<path [^>]*style="fill: )#ffffff("|; opacity)')
 _PAGE_STYLE = (
     "<style>svg text { fill: currentColor } @media (prefers-color-scheme: dark) { svg:root { color: #e6eaf0 } }</style>"
 )
-"""An SVG within a page takes its colour from there; one that is an image has to ask for itself."""
+"""An SVG element takes its colour from the page; an SVG image has to ask for the colour scheme itself."""
 
 
 def svg_text(figure: Figure, salt: str = STYLE["svg.hashsalt"]) -> str:
-    """A figure as an SVG element: the same figure and `salt` give the same text. Figures on one page need different salts."""
+    """A figure as an SVG element. The same figure and `salt` give the same text; figures on one page need different salts."""
     with mpl.rc_context(STYLE | {"svg.hashsalt": salt}):
         drawn = io.StringIO()
         figure.savefig(drawn, format="svg", metadata={"Date": None})
@@ -79,7 +79,7 @@ def svg_text(figure: Figure, salt: str = STYLE["svg.hashsalt"]) -> str:
 
 
 def page_svg(figure: Figure, salt: str = STYLE["svg.hashsalt"]) -> str:
-    """The same for a page, light or dark: no ground, lines and words in the page's colour."""
+    """A figure as an SVG element without a background, whose lines and words have the page's colour, light or dark."""
     head, end, rest = svg_text(figure, salt).partition(">")
     shown = _GROUND.sub(r"\1none\2", rest).replace("stroke: #000000", "stroke: currentColor")
     return head + end + _PAGE_STYLE + shown
@@ -112,7 +112,7 @@ def paper_figures(
             for kind in formats:
                 path = folder / f"{name}-figure-{number}.{kind}"
                 with mpl.rc_context(STYLE):
-                    # Without a date, the same run gives the same file.
+                    # A date would make two files of the same run differ.
                     figure.savefig(path, dpi=RESOLUTION, metadata={"Date": None} if kind == "svg" else None)
                 paths.append(path)
     except OSError as error:
@@ -175,7 +175,7 @@ FIGURES: dict[int, tuple[Callable[[list[Axes], Samples], None], int]] = {
     4: (_draw_error, 3),
     5: (_draw_internal_force, 3),
 }
-"""The paper's number → how to draw it, and how many plots it has."""
+"""Number in the paper → (function that draws it, number of plots)."""
 
 
 def _curve(axes: Axes, time: np.ndarray, values: np.ndarray, color: str, label: str = "", line: str = "-") -> None:
@@ -183,12 +183,12 @@ def _curve(axes: Axes, time: np.ndarray, values: np.ndarray, color: str, label: 
 
 
 def _legend(axes: Axes) -> None:
-    """Above the plot, where no curve is."""
+    """Place the legend above the plot, where no curve is."""
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
 
 
 def thin_out(time: np.ndarray, values: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """At most about `points` points of a curve that look like all of it: the least and the largest of each stretch."""
+    """About `points` points at most of a curve that look like all of it: the least and the largest of each stretch."""
     if len(values) <= points:
         return time, values
     edges = np.linspace(0, len(values), points // 2 + 1).astype(int)
@@ -198,9 +198,9 @@ def thin_out(time: np.ndarray, values: np.ndarray, points: int = POINTS) -> tupl
 
 
 MOST_LOOKED_AT = 3
-"""Views that are drawn unless signals are named: the first ones."""
+"""Number of views, the first ones, that are drawn if no signal is named."""
 MOST_CURVES = 12
-"""Of one plot with a legend."""
+"""Most curves of a plot with a legend."""
 
 
 class Plot(NamedTuple):
@@ -208,16 +208,16 @@ class Plot(NamedTuple):
 
     title: str
     label: str
-    """Of the axis, with its unit."""
+    """Label of the axis, with its unit."""
     curves: list[tuple[str, str | None, np.ndarray]]
-    """(name, colour, values (N,)) of each; no colour: matplotlib's next one."""
+    """(name, colour, values (N,)) of each curve; None: matplotlib's next colour."""
 
 
 def draw_signals(run: Run, names: Sequence[str] = ()) -> Figure:
     """A plot for each named signal over time, in SI units; a signal whose entries have different units gets one for each.
 
-    Without names: what is most looked at, in the units and colours of the lab. Raises `StudyError` for a name that is no
-    signal, or no samples.
+    Without names: the lab's first views, in its units and colours. Raises `StudyError` for an unknown signal, or a run
+    without samples.
     """
     known = {**known_signals(), **DERIVED}
     for name in names:
@@ -278,7 +278,7 @@ def _draw(part: Axes, time: np.ndarray, plot: Plot) -> None:
 
 
 def draw_bars(labels: Sequence[str], shown: Mapping[str, Sequence[float | None]]) -> Figure:
-    """A number of several runs each, title → values by run; None: a run has none."""
+    """Bars of numbers by run, title → values; None for a run without a value."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, ROW_HEIGHT * -(-len(shown) // 2)), layout="constrained")
         places = figure.subplots(-(-len(shown) // 2), min(len(shown), 2), squeeze=False).ravel()
@@ -291,7 +291,7 @@ def draw_bars(labels: Sequence[str], shown: Mapping[str, Sequence[float | None]]
 
 
 def draw_fit(time: np.ndarray, signal: np.ndarray, background: np.ndarray, unit: str) -> Figure:
-    """A measured signal (N,) at `time` (N,), s, and what it rings about."""
+    """A measured signal (N,) at `time` (N,), s, and the background (N,) about which it rings."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 2 * ROW_HEIGHT), layout="constrained")
         axes = figure.add_subplot()

@@ -1,4 +1,4 @@
-"""The internal force of a run by the paper's other route, Eq. (26): from x, q and u alone, without ẍ."""
+"""The internal force of a run by Eq. (26), from x, q and u alone, without ẍ."""
 
 import numpy as np
 
@@ -13,12 +13,12 @@ from flexlab.sim.samples import Run
 
 
 def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
-    """F_i by Eq. (26) of every `every`-th sample of a run with two arms, N, N, N·m, (samples, 2, 3).
+    """F_i by Eq. (26) at every `every`-th sample of a run with two arms, N, N, N·m, (samples, 2, 3).
 
-    `run.internal_force` is the same by Eqs. (13)-(15), from the grips' forces and the simulated ẍ; Eq. (26) finds ẍ anew from
-    dense matrices in nodal coordinates. Signs as in `run.internal_force`, opposite to the print. Of the scenario that the run
-    started from, which nothing changes or pulls, with all modes of the mesh; of a payload that is filled or emptied with the mass
-    of each instant. Raises `StudyError` for one arm, modes left out, grips that give way, or no samples.
+    `run.internal_force` is the same by Eqs. (13)-(15), from the grips' forces and the simulated ẍ; Eq. (26) computes ẍ anew
+    from dense matrices in nodal coordinates. Signs are as in `run.internal_force`, opposite to the print. The run must not have
+    been changed or pulled; a payload that is filled or emptied has the mass of each instant. Raises `StudyError` for one arm,
+    left-out modes, compliant grips, or no samples.
     """
     if not isinstance(run, Run):
         raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")

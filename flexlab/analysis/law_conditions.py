@@ -1,4 +1,4 @@
-"""Which conditions of its control law a scenario meets: those of the law itself, and those of every law."""
+"""The conditions of a scenario's control law, those of the law itself and those of every law, and whether they are met."""
 
 import numpy as np
 
@@ -15,16 +15,16 @@ from flexlab.sim.closed_loop import law_input_at, new_workspace
 from flexlab.sim.step_rates import control_rate, desired_poses
 
 INSTANTS = 32
-"""At which the desired motion is looked at, over its slowest period."""
+"""Instants of the slowest period at which the desired motion is evaluated."""
 
 
 def law_conditions(scenario: Scenario) -> tuple[Condition, ...]:
-    """The conditions of a valid scenario's law, met or not; none where motors are off or no desired pose can be reached."""
+    """The conditions of a valid scenario's law; none if motors are off or no desired pose can be reached."""
     return conditions_in(circumstances(scenario))
 
 
 def conditions_in(around: Circumstances) -> tuple[Condition, ...]:
-    """The same, of circumstances that are known."""
+    """`law_conditions` of known circumstances."""
     law = law_of(around.scenario.controller)
     if not law.drives or not len(around.path):
         return ()
@@ -32,7 +32,7 @@ def conditions_in(around: Circumstances) -> tuple[Condition, ...]:
 
 
 def circumstances(scenario: Scenario) -> Circumstances:
-    """What the conditions of a scenario's law are judged by."""
+    """The circumstances by which the conditions of a scenario's law are judged."""
     beam = build_beam(scenario.payload)
     system = build_system(scenario, beam)
     times = np.arange(INSTANTS) * (scenario.trajectory.slowest_period / INSTANTS)

@@ -1,13 +1,13 @@
-"""The self-checks of lessons: rules that stand in a lesson's file, tried one after another; the first that holds is the verdict.
+"""The checks of lessons: rules in a lesson's file, of which the first that holds gives the verdict.
 
     period_bend = largest(quasi_static_deflection, t - period, t)
     if undisturbed < period: Let one period of the path go by.
     done if period_bend > 1e-3: The motion bends the beam by {period_bend:length} ✓
     else: Now set Bending stiffness EI to 10.
 
-A name may also stand for a text in quotes. What braces hold is worked out (`lesson_expressions`) and written as its format
-says: as Python does, or `length`, as a length reads best. A line that begins with a space goes on with the one before.
-A sentence never gives a number that was not measured or computed from this run.
+A name may also stand for a text in quotes. Braces hold an expression (`lesson_expressions`) and a format: one of Python's, or
+`length`, in mm or µm. A line that begins with a space continues the line before. A sentence gives only numbers that were
+measured or computed from this run.
 """
 
 import re
@@ -29,14 +29,14 @@ _BRACES = re.compile(r"\{([^{}]+?)(?::(length|g|\.\d[efg]))?\}")
 
 
 class Verdict(NamedTuple):
-    """What a check found: whether the lesson is done, and a sentence with the numbers or the next step."""
+    """The result of a check: whether the lesson is done, and a sentence with numbers or the next step."""
 
     done: bool
     sentence: str
 
 
 class _Sentence:
-    """A text with values in braces. Raises `ExpressionError` for braces that hold no expression."""
+    """A text with values in braces. Raises `ExpressionError` for braces without an expression."""
 
     def __init__(self, text: str, known: Sequence[str]):
         if "{" in _BRACES.sub("", text):
@@ -46,7 +46,7 @@ class _Sentence:
         self._text, self._values = text, {found[1]: Expression(found[1], known) for found in _BRACES.finditer(text)}
 
     def value(self, run: LookedAt) -> str:
-        """The text for a run as it is now."""
+        """The text for the present state of a run."""
 
         def shown(found: re.Match[str]) -> str:
             value = self._values[found[1]].value(run)
@@ -57,7 +57,7 @@ class _Sentence:
 
 class _Rule(NamedTuple):
     condition: Comparison | None
-    """None: it always holds."""
+    """None: the rule always holds."""
     done: bool
     sentence: Callable[[LookedAt], str]
 
@@ -69,7 +69,7 @@ class Check:
     """The check of one lesson."""
 
     def __init__(self, lesson: Lesson):
-        """Raises `ExpressionError` for lines that are no rules; its text says which, of all of them."""
+        """Raises `ExpressionError`, which names all lines that are no rules."""
         self._hint = lesson.hint
         self._named: dict[str, Expression | _Sentence] = {}
         self._rules: list[_Rule] = []
@@ -85,13 +85,13 @@ class Check:
                 raise ExpressionError(told_together(mistakes))
 
     def _read(self, line: str) -> str:
-        """Take a rule or a name in; what is wrong with the line, empty if nothing is."""
+        """Read a line with a rule or a name; return what is wrong with it, empty if nothing is."""
         known = list(self._named)
         named, rule = _NAME.fullmatch(line), _RULE.fullmatch(line)
         try:
             if named:
                 name, text, expression = named.groups()
-                self._named[name] = NOTHING  # Lines below may use it, even if this one is wrong.
+                self._named[name] = NOTHING  # Later lines may use the name even if this line is wrong.
                 self._named[name] = _Sentence(text, known) if text else Expression(expression, known)
             elif rule:
                 kind, condition, sentence = rule.groups()
@@ -106,7 +106,7 @@ class Check:
         return ""
 
     def verdict(self, scenario: Scenario, samples: Samples, events: Sequence[Event] = ()) -> Verdict:
-        """Of a run by its newest samples (`SECONDS` of them if there are as many) and all its events. Never fails."""
+        """The verdict on a run by its newest `SECONDS` s of samples and all its events. Never raises."""
         if len(samples) < 2:
             return Verdict(False, "Press play: there is nothing to measure yet.")
         run = LookedAt(Look(scenario, samples, events), {name: each.value for name, each in self._named.items()})
@@ -115,13 +115,13 @@ class Check:
             return Verdict(rule.done, rule.sentence(run))
         except (ExpressionError, ArithmeticError, IndexError, TypeError, ValueError) as error:
             return Verdict(False, f"The check cannot be worked out in this run ({error}). {self._hint}".strip())
-        except FlexlabError as error:  # What the closed loop does cannot be said of this scenario.
+        except FlexlabError as error:  # A measure of the closed loop does not exist for this scenario.
             return Verdict(False, str(error))
 
 
 @cache
 def read_check(lesson: Lesson) -> Check:
-    """The check that a lesson's file gives. Raises `ExpressionError`."""
+    """The check in a lesson's file. Raises `ExpressionError`."""
     return Check(lesson)
 
 

@@ -1,8 +1,8 @@
-"""Expressions of lessons over metrics, signals and measures of the present run, and over the scenario's fields.
+"""Expressions of lessons over metrics, signals and measures of a run, and over the scenario's fields.
 
 `settling_time < 0.2`, `rms_error.y < 1e-4`, `largest(tracking_error[0:2]) < 1e-3 and t > 2`, `largest(vibration, t - 1, t)`,
 `scenario.payload.bending_stiffness <= 10`, `scenario.payload == usual.payload`, `ring_frequency(0, 0.6)`. All SI.
-They are read by Python's own parser and worked out here: nothing but the names below can be reached.
+Python's parser reads them, and this module evaluates them with the names below only.
 """
 
 import ast
@@ -22,9 +22,9 @@ from flexlab.sim.signals import DERIVED, TABLE
 from flexlab.text import syntax_tree
 
 LONGEST = 400
-"""Characters of an expression."""
+"""Most characters of an expression."""
 ROOTS = ("scenario", "usual")
-"""What a field is of: the run's scenario, or the one whose fields all have their defaults, that of the preset paper."""
+"""Owners of fields: the run's scenario, and the default scenario, that of the preset paper."""
 
 FUNCTIONS: dict[str, Callable[[np.ndarray], float]] = {
     "largest": lambda values: float(np.nanmax(np.abs(values))),
@@ -35,11 +35,11 @@ FUNCTIONS: dict[str, Callable[[np.ndarray], float]] = {
     "largest_norm": lambda values: float(np.nanmax(_norms(values))),
     "rms_norm": lambda values: float(np.sqrt(np.nanmean(np.square(_norms(values))))),
 }
-"""What makes one number of a signal, of all samples or of those between two instants. Norms are those of each sample."""
+"""Functions that make one number of a signal, over all samples or between two instants. Norms are taken per sample."""
 TRUTHS = ("starts", "changed", "touched")
 """Measures that are true or false."""
 EXTREMES: dict[str, Callable[[Any], float]] = {"least": min, "greatest": max}
-"""What makes one number of a field that may have one or three."""
+"""Functions that make one number of a field with one or three numbers."""
 
 
 def _norms(values: np.ndarray) -> np.ndarray:
@@ -63,14 +63,14 @@ _COMPARISONS: dict[type, Callable[[Any, Any], bool]] = {
 
 
 class ExpressionError(LabError):
-    """An expression that cannot be a check; the text says which part, and what there is instead."""
+    """An invalid expression; the text names the wrong part and the alternatives."""
 
 
 class Expression:
-    """An expression that has a value in every run."""
+    """An expression with a value."""
 
     def __init__(self, text: str, known: Collection[str] = ()):
-        """`known`: names that a lesson gives to values. Raises `ExpressionError` for what has no value, whatever the run."""
+        """`known`: names that a lesson defines. Raises `ExpressionError` for an expression without a value in any run."""
         if len(text) > LONGEST:
             raise ExpressionError(f"the check has {len(text)} characters, over {LONGEST}: shorten it.")
         try:
@@ -80,7 +80,7 @@ class Expression:
         _check(self._tree, known)
 
     def value(self, run: "LookedAt") -> Any:
-        """In a run as it is now."""
+        """The value in the present state of a run."""
         return _value(self._tree, run)
 
 
@@ -94,15 +94,15 @@ class Comparison(Expression):
             raise ExpressionError(f"the check {text[:60]!r} is no comparison: write for example settling_time < 0.2.")
 
     def holds(self, run: "LookedAt") -> bool:
-        """Whether it is true of a run now; what has no value yet (NaN) compares false."""
+        """Whether it is true in the present state of a run; comparisons with a missing value (NaN) are false."""
         return bool(self.value(run))
 
 
 class LookedAt:
-    """A run as a lesson looks at it: what names stand for. Metrics, and values that a lesson names, are worked out once."""
+    """The values of names in a run. Metrics, and the values that a lesson names, are computed once."""
 
     def __init__(self, look: Look, named: Mapping[str, Callable[["LookedAt"], Any]] | None = None):
-        """`named`: what works out each value that the lesson names."""
+        """`named`: the functions that compute the values that the lesson names."""
         self.look, self._named = look, named or {}
         self._values: dict[str, Any] = {}
 
@@ -111,7 +111,7 @@ class LookedAt:
         return run_metrics(self.look.samples)
 
     def value(self, name: str) -> Any:
-        """Of a name that stands alone."""
+        """The value of a name."""
         if name in self._named:
             if name not in self._values:
                 self._values[name] = self._named[name](self)
@@ -127,7 +127,7 @@ def _is_not(node: ast.AST) -> bool:
 
 
 def _check(node: ast.AST, known: Collection[str]) -> None:
-    """Raise for a part that no run could give a value."""
+    """Raise `ExpressionError` for a part without a value in any run."""
     if isinstance(node, ast.BoolOp):
         parts: Sequence[ast.AST] = node.values
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.Not, ast.USub)):
@@ -161,7 +161,7 @@ def _check(node: ast.AST, known: Collection[str]) -> None:
 
 
 def _numbers_of_call(node: ast.Call) -> list[ast.expr]:
-    """The numbers that a function is given; raises for what is none, or has others."""
+    """The numeric arguments of a function. Raises `ExpressionError` for an unknown function or wrong arguments."""
     name, numbers = node.func.id if isinstance(node.func, ast.Name) else "", list(node.args)
     if name in EXTREMES and len(numbers) == 1 and _path(numbers[0]) and not node.keywords:
         return []
@@ -178,7 +178,7 @@ def _numbers_of_call(node: ast.Call) -> list[ast.expr]:
 
 
 def _signal(node: ast.AST) -> tuple[str, Any]:
-    """Name of a signal and the index of its components; raises for anything else."""
+    """Name of a signal, and the index of its components. Raises `ExpressionError` for anything else."""
     if isinstance(node, ast.Name):
         return node.id, ...
     if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
@@ -193,7 +193,7 @@ def _signal(node: ast.AST) -> tuple[str, Any]:
 
 
 def eval_index(node: ast.AST) -> Any:
-    """An index of whole numbers, ranges and tuples of both. Raises ValueError for anything else."""
+    """An index made of whole numbers, ranges and tuples of both. Raises ValueError for anything else."""
     if isinstance(node, ast.Tuple):
         if any(isinstance(part, ast.Tuple) for part in node.elts):  # NumPy would make arrays of any size of them.
             raise ValueError

@@ -21,15 +21,15 @@ from flexlab.sim.snapshot import Event
 from flexlab.sim.target import first_mode, shaper_impulses
 
 SECONDS = 30.0
-"""How much of a run a check sees, s."""
+"""Length of the newest part of a run that a check sees, s."""
 SETTLED, SHORTEST = 0.5, 1.5
-"""s after a change before its ring is looked at, and how long it is looked at, at least."""
+"""Wait after a change before its ring is measured, and shortest ring that is measured, s."""
 USUAL_STIFFNESS = {"bending_stiffness": 100.0}
 """EI of the paper, N·m²."""
 APART = 2.0
-"""N between two squeezes that a line may go through."""
+"""Least difference between two squeezes that are compared, N."""
 SILENT = 1e-9
-"""m: a ring that has become smaller is none. That of squeeze-until-it-buckles comes to it 40 s after its start."""
+"""Smallest amplitude of a ring, m; squeeze-until-it-buckles falls below it 40 s after its start."""
 
 
 def first_frequency(payload: Payload) -> float:
@@ -39,7 +39,7 @@ def first_frequency(payload: Payload) -> float:
 
 @lru_cache(maxsize=32)
 def _first_frequency(payload: str) -> float:
-    """Remembered, because the lab asks several times a second and 64 elements take a while."""
+    """Cached, because the lab asks several times a second and 64 elements take a while."""
     with one_blas_thread():
         return float(np.min(build_beam(Payload.model_validate_json(payload)).modes.omega)) / (2 * np.pi)
 
@@ -54,7 +54,7 @@ def ring_frequency(samples: Samples) -> float:
 
 
 def torque_jump(samples: Samples, control_period: float) -> float:
-    """RMS change of the joint torques over one control period, the largest of all joints, N·m."""
+    """The largest RMS change of a joint's torque over one control period, N·m."""
     stride = max(1, round(control_period / tick(samples)))
     torque = samples.joint_torque[::stride]
     return float(np.sqrt(np.mean(np.diff(torque, axis=0) ** 2, axis=0)).max()) if len(torque) > 1 else 0.0
@@ -81,7 +81,7 @@ def length(metres: float) -> str:
 
 
 class Span(NamedTuple):
-    """A part of a run without a change or touch; NaN where it is too short, or rings no more."""
+    """A part of a run without a change or touch; NaN where it is too short or no longer rings."""
 
     begin: float
     """s."""
@@ -93,7 +93,7 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True)
 class Look:
-    """What a lesson's check looks at: a scenario, the newest samples of a run (two or more), and all its events."""
+    """The data of a lesson's check: a scenario, the newest samples of a run (two or more), and all its events."""
 
     scenario: Scenario
     samples: Samples
@@ -105,27 +105,27 @@ class Look:
         return float(self.samples.time[-1])
 
     def part(self, begin: float, end: float) -> Samples:
-        """What lies between two instants, s."""
+        """The samples between two instants, s."""
         return between(self.samples, begin, end)
 
     @property
     def touches(self) -> list[float]:
-        """When something was changed, pulled or tapped, s: the run is not steady for a while."""
+        """Instants of changes, pulls and taps, s, after which the run is not steady for a while."""
         return [event.time for event in self.events if isinstance(event.command, (ChangeScenario, Pull, Tap))]
 
     @property
     def path_rate(self) -> np.ndarray:
-        """Of the target at the first of the samples, m/s, m/s, rad/s, (3,)."""
+        """Rate of the target at the first sample, m/s, m/s, rad/s, (3,)."""
         return (self.samples.desired_pose[1] - self.samples.desired_pose[0]) / tick(self.samples)
 
     @cached_property
     def shaper_delay(self) -> float:
-        """By how much the input shaper ends the motion later, s. Raises `FlexlabError` where the closed loop has no mode."""
+        """Delay by which the input shaper ends the motion later, s. Raises `FlexlabError` if the closed loop has no mode."""
         return float(max(shaper_impulses(self.scenario)[:, 1], default=0.0))
 
     @cached_property
     def loop_frequency(self) -> float:
-        """Of the closed loop's first mode, damped, Hz. Raises `FlexlabError` where there is none."""
+        """Damped frequency of the closed loop's first mode, Hz. Raises `FlexlabError` if there is none."""
         mode = first_mode(self.scenario)
         return float(mode.omega * np.sqrt(1 - mode.zeta**2) / (2 * np.pi))
 
@@ -143,7 +143,7 @@ class Look:
 
     @property
     def other_span(self) -> Span:
-        """The newest one with another compression than the present one."""
+        """The newest span with another compression than the present one."""
         others = (each for each in reversed(self.spans) if abs(each.force - self.spans[-1].force) > APART)
         return next(others, Span(np.nan))
 
@@ -180,7 +180,7 @@ VALUES: dict[str, Callable[[Look], Any]] = {
     "other_squeeze": lambda look: look.other_span.force,
     "other_frequency": lambda look: look.other_span.frequency,
 }
-"""What a check may ask for by name, SI; a span is a part of the run in which nothing was changed or touched."""
+"""Measures by name, SI; a span is a part of the run without a change or touch."""
 
 OF_A_PART: dict[str, Callable[[Look, Samples], float]] = {
     "ring_frequency": lambda _, part: ring_frequency(part),
@@ -190,11 +190,11 @@ OF_A_PART: dict[str, Callable[[Look, Samples], float]] = {
         largest(part.internal_force.sum(axis=1)), 1e-15
     ),  # sum of the arms' internal forces
 }
-"""What a check may ask of the samples between two instants, as in `settled(0, 1)`."""
+"""Measures of the samples between two instants, as in `settled(0, 1)`."""
 
 
 def _upward_frequency(part: Samples) -> float:
-    """Frequency of a free ring, Hz, from where it goes upwards through its mean; NaN: there is none."""
+    """Frequency of a free ring, Hz, from its upward crossings of the mean; NaN without a ring."""
     w = part.midspan_deflection - part.midspan_deflection.mean()
     upwards = np.flatnonzero((w[:-1] < 0) & (w[1:] >= 0))
     if len(upwards) < 3 or largest(w) < SILENT:
@@ -206,7 +206,7 @@ def _upward_frequency(part: Samples) -> float:
 
 @lru_cache(maxsize=8)
 def _growth(scenario: Scenario) -> tuple[float, str, float]:
-    """Growth, 1/s, of the fastest pole, whose it is, and the true frequency of that mode, Hz; the lab asks every second."""
+    """Growth of the fastest pole, 1/s, its origin, and that mode's true frequency, Hz; cached, as the lab asks every second."""
     found = modes(scenario)
     worst = int(np.argmax(found.poles.real)) if len(found.poles) else 0
     origin = found.pole_origin[worst] if len(found.poles) else ""

@@ -1,4 +1,4 @@
-"""Linear models of a scenario, in the form that control tools take: `scipy.signal.StateSpace` with names and units."""
+"""Linear models of a scenario: `scipy.signal.StateSpace` with names and units."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +21,7 @@ class Named(NamedTuple):
 
 
 class About(NamedTuple):
-    """What a linear model is of."""
+    """The names, matrices and rest point of a linear model."""
 
     states: tuple[Named, ...]
     inputs: tuple[Named, ...]
@@ -41,18 +41,18 @@ class About(NamedTuple):
     closed: bool
     """Whether the control law is part of the model."""
     input_delay: int
-    """Samples by which torques come late; part of the states."""
+    """Delay of the torques in samples, which the states include."""
     note: str
-    """What there is to know about the rest point, as a sentence."""
+    """A remark on the rest point; empty: none."""
     disk_margin: "DiskMargin | None"
-    """Margins of the closed loop; None of a law without torque."""
+    """Margins of the closed loop."""
 
 
 class LinearModel(StateSpace):
-    """dz/dt = A z + B u (or z at the next control instant), y = C z + D u, all small changes from rest.
+    """dz/dt = A z + B u (or z at the next control instant), y = C z + D u for small changes from rest.
 
-    A `scipy.signal.StateSpace`, so that `scipy.signal.lsim`, `step`, `dlsim`, `bode` take it; `about` holds M, C, K and the
-    rest point. Made by `flexlab.linearize`.
+    It is a `scipy.signal.StateSpace`, which `scipy.signal.lsim`, `step`, `dlsim` and `bode` take; `about` holds M, C, K and
+    the rest point. `flexlab.linearize` makes it.
     """
 
     about: About
@@ -74,22 +74,22 @@ class LinearModel(StateSpace):
 
     @property
     def state_units(self) -> tuple[str, ...]:
-        """Their units."""
+        """Units of the states."""
         return tuple(each.unit for each in self.about.states)
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Their units."""
+        """Units of the inputs."""
         return tuple(each.unit for each in self.about.inputs)
 
     @property
     def output_units(self) -> tuple[str, ...]:
-        """Their units."""
+        """Units of the outputs."""
         return tuple(each.unit for each in self.about.outputs)
 
     @property
     def mass(self) -> np.ndarray:
-        """M of M p̈ + C ṗ + K p = Σ𝒥ᵀτ, p: the first n states."""
+        """M of M p̈ + C ṗ + K p = Σ𝒥ᵀτ, where p are the first n states."""
         return self.about.mass
 
     @property
@@ -108,7 +108,7 @@ class LinearModel(StateSpace):
         return self.about.disk_margin
 
     def to_control(self) -> Any:
-        """The same model as a `control.StateSpace` of python-control; raises `StudyError` where that is not installed."""
+        """The model as a `control.StateSpace` of python-control. Raises `StudyError` if that is not installed."""
         try:
             import control
         except ImportError:
@@ -141,8 +141,8 @@ class SampledLinearModel(LinearModel, dlti):
 def make_model(
     matrices: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], period: float | None, about: About
 ) -> LinearModel:
-    """The model of A, B, C, D; sampled with a period, s."""
-    # scipy's annotations say that a subclass makes its parent.
+    """The model with A, B, C, D; sampled if `period`, s, is given."""
+    # By scipy's annotations, a subclass constructs its parent.
     model: Any = ContinuousLinearModel(*matrices) if period is None else SampledLinearModel(*matrices, dt=period)
     model.about = about
     return model

@@ -1,8 +1,8 @@
 """A scenario's loop, linearised about its rest point: M p̈ + C ṗ + K p = B τ for the plant, and the law's answer to it.
 
 Coordinates p = (x, η): pose (m, m, rad) and modal coordinates (m·kg^½). At rest all velocity terms are of second order, so
-that mass, damping and stiffness describe the plant exactly; joint torques τ are what a motor holds, and u = 𝒥ᵀτ turns with
-the pose: that part of the stiffness is in K.
+that mass, damping and stiffness describe the plant exactly. Motors hold the joint torques τ, and u = 𝒥ᵀτ turns with the pose,
+which contributes to K.
 """
 
 from collections.abc import Callable
@@ -25,11 +25,11 @@ def fourth_order(function: Callable[[np.ndarray], np.ndarray], direction: np.nda
 
 
 POSE_STEP = 1e-4
-"""Step of the differences of fourth order in pose and pose rate (m, rad, m/s, rad/s): 1e-12 of a law's gains is lost."""
+"""Step of fourth-order differences in pose and pose rate (m, rad, m/s, rad/s); their relative error is 1e-12."""
 KINK = 0.1
-"""Slope over change common to both sides below which a memory's rate counts as having a kink at rest, and no slope."""
+"""Ratio of slope to the change common to both sides below which a memory's rate has a kink at rest, and no slope."""
 LAYER_SHARE = 1e-2
-"""Part of a boundary layer that a step may cross: inside, a sliding-mode law is smooth."""
+"""Largest step as a share of a boundary layer, within which a sliding-mode law is smooth."""
 
 
 class Plant(NamedTuple):
@@ -55,8 +55,8 @@ class Law(NamedTuple):
     desired: np.ndarray
     """By (x_d, ẋ_d, ẍ_d), (rows, 9)."""
     line: np.ndarray
-    """By the joint torques held until now and those on their way, (rows, (delay + 1) · arms · 3), or (rows, 0) of a law that
-    does not look at them."""
+    """By the joint torques held until now and those on their way, (rows, (delay + 1) · arms · 3); (rows, 0) for a law without
+    this input."""
 
 
 class Linearization(NamedTuple):
@@ -69,7 +69,7 @@ class Linearization(NamedTuple):
 
     @property
     def torque_count(self) -> int:
-        """Motors: arms · 3."""
+        """Number of motors, arms · 3."""
         return self.plant.input.shape[1]
 
     @property
@@ -87,9 +87,9 @@ def linearize_loop(probe: LoopProbe, rest: RestPoint) -> Linearization:
 
 
 def _differencing(law: Law, period: float, rest: RestPoint) -> tuple[Law, RestPoint]:
-    """A law that measures the pose's rate as its difference over the control period, s: it remembers the pose before.
+    """A law that takes the pose's rate as a difference over the control period, s, with the last pose in its memory.
 
-    What encoders round is left out.
+    The encoders' rounding is left out.
     """
     n, torques, count = law.motion.shape[1] // 2, len(rest.torque), len(rest.memory)
     by_rate = law.motion[:, n : n + 3] / period
@@ -123,7 +123,7 @@ def _plant(probe: LoopProbe, rest: RestPoint) -> Plant:
     mass = np.stack([probe.momenta(rest.motion.moved(unit[n + k])) - still for k in range(n)], axis=1)
     # Forces are linear in the beam's coordinates and in all rates at rest: a unit step differs by no truncation.
     stiffness = [-fourth_order(force, unit[k], POSE_STEP) for k in range(3)]
-    # But the force along the beam is none of these, and it multiplies the beam's coordinates.
+    # The force along the beam, however, multiplies the beam's coordinates.
     size = POSE_STEP if probe.feels_axial_load else 1.0
     stiffness += [-central(force, unit[k], size) for k in range(3, n)]
     damping = [-central(force, unit[n + k], size) for k in range(n)]
@@ -159,7 +159,7 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
         step = 1.0 if of_memory else size
         slope = (central if of_beam or of_memory else fourth_order)(answer, direction, step)
         kink = (answer(step * direction) + answer(-step * direction) - 2 * at_rest) / (2 * step)
-        # A memory that is driven by a norm, as b̂ is by ‖s‖, moves alike to both sides: it has a kink there and no slope.
+        # A memory that a norm drives, as ‖s‖ drives b̂, changes alike to both sides: it has a kink and no slope.
         flat = np.abs(slope) < KINK * np.abs(kink)
         flat[: len(rest.torque)] = False
         slopes.append(np.where(flat, 0.0, slope))
@@ -167,7 +167,7 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
 
 
 def _seen_torques(probe: LoopProbe, rest: RestPoint) -> int:
-    """Of how many instants a law sees the torques: none, or all that there are."""
+    """The number of instants whose torques the law uses: none or all."""
     shown = np.tile(rest.torque, (probe.line_length, 1))
     other = shown + np.arange(1, 1 + shown.size).reshape(shown.shape)
     answers = [np.concatenate(probe.answer(rest.motion, rest.memory, rest.desired, line)) for line in (shown, other)]

@@ -1,6 +1,6 @@
 """`flexlab.linearize`: plant, or plant and law, about a rest point, between named inputs and outputs.
 
-Any recorded signal can be an output: its derivatives at the rest point follow from what a run's samples show of small motions.
+Any recorded signal can be an output: its derivatives at the rest point are differences of the engine's own samples.
 """
 
 import difflib
@@ -26,7 +26,7 @@ from flexlab.sim.world import World
 TORQUE, TASK = "joint_torque", "arm_input"
 DESIRED = ("desired_pose", "desired_pose_rate", "desired_pose_acceleration")
 INPUTS = (TORQUE, TASK, *DESIRED)
-"""What a model can be driven by."""
+"""The possible inputs of a model."""
 SIDES, AXES = ("left", "right"), ("x", "y", "theta")
 POSE_UNITS, FORCE_UNITS = ("m", "m", "rad"), ("N", "N", "N·m")
 
@@ -41,13 +41,13 @@ def linearize(
     """The linear model about where the loop rests while `pose` (None: the trajectory's centre) is held.
 
     `inputs`: "joint_torque" (N·m, of each joint), "arm_input" (u_i = 𝒥ᵀτ, N, N, N·m), "desired_pose", "desired_pose_rate",
-    "desired_pose_acceleration": a path has all three, and they are independent here, so that a step in "desired_pose" alone
-    is a target that jumps and then stands. `outputs`: names of a run's signals. `closed`: whether the control law acts;
-    None: where a desired pose is an input. Torques are then added to the law's.
+    "desired_pose_acceleration". These three are independent inputs here: a step in "desired_pose" alone is a target that
+    jumps and then stands. `outputs`: names of a run's signals. `closed`: whether the control law acts, to whose torques the
+    inputs are added; None: if a desired pose is an input.
 
-    With a control period the model is that of the control instants: torques are held, come late by the input delay (on
-    their way, they are states), and outputs are those just after the law has acted. States: pose, modal coordinates (in
-    ascending frequency), their rates, the law's memory that moves in the first order, torques on their way.
+    With a control period the model describes control instants: torques are held and come late by the input delay, and
+    outputs are those just after the law has acted. States: pose, modal coordinates (in ascending frequency), their rates,
+    the law's memory as far as it changes in the first order, torques on their way.
     Raises `ScenarioError` for a scenario that is not valid, and `StudyError` for unknown names, a pose that an arm cannot
     take, or a loop that has no rest point.
     """
@@ -86,7 +86,7 @@ def _listed(what: str, names: str | Sequence[str]) -> tuple[str, ...]:
 
 
 class _Drive(NamedTuple):
-    """How inputs enter."""
+    """The effect of the inputs."""
 
     names: tuple[Named, ...]
     torque: np.ndarray
@@ -133,7 +133,7 @@ def _assemble(linear: Linearization, answers: "Outputs", driven: tuple[str, ...]
         A, B = A / scale[:, None] * scale, B / scale[:, None]
     size, own = n + k + line, n + k
     rows = torques + kept
-    # What the law (and who drives) asks for now, and the torques in force, both by states and inputs.
+    # The torques asked for now and the torques in force, both by states and inputs.
     asked, asked_by = np.zeros((torques, size)), drive.torque.copy()
     memory, memory_by = np.zeros((k, size)), np.zeros((k, len(drive.names)))
     if closed:
@@ -157,7 +157,7 @@ def _assemble(linear: Linearization, answers: "Outputs", driven: tuple[str, ...]
     if line:
         whole[own : size - torques, own + torques :] = np.eye(line - torques)
         whole[size - torques :], drives[size - torques :] = asked, asked_by
-    # Samples of a control instant show the memory after it; of a continuous law, as it is.
+    # The sample of a control instant shows the memory after it.
     seen, seen_by = memory, memory_by
     if period is None:
         seen, seen_by = np.eye(k, size, n), np.zeros_like(memory_by)
@@ -172,7 +172,7 @@ def _assemble(linear: Linearization, answers: "Outputs", driven: tuple[str, ...]
 
 
 def _state_order(linear: Linearization, memory: int, line: int) -> np.ndarray:
-    """The engine groups modes by what damps them; here they ascend in frequency."""
+    """The states in the model's order: modes ascend in frequency, while the engine groups them by damping."""
     count = linear.probe.mode_count
     ranked, start = np.argsort(linear.omega, kind="stable"), 6 + 2 * count
     return np.concatenate(
@@ -183,7 +183,7 @@ def _state_order(linear: Linearization, memory: int, line: int) -> np.ndarray:
 def _about(linear: Linearization, answers: "Outputs", drive: _Drive, closed: bool, memory: int, line: int) -> About:
     count, torques = linear.probe.mode_count, linear.torque_count
     late = linear.probe.original.controller.input_delay
-    # A law that looks at torques remembers those held until now.
+    # For a law that uses torques, those held until now are states.
     places = ["held"] * (line // torques - late) + [f"in_{step}" for step in range(late)]
     sides = SIDES[: torques // 3]
     states = [Named(f"pose_{axis}", unit) for axis, unit in zip(AXES, POSE_UNITS, strict=True)]
@@ -222,7 +222,7 @@ def _about(linear: Linearization, answers: "Outputs", drive: _Drive, closed: boo
 
 
 class Outputs(NamedTuple):
-    """Columns of signals, and their derivatives by (x, η, ẋ, η̇), memory, joint torques and (x_d, ẋ_d, ẍ_d)."""
+    """Output columns, and their derivatives by (x, η, ẋ, η̇), memory, joint torques and (x_d, ẋ_d, ẍ_d)."""
 
     columns: tuple[Column, ...]
     at_rest: np.ndarray
@@ -234,7 +234,7 @@ class Outputs(NamedTuple):
 
 
 def choose_columns(linear: Linearization, signals: Sequence[str]) -> tuple[Column, ...]:
-    """The columns of signals of a run, by name; raises `StudyError` for a name that no signal has."""
+    """The columns of the named signals. Raises `StudyError` for an unknown signal."""
     every = table_columns(linear.probe.scenario)
     known = list(dict.fromkeys(column.signal for column in every))
     for name in signals:
@@ -245,7 +245,7 @@ def choose_columns(linear: Linearization, signals: Sequence[str]) -> tuple[Colum
 
 
 def linear_outputs(linear: Linearization, columns: tuple[Column, ...]) -> Outputs:
-    """The derivatives of columns at the rest point, by differences of the samples that the engine writes."""
+    """The derivatives of columns at the rest point, by differences of the engine's samples."""
     probe, rest = linear.probe, linear.rest
     pose = tuple(rest.motion.x)
     bending = probe.scenario.trajectory.bending_feedforward

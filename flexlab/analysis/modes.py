@@ -1,4 +1,4 @@
-"""Vibration modes of the payload, poles of the whole closed loop about its rest point, and both as tables to read."""
+"""Vibration modes of the payload and poles of the closed loop about its rest point, with their tables."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ from flexlab.sim.termination import pose_fault
 from flexlab.text import number_text
 
 MOST_ROWS = 16
-"""Rows of a printed table: what decays faster than the first sixteen poles is seen by nobody."""
+"""Most rows of a printed table: faster poles decay before anybody sees them."""
 
 
 class PoleRow(NamedTuple):
@@ -33,7 +33,7 @@ class PoleRow(NamedTuple):
     rate: float
     """Real part, 1/s: negative decays."""
     origin: str
-    """What it is of."""
+    """What the pole belongs to, as in `Modes.pole_origin`."""
 
     @property
     def verdict(self) -> str:
@@ -44,7 +44,7 @@ class PoleRow(NamedTuple):
 
 
 def pole_rows(poles: np.ndarray, origin: Sequence[str], most: int | None = None) -> list[PoleRow]:
-    """One row for each pole or pair: those that grow first, fastest first, then by magnitude."""
+    """A row for each pole or pair: growing ones first, the fastest leading, then by magnitude."""
     rows = []
     for pole, name in zip(poles, origin, strict=True):
         if pole.imag >= 0:
@@ -121,7 +121,7 @@ def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
 
 
 POSE, MEMORY, ON_THEIR_WAY = "pose", "law's memory", "torques on their way"
-"""What a pole can be of, besides the beam's modes."""
+"""Origins of poles besides the beam's modes."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,23 +139,23 @@ class Modes:
     angular_participation: np.ndarray
     """Share of the payload's inertia that moves with a mode when the virtual link turns, (n_m,)."""
     pose: np.ndarray
-    """Where the loop rests while the pose asked for is held (weight may pull it down), m, m, rad, (3,)."""
+    """Rest point under the desired pose, from which weight may pull it down, m, m, rad, (3,)."""
     poles: np.ndarray
     """Poles of arms, beam and control law about that rest point, 1/s, complex, by magnitude, (poles,).
 
-    2 n_m + 6, and those of the law's memory that moves in the first order. With a control period T_c: of the map over one
-    period, log(z)/T_c, so that frequencies fold at 1/(2 T_c); torques on their way are part of it.
+    There are 2 n_m + 6, and those of the law's memory that changes in the first order. With a control period T_c they are
+    log(z)/T_c of the map over one period, torques on their way included, and frequencies fold at 1/(2 T_c).
     """
     pole_origin: tuple[str, ...]
-    """What each pole is of: "pose", "beam mode 3", "law's memory" or "torques on their way", (poles,)."""
+    """The origin of each pole: "pose", "beam mode 3", "law's memory" or "torques on their way", (poles,)."""
     control_period: float | None
     """T_c, s; None: a continuous law."""
     input_delay: int
-    """Samples by which torques come late."""
+    """Delay of the torques in samples."""
     note: str
-    """What there is to know about the poles, as a sentence; why there are none, if there are none."""
+    """A remark on the poles, or the reason why there are none; empty: no remark."""
     linearization: Linearization | None = field(repr=False, compare=False)
-    """What the poles are of; None without a rest point."""
+    """The linearised loop; None without a rest point."""
 
     @property
     def pole_frequency(self) -> np.ndarray:
@@ -169,7 +169,7 @@ class Modes:
 
     @property
     def growth(self) -> float:
-        """The largest real part of the poles, 1/s: how fast the loop runs away, if positive. NaN without poles."""
+        """The largest real part of the poles, 1/s, the growth of an unstable loop. NaN without poles."""
         return float(self.poles.real.max()) if len(self.poles) else float("nan")
 
     @property
@@ -179,21 +179,21 @@ class Modes:
 
     @cached_property
     def disk_margin(self) -> DiskMargin | None:
-        """How much all motors' gain and phase may change; None without poles."""
+        """Margins of gain and phase at the motors; None without poles."""
         if self.linearization is None:
             return None
         with one_blas_thread():
             return find_disk_margin(self.linearization, self.poles)
 
     def pole_rows(self, most: int | None = None) -> list[PoleRow]:
-        """One row for each pole or conjugate pair: those that grow first, then by magnitude; `most`: rows at most."""
+        """A row for each pole or conjugate pair: growing ones first, then by magnitude; `most`: the number of rows at most."""
         return pole_rows(self.poles, self.pole_origin, most)
 
     def __str__(self) -> str:
         return modes_text(self)
 
     def _repr_html_(self) -> str:
-        """The modes' and the poles' tables, for notebooks."""
+        """The tables of modes and poles, for notebooks."""
         return f"<p>{escape(repr(self))}</p><pre>{escape(str(self))}</pre>"
 
     def __repr__(self) -> str:
@@ -208,9 +208,9 @@ def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None)
 
     `scenario`: as in `flexlab.simulate`. `print(flexlab.modes("paper"))` shows the tables.
 
-    The loop is linearised about its rest point, with the law's memory as at its start or, where it moves, as it comes to
-    rest. Without a rest point there are no poles, and `note` says why. Raises `ScenarioError` for a scenario that is not
-    valid and `StudyError` for a pose that an arm cannot take.
+    The loop is linearised about its rest point, with the law's memory as at its start or, if it moves, as it comes to rest.
+    Without a rest point there are no poles, and `note` says why. Raises `ScenarioError` for an invalid scenario and
+    `StudyError` for a pose that an arm cannot take.
     """
     with one_blas_thread():
         return _modes(any_scenario(scenario).replace({}), pose)
@@ -255,18 +255,18 @@ def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes
 
 
 class Ring(NamedTuple):
-    """An oscillation of the closed loop that is a mode's of the beam."""
+    """The oscillation of a beam mode in the closed loop."""
 
     frequency: float
-    """Hz, true where a clock or samples fold it."""
+    """Hz, without the folding by a clock or by samples."""
     rate: float
     """1/s: negative decays."""
 
 
 def rings_of(found: Modes) -> dict[int, Ring]:
-    """Of each mode that oscillates.
+    """Mode number → its oscillation, for each mode that oscillates.
 
-    A clock shows frequencies folded: of those that fold alike, the one nearest to the mode's own is it.
+    A clock folds frequencies: of all that fold alike, the one nearest to the mode's own frequency is taken.
     """
     rings: dict[int, Ring] = {}
     for pole, name in zip(found.poles, found.pole_origin, strict=True):
@@ -284,7 +284,7 @@ def rings_of(found: Modes) -> dict[int, Ring]:
 
 
 def check_pose(scenario: Scenario, pose: tuple[float, float, float] | None) -> np.ndarray:
-    """The pose to hold, (3,); raises `StudyError` for one that is no pose or that an arm cannot take."""
+    """The pose to hold, (3,). Raises `StudyError` if it is no pose or an arm cannot take it."""
     try:
         given = np.array(scenario.trajectory.middle if pose is None else pose)
         at = given.astype(float) if given.dtype.kind in "iuf" else np.zeros(0)
@@ -299,13 +299,13 @@ def check_pose(scenario: Scenario, pose: tuple[float, float, float] | None) -> n
 
 
 def linearize_at(scenario: Scenario, pose: np.ndarray) -> Linearization:
-    """The loop linearised about where it rests while `pose` (3,) is held; raises `StudyError` if it rests nowhere."""
+    """The loop linearised about its rest point under the desired pose (3,). Raises `StudyError` if there is none."""
     probe = LoopProbe(scenario)
     return linearize_loop(probe, find_rest(probe, pose))
 
 
 def drift_note(linear: Linearization) -> str:
-    """A sentence where the law's memory never rests; empty otherwise."""
+    """A sentence if the law's memory never comes to rest; empty otherwise."""
     if not linear.rest.drifting:
         return ""
     return (

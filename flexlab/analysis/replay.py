@@ -1,7 +1,7 @@
-"""Simulates a recorded run again from its start and its commands, and looks whether it comes out again.
+"""Replay: a second simulation of a recorded run from its start and its commands, and the comparison of the two.
 
-Every bit has to be the same. Only where rounding errors may be others, a recording is compared with a tolerance instead: one
-that was made by another rule of arithmetic, or under a control law in Python, which computes with whatever the machine has.
+Every bit has to be the same. A tolerance applies only where rounding may differ: for recordings made with an earlier arithmetic,
+and for control laws in Python, whose rounding depends on the machine.
 """
 
 import math
@@ -28,18 +28,18 @@ from flexlab.sim.signals import TABLE, known_signals
 from flexlab.text import number_text
 
 TOLERANCE = 3e-7
-"""Largest difference that is put down to rounding, over the largest value of the signal in the run. Other kernels of BLAS and
-the C library make 1e-11 in a second of most laws, 2e-7 of those that solve a Riccati equation; a gain that is changed by
-one part in a million makes 4e-7 or more in one signal at least."""
+"""Largest difference attributed to rounding, over the signal's largest value in the run. Other BLAS kernels and C libraries make
+1e-11 within a second under most laws, and 2e-7 under those that solve a Riccati equation; a relative change of a gain by 1e-6
+makes 4e-7 or more in at least one signal."""
 
 AT_REST = 1e-6
-"""The least that counts as a signal's largest value: in SI units, and over the largest value of all signals with its units,
-since the difference of two numbers has their rounding errors."""
+"""Smallest value that counts as a signal's largest one, in SI units and over the largest value of all signals with these units:
+the difference of two numbers has their rounding errors."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The first place where a replay parts from its recording."""
+    """The first difference between a replay and its recording."""
 
     time: float
     """Simulation time, s."""
@@ -51,44 +51,43 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay(Result):
-    """What came of a replay."""
+    """The result of a replay."""
 
     compared: int
-    """Samples that were compared."""
+    """Number of compared samples."""
     difference: Difference | None
-    """Where the two first part; None: nowhere, to the last bit or within `TOLERANCE`."""
+    """The first difference; None: the two agree, bit for bit or within `TOLERANCE`."""
     text: str
-    """The finding in a sentence or two."""
+    """The result in a sentence or two."""
     deviation: float | None = None
-    """Largest difference over the signal's largest value, 1, where bits differ by rounding; None: they do not."""
+    """Largest difference by rounding, over the signal's largest value; None: all bits are the same."""
 
     scenario: Scenario | None = None
-    """That the run started from."""
+    """The scenario at the start of the run."""
 
     @property
     def table(self) -> Any:
-        """One row: whether the run came out again, samples compared, deviation, the finding, scenario and version."""
+        """One row: whether the two agree, compared samples, deviation, the result in words, scenario and version."""
         row = {"agrees": self.agrees, "identical": self.identical, "compared": self.compared}
         about = {} if self.scenario is None else provenance(self.scenario)
         return pa.Table.from_pylist([row | {"deviation": self.deviation, "text": self.text} | about])
 
     @property
     def agrees(self) -> bool:
-        """Whether the run came out again."""
+        """Whether replay and recording agree."""
         return self.difference is None
 
     @property
     def identical(self) -> bool:
-        """Whether every sample came out bit for bit."""
+        """Whether every sample is the same, bit for bit."""
         return self.agrees and self.deviation is None
 
 
 def replay(recording: Recording, blocks: Iterable[Samples] | None = None) -> Replay:
     """Simulate the run again and compare every signal of every recorded sample.
 
-    Of a recording of an older format: the signals that it has and that meant then what they mean today.
-
-    `blocks`: the recorded samples in the order of time, where `recording` was read without them. Raises `StudyError` if the
+    In a recording of an older format, signals are compared that it has and whose meaning has not changed. `blocks`: the
+    recorded samples in the order of time, for a `recording` that was read without them. Raises `StudyError` if the
     recording's commands cannot be carried out again.
     """
     return replace(_replayed(recording, blocks), scenario=recording.scenario)
@@ -126,7 +125,7 @@ def _replayed(recording: Recording, blocks: Iterable[Samples] | None) -> Replay:
 
 
 def _why_rounded_otherwise(recording: Recording) -> str:
-    """Why bits may differ although nothing is wrong, as a clause; empty: they may not."""
+    """A legitimate reason for different bits, as a clause; empty if there is none."""
     texts = [source for _, source in own_law_texts(recording)]
     if any(address_in(source) or unit_in(source, ())[0] for source in texts):
         return "its control law is computed outside of flexlab, by a program or unit that may answer otherwise now"
@@ -138,7 +137,7 @@ def _why_rounded_otherwise(recording: Recording) -> str:
 
 
 def own_law_texts(recording: Recording) -> list[tuple[str, str]]:
-    """(kind, text) of the control laws in Python that a recorded run needs, in the order in which they came."""
+    """(kind, text) of the control laws in Python of a recorded run, in the order of their use."""
     law = recording.scenario.controller
     found = [(law.kind, law.source)] if isinstance(law, OwnController) else []
     for event in recording.events:
@@ -149,7 +148,7 @@ def own_law_texts(recording: Recording) -> list[tuple[str, str]]:
 
 
 def own_path_texts(recording: Recording) -> list[str]:
-    """The texts of the paths in Python on which a recorded run went, in the order in which they came; no replay needs them."""
+    """The texts of the paths in Python of a recorded run, in the order of their use; a replay does not need them."""
     path = recording.scenario.trajectory
     found = [path.source] if isinstance(path, OwnTrajectory) else []
     for event in recording.events:
@@ -159,7 +158,7 @@ def own_path_texts(recording: Recording) -> list[str]:
 
 
 def _left_out(recording: Recording, absent: frozenset[str]) -> str:
-    """What an older version recorded otherwise or not at all, as a sentence; empty if there is nothing of the kind."""
+    """A sentence on signals of an older recording that could not be compared; empty if all were."""
     names = sorted(absent | (TABLE.keys() - recording.compared))
     if not names:
         return ""
@@ -173,14 +172,14 @@ def _left_out(recording: Recording, absent: frozenset[str]) -> str:
 def _compare(
     recorded: Samples, repeated: Iterable[Samples], compared: frozenset[str], rounding: "_Rounding | None"
 ) -> tuple[int, Difference | None]:
-    """(how many samples were compared, the first difference); of what is repeated, what was not recorded is left out.
+    """(number of compared samples, the first difference); repeated samples that were not recorded are left out.
 
-    `compared`: the table's signals to look at; a law's own are all looked at. With `rounding`, which is told of them,
-    differences of finite numbers are none.
+    `compared`: the signals of the table to compare; a law's own signals are all compared. With `rounding`, differences of
+    finite numbers are noted there and do not count.
     """
     done = 0
     for again in repeated:
-        # A gap: samples dropped, a disk that was full.
+        # The recording may have gaps, by dropped samples or a full disk.
         rows = np.searchsorted(recorded.time, again.time)
         there = (rows < len(recorded)) & (recorded.time[np.minimum(rows, len(recorded) - 1)] == again.time)
         one, other = recorded.take(rows[there]), again.take(there)
@@ -194,19 +193,19 @@ def _compare(
 
 
 class _Rounding:
-    """How far a repetition is from its recording by rounding errors, over a whole run."""
+    """The differences by rounding between a repetition and its recording, over a whole run."""
 
     def __init__(self, compared: frozenset[str]):
         """`compared` as for `_compare`."""
         self._compared = compared
         self.same_bits = True
         self._largest: dict[str, float] = {}
-        """Of each signal's recorded values."""
+        """Signal → its largest recorded value."""
         self._differences: dict[str, list[Difference]] = {}
-        """Of each signal, those that were larger than all before them: the first beyond any bound is one of these."""
+        """Signal → its differences that are larger than all before, among which is the first beyond any bound."""
 
     def noted(self, recorded: Samples, again: Samples) -> Samples:
-        """Take note of all differences of finite numbers; returns `again` without them."""
+        """Note all differences of finite numbers, and return `again` without them."""
         without = {}
         for name, one in recorded.signals().items():
             other = again.signals().get(name)
@@ -231,7 +230,7 @@ class _Rounding:
             kept.append(Difference(float(time[row]), name, float(one[row, column]), float(other[row, column])))
 
     def _shares(self) -> Iterator[tuple[float, Difference]]:
-        """Every noted difference with its share of the signal's largest value."""
+        """Every noted difference, with its ratio to the signal's largest value."""
         of_units: dict[tuple[str, ...], float] = {}
         units = {name: signal.units for name, signal in known_signals().items()}
         for name, largest in self._largest.items():
@@ -244,7 +243,7 @@ class _Rounding:
 
     @property
     def deviation(self) -> float:
-        """The largest share."""
+        """The largest such ratio."""
         return max((share for share, _ in self._shares()), default=0.0)
 
     def first_beyond(self) -> Difference | None:
@@ -254,7 +253,7 @@ class _Rounding:
 
 
 def _first_difference(recorded: Samples, again: Samples, compared: frozenset[str]) -> Difference | None:
-    """The earliest row that differs in any bit, and the first signal in it that does."""
+    """The first difference in any bit, by row and then by signal."""
     found: tuple[int, str] | None = None
     present = again.signals()
     for name, one in recorded.signals().items():
@@ -289,7 +288,7 @@ def _difference_text(recording: Recording, difference: Difference, why: str) -> 
 
 
 def _maker(recording: Recording) -> str:
-    """Who recorded a run: the end of a sentence."""
+    """Who recorded a run, as the end of a sentence."""
     made = recording.properties
     processor = made.get("processor", "an unknown processor")
     return (

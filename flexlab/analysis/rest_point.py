@@ -1,6 +1,6 @@
-"""Where a closed loop comes to rest, and the engine's kernels there as plain functions of a small displacement.
+"""The rest point of a closed loop, found by Newton's method on the engine's forces, and the engine as plain functions there.
 
-Every linearisation is made of these functions; the rest point is found by Newton's method on the engine's own forces.
+Every linearisation differentiates these functions.
 """
 
 from typing import NamedTuple
@@ -22,15 +22,15 @@ from flexlab.sim.motion import law_start, start_controller
 from flexlab.sim.sampled_control import Sampling, control_instant
 
 PROBE_PERIOD = 1e-3
-"""Control period, s, of the probed law where the scenario has none: the law's answer at an instant does not depend on it."""
+"""Control period for a scenario without one, s; the law's answer at an instant does not depend on it."""
 
 
 STRAIGHT = 1e-3
-"""Part of the speed within which friction turns over, for differences of fourth order."""
+"""Largest step of the pose rate, as a share of the friction's smoothing speed, within which friction is nearly linear."""
 
 
 class Motion(NamedTuple):
-    """Where the plant is and how it moves; n_m modes."""
+    """Position and rates of the plant with n_m modes."""
 
     x: np.ndarray
     """Pose, (3,)."""
@@ -42,24 +42,24 @@ class Motion(NamedTuple):
     """(n_m,)."""
 
     def moved(self, step: np.ndarray) -> "Motion":
-        """Displaced by `step` (2 (3 + n_m),) in the order of the fields."""
+        """The motion displaced by `step` (2 (3 + n_m),), in the order of the fields."""
         n = len(self.eta)
         parts = np.split(step, [3, 3 + n, 6 + n])
         return Motion(*(old + part for old, part in zip(self, parts, strict=True)))
 
 
 def aim(system: System, desired: np.ndarray) -> None:
-    """Make the path's value, rate and acceleration at t = 0 those of `desired` (3, 3): a sine of 1 rad/s has all three free."""
+    """Give the path `desired` (3, 3) as value, rate and acceleration at t = 0, which a sine of 1 rad/s leaves free."""
     path, (x, v, a) = system.trajectory.numbers.view(paths()["sine"].record)[0], desired
     path["center"], path["amplitude"], path["phase"] = x + a, np.hypot(v, a), np.arctan2(-a, v)
     path["frequency"] = 1 / (2 * np.pi)
 
 
 class LoopProbe:
-    """Plant and law of a scenario, to be asked at any motion. Raises `StudyError` where an arm cannot go."""
+    """Plant and law of a scenario at any motion. Raises `StudyError` for a pose that an arm cannot take."""
 
     def __init__(self, scenario: Scenario):
-        """`scenario`: valid; its noise, limits, delay, motors and path are left out, and what encoders round and grips give."""
+        """`scenario`: a valid one, whose noise, limits, delay, motors, encoders, grips and path are left out."""
         self.original = scenario
         """The scenario as it was given."""
         period = scenario.controller.control_period
@@ -78,16 +78,16 @@ class LoopProbe:
             raise StudyError(str(error)) from None
         self.scenario = scenario
         self.beam = build_beam(scenario.payload)
-        # A sine of 1 rad/s has value, rate and acceleration at t = 0 all three free.
+        # As `aim` needs it.
         aimed = build_motion(SineTrajectory())._replace(bending=scenario.trajectory.bending_feedforward)
         system = build_system(scenario, self.beam)
-        # What a law derives from noise and delay it has derived from those that were given.
+        # The law derives its gains from the scenario's own noise and delay.
         gains = law_of(self.original.controller).gains(self.original)
         self.system = system._replace(trajectory=aimed, control=system.control._replace(gains=gains))
         self.arm_count, self.mode_count = len(scenario.arms), len(self.beam.modes.omega)
         self.size = 2 * (3 + self.mode_count)
-        """Length of a displacement of a `Motion`."""
-        # A continuous law's memory moves by its rate: over a period of 1 s, the difference is the rate itself.
+        """Number of components of a displacement."""
+        # Over a period of 1 s the change of a continuous law's memory is its rate.
         self._sampling = Sampling(
             period=period or 1.0,
             steps=1,
@@ -105,12 +105,12 @@ class LoopProbe:
         slices = law_of(scenario.controller).memory_slices(self.arm_count)
         growing = slices.get(BOUND_ESTIMATES.name, slice(0))
         self.growing = np.arange(len(self._y[self._memory]))[growing]
-        """Which memory states only grow: they rest where nothing feeds them."""
+        """Indices of memory states that only grow, and rest only where nothing feeds them."""
         self.start_memory = self._begin(self.original.trajectory.middle)
         """The law's memory at the start of a run, (memory,)."""
 
     def _begin(self, pose: tuple[float, ...]) -> np.ndarray:
-        """The memory with which the law begins at rest at a pose."""
+        """The memory with which the law starts at rest at a pose."""
         y = self._y.copy()
         y[X : X + 3] = pose
         start_controller(
@@ -119,7 +119,7 @@ class LoopProbe:
         return y[self._memory].copy()
 
     def at_rest(self, pose: np.ndarray) -> Motion:
-        """No motion, straight beam."""
+        """The plant at rest at a pose with a straight beam."""
         nothing = np.zeros(self.mode_count)
         return Motion(np.array(pose, dtype=float), nothing, np.zeros(3), nothing.copy())
 
@@ -147,7 +147,7 @@ class LoopProbe:
 
     @property
     def rate_step(self) -> float:
-        """Largest difference of the pose's rate, m/s, rad/s, within which friction of the joints is a straight line."""
+        """Largest step of the pose rate, m/s, rad/s, within which the joints' friction is linear."""
         friction = self.scenario.joints.friction
         return STRAIGHT * friction.smoothing_speed if friction.active else np.inf
 
@@ -167,17 +167,17 @@ class LoopProbe:
 
     @property
     def line_length(self) -> int:
-        """Torques that a sampled law sees: those held until now and those on their way."""
+        """Number of instants whose torques a sampled law sees: those held until now and those on their way."""
         return len(self._sampling.line)
 
     def answer(
         self, motion: Motion, memory: np.ndarray, desired: np.ndarray, line: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Joint torques (arms · 3,) that the law computes at an instant, and what its memory changes by, (memory,).
+        """Joint torques (arms · 3,) that the law computes at an instant, and the change of its memory, (memory,).
 
         `desired`: x_d, ẋ_d, ẍ_d (3, 3). `line`: torques held until now and those on their way, N·m, (line, arms · 3), or
-        the same for all, (arms · 3,). The change is per control period; per second for a continuous law. Raises `StudyError`
-        for a law that fails.
+        the same for all, (arms · 3,). The change is per control period, or per second for a continuous law. Raises
+        `StudyError` if the law fails.
         """
         self._sampling.line[:] = line.reshape(-1, self.arm_count, 3)
         aim(self.system, desired)
@@ -193,7 +193,7 @@ class LoopProbe:
         return torque, change
 
     def task_inputs(self, motion: Motion) -> np.ndarray:
-        """𝒥ᵀ of all arms: joint torques (arms · 3,) to the arms' inputs u_i (arms · 3,), (arms · 3, arms · 3)."""
+        """𝒥ᵀ of all arms, which maps joint torques (arms · 3,) to the arms' inputs u_i (arms · 3,)."""
         columns = []
         for torque in np.eye(3 * self.arm_count):
             self.forces(motion, torque)
@@ -215,13 +215,13 @@ class LoopProbe:
 
 
 MOST_STEPS = 14
-"""Newton steps: a rest point that exists is found in half of them; what needs more drifts away from where it began."""
+"""Most Newton steps: half of them find an existing rest point, and more only drift away."""
 LONGEST_STEP = 0.1
-"""Longest change of the pose in one Newton step, m and rad: arms bend their elbows within a few times that."""
+"""Longest change of the pose in one Newton step, m and rad; elbows change their side within a few of these."""
 BALANCED = 1e-9
-"""Force left over, and law's memory that still moves, relative to what holds the arms, below which the loop rests."""
+"""Residual force, relative to the forces that hold the arms, and residual change of the memory, below which the loop rests."""
 MOST_ROUNDS = 30
-"""Rounds in which a law and the torques in force come to agree: an observer's part of its answer is under a tenth."""
+"""Most rounds until a law that uses the torques in force agrees with them; an observer's share of its answer is below 0.1."""
 DIFFERENCE = 1e-6
 """Step of the central differences, m, rad and units of the memory."""
 
@@ -235,21 +235,21 @@ class RestPoint(NamedTuple):
     memory: np.ndarray
     """The law's memory there, (memory,)."""
     desired: np.ndarray
-    """x_d, ẋ_d, ẍ_d, (3, 3): the pose asked for, held."""
+    """x_d, ẋ_d, ẍ_d, (3, 3): the desired pose, at rest."""
     moving: np.ndarray
-    """Which memory states still move, (memory,): the rest point is that of the law with those as at their start."""
+    """Which memory states never rest, (memory,); the rest point holds for their values at the start."""
 
     @property
     def drifting(self) -> bool:
-        """Whether part of the memory never rests."""
+        """Whether a part of the memory never rests."""
         return bool(np.any(self.moving))
 
 
 def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
-    """The rest point of the loop whose desired pose (3,) is held; raises `StudyError` if there is none.
+    """The rest point of the loop under a constant desired pose (3,). Raises `StudyError` if there is none.
 
-    First with the law's memory as at its start. If it moves there (an integral part fills, an observer estimates), its
-    rest value is sought too; if there is none, as for estimates that only grow, those that grow are held at their start.
+    The law's memory first keeps its start value. If it moves there, as an integral part or an observer does, its rest value
+    is sought too. If there is none, states that only grow keep their start value.
     """
     desired = np.zeros((3, 3))
     desired[0] = target
@@ -258,7 +258,7 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
     def balance(z: np.ndarray) -> np.ndarray:
         return _unbalance(probe, z, desired)
 
-    balance(start)  # A law that fails is told by its own sentence.
+    balance(start)  # If the law fails, its own sentence says so.
     frozen = _newton(balance, start, np.arange(3))
     if frozen is not None and _rests(balance(frozen)):
         return _rest_point(probe, frozen, desired, np.arange(0))
@@ -282,7 +282,7 @@ def _no_rest(target: np.ndarray) -> str:
 
 
 def _unbalance(probe: LoopProbe, z: np.ndarray, desired: np.ndarray) -> np.ndarray:
-    """Force on the pose (3,), and change of the memory, both relative to what holds the arms; z: pose and memory."""
+    """Force on the pose (3,), relative to the forces that hold the arms, and change of the memory; z: pose and memory."""
     motion, torque = _hold(probe, z[:3], z[3:], desired)
     change = probe.answer(motion, z[3:], desired, torque)[1]
     size = 1 + np.abs(probe.forces(motion, 0 * torque)[:3]).max()
@@ -290,12 +290,12 @@ def _unbalance(probe: LoopProbe, z: np.ndarray, desired: np.ndarray) -> np.ndarr
 
 
 def _hold(probe: LoopProbe, pose: np.ndarray, memory: np.ndarray, desired: np.ndarray) -> tuple[Motion, np.ndarray]:
-    """The beam bent by its own weight at a pose, and the torques that the law answers there."""
+    """The beam bent by its weight at a pose, and the law's torques there."""
     straight = probe.at_rest(pose)
     weight = probe.forces(straight, np.zeros(3 * probe.arm_count))[3:]
     motion = straight._replace(eta=weight / probe.beam.modes.omega**2)
     torque = np.zeros(3 * probe.arm_count)
-    # A law that looks at the torques in force answers them, and they press the beam: its rest is where all agree.
+    # A law may use the torques in force, and they load the beam: iterate until all agree.
     for _ in range(MOST_ROUNDS):
         before, torque = torque, probe.answer(motion, memory, desired, torque)[0]
         if probe.feels_axial_load:
@@ -317,7 +317,7 @@ def _rest_point(probe: LoopProbe, z: np.ndarray, desired: np.ndarray, held: np.n
 
 
 def _newton(balance, start: np.ndarray, free: np.ndarray) -> np.ndarray | None:
-    """The zero of the first len(free) equations over the unknowns `free`, or None. Redundant unknowns change least."""
+    """The zero of the equations `free` over the unknowns `free`, or None; redundant unknowns change least."""
     z = start.copy()
     for _ in range(MOST_STEPS):
         try:

@@ -1,4 +1,4 @@
-"""Simulates a recorded run once more: to go on from an instant of it in a lab, with its exact state, and to compare."""
+"""Repeated simulation of a recorded run, to continue it in a lab from any instant with its exact state, or to compare."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -15,19 +15,19 @@ from flexlab.text import number_text
 
 MILLI = 1e3
 BLOCK_TICKS = 1000
-"""Ticks simulated in one go: hours need no more memory than seconds, and a difference at their start is told at once."""
+"""Ticks per block, so that long runs need no more memory and an early difference is found early."""
 
 
 def resume(
     recording: Recording, time: float | None = None, span: tuple[float, float] | None = None
 ) -> tuple[Scenario, Origin]:
-    """Scenario and origin for a lab that goes on from simulation time `time` s of a run; its end if that is None.
+    """Scenario and origin with which a lab continues a run at simulation time `time`, s; None: at its end.
 
-    `span`: as for `state_at`. Raises `StudyError` for a time that was not recorded, or at which no sample of a lab falls.
+    `span`: as for `state_at`. Raises `StudyError` for a time that was not recorded, or that is no sample instant of a lab.
     """
     span = span or recording_span(recording)
     scenario, state = state_at(recording, span[1] if time is None else time, span)
-    # A run without a screen may have been sampled at another rate than a lab's.
+    # A run without a screen may have another sample period than a lab.
     exact = state.tick * recording.sample_period
     tick = round(exact / TICK)
     if abs(tick * TICK - exact) > 1e-9 * max(exact, 1.0):
@@ -45,13 +45,13 @@ def recording_span(recording: Recording) -> tuple[float, float]:
 
 
 def state_at(recording: Recording, time: float, span: tuple[float, float] | None = None) -> tuple[Scenario, WorldState]:
-    """Scenario and state of the run at simulation time `time` s (to the nearest sample), to go on from there.
+    """Scenario and state of the run at the sample nearest to simulation time `time`, s, after the commands of that instant.
 
-    Commands given at that very instant have taken effect. `span`: first and last recorded instant, s, for a recording that
-    was read without its samples. Raises `StudyError` for a time that was not recorded.
+    `span`: first and last recorded instant, s, of a recording that was read without its samples. Raises `StudyError` for a
+    time that was not recorded.
     """
     first, last = span or recording_span(recording)
-    # Half a sample's grace: a time that was typed is not the last bit of a time that was computed.
+    # Half a sample of tolerance, as a typed time has fewer digits than a computed one.
     if not first - recording.sample_period / 2 <= time <= last + recording.sample_period / 2:
         asked, low, high = (number_text(value, 10) for value in (time, first, last))
         raise StudyError(f"t = {asked} s was not recorded: choose {low} to {high} s.")
@@ -74,7 +74,7 @@ def _advance_to(world: World, tick: int) -> None:
 
 
 def start_world(recording: Recording) -> World:
-    """The world as it stood at the recording's first sample of part 1. Raises `StudyError` for what was not simulated."""
+    """The world at the recording's first sample. Raises `StudyError` for a measurement, which cannot be simulated."""
     if recording.status == MEASURED:
         raise StudyError(f"{recording.path.stem} was measured, not simulated: it can be looked at and compared.")
     world = World(recording.scenario, recording.sample_period)
@@ -93,24 +93,24 @@ def world_commands(recording: Recording) -> tuple[tuple[int, WorldCommand], ...]
 
 
 def carry_out(world: World, command: WorldCommand) -> None:
-    """Apply a recorded command. Raises `StudyError` if the world does not take it as the recorded one did."""
+    """Apply a recorded command. Raises `StudyError` if it changes the structure, unlike in the recorded run."""
     width = world.row_length
     if world.apply(command) or world.row_length != width:
         raise StudyError("The recording goes on after a change of structure, which begins a new run: it is not whole.")
 
 
 class Repetition:
-    """A recorded run on its way through a second simulation."""
+    """The second simulation of a recorded run."""
 
     def __init__(self, recording: Recording):
-        """At the recording's start; nothing is simulated yet."""
+        """Start at the recording's first sample."""
         self._world = start_world(recording)
         self._period = recording.sample_period
         self._commands = deque(world_commands(recording))
         self._begun = False
 
     def samples_until(self, time: float) -> Iterator[Samples]:
-        """The samples from where it stands up to `time` s, in blocks; fewer if the run fails. Raises `StudyError`."""
+        """The next samples up to `time`, s, in blocks; fewer if the run fails. Raises `StudyError`."""
         goal, world = round(time / self._period), self._world
         if not self._begun:
             self._begun = True

@@ -1,4 +1,4 @@
-"""What the library says of a run beyond its file: metrics and what was changed against the preset, kept in its notes."""
+"""The notes on a run in the library: its metrics, and its differences from the preset."""
 
 from math import inf, isfinite
 from pathlib import Path
@@ -20,7 +20,7 @@ from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event
 
 DIGITS = 4
-"""Significant digits of a metric in the notes: for reading, not for computing."""
+"""Significant digits of metrics in the notes, which are for reading only."""
 
 
 class MetricNotes:
@@ -38,24 +38,24 @@ class MetricNotes:
         self._begins = inf
 
     def add(self, samples: Samples) -> None:
-        """Take in a block (N >= 1)."""
+        """Take in a block of samples (N >= 1)."""
         self._begins = min(self._begins, float(samples.time[0]))
         if self._known is None:
             self._metrics.update(samples)
 
     def add_event(self, event: Event) -> None:
-        """Take in an event; they come in order."""
+        """Take in the next event."""
         self._events += 1
         command = event.command
         origin = command.origin if isinstance(command, LoadScenario) else None
-        # A run that was left for another one says so too, but at its end.
+        # The event of leaving a run for another one looks alike, but comes at the run's end.
         if self._events == 1 and origin is not None and event.time == origin.time:
             self._changes.insert(0, event.text)
         elif isinstance(command, ChangeScenario) and event.level != "error":
             self._changes.append(f"t = {event.time:.3f} s: {event.text}")
 
     def result(self, status: Status) -> dict[str, Any]:
-        """Metrics, what was changed against the preset, first instant and duration in s."""
+        """Metrics, differences from the preset, first instant and duration, s."""
         metrics = self._known or self._metrics.compute(not status.failed)
         return {
             "metrics": {row.key: _rounded(row.value) for row in metrics.rows},
@@ -67,19 +67,19 @@ class MetricNotes:
 
 
 def _rounded(value: float) -> float | None:
-    """As JSON has it: None for what has no value."""
+    """The value for JSON; None for NaN."""
     return float(f"{value:.{DIGITS}g}") if isfinite(value) else None
 
 
 def run_notes(info: RunInfo) -> MetricNotes:
-    """The notes of a run that begins, for a recorder."""
+    """The notes of a new run, for a recorder."""
     return MetricNotes(info.name, info.scenario)
 
 
 def note_metrics(path: Path) -> dict[str, Any]:
-    """Read a recording that was left without its notes, write them beside it, and return them.
+    """Write the notes of a recording that has none, and return them; empty for a run that is being recorded.
 
-    Does nothing for a run that is being written. Raises `RecordingError` if the run cannot be read.
+    Raises `RecordingError` if the run cannot be read.
     """
     if run_state(path) == "in use":
         return {}
@@ -99,7 +99,7 @@ def note_metrics(path: Path) -> dict[str, Any]:
 
 
 def note_missing_metrics(logs: Path) -> int:
-    """Do that for every finished run that has none yet, newest first; returns how many. Unreadable ones are passed over."""
+    """Write the notes of every finished run without metrics, newest first; return how many. Unreadable runs are left out."""
     count = 0
     for path in list_runs(logs):
         if not measured(read_notes(path).get("metrics")) and run_state(path) in ("complete", "recovered"):
@@ -111,8 +111,8 @@ def note_missing_metrics(logs: Path) -> int:
 
 
 def preset_changes(name: str, scenario: Scenario) -> list[str]:
-    """One line per field that differs from the preset `name`; none if there is no such preset."""
-    # A run of a changed preset may be called after what was changed, too.
+    """A line per field that differs from the preset `name`; none if there is no such preset."""
+    # The name of a changed preset's run may have the changes at its end.
     known = [preset for preset in preset_names() if name == preset or name.startswith(f"{preset}-")]
     try:
         preset = load_preset(max(known, key=len, default=name))
@@ -122,5 +122,5 @@ def preset_changes(name: str, scenario: Scenario) -> list[str]:
 
 
 def scenario_differences(one: Scenario, other: Scenario) -> list[tuple[str, str, str]]:
-    """(dotted path, value in `one`, value in `other`) of every field that differs; titles and texts do not count."""
+    """(dotted path, value in `one`, value in `other`) of every field that differs, without titles and texts."""
     return [(path, value_text(old), value_text(new)) for path, old, new in told(differences(one, other))]

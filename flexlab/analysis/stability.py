@@ -1,14 +1,13 @@
-"""Whether a linearised loop is stable, and by how much: its poles, and the disk margin of its motors.
+"""Stability of a linearised loop: its poles, and the disk margin of its motors.
 
-Poles are those of the differential equations, or of one control period where the controller is sampled. A sampled loop is the
-map from one control instant to the next. Between instants the plant moves by the exact exponential of its equations under held
-joint torques; at an instant the law answers what it measures, and its torques join those on their way. An eigenvalue z of that
-map is the pole log(z)/T_c.
+Poles are those of the differential equations, or of the map from one control instant to the next if the controller is sampled.
+Between instants the plant moves by the exact exponential of its equations under held joint torques; at an instant the law
+answers its measurements, and its torques join those on their way. An eigenvalue z of that map is the pole log(z)/T_c.
 
-The disk margin says how much the motors may deviate before the loop is lost. Seiler, Packard, Gahinet: An introduction to disk
-margins (IEEE Control Systems 40(5), 2020), symmetric disk (σ = 0): joint torques may be multiplied by complex factors
-(1 + δ/2)/(1 - δ/2), |δ| < α, and the loop stays stable. α = 1/max over ω of μ((S - T)/2), with μ the spectral radius where all
-motors have one factor, and bounded from above by diagonal scalings where each has its own, so that α is never too large.
+The disk margin is the largest deviation of the motors under which the loop stays stable. Seiler, Packard, Gahinet: An
+introduction to disk margins (IEEE Control Systems 40(5), 2020), symmetric disk (σ = 0): joint torques may be multiplied by
+complex factors (1 + δ/2)/(1 - δ/2), |δ| < α. α = 1/max over ω of μ((S - T)/2), where μ is the spectral radius if all motors
+have one factor, and is bounded from above by diagonal scalings if each has its own, so that α is never too large.
 """
 
 from typing import NamedTuple
@@ -21,20 +20,20 @@ from flexlab.control.observers.believed_plant import hold
 from flexlab.lapack import complex_schur, eigenvectors
 
 DEADBEAT = 1e-5
-"""|z| below which what a period leaves is rounding: such poles belong to torques that reach nothing any more."""
+"""|z| below which a pole is rounding: it belongs to torques without any effect."""
 NEUTRAL = 1e-3
-"""Growth, 1/s, below which a pole counts as standing still: less than 4 % in a minute, and above all rounding."""
+"""Growth, 1/s, below which a pole counts as neutral: above all rounding, and less than 6 % in a minute."""
 
 
 class LoopMap(NamedTuple):
-    """A linear loop over the state of `held_plant`, memory, torques held until now if the law looks at them, those on the way."""
+    """A linear loop. Its state: that of `held_plant`, memory, torques held until now (if the law uses them) and on their way."""
 
     matrix: np.ndarray
-    """Of dz/dt (1/s), or of z one control period later."""
+    """Matrix of dz/dt (1/s), or of z one control period later."""
     period: float | None
     """T_c, s; None: continuous."""
     kept_memory: np.ndarray
-    """Which of the law's memory states are part of it: those that change in the first order."""
+    """Indices of the law's memory states in it, those that change in the first order."""
 
 
 class Poles(NamedTuple):
@@ -43,20 +42,20 @@ class Poles(NamedTuple):
     value: np.ndarray
     """1/s, complex, (poles,)."""
     share: np.ndarray
-    """How much pose, each beam mode, the law's memory and the torques on their way or late take part in each, columns in this
-    order, each row adds up to 1, (poles, n_m + 3)."""
+    """Participation of pose, each beam mode, the law's memory, and torques on their way or late, in this order of columns;
+    each row adds up to 1, (poles, n_m + 3)."""
 
 
 def beam_scale(linear: Linearization) -> np.ndarray:
-    """Factors on (x, η, ẋ, η̇) that make its parts alike in size: ωη beside η̇, (2 n,)."""
+    """Factors on (x, η, ẋ, η̇) that make its parts similar in size, as ωη and η̇, (2 n,)."""
     n = linear.probe.mode_count
     return np.concatenate([np.ones(3), linear.omega, np.ones(3 + n)])
 
 
 def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """A and B of the scaled state under generalised forces on the pose (3,): of dz/dt, or over a period of held forces.
+    """A and B of the scaled state under generalised forces on the pose (3,), of dz/dt or over a period of held forces.
 
-    Of motors that are late, the forces that they give are part of the state, behind (x, Ωη, ẋ, η̇).
+    The forces of late motors are part of the state, behind (x, Ωη, ẋ, η̇).
     """
     A, _ = first_order(linear.plant)
     n = len(linear.plant.mass)
@@ -70,7 +69,7 @@ def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray,
 
 
 def with_lag(A: np.ndarray, B: np.ndarray, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
-    """A and B whose inputs come late by a time constant, s: behind the state stands what has come of them."""
+    """A and B with inputs that lag by a time constant, s; the lagging inputs are states behind the others."""
     if time_constant == 0:
         return A, B
     count = B.shape[1]
@@ -79,7 +78,7 @@ def with_lag(A: np.ndarray, B: np.ndarray, time_constant: float) -> tuple[np.nda
 
 
 def by_state(linear: Linearization, by_motion: np.ndarray) -> np.ndarray:
-    """What depends on (x, η, ẋ, η̇), (rows, 2 n), by the state of `held_plant`: the motors' forces are not measured."""
+    """Derivatives by (x, η, ẋ, η̇), (rows, 2 n), as derivatives by the state of `held_plant`; motors' forces are not measured."""
     scaled = by_motion / beam_scale(linear)
     return np.hstack([scaled, np.zeros((len(scaled), 3 * (linear.probe.original.joints.motor.time_constant > 0)))])
 
@@ -87,7 +86,7 @@ def by_state(linear: Linearization, by_motion: np.ndarray) -> np.ndarray:
 def kept_memory(linear: Linearization) -> np.ndarray:
     """Indices of memory states that change in the first order, without those that never rest.
 
-    b̂ at rest with s = 0 is the known case: ‖s‖ has no slope there, b̂ stays what it is, and its neutral poles are left out.
+    For example b̂ at rest with s = 0: ‖s‖ has no slope there, b̂ is constant, and its neutral poles are left out.
     """
     torques = linear.torque_count
     rows = np.hstack([linear.law.motion, linear.law.memory])[torques:]
@@ -100,7 +99,7 @@ def loop_map(linear: Linearization) -> LoopMap:
     controller = linear.probe.original.controller
     period, kept = controller.control_period, kept_memory(linear)
     A, B = held_plant(linear, period)
-    # Torques reach the plant as the three forces on the pose; what arms press against one another reaches nothing.
+    # Torques act on the plant as three forces on the pose; the arms' internal forces have no effect.
     to_pose = linear.plant.input[:3]
     answer = np.hstack([by_state(linear, to_pose @ law.motion[:torques]), to_pose @ law.memory[:torques, kept]])
     rows = torques + kept
@@ -110,7 +109,7 @@ def loop_map(linear: Linearization) -> LoopMap:
         matrix = np.vstack([np.hstack([A, np.zeros((states, k))]) + B @ answer, memory])
         return LoopMap(matrix, None, kept)
     delay = controller.input_delay
-    # Of torques, too, only the forces on the pose count; a law that looks at them remembers those held until now.
+    # Torques, too, enter as forces on the pose; for a law that uses torques, those held until now are states.
     line = np.kron(np.eye(delay + 1), np.linalg.pinv(to_pose)) if law.line.shape[1] else np.zeros((0, 3 * delay))
     own, size = states + k, states + k + line.shape[1]
     matrix = np.zeros((size, size), dtype=answer.dtype)
@@ -127,7 +126,7 @@ def loop_map(linear: Linearization) -> LoopMap:
 
 
 def find_poles(linear: Linearization) -> Poles:
-    """Poles of the loop; of a sampled one without those whose torques are gone within a period."""
+    """The poles of the loop, without those of torques that vanish within a control period."""
     loop = loop_map(linear)
     value, left, right = eigenvectors(loop.matrix)
     share = _participation(left, right)
@@ -147,39 +146,39 @@ def find_poles(linear: Linearization) -> Poles:
 
 
 def _participation(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """|l_i r_i| of each eigenvalue (rows) and state, adding up to 1: independent of the states' units."""
+    """Participation |l_i r_i| of each state in each eigenvalue (rows), independent of the states' units; rows add up to 1."""
     product = np.abs(left.conj() * right).T
     return product / np.maximum(product.sum(axis=1, keepdims=True), np.finfo(float).tiny)
 
 
 GRID = 300
-"""Frequencies at which the loop is looked at, besides those around its poles."""
+"""Number of frequencies of the search for the worst case, besides those around the poles."""
 AROUND = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
-"""Places around a pole's frequency, in its half-widths |Re|."""
+"""Further frequencies around a pole's, in units of its half-width |Re|."""
 SCALINGS = 12
-"""Rounds of balancing the scaled matrix: each halves what is left, at least."""
+"""Rounds of balancing the scaled matrix, each of which at least halves the imbalance."""
 LARGEST = 2.0
-"""α of a loop that no gain and no phase can destroy."""
+"""α of a loop that is stable under any gain and phase."""
 
 
 class Margin(NamedTuple):
-    """Deviations that the loop survives."""
+    """The deviation up to which the loop is stable."""
 
     alpha: float
-    """α, 0 (unstable) to 2 (nothing destroys it)."""
+    """α, from 0 (unstable) to 2 (stable under any deviation)."""
     frequency: float
-    """Where the loop is most easily lost, Hz; NaN of an unstable loop."""
+    """Frequency of the worst case, Hz; NaN of an unstable loop."""
 
     @property
     def gain(self) -> tuple[float, float]:
-        """Factors from and to which gains may change."""
+        """Least and largest factor on the gains."""
         if self.alpha >= LARGEST:
             return 0.0, np.inf
         return (2 - self.alpha) / (2 + self.alpha), (2 + self.alpha) / (2 - self.alpha)
 
     @property
     def phase(self) -> float:
-        """Phase by which torques may lead or lag, °."""
+        """Largest phase by which torques may lead or lag, °."""
         return float(np.degrees(2 * np.arctan(self.alpha / 2)))
 
 
@@ -187,9 +186,9 @@ class DiskMargin(NamedTuple):
     """Margins of the loop broken at its joint torques."""
 
     alike: Margin
-    """All motors deviate by one factor: another gain, another delay."""
+    """Margin if all motors deviate by one factor, as by another gain or delay."""
     each: Margin
-    """Every motor deviates by a factor of its own, all at once in the worst way."""
+    """Margin if each motor deviates by a factor of its own, in the worst combination."""
 
 
 def find_disk_margin(linear: Linearization, poles: np.ndarray) -> DiskMargin:
@@ -212,7 +211,7 @@ def _margin(size: np.ndarray, rates: np.ndarray) -> Margin:
 
 
 def _rates(linear: Linearization, poles: np.ndarray) -> np.ndarray:
-    """Angular frequencies that show every peak, 1/s."""
+    """Angular frequencies that resolve every peak, 1/s."""
     period = linear.probe.original.controller.control_period
     size = np.abs(poles)
     size = size[size > NEUTRAL]
@@ -242,7 +241,7 @@ def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
     for k, z in enumerate(where):
         shifted[diagonal] = z - triangle[diagonal]
         motion = solve_triangular(shifted, force, check_finite=False)
-        # What the law asked for earlier is known to it: the torques in force deviate from that.
+        # The law knows which torques it asked for; the torques in force deviate from these.
         ago = np.tensordot(seen, z ** np.arange(-seen.shape[1], 0), (1, 0))
         asked, known = answer @ motion, ago[:torques]
         if len(kept):

@@ -1,7 +1,7 @@
-"""Many things computed at once, by threads of this machine or the workers of a Dask cluster: one way for runs and all studies.
+"""Parallel computation of runs and studies, on threads of this machine or on the workers of a Dask cluster.
 
-Results are the same whoever computes: workers with another engine are refused, and what a worker had in hand when it died is
-computed again elsewhere. Laws and paths in Python travel along.
+The results are the same on both: workers with another engine are refused, and other workers repeat the work of one that died.
+Laws and paths in Python are sent along.
 """
 
 import os
@@ -36,9 +36,9 @@ def simulate_many(
 ) -> list[Run]:
     """Simulate every scenario (or plain data of one), in order, on `workers` threads (None: one per core), or on a `cluster`.
 
-    A scenario that is not valid becomes a run without samples whose status is "invalid" and says why; one that cannot go
-    on ends early, as in `simulate`. `progress` draws a bar on a terminal. `choose` changes each scenario. Raises `StudyError`
-    for unusable arguments, and for a cluster that fails.
+    An invalid scenario gives a run without samples whose status is "invalid" and says why; a run that cannot go on ends
+    early, as in `simulate`. `progress` draws a bar on a terminal. `choose` changes each scenario. Raises `StudyError` for
+    unusable arguments, and for a cluster that fails.
     """
     sample_count(duration, sample_period)
     known = chosen_workers(workers, cluster)
@@ -55,7 +55,7 @@ def simulate_many(
 
 
 def _chosen(scenario: Scenario | Mapping[str, Any], choose: Callable[[Scenario], Scenario]) -> Scenario | Run:
-    """A scenario, changed; a run that says why it is not valid."""
+    """A scenario, changed, or a run whose status says why it is not valid."""
     try:
         return choose(scenario if isinstance(scenario, Scenario) else parse_scenario(scenario))
     except ScenarioError as error:
@@ -76,27 +76,27 @@ def _invalid(scenario: Scenario, reason: str) -> Run:
 
 
 MOST_WORKERS = 256
-"""More threads than any machine of today has use for."""
+"""Most threads: more than any machine of today can use."""
 PATIENCE = 10.0
-"""s for the scheduler to answer."""
+"""Longest wait for the scheduler's answer, s."""
 AHEAD = 3
-"""Things per thread that are handed out before their turn: a study of millions must not fill the memory."""
+"""Items per thread that are submitted ahead, so that a study of millions does not fill the memory."""
 
 Work = Callable[[Any], Any]
-"""What is done with each thing. A cluster takes what can be pickled: a function of a module, or a `partial` of one."""
+"""The work on one item. A cluster needs one that can be pickled: a function of a module, or a `partial` of one."""
 Does = Callable[[Work, Iterable[Any]], Iterator[tuple[int, Any]]]
-"""Does a work with some things; (a thing's number, its result) of each as it is done, in any order. Raises `StudyError`."""
+"""Maps work over items: yields (number of the item, its result) as each is done, in any order. Raises `StudyError`."""
 Workers = Callable[[], AbstractContextManager[Does]]
-"""Those who compute; they are there within the context."""
+"""A context manager that provides the threads or workers."""
 
 
 def engine() -> str:
-    """A name for the numerical sources that compute here."""
+    """A name for the numerical sources on this machine."""
     return cache_folder().name
 
 
 def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Workers:
-    """So many threads of this machine (None: one per core), or the Dask cluster of a scheduler. Raises `StudyError`."""
+    """`workers` threads of this machine (None: one per core), or the Dask cluster of a scheduler. Raises `StudyError`."""
     if cluster is None:
         return partial(_on_threads, thread_count(workers))
     if workers is not None:
@@ -109,7 +109,7 @@ def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Wo
 
 
 def thread_count(workers: int | None) -> int:
-    """How many threads to use: one per core for None. Raises `StudyError` for what is no usable number."""
+    """The number of threads; None gives one per core. Raises `StudyError` for an unusable number."""
     workers = os.cpu_count() or 1 if workers is None else workers
     if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
         raise StudyError(
@@ -120,7 +120,7 @@ def thread_count(workers: int | None) -> int:
 
 @contextmanager
 def _on_threads(count: int) -> Iterator[Does]:
-    """The kernels hold no lock, so threads are enough."""
+    """The kernels release Python's lock, so threads suffice."""
     pool = ThreadPoolExecutor(count, thread_name_prefix="flexlab-workers")
 
     def run(work: Work, items: Iterable[Any]) -> Iterator[tuple[int, Any]]:
@@ -160,7 +160,7 @@ def _on_cluster(distributed: Any, address: str) -> Iterator[Does]:
 
 
 def compute_there(texts: list[tuple[str, str]], metrics: list[OwnMetric], work: Work, item: Any) -> tuple[str, Any]:
-    """On a worker: its engine, and the result; `texts`: laws and paths in Python, which run in processes of their own."""
+    """A worker's engine, and its result; `texts`: laws and paths in Python, which run in processes of their own."""
     know_own_texts(texts)
     know_own_metrics(metrics)
     return engine(), work(item)
@@ -173,7 +173,7 @@ def _connected(distributed: Any, address: str) -> Any:
         return client
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-    # Left to be collected, it would close itself then, and wait for ever if that is while another one is made.
+    # Garbage collection would close it, and would wait for ever while another client is being made.
     client.close(timeout=PATIENCE)
     raise StudyError(
         f"No Dask scheduler answers at {address!r:.60} ({reason:.120}): start one with dask scheduler, "
@@ -182,7 +182,7 @@ def _connected(distributed: Any, address: str) -> Any:
 
 
 def _threads(client: Any, address: str) -> dict[str, int]:
-    """Threads of each worker. Raises `StudyError` if there is none, or one that would compute something else."""
+    """The threads of each worker. Raises `StudyError` if there is no worker, or one with another engine."""
     workers = client.nthreads()
     if not workers:
         raise StudyError(f"The cluster at {address} has no workers: start some with dask worker {address}.")
@@ -214,12 +214,12 @@ def _result(distributed: Any, future: Any) -> Any:
 
 
 Told = Callable[[int, int], None]
-"""Is told (things done, things in all)."""
+"""Takes (number done, number in all)."""
 
 
 @contextmanager
 def progress_bar(shown: bool, what: str = "cells") -> Iterator[Told]:
-    """A bar on a terminal, if wished."""
+    """A progress bar, if `shown` and on a terminal."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     notes = console(stderr=True)

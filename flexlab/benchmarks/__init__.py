@@ -1,4 +1,4 @@
-"""`flexlab bench`: speed and accuracy of the engine on this machine, against the goals it is held to."""
+"""`flexlab bench`: speed and accuracy of the engine on this machine, beside its goals."""
 
 import json
 from collections.abc import Callable
@@ -26,32 +26,32 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured."""
+    """The extent of a benchmark."""
 
     meshes: tuple[int, ...]
     """Elements of the work-precision tables."""
     duration: float
-    """Simulated time of each of their runs, s: the start's jerk, where errors are largest, is over within 0.1 s."""
+    """Simulated time of each of their runs, s; errors are largest within the first 0.1 s."""
     repeats: int
-    """Times each run is timed."""
+    """Repetitions of each run."""
     rounds: int
-    """Rounds of many runs."""
+    """Rounds of the measurements with many runs."""
     cold: bool
-    """Whether to compile everything anew once."""
+    """Whether to measure a cold start, which compiles everything."""
 
 
 FULL = Plan(meshes=(2, 8, 32, 64), duration=1.0, repeats=3, rounds=5, cold=True)
-"""One to three minutes."""
+"""Takes one to three minutes."""
 
 QUICK = Plan(meshes=(2, 8), duration=0.3, repeats=3, rounds=2, cold=False)
-"""Under half a minute."""
+"""Takes less than half a minute."""
 
 
 def run_bench(as_json: bool, quick: bool = False, peers: ModuleType | None = None) -> None:
     """Measure and print, as tables or as one JSON object. Raises `StudyError` if a measurement cannot be done.
 
-    quick: fewer and shorter measurements, no cold start. peers: what compares with MuJoCo and Exudyn (`tests/peers`), as far as
-    they are installed.
+    `quick`: fewer and shorter measurements, no cold start. `peers`: the module that compares with MuJoCo and Exudyn
+    (`tests/peers`), as far as they are installed.
     """
     show = None if as_json else console()
     found = measure(QUICK if quick else FULL, peers, show)
@@ -60,8 +60,8 @@ def run_bench(as_json: bool, quick: bool = False, peers: ModuleType | None = Non
 
 
 def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Report:
-    """Measure everything; with a console, each table as soon as it is complete."""
-    World(load_preset("paper")).run(1)  # so that nothing compiles under the clock
+    """Measure everything; `show`: a console that gets each table as soon as it is complete."""
+    World(load_preset("paper")).run(1)  # Compiles everything before the first measurement.
 
     def part(what: str, work: Callable[[], Result], table: Callable[[Any], Any]) -> Result:
         return _part(show, what, work, table)
@@ -98,7 +98,7 @@ def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Rep
 
 
 def _part(show: "Console | None", what: str, work: Callable[[], Result], table: Callable[[Result], Any]) -> Result:
-    """Do one piece of the work under a spinner and show its table."""
+    """Do one measurement under a spinner and show its table."""
     if show is None:
         return work()
     notes = console(stderr=True)

@@ -1,6 +1,6 @@
-"""What only a fresh interpreter tells: how long a start takes, cold and warm, and what a run and the live engine weigh.
+"""Measurements in a fresh interpreter: the time of a cold and of a warm start, and the memory of a run and the live engine.
 
-A run may hold its samples and little else, and the live engine must not grow.
+A run should take little more memory than its samples, and the live engine must not grow.
 """
 
 import json
@@ -24,7 +24,7 @@ World(scenario).run(1)
 ready = time.perf_counter()
 print(json.dumps([imported - start, ready - imported, time.process_time()]))
 """
-"""What a start does before it can show anything; run in a fresh interpreter."""
+"""The program of a start until the first sample, for a fresh interpreter."""
 
 EVERYTHING = """
 import json, time
@@ -34,10 +34,10 @@ imported = time.perf_counter()
 compile_everything()
 print(json.dumps([imported - start, time.perf_counter() - imported, time.process_time()]))
 """
-"""The same for what a cold start leaves to be compiled meanwhile."""
+"""The program that compiles what a cold start leaves for later."""
 
 LONGEST_START = 1500
-"""s of wall time after which a start is given up: nearly ten times what compiling everything takes."""
+"""Longest start, s of wall time: nearly ten times the compilation of everything."""
 
 
 @dataclass(frozen=True)
@@ -47,20 +47,20 @@ class Start:
     importing: float
     """Wall time of the imports, s."""
     preparing: float
-    """Wall time to the first sample after that, s: compiling or loading machine code, building the world."""
+    """Wall time from there to the first sample, s: compiling or loading machine code, building the world."""
     cpu: float
     """Processor time of both, s."""
 
 
 @dataclass(frozen=True)
 class StartTimes:
-    """Cold: nothing compiled yet; warm: machine code on disk."""
+    """Times of a cold start, with nothing compiled, and of a warm one, with machine code on disk."""
 
     cold: Start | None
-    """None if it was left out."""
+    """None if it was not measured."""
     warm: Start
     rest: Start | None = None
-    """What compiles meanwhile, after a cold start: the other integrators, laws and sampled control."""
+    """Compilation after a cold start: the other integrators, laws and sampled control."""
 
 
 def start_times(cold: bool) -> StartTimes:
@@ -96,20 +96,20 @@ def run_probe(program: str, environment: dict[str, str]) -> list[float]:
 
 
 DURATION = 60.0
-"""Simulated time of the run that is weighed, s: tens of megabytes of samples."""
+"""Simulated time of the run whose memory is measured, s: tens of megabytes of samples."""
 
 WEIGHING = """
 import json
 from flexlab.benchmarks.fresh_process import weigh_live, weigh_run
 print(json.dumps([*weigh_run(), weigh_live()]))
 """
-"""A fresh interpreter, as a peak once reached never falls again."""
+"""The program that measures memory, in a fresh interpreter because a peak never falls again."""
 
 LIVE_START, LIVE_END = 80, 160
-"""Simulated seconds of the live engine between which it is weighed: its minute of history is full before."""
+"""Simulated times of the live engine between which its growth is measured, s; its history of a minute is full before."""
 
 LIVE_FRAME = 0.05
-"""Simulated seconds per frame of the live engine, s."""
+"""Simulated time per frame of the live engine, s."""
 
 _STATUS = Path("/proc/self/status")
 _FORGET_PEAK = Path("/proc/self/clear_refs")
@@ -117,36 +117,36 @@ _FORGET_PEAK = Path("/proc/self/clear_refs")
 
 @dataclass(frozen=True)
 class Memory:
-    """Bytes."""
+    """Memory of a run and of the live engine, bytes."""
 
     stored: int
-    """Samples of a run of `DURATION`."""
+    """Size of the samples of a run of `DURATION`."""
     peak_growth: int
-    """How much more memory the process held at most, after a short run before it."""
+    """Growth of the process's peak through the run, after a short run before it."""
     live_growth: int
-    """How much more memory the live engine held after 80 s more of simulation."""
+    """Growth of the live engine's memory through 80 s of simulation."""
 
     @property
     def overhead(self) -> float:
-        """Peak growth over stored samples: 1 if nothing else is kept."""
+        """Growth of the peak over the samples' size; 1 if nothing else is kept."""
         return self.peak_growth / self.stored
 
 
 def measure_memory() -> Memory | None:
-    """Weigh a run and the live engine in a fresh interpreter; None where the system does not tell (only Linux does)."""
+    """Measure the memory of a run and of the live engine in a fresh interpreter; None on systems other than Linux."""
     if not _STATUS.exists():
         return None
     return Memory(*(int(value) for value in run_probe(WEIGHING, dict(os.environ))))
 
 
 def weigh_run() -> tuple[int, int]:
-    """Bytes of a run's samples, and growth of the peak through it."""
+    """Bytes of a run's samples, and growth of the process's peak through the run."""
     from flexlab.presets import load_preset
     from flexlab.sim.simulate import simulate
 
     scenario = load_preset("paper").replace({"simulation.step": 1e-3})
     simulate(scenario, 0.1)
-    # Importing and loading machine code may have needed more for a moment: count the peak from here on.
+    # Imports and machine code may have needed more memory for a moment: measure the peak from here on.
     _FORGET_PEAK.write_text("5", encoding="ascii")
     before = resident("VmHWM")
     run = simulate(scenario, DURATION)
@@ -157,7 +157,7 @@ def weigh_run() -> tuple[int, int]:
 
 
 def weigh_live() -> int:
-    """Growth of the live engine, without a screen and with a clock that runs as fast as it can, bytes."""
+    """Growth of the live engine's memory, without a screen and with an accelerated clock, bytes."""
     from flexlab.presets import load_preset
     from flexlab.sim.runner import Runner
 
@@ -174,7 +174,7 @@ def weigh_live() -> int:
 
 
 def resident(field: str) -> int:
-    """Bytes of this process's memory by Linux: VmRSS now, VmHWM at most so far."""
+    """This process's memory by Linux, bytes: VmRSS, the present, or VmHWM, the peak."""
     for line in _STATUS.read_text(encoding="ascii").splitlines():
         if line.startswith(field + ":"):
             return int(line.split()[1]) * 1024

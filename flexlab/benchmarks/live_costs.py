@@ -1,4 +1,4 @@
-"""What the simulation thread waits for while a person works: a live change, and a law that another program computes."""
+"""Costs on the simulation thread of the live lab: a live change, and a law that another program computes."""
 
 import re
 import subprocess
@@ -23,7 +23,7 @@ MESHES = (2, 8, 64)
 """Elements."""
 
 LIGHT_GOAL, BEAM_GOAL, FRAME_GOAL = 0.3, 2.0, 50.0
-"""ms: gains, path and gravity on the paper's mesh; its beam; anything on the finest mesh."""
+"""Goals, ms: gains, path and gravity on the paper's mesh; its beam; any change on the finest mesh."""
 
 CHANGES: dict[str, tuple[Any, Any]] = {
     "controller.feedback_gain": (200.0, 201.0),
@@ -34,36 +34,36 @@ CHANGES: dict[str, tuple[Any, Any]] = {
     "payload.linear_density": (2.0, 2.1),
     "payload.damping.coefficient": (0.1, 0.12),
 }
-"""A field of each kind, with two values to go to and fro between."""
+"""A field of each kind, with two values between which it changes."""
 
 BEAM = "payload."
 
 
 @dataclass(frozen=True)
 class ChangeCost:
-    """What one change of one field costs."""
+    """The cost of one change of one field."""
 
     elements: int
     path: str
     ms: float
-    """Processor time of the simulation thread, ms, checks included."""
+    """Processor time on the simulation thread, ms, checks included."""
     ms_beside: float
-    """Processor time beside it, before the world takes the change on, ms; 0 where nothing is prepared."""
+    """Processor time beside it, before the world takes the change over, ms; 0 if nothing is prepared."""
 
     @property
     def is_light(self) -> bool:
-        """Whether it leaves the beam as it is."""
+        """Whether the beam stays the same."""
         return not self.path.startswith(BEAM)
 
 
 def change_costs(repeats: int) -> list[ChangeCost]:
-    """The least of `repeats` changes of each kind on each mesh."""
+    """The least cost in `repeats` changes of each kind on each mesh."""
     costs = []
     for elements in MESHES:
         world = World(load_preset("paper").replace({"payload.element_count": elements}))
         world.advance(5)
         for path, values in CHANGES.items():
-            # The first round warms what numpy and pydantic keep.
+            # The first round fills caches of numpy and pydantic.
             rounds = [_change(world, path, values[(k + 1) % 2]) for k in range(repeats + 1)]
             ms, beside = (1e3 * min(part) for part in zip(*rounds[1:], strict=True))
             costs.append(ChangeCost(elements, path, ms, beside))
@@ -88,14 +88,14 @@ def _change(world: World, path: str, value: Any) -> tuple[float, float]:
 
 
 WARM = 100
-"""Instants before those that are timed."""
+"""Instants before the measured ones."""
 RUN = "gravity"
 """The preset."""
 
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """Wall time of a control period of 1 ms, with all the machine's load: to the program and back, and the engine's step."""
+    """Wall time of a control period of 1 ms, under the machine's load: to the program and back, and the engine's step."""
 
     instants: int
     p50_ms: float
@@ -103,7 +103,7 @@ class RoundTrip:
 
 
 def measure_round_trip(instants: int) -> RoundTrip | None:
-    """Of the example in Python; None where it cannot be had."""
+    """Measure the example in Python; None if it cannot be started."""
     file = web_assets_folder() / "examples" / "controller.py"
     with subprocess.Popen([sys.executable, str(file), "0"], stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None
@@ -125,7 +125,7 @@ def measure_round_trip(instants: int) -> RoundTrip | None:
 
 
 def _timed(world: World) -> float:
-    """s of one tick."""
+    """Wall time of one tick, s."""
     before = time.perf_counter()
     world.advance_rows(1)
     return time.perf_counter() - before

@@ -1,8 +1,7 @@
-"""Many worlds at once: what a second worker brings, and how many steps per second the vector environment takes.
+"""Many worlds at once: the speed-up by a second worker, and the steps per second of the vector environment.
 
-The two sides alternate, so that a change in the machine's load meets both. On a busy machine two threads may be given
-one core together, and wall time then says nothing about the engine: so the time that threads stood in the queue for
-a core is taken out as well (Linux).
+The two sides alternate, so that the machine's load affects both. On a busy machine two threads may share one core, and wall time
+then says nothing about the engine; on Linux the time that threads waited for a core is therefore subtracted as well.
 """
 
 import os
@@ -24,7 +23,7 @@ from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
 LOOK_EVERY = 0.005
-"""s between two looks: threads that end are remembered as last seen."""
+"""Interval between two observations, s; of a thread that ends, the last one counts."""
 
 
 @dataclass
@@ -36,7 +35,7 @@ class _Life:
 
     @property
     def undisturbed(self) -> float:
-        """Life of the thread less its time in the queue for a core, s."""
+        """Lifetime of the thread without its time in the queue for a core, s."""
         return (self.last_seen - self.first_seen) - (self.last_waited - self.first_waited)
 
 
@@ -59,9 +58,9 @@ class ThreadWatch:
 
     @property
     def undisturbed(self) -> float | None:
-        """Wall time that the slowest thread would have needed with a core of its own, s; None where it is not known.
+        """Wall time that the slowest thread would have needed with a core of its own, s; None if it is not known.
 
-        Cautious: a thread that waits for a lock whose owner waits for a core counts as waiting for the lock.
+        A thread that waits for a lock whose owner waits for a core counts as waiting for the lock.
         """
         return max((life.undisturbed for life in self._lives.values()), default=None)
 
@@ -80,7 +79,7 @@ class ThreadWatch:
 
 
 def time_in_queue(thread: int) -> float | None:
-    """Time that a thread of this process was ready to run but had no core, s; None if the system does not tell."""
+    """Time for which a thread of this process was ready but had no core, s; None on systems other than Linux."""
     try:
         return int(Path(f"/proc/self/task/{thread}/schedstat").read_text(encoding="ascii").split()[1]) * 1e-9
     except (OSError, ValueError, IndexError):
@@ -88,7 +87,7 @@ def time_in_queue(thread: int) -> float | None:
 
 
 SPEED_UP_GOAL = 1.7
-"""Time of one worker over that of two."""
+"""Goal for the time of one worker over that of two."""
 
 WORKERS = 2
 
@@ -96,7 +95,7 @@ DURATION = 3.0
 """Simulated time of each scenario, s."""
 
 ROUND = 40
-"""Scenarios per round: long enough (a second) to measure, short enough to alternate."""
+"""Scenarios per round, about a second of work."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ class Round:
     cpu: float
     """Processor time of all threads, s."""
     undisturbed: float | None
-    """Wall time less the slowest thread's time in the queue for a core, s; None where the system does not tell."""
+    """Wall time without the slowest thread's time in the queue for a core, s; None if it is not known."""
 
 
 @dataclass(frozen=True)
@@ -116,15 +115,15 @@ class WorkerScaling:
     """The same batches on one worker and on two."""
 
     scenarios: int
-    """All rounds together."""
+    """Number of scenarios in all rounds."""
     one: list[Round]
     two: list[Round]
     locked_share: float
-    """Part of one run's processor time outside the kernels, which one thread at a time can do."""
+    """Share of a run's processor time outside the kernels, which only one thread at a time can do."""
 
     @property
     def wall_speed_up(self) -> float:
-        """Best round against best round by wall time: what this machine gave, with all its load."""
+        """Best round of one worker over best round of two, by wall time, under the machine's load."""
         return min(r.wall for r in self.one) / min(r.wall for r in self.two)
 
     @property
@@ -134,7 +133,7 @@ class WorkerScaling:
 
     @property
     def speed_up(self) -> float:
-        """Best round against best round with the time in the queue for a core taken out; by wall time if unknown."""
+        """Best round of one worker over best round of two, without the time in the queue for a core if that is known."""
         one = [r.undisturbed for r in self.one if r.undisturbed is not None]
         two = [r.undisturbed for r in self.two if r.undisturbed is not None]
         return min(one) / min(two) if one and two else self.wall_speed_up
@@ -151,7 +150,7 @@ def worker_scaling(rounds: int) -> WorkerScaling:
 
 
 def locked_share() -> float:
-    """Processor time of building a world and packing its samples, over that of the whole run."""
+    """Share of a run's processor time for building the world and packing the samples."""
     scenario, ticks = _scenario(0), round(DURATION / 1e-3)
     kernels, whole = [], []
     with one_blas_thread():
@@ -183,15 +182,15 @@ if TYPE_CHECKING:
     from flexlab.gym_environment import TwoArmsVector
 
 RATE_GOAL = 4e5
-"""Steps/s on two cores."""
+"""Goal for the steps per second on two cores."""
 
 WORLDS = 64
 
 STEPS = 500
-"""Control periods of a round, 0.5 s: no episode ends within it."""
+"""Control periods of a round, 0.5 s, within which no episode ends."""
 
 PUSH = 0.2
-"""Largest action: such pushes, drawn anew for each period, leave all worlds where they can go on."""
+"""Largest action; under such random pushes no world fails."""
 
 
 @dataclass(frozen=True)
@@ -200,15 +199,15 @@ class EnvironmentRate:
 
     worlds: int
     cores: int
-    """That all cores are."""
+    """Number of cores of this machine."""
     one_core: float
     """Per second of processor time, on one thread."""
     all_cores: float
-    """Per second of wall time, with all the machine's load."""
+    """Per second of wall time, under the machine's load."""
 
 
 def measure_environment(rounds: int) -> EnvironmentRate | None:
-    """The best of `rounds` rounds on one core and on all, in turn; None where Gymnasium is not installed."""
+    """The best of `rounds` rounds on one core and on all, in turn; None if Gymnasium is not installed."""
     if find_spec("gymnasium") is None:
         return None
     from flexlab.gym_environment import TwoArmsVector

@@ -1,6 +1,6 @@
-"""Timing on a machine that others use too: processor time instead of wall time, and the least of several runs.
+"""Timing on a shared machine: processor time instead of wall time, and the least of several runs.
 
-Whatever disturbs a run makes it longer, never shorter, so the least is the best estimate of what the work itself costs.
+A disturbance only makes a run longer, so the least time is the best estimate of the cost.
 """
 
 import os
@@ -17,10 +17,10 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
 
 SAMPLE_PERIOD = 1e-3
-"""s: the rate of the lab and of recordings; each sample costs about as much as a quarter of a step."""
+"""Sample period of lab and recordings, s; a sample costs about a quarter of a step."""
 
 LEAST_TIME = 0.05
-"""s of processor time that the runs of one setting add up to: twenty runs or so of the shortest."""
+"""Least processor time of all runs of one setting, s."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Trial:
     """One scenario, simulated for its motion or several times for its cost."""
 
     samples: Samples
-    """The motion, from the first sample period on."""
+    """The samples, from the first sample period on."""
     completed: bool
     """False if the run stopped before its end."""
     cpu: float
@@ -45,7 +45,7 @@ class Trial:
 
     @property
     def us_per_step(self) -> float:
-        """Processor time per integration step, µs, the samples' share included."""
+        """Processor time per integration step, µs, samples included."""
         return 1e6 * self.cpu * self.step / self.duration
 
     @property
@@ -57,10 +57,10 @@ class Trial:
 def try_out(
     scenario: Scenario, duration: float, repeats: int = 3, sample_period: float = SAMPLE_PERIOD, least_time: float = 0.0
 ) -> Trial:
-    """Simulate `scenario` for `duration` s in new worlds and take the least time; building worlds is not counted.
+    """Simulate `scenario` for `duration` s in new worlds and take the least time, without building the worlds.
 
-    At least `repeats` times, and until the runs add up to `least_time` s of processor time: short ones are easily
-    disturbed. Raises `ScenarioError` for a scenario that is not valid.
+    It repeats at least `repeats` times, and until the runs add up to `least_time` s of processor time. Raises `ScenarioError`
+    for an invalid scenario.
     """
     ticks = round(duration / sample_period)
     times: list[float] = []
@@ -88,7 +88,7 @@ def deflection_error(samples: Samples, reference: Samples) -> float:
 
 
 LIBRARIES = ("flexlab", "numpy", "numba", "scipy")
-"""Whose versions decide about speed."""
+"""Libraries whose versions affect speed."""
 
 
 @dataclass(frozen=True)
@@ -97,23 +97,23 @@ class Machine:
 
     processor: str
     cores: int
-    """That this process may use."""
+    """Number of cores that this process may use."""
     load: float | None
-    """Processes that wanted to run in the last minute, on average; None where the system does not tell."""
+    """Load average of the last minute; None if the system does not have it."""
     system: str
     python: str
     versions: dict[str, str]
 
     @property
     def text(self) -> str:
-        """One line."""
+        """The machine in one line."""
         busy = "" if self.load is None else f", load {self.load:.1f}"
         libraries = ", ".join(f"{name} {number}" for name, number in self.versions.items())
         return f"{self.processor}, {self.cores} cores{busy}; {self.system}, Python {self.python}, {libraries}"
 
 
 def this_machine() -> Machine:
-    """The machine that this runs on."""
+    """This machine."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     versions = {name: number for name in LIBRARIES if (number := version_of(name))}
@@ -121,7 +121,7 @@ def this_machine() -> Machine:
 
 
 def version_of(library: str) -> str | None:
-    """The installed version of a library, None if it is not installed."""
+    """The version of a library; None if it is not installed."""
     try:
         return version(library)
     except PackageNotFoundError:

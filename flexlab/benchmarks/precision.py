@@ -1,4 +1,4 @@
-"""Work and precision: what each integrator, step and mesh costs, and how far it is from a tight reference."""
+"""Work and precision: the cost of each integrator, step and mesh, and its distance from an accurate reference."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,29 +13,29 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
 
 ASKED_ERROR = 1e-6
-"""m, rad: the pose error that all goals are stated for."""
+"""Pose error for which all goals are stated, m, rad."""
 
 GOALS = {2: 3.0, 8: 6.0, 32: 25.0, 64: 60.0}
 """Elements → ms of processor time per simulated second at `ASKED_ERROR`, nodal damping."""
 
 PAPER_LIMIT, PAPER_AIM = 5.0, 2.0
-"""ms of processor time per simulated second of the paper's run: never above the first, better the second."""
+"""Limit and aim for the paper's run, ms of processor time per simulated second."""
 
 STEPS = {
     "etdrk4": (1e-3, 5e-4, 2.5e-4),
     "rk4": (1e-3, 5e-4, 2.5e-4),
     "generalized-alpha": (1e-3, 5e-4, 2.5e-4, 1.25e-4),
 }
-"""Steps tried, s; rk4 also at the longest one that is stable."""
+"""Steps of the table, s; rk4 also has its longest stable step."""
 
 REFERENCE_STEP = 2.5e-5
-"""s: forty times shorter than the longest step tried, so that order 4 leaves a millionth of its error."""
+"""Step of the reference, s, a fortieth of the longest step: at order 4 its error is a millionth of that step's."""
 
 MOST_WORK = 1e6
-"""Steps times elements of one measurement: beyond it, seconds of processor time, a row is only described."""
+"""Most steps times elements of one measurement, seconds of processor time."""
 
 LOOSEST = 1e-4
-"""Accuracy, m, that leaves an automatic step to stability alone."""
+"""Accuracy with which stability alone limits the automatic step, m."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class WorkPoint:
     integrator: str
     elements: int
     step: float | None
-    """s; None: shorter than any that is allowed."""
+    """s; None: shorter than the shortest allowed step."""
     outcome: str
-    """"measured"; or why there are no figures: "unstable" (refused), "diverged", "too slow" (not run)."""
+    """"measured", or the reason without figures: "unstable" (refused), "diverged", "too slow" (not run)."""
     us_per_step: float | None = None
     ms_per_second: float | None = None
     pose_error: float | None = None
@@ -57,7 +57,7 @@ class WorkPoint:
 
     @property
     def exact_enough(self) -> bool:
-        """Whether the row was measured and keeps `ASKED_ERROR`."""
+        """Whether the row has a pose error within `ASKED_ERROR`."""
         return self.pose_error is not None and self.pose_error <= ASKED_ERROR
 
 
@@ -74,7 +74,7 @@ class MeshPrecision:
 
     @property
     def fastest(self) -> WorkPoint | None:
-        """The cheapest row that keeps `ASKED_ERROR`."""
+        """The cheapest row within `ASKED_ERROR`."""
         good = [point for point in self.points if point.exact_enough]
         return min(good, key=lambda point: point.ms_per_second or 0.0, default=None)
 
@@ -100,14 +100,14 @@ def variant(elements: int, integrator: str = "etdrk4", step: float | None = None
 
 
 def reference(elements: int, duration: float) -> tuple[Samples, float]:
-    """The motion to compare with, and its pose difference (m or rad) from a solution with twice the step."""
+    """The reference motion, and its pose difference, m or rad, from a solution with twice the step."""
     fine = try_out(variant(elements, "etdrk4", REFERENCE_STEP), duration, 1).samples
     coarse = try_out(variant(elements, "etdrk4", 2 * REFERENCE_STEP), duration, 1).samples
     return fine, pose_error(coarse, fine)
 
 
 def paper_costs(duration: float, repeats: int) -> list[PaperCost]:
-    """The paper's run: the longest step for 1 kHz samples, the longest step at all, and as the preset runs."""
+    """The paper's run with the longest step for 1 kHz samples, with the longest step, and as the preset has it."""
     exact, _ = reference(2, duration)
     costs = []
     for setting, step, every in (
@@ -171,13 +171,13 @@ def _point(integrator: str, elements: int, trial: Trial, exact: Samples) -> Work
 
 
 EXPONENT_GOAL = 1.2
-"""Largest exponent of the cost against the number of elements that still counts as linear."""
+"""Goal for the exponent of the cost over the number of elements."""
 
 MESHES = (2, 4, 8, 16, 32, 64)
 """Elements."""
 
 FIRST_FITTED = 8
-"""Elements: on coarser meshes the arms and the controller cost more than the beam and would flatter the fit."""
+"""Least elements of the fit; on coarser meshes arms and controller cost more than the beam."""
 
 STEP = 1e-3
 """s."""
@@ -185,7 +185,7 @@ STEP = 1e-3
 
 @dataclass(frozen=True)
 class MeshCost:
-    """What one mesh costs with modal damping and steps of 1 ms."""
+    """The cost of one mesh with modal damping and steps of 1 ms."""
 
     elements: int
     us_per_step: float
@@ -208,7 +208,7 @@ def fitted_exponent(sizes: Sequence[float], costs: Sequence[float]) -> float:
 
 
 def mesh_scaling(duration: float, repeats: int) -> Scaling:
-    """Cost with modal damping, where every mode stands alone."""
+    """Measure the cost over the number of elements with modal damping, which does not couple modes."""
     meshes = []
     for elements in MESHES:
         changes = {

@@ -1,4 +1,4 @@
-"""All results of a benchmark: their goals, their plain form for JSON, and tables for a person at a terminal."""
+"""The results of a benchmark: goals, plain data for JSON, and tables for a terminal."""
 
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
@@ -25,29 +25,29 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 RATIO_GOAL = 10.0
-"""Times that the engine is to be faster than the fastest peer setting with the same motion."""
+"""Goal for the speed of the engine over the fastest peer with the same motion."""
 
 
 @dataclass(frozen=True)
 class Goal:
-    """One figure that the engine is held to."""
+    """A figure with its limit."""
 
     what: str
     value: float
     unit: str
     limit: float
     at_least: bool
-    """Whether the value must reach the limit; otherwise it must stay under it."""
+    """Whether the limit is a lower one; otherwise it is an upper one."""
 
     @property
     def met(self) -> bool:
-        """Whether the figure keeps its limit."""
+        """Whether the figure is within its limit."""
         return self.value >= self.limit if self.at_least else self.value <= self.limit
 
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that was measured."""
+    """All measurements."""
 
     machine: Machine
     paper: list[PaperCost]
@@ -56,22 +56,22 @@ class Report:
     changes: list[ChangeCost]
     workers: WorkerScaling
     environment: EnvironmentRate | None
-    """None where Gymnasium is not installed."""
+    """None if Gymnasium is not installed."""
     round_trip: RoundTrip | None
-    """None where a control law in another program cannot be started."""
+    """None if a control law in another program cannot be started."""
     start: StartTimes
     memory: Memory | None
-    """None where the system does not tell."""
+    """None on systems other than Linux."""
     peers: Any
-    """Other engines on the same system (tests/peers); None if not asked for."""
+    """Other engines on the same system (tests/peers); None if not measured."""
     chain: Any
-    """Chains of segments (tests/peers); None if not asked for."""
+    """Chains of segments (tests/peers); None if not measured."""
     exact_beam: Any
-    """Geometrically exact beams (tests/peers); None if not asked for."""
+    """Geometrically exact beams (tests/peers); None if not measured."""
 
     @property
     def goals(self) -> list[Goal]:
-        """The goals that could be judged."""
+        """The goals whose figures were measured."""
         goals = _paper_goals(self.paper)
         for mesh in self.precision:
             if mesh.fastest is not None and mesh.fastest.ms_per_second is not None:
@@ -108,7 +108,7 @@ def _paper_goals(costs: list[PaperCost]) -> list[Goal]:
 
 
 def plain(value: Any) -> Any:
-    """A result as dicts, lists, numbers and strings: the fields of each dataclass and its computed properties."""
+    """A result as dictionaries, lists, numbers and strings, with the fields and properties of each dataclass."""
     if is_dataclass(value) and not isinstance(value, type):
         names = [field.name for field in fields(value)]
         names += [name for name, member in vars(type(value)).items() if isinstance(member, property)]
@@ -123,7 +123,7 @@ def plain(value: Any) -> Any:
 MEGABYTE = 1e6
 
 WHOLE = 1e3
-"""ms from which decimals say nothing."""
+"""Value from which decimals do not matter, ms."""
 
 
 def paper_table(costs: list[PaperCost]) -> "Table":
@@ -137,7 +137,7 @@ def paper_table(costs: list[PaperCost]) -> "Table":
 
 
 def precision_table(mesh: MeshPrecision) -> "Table":
-    """Work against precision on one mesh; the cheapest row within the asked error is bold."""
+    """Work and precision on one mesh; the cheapest row within `ASKED_ERROR` is bold."""
     title = f"{mesh.elements} elements: work and precision (reference known to {mesh.reference_uncertainty:.0e})"
     table = new_table(title, ("integrator", "step", "µs/step", "ms per s", "pose error", "deflection"))
     best = mesh.fastest
@@ -161,7 +161,7 @@ def _point_cells(point: WorkPoint) -> tuple[str, ...]:
 
 
 def scaling_table(scaling: Scaling) -> "Table":
-    """Cost against the mesh."""
+    """Cost over the number of elements."""
     title = f"Modal damping, 1 ms steps: cost ~ elements^{scaling.exponent:.2f} from {FIRST_FITTED} elements on"
     table = new_table(title, ("elements", "µs/step", "times real time"))
     for mesh in scaling.meshes:
@@ -170,7 +170,7 @@ def scaling_table(scaling: Scaling) -> "Table":
 
 
 def changes_table(costs: list[ChangeCost]) -> "Table":
-    """What a live change costs."""
+    """The cost of live changes."""
     table = new_table("Live changes: ms of processor time", ("elements", "field", "simulation thread", "beside it"))
     for cost in costs:
         beside = f"{cost.ms_beside:.1f}" if cost.ms_beside else ""
@@ -179,7 +179,7 @@ def changes_table(costs: list[ChangeCost]) -> "Table":
 
 
 def workers_table(result: WorkerScaling) -> "Table":
-    """One worker against two."""
+    """One worker and two."""
     table = new_table(f"Many runs at once: {result.scenarios} scenarios, 3 s each", ("", "value"))
     table.add_row("best round on one worker, wall time", f"{min(r.wall for r in result.one):.2f} s")
     table.add_row("best round on two workers, wall time", f"{min(r.wall for r in result.two):.2f} s")
@@ -199,7 +199,7 @@ def environment_table(rate: EnvironmentRate) -> "Table":
 
 
 def round_trip_table(trip: RoundTrip) -> "Table":
-    """A law that another program computes."""
+    """A control law in another program."""
     table = new_table("A control law in another program, 1 kHz control", ("", "wall time of an instant"))
     table.add_row("p50", f"{trip.p50_ms:.3f} ms")
     table.add_row(f"p99, of {trip.instants}", f"{trip.p99_ms:.3f} ms")
@@ -234,7 +234,7 @@ def memory_table(memory: Memory) -> "Table":
 
 
 def goals_table(goals: list[Goal]) -> "Table":
-    """Every goal and whether it was met."""
+    """Every goal, and whether it is met."""
     table = new_table(
         f"Goals (ms/s: of processor time per simulated second, at pose error ≤ {ASKED_ERROR:g})",
         ("", "measured", "goal", "met"),
@@ -265,7 +265,7 @@ def _mark(good: bool) -> "Text":
 
 
 def step_text(step: float) -> str:
-    """A step in s, as a table shows it."""
+    """A step, s, as a table shows it."""
     return f"{1e3 * step:.3g} ms" if step >= 1e-3 else f"{1e6 * step:.3g} µs"
 
 

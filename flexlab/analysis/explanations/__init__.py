@@ -1,10 +1,7 @@
-"""What can be said of a run, sentences computed from its numbers.
+"""Explanations of a run: sentences computed from its numbers.
 
-A file here that registers an explanation is all that a new one takes; `explanation.py` says how.
+To add one, add a file here that registers it; `explanation.py` says how.
 """
-
-import pkgutil
-from importlib import import_module
 
 from flexlab.analysis.explanations.explanation import (
     EXPLANATIONS,
@@ -17,9 +14,9 @@ from flexlab.analysis.explanations.explanation import (
     explain_run,
     register,
 )
+from flexlab.registry import modules_in
 
-for module in pkgutil.iter_modules(__path__):
-    import_module(f"{__name__}.{module.name}")
+modules_in(__name__)
 
 __all__ = [
     "EXPLANATIONS",

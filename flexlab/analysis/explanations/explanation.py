@@ -1,10 +1,10 @@
-"""What an explanation is: a function that looks at the evidence and gives a sentence, or none where its check fails.
+"""An explanation: a function of the evidence that returns a sentence, or None if its check fails.
 
-To add one, copy one of `forces.py` into a file of its own: lab, command line and Python interface show it, and
-`tests/analysis/test_explanations.py` asks for a scripted case. A sentence states what was measured or computed here, and only
-if measurement and equation agree (or, of poles and margins, if the equation alone decides).
+To add one, copy one of `forces.py` into a file of its own; lab, command line and Python interface then show it, and
+`tests/analysis/test_explanations.py` needs a scripted case. A sentence states numbers of this run, and only if measurement
+and equation agree; for poles and margins the equation alone decides.
 
-Evidence is what a scenario alone says, worked out once for it, and the newest samples of a run.
+The evidence consists of the background, computed once per scenario, and the newest samples of a run.
 """
 
 import re
@@ -33,36 +33,36 @@ if TYPE_CHECKING:
 
 
 LONGEST_LOOK = 5.0
-"""s of a run that explanations look at."""
+"""Length of the newest part of a run that explanations use, s."""
 CALMED = 0.5
-"""Time after a start or a change from which on a motion counts as steady, s: the paper's beam has then stopped ringing."""
+"""Time after a start or change until a motion counts as steady, s, when the paper's beam has stopped ringing."""
 STEADY = 1.0
-"""Steady motion that is looked at, s."""
+"""Length of the steady motion that explanations use, s."""
 FEWEST = 64
-"""Samples below which a spectrum says nothing."""
+"""Least samples for a spectrum."""
 
 
 class Background(NamedTuple):
-    """What a scenario says before it runs. Slow for fine meshes: made once for a scenario, and not where samples are."""
+    """Everything that follows from a scenario alone; slow for fine meshes, so computed once per scenario, beside the run."""
 
     scenario: Scenario
     modes: Modes
     conditions: tuple[Condition, ...]
     around: Circumstances | None
-    """None where motors are off or no desired pose can be reached."""
+    """None if motors are off or no desired pose can be reached."""
     informed: Circumstances | None
-    """The same for a controller that knows the payload as it is; None where it does already."""
+    """`around` for a controller with the right model of the payload; None if it has that already."""
     shaper: np.ndarray
-    """A_j, 1, and t_j, s, of the input shaper, (impulses, 2)."""
+    """A_j, 1, and t_j, s, of the input shaper's impulses, (impulses, 2)."""
     rings: dict[int, Ring]
-    """Those of the closed loop by the beam's mode number, from 1."""
+    """Number of a beam mode, from 1 → its oscillation in the closed loop."""
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Background":
-        """Raises `FlexlabError` where a scenario has no modes."""
+        """The background of a scenario. Raises `FlexlabError` for a scenario without modes."""
         with one_blas_thread():
             found, around, informed = modes(scenario), None, None
-            _ = found.disk_margin  # worked out here, not by the thread that looks
+            _ = found.disk_margin  # Computed here, not in the thread that explains.
             if law_of(scenario.controller).drives:
                 around = circumstances(scenario)
                 around = around if len(around.path) else None
@@ -78,17 +78,17 @@ class Background(NamedTuple):
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is known of a run at an instant."""
+    """The background of a run's scenario, and its newest samples."""
 
     background: Background
     samples: Samples
-    """The newest ones, `LONGEST_LOOK` s at most, in which nothing was changed or touched."""
+    """The newest samples since the last change or touch, `LONGEST_LOOK` s at most."""
     begins: bool
-    """Whether the first of them is the run's first."""
+    """Whether they begin with the run's first sample."""
 
     @classmethod
     def of_run(cls, run: "Run | Samples", background: Background, start: float | None = None) -> Self:
-        """Of the newest part of a run in which nothing was changed; `start`: when it began, s, None: with these samples."""
+        """The evidence of the newest part of an unchanged run; `start`: its first instant, s, None: that of these samples."""
         last = float(run.time[-1]) if len(run) else 0.0
         seen = between(run, last - LONGEST_LOOK, last)
         first = start if start is not None or not len(run) else float(run.time[0])
@@ -96,12 +96,12 @@ class Evidence:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario at work."""
+        """The present scenario."""
         return self.background.scenario
 
     @property
     def length(self) -> float:
-        """Of the samples, s."""
+        """Duration of the samples, s."""
         return float(self.samples.time[-1] - self.samples.time[0])
 
     @cached_property
@@ -111,12 +111,12 @@ class Evidence:
 
     @cached_property
     def last_second(self) -> Samples:
-        """The newest second, or what there is of it."""
+        """The newest second, or less if there are fewer samples."""
         return newest(self.samples, STEADY)
 
     @cached_property
     def steady(self) -> Samples | None:
-        """The newest second of steady motion; None before there is one."""
+        """The newest second of steady motion; None before there is a full one."""
         return newest(self.samples, STEADY) if self.length >= CALMED + STEADY - 1e-9 else None
 
     @property
@@ -138,11 +138,11 @@ class Evidence:
 
     @cached_property
     def peak_vibration(self) -> float:
-        """m."""
+        """Largest vibration of the samples, m."""
         return largest(self.samples.vibration)
 
     def field(self, name: str, usual: float | None = None) -> float | None:
-        """A gain of the law, or of the slow part of a composite one: the smallest of three; `usual` if it has none."""
+        """A gain of the law, or of its slow part, the smallest of three; `usual` if it has no such gain."""
         law = self.scenario.controller
         for part in (law, getattr(law, "slow", None)):
             if part is not None and hasattr(part, name):
@@ -151,7 +151,7 @@ class Evidence:
 
 
 Look = Callable[[Evidence], str | None]
-"""The sentence that the evidence bears out; None: nothing to say."""
+"""Returns the sentence that the evidence supports, or None."""
 
 
 @dataclass(frozen=True)
@@ -160,11 +160,11 @@ class Explanation:
 
     name: str
     equation: str
-    """What connects cause and effect, with its number in the paper where it has one."""
+    """The equation that connects cause and effect, with its number in the paper, if any."""
     plot: str
-    """The title, or the beginning of titles, of the plots in the lab on which it is seen."""
+    """The title, or the beginning of the titles, of the lab's plots that show it."""
     place: int
-    """Rank: smaller ones are more important."""
+    """Rank; smaller ones are more important."""
     look: Look
 
 
@@ -186,11 +186,11 @@ EXPLANATIONS: dict[str, Explanation] = {}
 
 
 NOTHING = 1e-9
-"""Below this a number of a sentence, in the units that people read, is rounding."""
+"""Magnitude below which a number in a sentence is rounding."""
 
 
 def n(value: float) -> str:
-    """A number in a sentence: three digits, or all that stand before the point."""
+    """A number in a sentence, with three digits or all digits before the point."""
     if abs(value) < NOTHING:
         return "0"
     return number_text(value, 3) if abs(value) < 1000 else fixed_text(value, 0)
@@ -212,19 +212,19 @@ def register(name: str, equation: str, plot: str, place: int) -> Callable[[Look]
 
 
 def explain(evidence: Evidence) -> tuple[Explained, ...]:
-    """All that the evidence bears out, the most important first."""
+    """All explanations that the evidence supports, the most important first."""
     if len(evidence.samples) < 2 or not np.isfinite(evidence.samples.vibration).all():
         return ()
     found = ((each, each.look(evidence)) for each in EXPLANATIONS.values())
-    # A signal that an old recording lacks reads as NaN: nothing was measured, so nothing is said.
+    # A signal that an old recording lacks is NaN, and a sentence with NaN states nothing.
     said = ((each, text) for each, text in found if text is not None and not re.search(r"\bnan\b", text))
     return tuple(Explained(each.name, text, each.equation, each.plot) for each, text in said)
 
 
 def explain_run(run: "Run") -> tuple[Explained, ...]:
-    """What can be said of a run's newest `LONGEST_LOOK` s, as if nothing had changed since its first sample's scenario.
+    """The explanations of a run's newest `LONGEST_LOOK` s, under the scenario of its first sample.
 
-    Nothing of one whose scenario has no modes, as where an arm cannot reach: the run's status says why.
+    There are none if the scenario has no modes, as when an arm cannot reach its pose; the run's status says why.
     """
     try:
         background = Background.of(run.scenario)

@@ -8,12 +8,12 @@ from flexlab.sim.run_warnings import Peaks, axial_warning
 from flexlab.sim.termination import arm_name, elbow_sine, wrist_reach
 
 UNEXPLAINED = 0.5
-"""Share of the internal force, RMS, that its explanation may leave over."""
+"""Largest unexplained share of the internal force, RMS."""
 
 
 @register("load share", "F_1 = (α − ½) f + what the postures differ by, Eqs. (14), (15)", "Internal force", 26)
 def load_share(seen: Evidence) -> str | None:
-    """An uneven share of what moves the payload makes most of the internal force."""
+    """An uneven load share causes most of the internal force."""
     span, share = seen.steady, seen.scenario.controller.load_share
     if span is None or share == 0.5 or len(seen.scenario.arms) < 2 or seen.scenario.controller.wanted_internal_force:
         return None
@@ -30,9 +30,9 @@ def load_share(seen: Evidence) -> str | None:
 
 
 WANTED_AGREES = 0.1
-"""Share of the wanted force by which the mean may differ from it."""
+"""Largest relative difference of the mean from the wanted force."""
 CANCELLED = 1e-6
-"""N and N·m: rounding."""
+"""Largest sum of both internal forces that is rounding, N and N·m."""
 
 
 @register("wanted force", "u_1 += F_d (cos θ, sin θ, 0), u_2 −= the same: F_1 + F_2 = 0", "Internal force", 27)
@@ -53,14 +53,14 @@ def wanted_force(seen: Evidence) -> str | None:
 
 @register("axial load", "P_cr = c π²EI/L²; K_G = ∫N N'ᵀN' ds", "Axial load beside P_cr", 6)
 def axial_load(seen: Evidence) -> str | None:
-    """The model of the beam leaves out, or ends with, what the force along it does."""
+    """The beam's model neglects the axial load, or is not valid beyond it."""
     samples = seen.samples
     peaks = Peaks(load_share=float(samples.axial_load_share.max()), spin_share=float(samples.spin_share.max()))
     return axial_warning(seen.scenario.payload, peaks).text or None
 
 
 BENDING_AGREES = 0.1
-"""Relative difference up to which the mean bending is the weight's."""
+"""Largest relative difference of the mean bending from the weight's."""
 
 
 @register("bending by weight", "w(0) = −5 ρ g L⁴ cos θ / (384 EI), pinned grips", "Mid-span deflection", 25)
@@ -84,7 +84,7 @@ def bending_by_weight(seen: Evidence) -> str | None:
 
 
 NEAR = 0.3
-"""Sine of the elbow angle below which an arm counts as nearly singular: 17° from straight."""
+"""Sine of the elbow angle, 17°, below which an arm counts as nearly singular."""
 
 
 @register("nearly singular arm", "det J_i = l_1 l_2 sin θ_2, Eq. (12)", "Joint torques", 12)

@@ -1,4 +1,4 @@
-"""A motion that grows by itself, and why: late torques, a loop as fast as the beam, an unobserved mode, a thin margin."""
+"""Growing motions and their causes: late torques, a loop as fast as the beam, an unobserved mode; and small margins."""
 
 from typing import NamedTuple
 
@@ -8,9 +8,9 @@ from flexlab.analysis.explanations.explanation import Background, Evidence, n, r
 from flexlab.analysis.stability import NEUTRAL
 
 AGREES = 2.5
-"""Factor within which the growth of one mode alone must agree with the loop's for the delay to be its cause."""
+"""Factor within which the growth of the mode alone must agree with the loop's if the delay is the cause."""
 ROUNDING = 1e-6
-"""Relative, of a limit that is met exactly."""
+"""Relative tolerance of a limit that is met exactly."""
 
 
 class Growth(NamedTuple):
@@ -19,13 +19,13 @@ class Growth(NamedTuple):
     rate: float
     """1/s."""
     mode: int
-    """Of the beam, from 1; 0: of pose or memory."""
+    """Number of the beam mode, from 1; 0: pose or memory."""
     frequency: float
-    """Hz, 0 where nothing oscillates."""
+    """Hz; 0 without an oscillation."""
 
 
 def fastest_growth(background: Background) -> Growth | None:
-    """None of a loop in which nothing grows."""
+    """The fastest growing pole; None if no pole grows."""
     found = background.modes
     if not len(found.poles) or found.growth <= NEUTRAL:
         return None
@@ -38,26 +38,26 @@ def fastest_growth(background: Background) -> Growth | None:
 
 
 def observer_of(background: Background):
-    """The Kalman observer of the law at work; None without one."""
+    """The law's Kalman observer, if any."""
     observer = getattr(background.scenario.controller, "observer", None)
     return observer if hasattr(observer, "observer_modes") else None
 
 
 def lateness(background: Background) -> float:
-    """(d + ½) T_c, s: how late held torques come on average, less what an observer predicts; 0 of a continuous law."""
+    """Mean delay of held torques, (d + ½) T_c, s, less an observer's prediction; 0 for a continuous law."""
     law, observer = background.scenario.controller, observer_of(background)
     if law.control_period is None:
         return 0.0
     late = law.input_delay + 0.5
     if observer is not None:
-        # What lqr predicts, over its delay alone, it answers by a model of held torques.
+        # lqr predicts over its delay only, as its model has held torques.
         usual = late if hasattr(law, "slow") else law.input_delay
         late -= usual if observer.horizon is None else observer.horizon
     return max(0.0, late) * law.control_period
 
 
 def _growth_alone(background: Background, mode: int, late: float) -> float:
-    """Growth of a mode alone under rate feedback that comes `late` s late, 1/s."""
+    """Growth of a mode alone under rate feedback with a delay of `late` s, 1/s."""
     around, law = background.around, background.scenario.controller
     if around is None or law.control_period is None:
         return 0.0
@@ -76,7 +76,7 @@ def _growth_alone(background: Background, mode: int, late: float) -> float:
     0,
 )
 def growing_mode(seen: Evidence) -> str | None:
-    """A mode of the beam that rate feedback feeds because it comes late."""
+    """Late rate feedback feeds a beam mode."""
     growth, late = fastest_growth(seen.background), lateness(seen.background)
     observer = observer_of(seen.background)
     if growth is None or not growth.mode or late == 0 or (observer and growth.mode > observer.observer_modes):
@@ -104,7 +104,7 @@ def growing_mode(seen: Evidence) -> str | None:
     1,
 )
 def growing_pose(seen: Evidence) -> str | None:
-    """Feedback of the pose that the clock is too slow for."""
+    """The control period is too long for the feedback of the pose."""
     growth, around = fastest_growth(seen.background), seen.background.around
     law = seen.scenario.controller
     if growth is None or growth.mode or around is None or law.control_period is None:
@@ -127,7 +127,7 @@ def growing_pose(seen: Evidence) -> str | None:
     4,
 )
 def growing_loop(seen: Evidence) -> str | None:
-    """A loop that grows for none of the reasons above; a likely one where the loop is as fast as the beam."""
+    """The loop grows for another reason, probably because it is as fast as the beam."""
     growth, around, observer = fastest_growth(seen.background), seen.background.around, observer_of(seen.background)
     if (
         growth is None
@@ -156,7 +156,7 @@ def growing_loop(seen: Evidence) -> str | None:
     3,
 )
 def spillover(seen: Evidence) -> str | None:
-    """The growing mode is none of those that are observed."""
+    """The growing mode is not part of the observer's model."""
     growth, observer = fastest_growth(seen.background), observer_of(seen.background)
     if growth is None or observer is None or growth.mode <= observer.observer_modes:
         return None
@@ -172,15 +172,15 @@ def spillover(seen: Evidence) -> str | None:
 
 
 SMALL = 30.0
-"""Phase of all motors that counts as a small margin, °: textbooks ask for it."""
+"""Phase margin of all motors below which it counts as small, °, as in textbooks."""
 
 SLOWEST = 0.1
-"""Hz; a memory that hardly moves has no phase to lose."""
+"""Lowest frequency of a small margin, Hz; a slower pole belongs to a memory that hardly moves."""
 
 
 @register("small margin", "α = 1/max ρ((S − T)/2), the disk margin of all motors alike", "Tracking error", 18)
 def small_margin(seen: Evidence) -> str | None:
-    """A stable loop whose motors may deviate by little."""
+    """A stable loop with a small disk margin."""
     found = seen.background.modes
     margin = found.disk_margin
     if margin is None or found.unstable or not 0 < margin.alike.alpha < 2 or margin.alike.phase >= SMALL:
@@ -198,7 +198,7 @@ def small_margin(seen: Evidence) -> str | None:
 
 @register("condition not met", "the law's stability conditions, below its gains", "Sliding variable s", 40)
 def condition_not_met(seen: Evidence) -> str | None:
-    """The first condition that the scenario does not meet, of a loop whose poles nevertheless decay."""
+    """A condition of the law is not met, although all poles decay."""
     unmet = [condition for condition in seen.background.conditions if not condition.met]
     if not unmet or seen.background.modes.unstable:
         return None

@@ -1,4 +1,4 @@
-"""What clock, sensors and motors do to a run: aliasing, noise in the torques, chatter, saturation."""
+"""Effects of clock, sensors and motors: aliasing, noise in the torques, chatter, saturation."""
 
 import numpy as np
 
@@ -6,9 +6,9 @@ from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, torque_jump
 
 LEAST_AMPLITUDE = 1e-8
-"""Amplitude below which nothing is worth a name, m."""
+"""Least amplitude of a line in the spectrum, m."""
 NEAR = 0.02
-"""Relative distance of frequencies that count as one."""
+"""Relative distance within which two frequencies count as one."""
 
 
 @register(
@@ -18,7 +18,7 @@ NEAR = 0.02
     30,
 )
 def folded_mode(seen: Evidence) -> str | None:
-    """The strongest line of the spectrum is where a mode above half the sampling rate folds to, and no mode below it is."""
+    """The strongest line of the spectrum is a mode above half the sampling rate that folds down."""
     (hertz, amplitude), rate = seen.strongest, 1 / seen.period
     if amplitude < LEAST_AMPLITUDE or any(
         abs(ring.frequency - hertz) < NEAR * hertz for ring in seen.background.rings.values()
@@ -38,14 +38,14 @@ def folded_mode(seen: Evidence) -> str | None:
 
 
 LEAST_TORQUE_JUMP = 1.0
-"""RMS jump of a joint torque per control step that is worth a word, N·m."""
+"""Least RMS jump of a joint torque per control period, N·m."""
 WHITE = -0.3
-"""Correlation of one jump with the next, from which on downwards they are noise: -½ of a white signal's differences."""
+"""Largest correlation of successive jumps that are noise; the differences of white noise have -½."""
 
 
 @register("noisy torques", "τ = 𝒥⁻ᵀu(x + n_x, ẋ + n_v): noise times gain", "Joint torques", 14)
 def noisy_torques(seen: Evidence) -> str | None:
-    """Torques change at random from instant to instant, and sensors are noisy."""
+    """Noisy sensors make the torques jump at random."""
     law = seen.scenario.controller
     if law.control_period is None or not law.sensor_noise.active:
         return None
@@ -65,12 +65,12 @@ def noisy_torques(seen: Evidence) -> str | None:
 
 
 CHATTER = 5.0
-"""RMS jump of a joint torque from one control step to the next that counts as chatter, N·m; 0.5 is usual."""
+"""Least RMS jump of a joint torque per control period that is chatter, N·m; 0.5 is usual."""
 
 
 @register("chatter", "ū_3 = −Ψ s / max(‖s‖, ε), Eq. (25): s crosses ε within a control period", "Joint torques", 6)
 def chatter(seen: Evidence) -> str | None:
-    """Torques alternate from instant to instant, and s moves by its boundary layer or more within one."""
+    """Torques alternate from instant to instant, and s crosses its boundary layer within one control period."""
     law, layer = seen.scenario.controller, seen.field("boundary_layer")
     if law.control_period is None or layer is None or law.sensor_noise.active:
         return None
@@ -92,13 +92,13 @@ def chatter(seen: Evidence) -> str | None:
 
 AT_LIMIT = 1 - 1e-6
 LEAST_SHARE = 0.005
-"""Of the newest second: less is a passing touch."""
+"""Least share of the newest second at a limit."""
 NAMES = ("left", "right")
 
 
 @register("torque at its limit", "|τ_k| ≤ τ_max,k", "Joint torques", 5)
 def torque_at_its_limit(seen: Evidence) -> str | None:
-    """The joint that stands longest at its limit."""
+    """A joint's torque is at its limit; the one that is so longest."""
     limit = seen.scenario.controller.torque_limit
     if limit is None:
         return None

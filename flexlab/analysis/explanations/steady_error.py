@@ -1,4 +1,4 @@
-"""The error that stays in steady motion, and the bound estimates that drift under noise."""
+"""The error in steady motion, and bound estimates that drift under noise."""
 
 from typing import NamedTuple
 
@@ -10,11 +10,11 @@ from flexlab.control.conditions import Circumstances
 from flexlab.sim.samples import Samples
 
 WORTH = 1e-5
-"""Error from which on it is worth a sentence, m."""
+"""Least error that is explained, m."""
 OFTEN = 0.05
-"""Share of the time for which s must be outside of its layer."""
+"""Least share of the time with s outside its layer."""
 AGREES = (0.4, 1.25)
-"""Measured over predicted error: the prediction bounds that of a slow motion, and should not be far from it."""
+"""Range of measured over predicted error; the prediction is a bound for a slow motion."""
 
 
 class _Layer(NamedTuple):
@@ -27,7 +27,7 @@ class _Layer(NamedTuple):
 
 
 def _layer(seen: Evidence) -> _Layer | None:
-    """What steady motion shows of the boundary layer, if the law has one."""
+    """The steady motion and the boundary layer, if there are both."""
     span, width, around = seen.steady, seen.field("boundary_layer"), seen.background.around
     return None if span is None or width is None or around is None else _Layer(span, width, around)
 
@@ -38,7 +38,7 @@ def _error(span: Samples) -> float:
 
 
 def _stiffness(seen: Evidence, span: Samples, layer: float) -> float:
-    """K + ρ/ε, N·s/m: what feeds s back inside its boundary layer; ρ: the constant bound, or the smallest learnt one."""
+    """K + ρ/ε, N·s/m, the feedback gain of s inside its layer; ρ: the constant bound, or the smallest learnt one."""
     gain, bound = seen.field("feedback_gain", 0.0) or 0.0, seen.field("bound")
     if bound is None:
         x, v = np.linalg.norm(span.pose, axis=1), np.linalg.norm(span.pose_rate, axis=1)
@@ -49,7 +49,7 @@ def _stiffness(seen: Evidence, span: Samples, layer: float) -> float:
 
 @register("outside the boundary layer", "K ‖s‖ = ‖Ψ‖, inside only if ‖Ψ‖ ≤ K ε", "Sliding variable s", 13)
 def outside_the_layer(seen: Evidence) -> str | None:
-    """Feedback too weak for what the beam asks: s leaves its layer in steady motion."""
+    """The feedback is too weak for the beam's reaction, so that s leaves its layer in steady motion."""
     found, gain = _layer(seen), seen.field("feedback_gain")
     if found is None or gain is None:
         return None
@@ -67,7 +67,7 @@ def outside_the_layer(seen: Evidence) -> str | None:
 
 @register("error within the layer", "‖e‖ ≤ ‖s‖/Λ, ‖s‖ ≤ ‖Ψ‖/(K + ρ/ε)", "Tracking error", 24)
 def error_within_the_layer(seen: Evidence) -> str | None:
-    """The error is the beam's reaction over the feedback inside of the layer."""
+    """The error is the beam's reaction over the feedback inside the layer."""
     found, slope = _layer(seen), seen.field("sliding_slope")
     if found is None or slope is None or not seen.moving:
         return None
@@ -90,7 +90,7 @@ def error_within_the_layer(seen: Evidence) -> str | None:
 
 @register("error of feedback alone", "P e ≈ −(B ẍ_d + C̄ ẋ_d + D ė)", "Tracking error", 23)
 def error_of_feedback_alone(seen: Evidence) -> str | None:
-    """A law that knows no inertia: its spring has to give what the motion needs."""
+    """The spring of pd supplies the force of the motion's inertia."""
     span, around, law = seen.steady, seen.background.around, seen.scenario.controller
     if law.kind != "pd" or span is None or around is None or not seen.moving:
         return None
@@ -109,7 +109,7 @@ def error_of_feedback_alone(seen: Evidence) -> str | None:
 
 @register("wrong payload", "Ψ = (B_true − B_believed) ẍ_d + the weight's difference", "Tracking error", 15)
 def wrong_payload(seen: Evidence) -> str | None:
-    """The controller takes the beam for another one, and what its model leaves to the feedback grows by that."""
+    """A wrong model of the beam leaves more to the feedback."""
     now, truth, span = seen.background.around, seen.background.informed, seen.steady
     if now is None or truth is None or span is None or now.largest_reaction < 1.2 * truth.largest_reaction:
         return None
@@ -124,11 +124,11 @@ def wrong_payload(seen: Evidence) -> str | None:
 
 
 GROWTH_WORTH = 1e-4
-"""Growth of b̂_0 that is worth a sentence, N/s."""
+"""Least growth of b̂_0 that is explained, N/s."""
 STANDS = 0.05
-"""Share of b̂_0 that it may change by within a second to count as standing."""
+"""Largest relative change of a constant b̂_0 within a second."""
 BALANCES = 0.3
-"""Relative difference up to which growth and fading balance."""
+"""Largest relative difference of balanced growth and leakage."""
 
 
 def _growth(seen: Evidence) -> tuple[float, float, float] | None:
@@ -143,7 +143,7 @@ def _growth(seen: Evidence) -> tuple[float, float, float] | None:
 
 @register("drifting estimates", "ḃ_0 = ‖s‖/k_0 ≥ 0, Eq. (23)", "Bound estimates b̂", 16)
 def drifting_estimates(seen: Evidence) -> str | None:
-    """Noise keeps ‖s‖ from zero, so that estimates grow without need."""
+    """Noise keeps ‖s‖ above zero, so that estimates grow without need."""
     found, law = _growth(seen), seen.scenario.controller
     if found is None or law.leakage > 0 or not law.sensor_noise.active:
         return None
@@ -158,7 +158,7 @@ def drifting_estimates(seen: Evidence) -> str | None:
 
 @register("leaking estimates", "ḃ_0 = ‖s‖/k_0 − σ b̂_0 = 0 at b̂_0 = ‖s‖/(σ k_0)", "Bound estimates b̂", 28)
 def leaking_estimates(seen: Evidence) -> str | None:
-    """Leakage and growth balance: the estimate stands near ‖s‖/(σ k_0)."""
+    """Leakage and growth balance at ‖s‖/(σ k_0)."""
     found, law = _growth(seen), seen.scenario.controller
     if found is None or law.leakage <= 0 or seen.steady is None:
         return None

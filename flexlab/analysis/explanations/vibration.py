@@ -1,4 +1,4 @@
-"""Free and forced vibration: which mode rings and how fast it fades, what excites it, what a motion leaves behind."""
+"""Free and forced vibration: the mode that rings and its decay, its excitation, and the residual vibration of a motion."""
 
 import numpy as np
 
@@ -11,18 +11,18 @@ from flexlab.control.motion import TOLERATED
 from flexlab.sim.samples import Samples
 
 RINGING = 2e-5
-"""Vibration that counts as a ring, m."""
+"""Least vibration of a ring, m."""
 FADED = 0.03
-"""Share of its peak down to which a ring is measured."""
+"""Share of its peak at which the measurement of a ring ends."""
 FREQUENCY_AGREES, RATE_AGREES = 0.03, 0.3
-"""Relative differences between run and pole up to which they are one ring."""
+"""Largest relative differences of frequency and rate between a ring and its pole."""
 FEWEST_PERIODS = 4
 DAMPED = 1.5
-"""Times its own damping at which a mode counts as actively damped."""
+"""Least rate of an actively damped mode over its own rate."""
 
 
 def ringing_part(samples: Samples) -> Samples | None:
-    """From the largest vibration until it has faded; None of one that does not fade, or is none."""
+    """The samples from the largest vibration until it has faded; None if it does not fade, or there is none."""
     size = np.abs(samples.vibration)
     peak = int(np.argmax(size))
     if size[peak] < RINGING:
@@ -34,7 +34,7 @@ def ringing_part(samples: Samples) -> Samples | None:
 
 
 def fading_rate(samples: Samples, hertz: float) -> float:
-    """d ln(amplitude)/dt of a ring, 1/s: through the largest magnitude of each of its periods; NaN of fewer than four."""
+    """d ln(amplitude)/dt of a ring, 1/s, from the largest magnitude of each period; NaN for fewer than four periods."""
     count = int((samples.time[-1] - samples.time[0]) * hertz)
     if count < FEWEST_PERIODS:
         return float("nan")
@@ -45,7 +45,7 @@ def fading_rate(samples: Samples, hertz: float) -> float:
 
 @register("ring", "w ~ exp(−ζωt) cos(ωt): the pole −ζω ± iω of the closed loop", "Mid-span deflection", 20)
 def ring(seen: Evidence) -> str | None:
-    """Frequency and decay in the run agree with a mode's pole."""
+    """A ring agrees in frequency and decay with a mode's pole."""
     part = ringing_part(seen.samples)
     if part is None:
         return None
@@ -82,14 +82,14 @@ def _by_what(seen: Evidence, number: int, mode: Ring) -> str:
 
 
 LEAST_JUMP = 0.1
-"""m/s."""
+"""Least jump of the velocity, m/s."""
 FIRST = 0.1
-"""s in which the start's own vibration peaks."""
+"""Time within which the start's vibration peaks, s."""
 
 
 @register("jerky start", "η̈ + Dη̇ + Ω²η = −h a⊥ − g θ̈, Eq. (10): a jump of ẋ is a burst of a", "Mid-span deflection", 22)
 def jerky_start(seen: Evidence) -> str | None:
-    """The run's first samples differ from the path's velocity, and its largest vibration follows at once."""
+    """The run starts with another velocity than the path, and its largest vibration follows at once."""
     samples = seen.samples
     if not seen.begins or seen.length < FIRST:
         return None
@@ -106,23 +106,23 @@ def jerky_start(seen: Evidence) -> str | None:
 
 
 REPEATS = 0.05
-"""Relative difference of two periods that count as the same."""
+"""Largest relative difference of two equal periods."""
 WORTH = 0.02
-"""Share of the bending from which on it is worth a sentence."""
+"""Least forced vibration as a share of the bending."""
 FOLLOWS = 0.2
-"""Error, as a share of the way, up to which the payload follows its path."""
+"""Largest error, over the range of the motion, of a payload that follows its path."""
 CLOSE = (0.6, 1.5)
-"""Frequencies of a path over a mode's at which it is called resonance."""
+"""Range of a path's frequency over a mode's in resonance."""
 AGREES = 0.35
-"""Relative difference up to which the measured amplification is the formula's."""
+"""Largest relative difference of the measured amplification from the formula."""
 
 
 def _two_periods(seen: Evidence) -> tuple[np.ndarray, np.ndarray] | None:
-    """Vibration of the last period of the path and of the one before; None where there are not two of steady motion."""
+    """Vibration in the path's last period and in the one before; None without two periods of steady motion."""
     period = seen.scenario.trajectory.slowest_period
     count = round(period / seen.period)
     steps, motion = seen.samples.vibration, seen.last_second
-    # A payload that does not follow its path does not bend as the path's acceleration would have it.
+    # If the payload does not follow its path, the path's acceleration does not determine the bending.
     if largest(motion.tracking_error[:, :2]) > FOLLOWS * float(np.ptp(motion.desired_pose[:, :2], axis=0).max()):
         return None
     if not seen.moving or count < 16 or 2 * period > seen.length + 1e-9 or len(steps) < 2 * count:
@@ -132,7 +132,7 @@ def _two_periods(seen: Evidence) -> tuple[np.ndarray, np.ndarray] | None:
 
 @register("resonance", "|w|/|w_qs| = 1/√((1 − r²)² + (2ζr)²), r = f_path/f_k", "Mid-span deflection", 10)
 def resonance(seen: Evidence) -> str | None:
-    """A sine near a mode of the loop, amplified as the formula says."""
+    """A sine near the loop's first mode is amplified as by the formula."""
     path, ring = seen.scenario.trajectory, seen.background.rings.get(1)
     pair = _two_periods(seen)
     if pair is None or ring is None or not hasattr(path, "amplitude") or not hasattr(path, "frequency"):
@@ -159,7 +159,7 @@ def resonance(seen: Evidence) -> str | None:
     21,
 )
 def forced_vibration(seen: Evidence) -> str | None:
-    """Vibration that repeats itself period by period."""
+    """The vibration repeats with the path's period."""
     pair, ring = _two_periods(seen), seen.background.rings.get(1)
     if pair is None or ring is None:
         return None
@@ -177,19 +177,19 @@ def forced_vibration(seen: Evidence) -> str | None:
 
 
 RESIDUAL_WORTH = 1e-5
-"""Vibration after the stop from which on it is worth a sentence, m."""
+"""Least residual vibration that is explained, m."""
 MISSED = TOLERATED + 0.01
-"""Share left over from which on a shaper counts as tuned to another mode."""
+"""Residual share from which a shaper counts as tuned to another mode."""
 
 
 def share_left(shaper: np.ndarray, ring: Ring) -> float:
-    """Vibration of a mode after a shaper's impulses (k, 2), as a share of that after one impulse at their beginning, 1."""
+    """Vibration of a mode after a shaper's impulses (k, 2) over that after a single impulse at their beginning."""
     pole, (amplitude, time) = complex(ring.rate, 2 * np.pi * ring.frequency), shaper.T
     return float(abs(np.sum(amplitude * np.exp(-pole * time))))
 
 
 def _left(seen: Evidence) -> float:
-    """Largest vibration after the stop, m; NaN of a target that has not stopped within the samples."""
+    """Largest vibration after the stop, m; NaN if the target has not stopped within the samples."""
     metric = ResidualVibration()
     metric.update(seen.samples)
     return metric.compute()[0]
@@ -197,7 +197,7 @@ def _left(seen: Evidence) -> float:
 
 @register("left after the stop", "η(t) = Σ of the free answers to each jump of ẍ_d", "Mid-span deflection", 11)
 def left_after_the_stop(seen: Evidence) -> str | None:
-    """Without a shaper: what rings on, and what a shaper for that mode would cost."""
+    """Residual vibration without a shaper, and the delay of one."""
     left, ring = _left(seen), seen.background.rings.get(1)
     if not left > RESIDUAL_WORTH or ring is None or len(seen.background.shaper):
         return None
@@ -215,7 +215,7 @@ def left_after_the_stop(seen: Evidence) -> str | None:
     29,
 )
 def left_after_a_shaped_stop(seen: Evidence) -> str | None:
-    """With a shaper that fits: what is left after it."""
+    """Residual vibration with a suitable shaper."""
     left, ring, shaper = _left(seen), seen.background.rings.get(1), seen.background.shaper
     if not np.isfinite(left) or ring is None or not len(shaper) or seen.peak_vibration < RESIDUAL_WORTH:
         return None
@@ -231,7 +231,7 @@ def left_after_a_shaped_stop(seen: Evidence) -> str | None:
 
 @register("shaper for another mode", "|Σ A_j exp(iωt_j)| of the mode that rings", "Mid-span deflection", 9)
 def shaper_for_another_mode(seen: Evidence) -> str | None:
-    """The shaper's frequency is not the closed loop's: what it leaves by the formula."""
+    """The shaper has another frequency than the closed loop, and leaves vibration by the formula."""
     shaper, ring = seen.background.shaper, seen.background.rings.get(1)
     if not len(shaper) or ring is None:
         return None
@@ -241,7 +241,7 @@ def shaper_for_another_mode(seen: Evidence) -> str | None:
     tuned, given = 0.5 / float(shaper[1, 1]), seen.scenario.trajectory.shaper_frequency
     made_for = f"{n(tuned)} Hz"
     if given is not None and n(given) != n(tuned):
-        made_for = f"{n(given)} Hz ({n(tuned)} Hz with its damping)"  # The number that a person typed comes first.
+        made_for = f"{n(given)} Hz ({n(tuned)} Hz with its damping)"  # The person's own number comes first.
     peak = largest(seen.samples.vibration)
     return (
         f"The shaper {seen.scenario.trajectory.shaper} is made for {made_for}, but the loop rings at {n(ring.frequency)} Hz: "

@@ -1,5 +1,5 @@
-"""Identification: what a measured ring says of the beam.
+"""Identification of a beam from its free vibration.
 
-`ring.py` frequencies and damping of decaying vibrations with intervals, `beam_parameters.py` which stiffness and damping a
-scenario needs to ring like that or like other people's CSV files, `remedies.py` what helps against it.
+`ring.py`: frequencies and damping ratios with intervals; `evidence.py`: whether there is a ring; `beam_parameters.py`: the
+stiffness and damping with which a scenario rings alike, and CSV files; `fitting.py`: the whole fit; `remedies.py`: remedies.
 """

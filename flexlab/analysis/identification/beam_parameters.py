@@ -1,7 +1,4 @@
-"""Which stiffness and damping a scenario needs to ring as something was seen to ring.
-
-What was seen may be somebody else's measurement: two columns of a CSV file, with their names and units said once.
-"""
+"""The stiffness and damping with which a scenario's beam rings as measured, and measurements in CSV files."""
 
 import csv
 import math
@@ -20,12 +17,12 @@ from flexlab.text import visible
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
 """Unit → s."""
 SIGNAL_UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "cm": 1e-2}
-"""Unit → m. Any other unit is kept: frequency and damping do not depend on it."""
+"""Unit → m. Other units are kept, as frequency and damping do not depend on them."""
 LONGEST_NAME = 60
 GAP = 1.5
-"""Steps between two samples beyond which some are missing."""
+"""Largest step between two samples, in median steps, without a gap."""
 LARGEST_FILE = 500_000_000
-"""Bytes: beyond that a reader would fill the memory."""
+"""Most bytes of a file, which is read into memory."""
 
 
 @dataclass(frozen=True)
@@ -38,20 +35,20 @@ class Measured:
     """In `unit`, (N,)."""
     unit: str
     notes: tuple[str, ...]
-    """Sentences on what was missing."""
+    """Sentences on missing samples."""
 
 
 SHORTEST_STEP, LONGEST_STEP, LATEST = 1e-9, 1e6, 1e12
-"""s between samples, and after t = 0: beyond that squares of times leave the numbers that a float holds exactly."""
+"""Least and largest time between samples, and largest time, s: beyond, squares of times lose digits."""
 LARGEST_SIGNAL = 1e100
-"""In whatever unit: its square must be finite."""
+"""Largest value of a signal in any unit: its square must be finite."""
 
 
 def read_measured(path: Path, time: str | None = None, signal: str | None = None) -> Measured:
-    """Two columns of a CSV file: `time` and `signal` name them, with a unit in brackets if the file does not say it.
+    """Two columns of a CSV file, named by `time` and `signal`, with a unit in brackets if the file does not say it.
 
-    "t [ms]", "laser [mm]": the column `t` or `t [ms]`. None: the first column, and the second. Lines that begin with # are
-    no data; rows without a number are left out and counted. Raises `StudyError`.
+    "t [ms]" is the column `t` or `t [ms]`; None: the first and the second column. Lines that begin with # are no data. Rows
+    without a number are left out and counted. Raises `StudyError`.
     """
     names, rows = _read(path)
     t_place, t_unit = _column(path, names, time, 0)
@@ -140,29 +137,29 @@ def _number(row: list[str], place: int) -> float:
 
 
 ROUNDS, CLOSE = 12, 1e-9
-"""Of the search, at most; relative change at which it ends."""
+"""Most rounds of the search, and the relative change at which it ends."""
 SEEN_AS = "beam mode 1"
-"""The pole that a ring is of."""
+"""Origin of the pole to which a ring belongs."""
 OUT_OF_RANGE = "what rings like this lies outside the range of the field"
 
 
 @dataclass(frozen=True)
 class BeamParameters:
-    """What follows from a ring for a scenario's beam."""
+    """The parameters of a scenario's beam by a measured ring."""
 
     bending_stiffness: Estimate
     linear_density: Estimate
     damping: Estimate
-    """Of the field `damping_field`."""
+    """The value of the field `damping_field`."""
     damping_field: str
     scenario: Scenario
-    """With what could be identified."""
+    """The scenario with the parameters that are identifiable."""
 
 
 def beam_parameters(fit: RingFit, scenario: Scenario, in_loop: bool) -> BeamParameters:
-    """EI and damping of `scenario` whose first mode rings as `fit` says, its length, density and boundary being right.
+    """EI and damping with which the first mode of `scenario` rings as `fit` says; length, density and boundary are given.
 
-    `in_loop`: the grips are held by the scenario's arms and its law, which give way a little; otherwise by a vice.
+    `in_loop`: the scenario's arms and law hold the grips, and give way a little; otherwise a vice does.
     """
     path = "payload.damping.ratio" if scenario.payload.damping.kind == "modal" else "payload.damping.coefficient"
     frequency, ratio = fit.first.frequency, fit.first.damping_ratio
@@ -180,7 +177,7 @@ def beam_parameters(fit: RingFit, scenario: Scenario, in_loop: bool) -> BeamPara
 
 
 def first_mode(scenario: Scenario, in_loop: bool) -> tuple[float, float]:
-    """Frequency, Hz, and damping ratio of the beam's first mode, with its grips in the arms or in a vice."""
+    """Frequency, Hz, and damping ratio of the beam's first mode, with its grips held by the arms or by a vice."""
     found = modes(scenario)
     if in_loop:
         for pole, origin in zip(found.poles, found.pole_origin, strict=True):
@@ -190,7 +187,7 @@ def first_mode(scenario: Scenario, in_loop: bool) -> tuple[float, float]:
 
 
 def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool) -> tuple[float, Scenario]:
-    """The first mode's frequency goes with √EI, nearly: fixed-point steps."""
+    """EI by fixed-point steps, as the first mode's frequency is nearly proportional to √EI."""
     stiffness = scenario.payload.bending_stiffness
     for _ in range(ROUNDS):
         step = (frequency / first_mode(scenario, in_loop)[0]) ** 2
@@ -204,7 +201,7 @@ def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool) -> tup
 def _solve_damping(
     scenario: Scenario, path: str, ratio: Estimate, in_loop: bool, unit: str, reason: str
 ) -> tuple[Estimate, Scenario]:
-    """The first mode's ζ is linear in the damping, nearly: secant steps."""
+    """The damping by secant steps, as the first mode's ζ is nearly linear in it."""
     if reason or ratio.reason:
         return Estimate(np.nan, np.nan, np.nan, unit, reason or ratio.reason), scenario
     start = scenario.get(path) or 1e-6

@@ -1,38 +1,38 @@
-"""Whether samples hold a ring at all: where it begins, whether it is more than noise, and what is left when it is taken away."""
+"""Whether samples hold a ring: where it begins, whether it exceeds noise, and whether the residual is noise."""
 
 import numpy as np
 from scipy.stats import chi2
 
 BLOCKS, FEWEST_IN_BLOCK = 64, 8
-"""Into which samples are parted to look for a beginning; samples that each holds at least."""
+"""Number of blocks of the search for a ring's beginning, and least samples of a block."""
 AFTER = 3
-"""Blocks after a beginning that are compared with all before it."""
+"""Blocks after a beginning, which are compared with all blocks before it."""
 JUMP = 9.0
-"""Times the power before it that a ring begins with: an amplitude of three."""
+"""Least power at a ring's beginning over the power before: three times the amplitude."""
 LOUD = 0.3
-"""Share of the loudest block's power that it has then."""
+"""Least power at a ring's beginning over the loudest block's."""
 WHITE = 0.01
-"""Probability below which neighbours that are this much alike are no chance."""
+"""Significance level of the test for white noise."""
 LAGS = 20
 NEAR = (0.8, 1.25)
-"""Times a mode's frequency within which what is left counts as its own."""
+"""Range of frequencies, over a mode's, that counts as near the mode."""
 PARTS, FEWEST_IN_PART = 8, 25
-"""Of the samples, among which what is left is compared; samples that each holds at least."""
+"""Number of parts between which the residual is compared, and least samples of a part."""
 UNEVEN = 3.0
-"""Power of what is left in one part over that in most from which it is no noise floor."""
+"""Power of the residual in its loudest part over the median part's from which it is no noise floor."""
 SEEN, SEEN_NEAR, DENSE = 0.05, 0.01, 5.0
-"""That power over the modes' there from which they are no free ring: anywhere in the spectrum, or where it is so many times
-denser near the modes' frequencies than on average."""
+"""Power of the residual over the modes' in that part from which they are no free ring: in any case, and for a residual whose
+spectrum near the modes is so many times denser than on average."""
 LEFT = 0.1
-"""Share of the modes' energy beyond which what is left near them says that they are no free ring."""
+"""Energy of the residual near the modes, over theirs, from which they are no free ring."""
 BEST_TOLD = 1e-12
-"""Relative noise below which the samples are exact to rounding."""
+"""Relative residual below which samples are exact to rounding."""
 STANDS_OUT = 30.0
-"""Gain of Schwarz's criterion by all modes together over noise: a search over all frequencies finds chance lines."""
+"""Least gain of Schwarz's criterion by all modes over noise alone, as a search over frequencies also finds chance lines."""
 
 
 def ring_begins(signal: np.ndarray) -> int:
-    """Index of the first sample of a ring, its first peak; 0 where nothing quieter comes before it."""
+    """Index of a ring's first peak; 0 if nothing quieter comes before it."""
     size = max(FEWEST_IN_BLOCK, len(signal) // BLOCKS)
     count = len(signal) // size
     if count < 2 + AFTER:
@@ -59,24 +59,24 @@ def _bent(blocks: np.ndarray) -> np.ndarray:
 
 
 def stands_out(signal: np.ndarray, rest: np.ndarray, modes: int) -> bool:
-    """Whether modes that leave `rest` of `signal` are more than noise: Schwarz's criterion gains by them.
+    """Whether modes that leave `rest` of `signal` exceed noise by Schwarz's criterion.
 
-    Noise may remember its last two values in both cases, as what random knocks keep a structure doing does: without modes
-    that explains drifts, hums that wander, and bands of noise.
+    In both cases noise is autoregressive of second order, like a structure under random impacts, which covers drifts,
+    wandering hums and bands of noise.
     """
     before, left = (max(_unforeseen(each), BEST_TOLD**2) for each in (signal, rest))
     return bool(len(rest) * np.log(before / left) - 4 * modes * np.log(len(rest)) >= STANDS_OUT)
 
 
 def _unforeseen(rest: np.ndarray) -> float:
-    """Mean square of what of each value its two neighbours before do not tell."""
+    """Mean square error of the best prediction of each value by the two before it."""
     known = np.column_stack([rest[1:-1], rest[:-2]])
     told = np.linalg.lstsq(known, rest[2:], rcond=None)[0]
     return float(np.mean((rest[2:] - known @ told) ** 2))
 
 
 def is_white(rest: np.ndarray) -> bool:
-    """Whether what is left is white noise: Ljung and Box, Biometrika 65 (1978) 297."""
+    """Whether the residual is white noise: Ljung and Box, Biometrika 65 (1978) 297."""
     count, lags = len(rest), min(LAGS, len(rest) // 4)
     power = float(rest @ rest)
     alike = np.array([rest[lag:] @ rest[:-lag] for lag in range(1, lags + 1)]) / power
@@ -85,9 +85,9 @@ def is_white(rest: np.ndarray) -> bool:
 
 
 def unevenness(rest: np.ndarray, rings: np.ndarray) -> float:
-    """Power of what is left over the modes', `rings`, where it is loudest; 0 where it is as strong everywhere.
+    """Power of the residual over the modes', `rings`, in its loudest part; 0 if it is equally strong everywhere.
 
-    A noise floor is; what is left is not after a second tap, nor in a burst of noise.
+    A noise floor is equally strong everywhere; the residual of a second tap or of a burst of noise is not.
     """
     count = min(PARTS, len(rest) // FEWEST_IN_PART)
     if count < 3:
@@ -98,10 +98,9 @@ def unevenness(rest: np.ndarray, rings: np.ndarray) -> float:
 
 
 def local_density(rest: np.ndarray, step: float, frequency: float, own: float) -> tuple[float, float]:
-    """(density of what is left around `frequency` over white noise of the same power, excess of energy there).
+    """(spectral density of the residual near `frequency` over its mean, excess of energy there as a share of `own`).
 
-    `step`: s between samples; `own`: energy of the modes. The second is a share of it: what is left near the modes, beyond what
-    noise elsewhere in the spectrum explains.
+    `step`: s between samples; `own`: energy of the modes. The excess is what the density elsewhere does not explain.
     """
     power = np.abs(np.fft.rfft(rest)[1:]) ** 2 * 2 / len(rest)
     f = np.fft.rfftfreq(len(rest), step)[1:]

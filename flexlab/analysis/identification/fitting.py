@@ -1,4 +1,4 @@
-"""A fit from its samples to a scenario: of a CSV file, a recorded run or a run in memory."""
+"""The fit of a free vibration in a CSV file or a recorded run, from its samples to the beam of a scenario."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 UNTOLD = "paper"
-"""The preset whose beam a measurement is held against that names none."""
+"""The preset for a measurement without a scenario."""
 
 
 @dataclass(frozen=True)
 class Fit(Result):
-    """How samples ring, and the beam that rings so."""
+    """The ring in some samples, and the beam that rings alike."""
 
     name: str
-    """Of the file or run."""
+    """Name of the file or run."""
     ring: RingFit
     time: np.ndarray
     """s, (N,), from where the ring begins."""
@@ -41,20 +41,20 @@ class Fit(Result):
     """In `unit`, (N,)."""
     unit: str
     beam: BeamParameters | None
-    """None where no scenario says what is known of the beam."""
+    """None without a scenario."""
     measured: bool
-    """Whether the samples are a measurement, not a run's."""
+    """Whether the samples are a measurement, not those of a run."""
     notes: tuple[str, ...]
-    """Sentences on samples that were left out."""
+    """Sentences on left-out samples."""
 
     @property
     def is_ring(self) -> bool:
-        """Whether the samples hold a free ring at all, and nothing else; `ring.problem` says what is wrong."""
+        """Whether the samples hold one free ring and nothing else; if not, `ring.problem` says why."""
         return self.ring.is_ring
 
     @property
     def estimates(self) -> dict[str, Estimate]:
-        """f1, ζ1, f2… and, of a beam, EI, ρ and the field of its damping."""
+        """f1, ζ1, f2… and, with a scenario, EI, ρ and the field of the damping."""
         rows: dict[str, Estimate] = {}
         for number, mode in enumerate(self.ring.modes, start=1):
             rows[f"f{number}"], rows[f"ζ{number}"] = mode.frequency, mode.damping_ratio
@@ -65,24 +65,24 @@ class Fit(Result):
 
     @property
     def scenario(self) -> Scenario | None:
-        """What was given, with the beam that rings so as far as it could be identified."""
+        """The given scenario, with the identifiable parameters of the beam."""
         return None if self.beam is None else self.beam.scenario
 
     @cached_property
     def table(self) -> Any:
-        """A row per estimate: name, value, low, high, unit, why it is not identifiable, and the scenario that was found."""
+        """A row per estimate: name, value, low, high, unit, reason if not identifiable, and provenance."""
         about = {"scenario": None, "version": package_version()} if self.scenario is None else provenance(self.scenario)
         rows = [{"name": name, **vars(value), **about} for name, value in self.estimates.items()]
         return pa.Table.from_pylist(rows)
 
     def plot(self) -> "Figure":
-        """The samples, and what they ring about."""
+        """The samples, and the background about which they ring."""
         from flexlab.analysis.figures import draw_fit
 
         return draw_fit(self.time, self.signal, self.ring.background, self.unit)
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data with all digits."""
+        """The estimates as plain data with all digits."""
         rows = {name: {**vars(value), "identifiable": value.identifiable} for name, value in self.estimates.items()}
         return {"ring": self.is_ring, "samples": self.ring.samples, "noise": self.ring.noise, **rows}
 
@@ -104,9 +104,9 @@ def fit_file(
     end: float | None = None,
     scenario: Scenario | None = None,
 ) -> Fit:
-    """Of two columns of a CSV file (see `read_measured`), from `start` to `end`, s; None: where the ring begins, the last.
+    """The fit of two columns of a CSV file (see `read_measured`) from `start` (None: where the ring begins) to `end`, s.
 
-    `scenario`: what is known of the beam, its grips in a vice. Raises `StudyError`.
+    `scenario`: the known parameters of the beam, whose grips a vice holds. Raises `StudyError`.
     """
     found = read_measured(path, time, signal)
     t, y = _window(found.time, found.signal, start, end)
@@ -125,7 +125,7 @@ def fit_run(
     end: float | None = None,
     scenario: Scenario | None = None,
 ) -> Fit:
-    """Of a recorded run's last tap, or from where it rings first; `scenario`: None for the run's own. Raises `FlexlabError`."""
+    """The fit of a recorded run after its last tap, or from its first ring; `scenario` None: the run's. Raises `FlexlabError`."""
     recording = read_recording(find_run(run, logs))
     t, y, unit = ring_of_run(recording, signal or "vibration", start, end)
     return _fit(recording.path.stem, t, y, unit, scenario or recording.scenario, False, ())
@@ -146,7 +146,7 @@ def _fit(
 
 
 def keep_measurement(fit: Fit, source: Path, scenario: Scenario | None, against: str | None, logs: Path) -> Path:
-    """Keep a measured deflection as a run in `logs`, held against a scenario called `against`. Raises `RecordingError`."""
+    """Record a measured deflection in `logs` beside a scenario called `against`. Raises `RecordingError`."""
     if fit.unit != "m":
         raise RecordingError(f"{fit.unit or 'a number without a unit'} is no deflection.")
     held = scenario or load_preset(UNTOLD)

@@ -1,4 +1,4 @@
-"""What a fitted ring asks for: which input shaper at which frequency, which vibration gain."""
+"""Remedies for a fitted ring: an input shaper and a vibration gain."""
 
 import math
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ from flexlab.sim.build import build_beam
 SHAPERS = ("zv", "zvd", "ei-shaper")
 """Shortest first."""
 TOLERATED = 0.0501
-"""Residual, as a share of the unshaped, within which a shaper counts as right: that of the paper's table, and rounding."""
+"""Largest residual vibration of a suitable shaper, as a share of the unshaped: 5 %, and rounding."""
 WIDEST, STEPS = 0.5, 1001
-"""Part of the frequency, either way, in which a shaper's band is looked for, and places there."""
+"""Largest relative error of the frequency in the search for a shaper's band, and number of its steps."""
 WANTED_RATIO = 0.1
-"""Damping ratio that the suggested gain gives the mode: it falls to 1 % within seven and a half periods."""
+"""Damping ratio under the suggested gain, with which the mode decays to 1 % within seven and a half periods."""
 SEEN = 0.01
-"""Share of a motion's loads that a mode must have to be damped by it."""
+"""Least share of a mode in a motion's loads with which that motion can damp the mode."""
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,14 @@ class ShaperChoice:
 
     name: str
     delay: float
-    """s by which the motion ends later."""
+    """Delay by which the motion ends later, s."""
     band: float
-    """Part of the frequency by which it may be wrong, either way, for less than 5 % of the vibration to be left."""
+    """Largest relative error of the frequency, either way, with which less than 5 % of the vibration are left."""
 
 
 @dataclass(frozen=True)
 class Remedies:
-    """What to do about a ring."""
+    """The remedies for a ring."""
 
     shapers: tuple[ShaperChoice, ...]
     suggested: str
@@ -44,12 +44,12 @@ class Remedies:
     """Hz."""
     damping_ratio: float
     gain_field: str
-    """Name of the field that damps this mode."""
+    """Name of the gain that damps this mode."""
     gain: float
     """Its value for `WANTED_RATIO`."""
 
     def changes(self, shaper: str) -> dict[str, object]:
-        """What makes a scenario's path go through a shaper for this ring, as one change."""
+        """The changes that put a shaper for this ring into a scenario's path."""
         return {
             "trajectory.shaper": shaper,
             "trajectory.shaper_frequency": self.frequency,
@@ -58,10 +58,10 @@ class Remedies:
 
 
 def remedies(fit: RingFit, scenario: Scenario) -> Remedies | None:
-    """For the mode that rings loudest; None if its frequency is not identifiable.
+    """The remedies for the loudest mode; None if its frequency is not identifiable.
 
-    The gain is that of a_lat = k_v hᵀq̇ (or α = k_θ gᵀq̇), which adds k_v h_k²/(2 ω_k) to the ratio of mode k as long as torques
-    act at once.
+    The gain is k_v of a_lat = k_v hᵀq̇ (or k_θ of α = k_θ gᵀq̇), which adds k_v h_k²/(2 ω_k) to the damping ratio of mode k if
+    torques act without delay.
     """
     frequency, ratio = fit.first.frequency, fit.first.damping_ratio
     if not frequency.identifiable:

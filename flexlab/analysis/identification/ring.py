@@ -1,4 +1,4 @@
-"""Frequency and damping of a free vibration from samples of it, with 95 % intervals.
+"""Frequencies and damping ratios of a sampled free vibration, with 95 % intervals.
 
 The signal is a sum of decaying oscillations, a slow background and white noise,
 
@@ -38,23 +38,23 @@ from flexlab.sim.snapshot import Event
 CONFIDENCE = 0.95
 FEWEST_SAMPLES = 20
 FEWEST_PERIODS = 2.0
-"""Periods within the samples below which a frequency is not told from the background."""
+"""Least periods within the samples with which a frequency differs from the background."""
 MOST_MODES = 3
 GAIN = 10.0
-"""By which Schwarz's criterion must gain for one more mode: very strong evidence (Kass and Raftery 1995)."""
+"""Least gain of Schwarz's criterion for one more mode: very strong evidence (Kass and Raftery 1995)."""
 BACKGROUND_ORDER = 2
 START_RATIOS = (0.002, 0.01, 0.05, 0.2)
-"""Damping ratios from which the search begins."""
+"""Initial damping ratios of the search."""
 LARGEST_RATIO = 0.9
 NOISE_ALONE = "no oscillation stands out from the noise"
 NOT_ONE = "the samples hold something else as well, such as a second tap; say where one free ring begins and ends"
 FITTED = 1e-9
-"""Relative change at which a search ends: far below any interval."""
+"""Relative change at which a search ends, far below any interval."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % interval; `reason` says why it is not identifiable, empty if it is."""
+    """A number with its 95 % interval; `reason` says why it is not identifiable, and is empty if it is."""
 
     value: float
     low: float
@@ -64,7 +64,7 @@ class Estimate:
 
     @property
     def identifiable(self) -> bool:
-        """Whether the samples determine it."""
+        """Whether the samples determine the number."""
         return not self.reason
 
     def __str__(self) -> str:
@@ -83,33 +83,33 @@ class RingMode:
     damping_ratio: Estimate
     """ζ = σ/√(ω² + σ²)."""
     amplitude: float
-    """At the first sample, in the signal's unit."""
+    """Amplitude at the first sample, in the signal's unit."""
 
 
 @dataclass(frozen=True)
 class RingFit:
-    """What a signal rings with; modes by frequency, those whose frequency is not identifiable only if all are."""
+    """The modes of a signal, by frequency; modes with an unidentifiable frequency are left out unless all are such."""
 
     modes: tuple[RingMode, ...]
     noise: float
-    """Standard deviation of what is left, in the signal's unit."""
+    """Standard deviation of the residual, in the signal's unit."""
     start: float
     end: float
-    """Of the samples, s."""
+    """First and last instant, s."""
     samples: int
     background: np.ndarray = field(compare=False, repr=False)
-    """What the signal rings about, in its unit, (N,)."""
+    """The background about which the signal rings, in its unit, (N,)."""
     problem: str = ""
-    """Why this is no ring; empty for one."""
+    """Why this is no ring; empty if it is one."""
 
     @property
     def is_ring(self) -> bool:
-        """Whether the samples hold a free ring at all, and nothing else."""
+        """Whether the samples hold one free ring and nothing else."""
         return not self.problem
 
     @property
     def first(self) -> RingMode:
-        """The mode that rings loudest."""
+        """The loudest mode."""
         return max(self.modes, key=lambda mode: mode.amplitude)
 
 
@@ -118,7 +118,7 @@ def fit_ring(time: np.ndarray, signal: np.ndarray, most_modes: int = MOST_MODES)
     time, signal = np.asarray(time, dtype=float), np.asarray(signal, dtype=float)
     if len(time) < FEWEST_SAMPLES:
         raise StudyError(f"{len(time)} samples are too few to fit a vibration: give {FEWEST_SAMPLES} at least.")
-    with one_blas_thread():  # Small systems: threads cost more than they bring.
+    with one_blas_thread():  # Threads slow small systems down.
         return _fit(time, signal, most_modes)
 
 
@@ -160,7 +160,7 @@ def _basis(modes: np.ndarray, tau: np.ndarray) -> np.ndarray:
 
 
 def _rest(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """What the best linear combination leaves."""
+    """The residual of the best linear combination."""
     Q, _ = np.linalg.qr(_basis(modes, tau))
     return y - Q @ (Q.T @ y)
 
@@ -172,7 +172,7 @@ def _criterion(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> float:
 
 
 def _with_another(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The best fit with one more mode, from the strongest line of what is left."""
+    """The best fit with one more mode, starting from the strongest line of the residual."""
     omega = _strongest(tau, _rest(modes, tau, y))
     starts = [np.vstack([modes, [omega, ratio * omega]]) for ratio in START_RATIOS]
     return _refined(min(starts, key=lambda guess: float(np.sum(_rest(guess, tau, y) ** 2))), tau, y)
@@ -193,7 +193,7 @@ def _refined(start: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _strongest(tau: np.ndarray, rest: np.ndarray) -> float:
-    """Angular frequency of the strongest line, 1/s, finer than the spectrum's own raster."""
+    """Angular frequency of the strongest line, 1/s, from a padded spectrum."""
     even = np.linspace(0, tau[-1], len(tau))
     values = np.interp(even, tau, rest)
     size = 8 * len(values)
@@ -225,7 +225,7 @@ def _described(
         own = near[k] * covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
         found.append(_mode(omega, sigma, own, factor, amplitude, tau, problem))
-    # A slow change of the background passes for part of a period of something.
+    # A slow change of the background looks like part of a period.
     found = [mode for mode in found if mode.frequency.identifiable] or found
     found.sort(key=lambda mode: mode.frequency.value)
     background = basis[:, 2 * len(modes) :] @ linear[2 * len(modes) :] * scale
@@ -293,17 +293,17 @@ def _mode(
 
 
 LONGEST_RING = 2.0
-"""s: a longer one adds nothing to a fit."""
+"""Longest ring that is fitted, s."""
 GONE = 0.005
-"""Part of its peak at which a ring has gone in what else there is."""
+"""Amplitude, over the peak, at which a fitted ring ends."""
 STOOD = 0.01
-"""s for which the target must have stood still, so that a turning point is no stop."""
+"""Time for which the target must stand still, s, so that a turning point is no stop."""
 
 
 def ring_of_run(
     recording: Recording, name: str = "vibration", start: float | None = None, end: float | None = None
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """(time s, signal, unit) of the free ring; `start` None: after the last tap, or where it begins. Raises `StudyError`."""
+    """(time s, signal, unit) of a free ring; `start` None: after the last tap, or from its beginning. Raises `StudyError`."""
     about = {**TABLE, **DERIVED}.get(name)
     if about is None or about.axes:
         usable = [other for other, signal in {**TABLE, **DERIVED}.items() if not signal.axes and other != "time"]
@@ -320,12 +320,12 @@ def ring_of_run(
 
 
 def _first(samples: Samples, name: str) -> float:
-    """s at which a run rings first of whose beginning no event tells."""
+    """Beginning of the first ring of a run without taps, s."""
     return float(samples.time[ring_begins(np.asarray(samples[name], float))])
 
 
 def recent_ring(samples: Samples, events: Sequence[Event]) -> tuple[np.ndarray, np.ndarray, str]:
-    """(time s, vibration m, since what) of the newest free ring in a run that is on; raises `StudyError` if there is none."""
+    """(time s, vibration m, what it follows) of the newest free ring in a running lab. Raises `StudyError` if there is none."""
     pulls = [event for event in events if isinstance(event.command, Pull)]
     if pulls and isinstance(pulls[-1].command, Pull) and pulls[-1].command.stiffness > 0:
         raise StudyError("Somebody holds the machine: let go, and the ring that follows can be fitted.")
@@ -346,14 +346,14 @@ def recent_ring(samples: Samples, events: Sequence[Event]) -> tuple[np.ndarray, 
 def _ring(
     samples: Samples, events: Sequence[Event], name: str, first: float, end: float | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Time and signal from `first` on, until the next change of the run."""
+    """Time and signal from `first`, s, until the next change of the run."""
     disturbances = (ChangeScenario, Pull, Tap)
     later = [event.time for event in events if isinstance(event.command, disturbances) and event.time > first]
     last = end if end is not None else min([*later, first + LONGEST_RING, float(samples.time[-1])])
     rows = (samples.time > first) & (samples.time <= last)
     time, signal = samples.time[rows], np.asarray(samples[name])[rows]
     if end is None and len(time):
-        # What comes after the ring is the motion's own bending, which the model of a ring does not know.
+        # After the ring comes the bending by the motion, which is not part of the model.
         loud = np.flatnonzero(np.abs(signal) > GONE * np.abs(signal).max())
         stop = int(loud[-1]) + 1 if len(loud) else 0
         time, signal = time[:stop], signal[:stop]
@@ -361,7 +361,7 @@ def _ring(
 
 
 def _stop(samples: Samples) -> float | None:
-    """When the target came to rest, s; None if it moves, or never did."""
+    """Instant at which the target came to rest, s; None if it still moves or never moved."""
     moving = np.flatnonzero(np.any(samples.desired_pose != samples.desired_pose[-1:], axis=1))
     if not len(moving) or samples.time[-1] - samples.time[moving[-1]] < STOOD:
         return None

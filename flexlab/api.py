@@ -1,7 +1,7 @@
-"""The Python interface: simulate a scenario by name, file or value, read a recorded run, and what a run can do.
+"""The Python interface: simulate scenarios, read recordings, and work with runs.
 
-Everything here stands as `flexlab.<name>`; the rooms below do the work. What only some calls need is loaded by them: a first
-simulation should not wait for the libraries of recordings and figures.
+Everything here is available as `flexlab.<name>`. Calls import what only they need, so that a first simulation does not wait
+for the libraries of recordings and figures.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
     from flexlab.text import Page
 
 LOGS = "logs"
-"""The folder of recordings where somebody works."""
+"""The folder of recordings, relative to the working directory."""
 
 
 class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of all arrays)
     name: str
-    """The preset or file that the scenario came from; recordings are called after it."""
+    """The preset or file that the scenario came from; it names recordings."""
 
     noted: Mapping[str, float | None]
     """Of a recorded run: metrics of somebody's own by title and unit, SI, as they were noted."""
@@ -63,12 +63,12 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
     @cached_property
     def explanations(self) -> tuple["Explained", ...]:
-        """What can be said of the run's newest five seconds: `explain(run)`."""
+        """Sentences on the run's newest five seconds, as `explain(run)`."""
         return explain(self)
 
     @property
     def result_hash(self) -> str:
-        """16 digits that only the same samples have, bit for bit: `flexlab run` prints them too."""
+        """16 digits that identify the samples, bit for bit, as `flexlab run` prints them."""
         return result_hash(self)
 
     def save(self, folder: str | Path = LOGS) -> Path:
@@ -98,18 +98,18 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         return path
 
     def plot(self, *signals: str) -> "Figure":
-        """Curves of signals by name, `run.plot("joint_torque", "vibration")`, in SI; without a name those of the lab.
+        """A matplotlib figure of signals by name in SI units, as in `run.plot("joint_torque", "vibration")`.
 
-        A matplotlib figure, which notebooks show. Raises `StudyError`.
+        Without names it shows the lab's plots. Raises `StudyError` for a name that is no signal.
         """
         from flexlab.analysis.figures import draw_signals
 
         return draw_signals(self, signals)
 
     def show(self) -> "Page":
-        """The run in three dimensions, with plots that follow: a page that a notebook shows, without network.
+        """A page for notebooks with the run in three dimensions and plots that follow; it needs no network.
 
-        Of the scenario that the run started from. Raises `StudyError` for a run without samples.
+        It shows the scenario that the run started from. Raises `StudyError` for a run without samples.
         """
         from contextlib import redirect_stdout
         from io import StringIO
@@ -122,29 +122,29 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
             return Page(run_page(self, self.name, package_version()))
 
     def to_arrow(self) -> "pyarrow.Table":
-        """All signals as an Arrow table: a row per instant, units in the columns' names, as `flexlab export` writes it."""
+        """All signals as an Arrow table, a row per instant, with units in the columns' names, as `flexlab export` writes it."""
         import pyarrow
 
         return pyarrow.table(to_columns(self, table_columns(self.scenario)))
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """The same as a data frame. Raises `StudyError` where pandas is not installed."""
+        """All signals as a pandas data frame. Raises `StudyError` if pandas is not installed."""
         try:
             return self.to_arrow().to_pandas()
         except ImportError:
             raise StudyError("pandas is not installed: pip install pandas brings it, or use to_arrow().") from None
 
     def to_xarray(self) -> "xarray.Dataset":
-        """All signals as an xarray dataset with named axes: `run.to_xarray().joint_torque.sel(arm="left")`; units in `attrs`.
+        """All signals as an xarray dataset with named axes and units in `attrs`: `run.to_xarray().joint_torque.sel(arm="left")`.
 
-        Raises `StudyError` where xarray is not installed.
+        Raises `StudyError` if xarray is not installed.
         """
         from flexlab.recording.export import to_dataset
 
         return to_dataset(self)
 
     def _repr_html_(self) -> str:
-        """What it is and its metrics, for notebooks."""
+        """The run and its metrics, for notebooks."""
         return f"<p>{escape(repr(self))}</p>{self.metrics._repr_html_()}"
 
     def __repr__(self) -> str:
@@ -187,10 +187,10 @@ def simulate(
 
 
 def explain(run: Run) -> tuple["Explained", ...]:
-    """Sentences on the newest five seconds of a run, each with its equation and the plot that shows it, important ones first.
+    """Sentences on the newest five seconds of a run, the most important first, each with its equation and plot.
 
-    They are computed from its samples and from the poles and conditions of the scenario that it started from; one whose
-    check fails is left out. Of a run whose scenario was changed on its way, those speak of the first one.
+    They follow from its samples and from the poles and conditions of the scenario that it started from; a sentence whose check
+    fails is left out.
     """
     if not isinstance(run, samples.Run):
         raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
@@ -269,9 +269,9 @@ def sweep(
 
 
 def read(run: str | Path, logs: str | Path = LOGS) -> Run:
-    """A recorded run, bit for bit: `run` is a file, a run's name in `logs` or the beginning of one, or "newest".
+    """A recorded run, bit for bit. `run` is a file, a run's name in `logs` or the beginning of one, or "newest".
 
-    Its scenario is that of the first sample. Raises `RecordingError` if there is no such recording or it cannot be read.
+    The scenario is that of the first sample. Raises `RecordingError` if there is no such recording or it cannot be read.
     """
     if not isinstance(run, (str, Path)):
         raise StudyError(f"read({run!r}) names no recording: give a file's path, a run's name, or \"newest\".")
@@ -304,7 +304,7 @@ def export_fmu(
 
 
 def _by_kind(vary: Any) -> Any:
-    """What is varied, with the kinds of laws and paths that were given as files or classes. Raises `ScenarioError`."""
+    """`vary` with kinds in place of laws and paths given as files or classes. Raises `ScenarioError`."""
     if not isinstance(vary, Mapping):
         return vary
     kinds = {"controller.kind": law_kind, "trajectory.kind": path_kind}

@@ -1,4 +1,4 @@
-"""What arguments of the Python interface may be: each check gives the value in one type, or one sentence about it."""
+"""Checks of arguments of the Python interface: each returns the value in one type, or raises `StudyError` with a sentence."""
 
 import math
 import numbers
@@ -13,7 +13,7 @@ from flexlab.text import number_text
 
 
 def file_path(name: str, value: str | Path) -> Path:
-    """The path that the argument `name` says; raises `StudyError` for what is none."""
+    """The argument `name` as a path."""
     try:
         usable = isinstance(value, (str, Path)) and bool(str(value)) and b"\0" not in os.fsencode(value)
     except UnicodeEncodeError:  # half of a pair of surrogates
@@ -24,21 +24,21 @@ def file_path(name: str, value: str | Path) -> Path:
 
 
 def flag(name: str, value: Any) -> bool:
-    """A choice of two; raises `StudyError` for anything else, of which Python would take nearly all for a yes."""
+    """True or False; Python would take nearly anything else for True."""
     if not isinstance(value, (bool, np.bool_)):
         raise StudyError(f"{name} = {value!r:.60} is not usable: give True or False.")
     return bool(value)
 
 
 def text_or_none(name: str, value: Any, example: str) -> str | None:
-    """A text, or None for what goes by itself; raises `StudyError`."""
+    """A text, or None for the default."""
     if value is not None and not isinstance(value, str):
         raise StudyError(f"{name} = {value!r:.60} is not usable: give a text, as in {example!r}.")
     return value
 
 
 def finite_number(name: str, value: Any, unit: str = "", low: float = -math.inf) -> float:
-    """A finite number of at least `low`; raises `StudyError` for anything else."""
+    """A finite number of at least `low`."""
     try:
         usable = isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(float(value))
     except OverflowError:  # a whole number too large for a float
@@ -51,12 +51,12 @@ def finite_number(name: str, value: Any, unit: str = "", low: float = -math.inf)
 
 
 def time_or_none(name: str, value: Any) -> float | None:
-    """A time in s, or None for no limit; raises `StudyError`."""
+    """A time in s, or None for no limit."""
     return None if value is None else finite_number(name, value, "s")
 
 
 def whole_number(name: str, value: Any, low: int) -> int:
-    """A whole number of at least `low`; raises `StudyError`."""
+    """A whole number of at least `low`."""
     if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < low:
         raise StudyError(f"{name} = {value!r:.60} is not usable: give a whole number of at least {low}.")
     return int(value)

@@ -31,7 +31,7 @@ class Lab:
         self._session: Session | None = None
 
     def open(self) -> "Lab":
-        """Start it, if it does not run."""
+        """Start the lab if it is not running."""
         if self._session is None:
             from flexlab.lab.session import Session
 
@@ -41,21 +41,21 @@ class Lab:
         return self
 
     def close(self) -> None:
-        """Stop it. May be called twice."""
+        """Stop the lab. May be called twice."""
         session, self._session = self._session, None
         if session is not None:
             session.stop()
 
     @property
     def session(self) -> "Session":
-        """The running lab: its `runner` takes commands and has the newest `snapshot`. Starts it."""
+        """The lab's session, started if need be; its `runner` takes commands and has the newest `snapshot`."""
         self.open()
         assert self._session is not None
         return self._session
 
     @property
     def url(self) -> str:
-        """Where a browser on this machine finds it. Starts it."""
+        """The lab's address on this machine; starts the lab if need be."""
         return self.session.url
 
     def __enter__(self) -> "Lab":

@@ -1,10 +1,8 @@
-"""Presets and scenario files: named experiments as JSON, read and written.
+"""Presets and scenario files as JSON, and what else stands for a scenario in the Python interface.
 
-A preset is a scenario file `<name>.json`: those of flexlab itself, and a person's own in a folder `presets` where they
-work. A name of flexlab's own always means flexlab's own file, so that "paper" is the paper everywhere. A file may leave out
-whatever has its default value, as flexlab's own do; `menu_order` says where a preset stands in menus.
-
-Editors complete, explain and check scenario files by their JSON schema while one types.
+A preset is a scenario file `<name>.json` of flexlab or in a person's own folder `presets`. A name of flexlab's own always means
+flexlab's file, so that "paper" is the paper everywhere. A file may leave out fields with default values; `menu_order` is the
+preset's place in menus. Editors check scenario files by their JSON schema.
 """
 
 import difflib
@@ -149,13 +147,13 @@ def law_and_path(law: AnyLaw, path: AnyPath) -> Callable[[Scenario], Scenario]:
 
 
 MOST_TOLD, LONGEST_TOLD = 3, 80
-"""Changes that a run's name tells, and characters of it."""
+"""Changes in a run's name, and its characters, at most."""
 
 
 def telling_name(scenario: Scenario, base: str = "") -> str:
-    """A word for a run of a scenario that may have been changed: the preset it came from, and what differs, as "paper-kind-pd".
+    """A name for runs of a scenario: its preset and what was changed, as in "paper-kind-pd".
 
-    `base`: that preset; else it is known by its title, and the name is "run" if no preset has that.
+    `base`: the preset; if empty it is found by its title, and the name is "run" if no preset has that title.
     """
     files = preset_files()
     known = tuple((name, path.stat().st_mtime_ns) for name, path in files.items() if path.exists())
@@ -198,7 +196,7 @@ def scenario_text(scenario: Scenario) -> str:
 
 
 def _menu_order(path: Path) -> float:
-    """Where a preset stands in menus; at the end if its file does not say so."""
+    """A preset's place in menus, at the end if its file gives none."""
     try:
         return _read_menu_order(path, path.stat().st_mtime_ns)
     except (OSError, PresetError):
@@ -207,7 +205,7 @@ def _menu_order(path: Path) -> float:
 
 @lru_cache(maxsize=1024)
 def _read_menu_order(path: Path, changed: int) -> float:
-    """`_menu_order` of a file as it is since `changed`."""
+    """`_menu_order` of a file with the date `changed`."""
     data = _read_json(path)
     order = data.get(MENU_FIELD) if isinstance(data, dict) else None
     return order if type(order) is int else math.inf
@@ -239,7 +237,7 @@ def _read_json(path: Path) -> Any:
 
 
 def unique_fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object, for `json.loads`. Raises ValueError for a name given twice: one of its values would be lost unseen."""
+    """A JSON object, for `json.loads`. Raises ValueError for a name given twice, as one value would be lost."""
     fields: dict[str, Any] = {}
     for name, value in pairs:
         if name in fields:

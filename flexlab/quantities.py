@@ -6,6 +6,7 @@ an error sentence. `Part` is the base of every scenario model: frozen, unknown k
 
 import math
 import numbers
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -208,3 +209,27 @@ def _size(annotation: Any) -> int:
     if origin is tuple:
         return len(forms) if all(form in (float, int) for form in forms) else 0
     return max(map(_size, forms), default=0) if origin in (Union, UnionType, Annotated) else 0
+
+
+BASE_UNITS: dict[str, dict[str, int]] = {
+    "1": {},
+    "kg": {"kg": 1},
+    "m": {"m": 1},
+    "s": {"s": 1},
+    "rad": {"rad": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+}
+"""Exponents of the SI base units, and of rad, in each unit."""
+
+
+def base_exponents(unit: str) -> dict[str, int] | None:
+    """Exponents of a unit's base units, as of "N·s²/m²"; None: it has others."""
+    if not all(name.rstrip("²³") in BASE_UNITS for name in re.split("[·/]", unit)):
+        return None
+    total: dict[str, int] = {}
+    for sign, factor in re.findall(r"([·/]?)([^·/]+)", unit):
+        name, power = factor.rstrip("²³"), {"²": 2, "³": 3}.get(factor[-1], 1)
+        for base, exponent in BASE_UNITS[name].items():
+            total[base] = total.get(base, 0) + (-power if sign == "/" else power) * exponent
+    return {base: exponent for base, exponent in total.items() if exponent}

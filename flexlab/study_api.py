@@ -1,6 +1,6 @@
-"""Studies for Python users: leaderboards, tuning, fits, comparisons, replays, exports, validation, as their commands make them.
+"""Studies in Python: leaderboards, tuning, fits, comparisons, replays and exports.
 
-Everything here stands as `flexlab.<name>`; each call is what its command does between reading words and printing tables.
+Everything here is available as `flexlab.<name>`; each call does what the command of its name does.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,9 +32,9 @@ from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.store.run_files import find_run
 
 AnyRun = Run | str | Path
-"""A run; a recording's file or name in the folder of logs, or the beginning of one; or "newest"."""
+"""A run; a recording's file, its name in the logs folder or the beginning of that; or "newest"."""
 UNIT, BODIES, PAGE, ARCHIVE = ".fmu", (".urdf", ".xml", ".mjcf"), ".html", ".zip"
-"""Endings of files that are no tables."""
+"""Endings of files that are not tables."""
 
 
 def tune(
@@ -52,12 +52,12 @@ def tune(
     cluster: str | None = None,
     progress: bool = True,
 ) -> Tuning:
-    """Search ranges for the parameters that cost least: `.tuned` is the scenario with them, `.table` has all that was tried.
+    """Search ranges for the parameters of least cost: `.tuned` is the scenario with them, `.table` lists all candidates.
 
     `change`: {"controller.feedback_gain": "50:500:log"}. `cost`: metrics times weights, {"rms_error.y": 1.0}; `limit`: what must
     not be exceeded, {"peak_torque": 600.0}; both in SI units. `robust`: the worst of these scenarios counts,
     {"payload.bending_stiffness": [50, 200]}. `law`, `path`: as in `simulate`; `workers`, `cluster`: as in `sweep`.
-    Raises `ScenarioError`, `StudyError`…
+    Raises `PresetError`, `ScenarioError` or `StudyError`.
     """
     _, valid = named_scenario(scenario, law, path)
     axes, others = parse_axes(change, valid), parse_axes(robust, valid) if robust else ()
@@ -75,7 +75,7 @@ def fit(
     scenario: AnyScenario | None = None,
     logs: str | Path = LOGS,
 ) -> Fit:
-    """Fit a free vibration: `.ring.modes` with 95 % intervals, `.beam` that rings so; `.is_ring` says whether there is one.
+    """Fit a free vibration: `.ring.modes` with 95 % intervals, the `.beam` that fits; `.is_ring` tells whether there is one.
 
     `source`: a run, or a CSV file, whose columns `time` and `signal` name, with a unit as in "laser [mm]". `start`, `end`: s;
     None: where the ring begins. `scenario`: what is known of the beam; None: a run's own. Raises `StudyError`, `RecordingError`.
@@ -93,7 +93,7 @@ def fit(
 
 
 def compare(*runs: AnyRun, logs: str | Path = LOGS) -> Comparison:
-    """Two or more runs side by side, over the time that the shortest lasts: what was set differently, and what came of it.
+    """Compare two or more runs over the time of the shortest: differences in settings and in metrics.
 
     Raises `RecordingError` and `StudyError`.
     """
@@ -104,9 +104,9 @@ def compare(*runs: AnyRun, logs: str | Path = LOGS) -> Comparison:
 
 
 def replay(run: str | Path, logs: str | Path = LOGS, run_own_law: bool = False) -> Replay:
-    """Simulate a recording, or an archive of one (.zip), again from its start and its commands, and compare every bit.
+    """Simulate a recording or an archive (.zip) again from its start and its commands, and compare every bit.
 
-    `run_own_law`: let Python code run that came with the recording. Raises `RecordingError` and `StudyError`.
+    `run_own_law` lets Python code run that came with the recording. Raises `RecordingError` and `StudyError`.
     """
     may_run = flag("run_own_law", run_own_law)
     with ExitStack() as stack:
@@ -183,7 +183,7 @@ def _write_page(path: Path, target: Path) -> None:
 
 
 def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:
-    """The recordings of runs; one in memory is recorded where it goes with the stack. Raises `RecordingError`."""
+    """The recordings of runs; a run in memory is recorded for as long as the stack lasts. Raises `RecordingError`."""
     folder = file_path("logs", logs)
     return [
         run.save(stack.enter_context(TemporaryDirectory(prefix="flexlab-")))
@@ -204,7 +204,7 @@ def leaderboard(
     cluster: str | None = None,
     progress: bool = True,
 ) -> Leaderboard:
-    """Simulate control laws in the cases of the benchmark, and gather their scores in a table.
+    """Simulate control laws in the benchmark's cases, and collect their scores in a table.
 
     `laws`: names, paths of Python files, or classes of `OwnLaw`; None: flexlab's own, and `more_laws` besides. `cases`: names,
     B1 to B8; None: all, B7 only with `long`. `folder` keeps every row under a hash of scenario, law and engine, so that only

@@ -1,10 +1,11 @@
-"""Text as people may see it: numbers as they are written, texts of files and visitors, and HTML as notebooks show it."""
+"""Text as people may see it: numbers, texts of files and visitors, lines of logs, and HTML for notebooks."""
 
 import ast
 import logging
 import re
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 MISSING = "–"
-"""What stands where there is no number."""
+"""Shown in place of a missing number."""
 SMALLEST, LARGEST = Decimal("1e-4"), Decimal("1e7")
 """Sizes between which all digits are written out; others get a power of ten."""
 ROUNDING = 1e-12
@@ -29,7 +30,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def typed_number(text: str) -> float:
-    """The finite number that a text says; NaN for anything else."""
+    """The finite number in a text; NaN for anything else."""
     try:
         number = float(text)
     except ValueError:
@@ -80,7 +81,7 @@ def difference_text(value: float, other: float, digits: int = 3, scale: float = 
 
 
 def speed_text(speed: float) -> str:
-    """A speed as people say it: "1/64 ×", "1 ×", "4 ×"."""
+    """A speed as "1/64 ×", "1 ×", "4 ×"."""
     return f"1/{round(1 / speed)} ×" if speed < 1 else f"{number_text(speed)} ×"
 
 
@@ -147,7 +148,7 @@ def visible_json(text: str) -> str:
 
 
 def console(stderr: bool = False) -> "Console":
-    """A terminal on which every text is shown as `visible` has it, and none is markup, a name of an emoji or a link."""
+    """A terminal that shows every text as `visible` does, without markup, emoji names or links."""
     from rich.console import Console
     from rich.segment import Segment
     from rich.text import Text
@@ -168,15 +169,54 @@ def console(stderr: bool = False) -> "Console":
 
 
 class PlainFormatter(logging.Formatter):
-    """Lines of a log as `visible` has them."""
+    """Writes lines of a log as `visible` shows them."""
 
     def format(self, record: logging.LogRecord) -> str:
         """The line."""
         return visible(super().format(record))
 
 
+LINE_PERIOD = 1.0
+"""s between two lines of a log that are alike, once there have been many."""
+BURST = 200.0
+"""Lines that may come at once."""
+MOST_LINES = 200
+"""Kinds of lines that are counted."""
+
+
+class OneASecond(logging.Filter):
+    """Limits the records of each logger and message template, so that nobody can flood a log."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._seen: dict[tuple[str, str], tuple[float, float, int]] = {}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether the record is written; the first after a pause says how many were left out."""
+        key, now = (record.name, str(record.msg)[:200]), time.monotonic()
+        if key not in self._seen and len(self._seen) >= MOST_LINES:
+            self._seen.clear()
+        at, credit, left_out = self._seen.get(key, (now, BURST, 0))
+        credit = min(BURST, credit + (now - at) / LINE_PERIOD)
+        if credit < 1.0:
+            self._seen[key] = now, credit, left_out + 1
+            return False
+        self._seen[key] = now, credit - 1.0, 0
+        if left_out:
+            record.msg, record.args = f"{record.getMessage()} (and {left_out} more like this)", ()
+        return True
+
+
+def limited(name: str) -> logging.Logger:
+    """The logger of a module that tells what visitors do, or of a library that does."""
+    logger = logging.getLogger(name)
+    if not any(isinstance(present, OneASecond) for present in logger.filters):
+        logger.addFilter(OneASecond())
+    return logger
+
+
 def tell_failures_plainly() -> None:
-    """Have this process write what is logged, and the tracebacks of its threads, as `visible` has them."""
+    """Make this process write its log and its threads' tracebacks as `visible` shows them."""
     if logging.lastResort is not None:
         logging.lastResort.setFormatter(PlainFormatter())
 
@@ -198,7 +238,7 @@ def writable(value: Any) -> Any:
 
 
 def shown(text: str, longest: int = 20) -> str:
-    """What somebody typed as a sentence repeats it: in quotes, cut, nothing in it obeyed."""
+    """A typed text for use in a sentence: in quotes, shortened, without control characters."""
     return f"'{visible(text, longest)}'"
 
 
@@ -207,7 +247,7 @@ LONGEST_ON_PAGE = 2000
 
 
 def escaped(text: str) -> str:
-    """Text as it may stand in HTML; what files and people wrote is never shown without this."""
+    """Text for HTML; texts of files and people are never shown without this."""
     short = text if len(text) <= LONGEST_ON_PAGE else text[:LONGEST_ON_PAGE] + " …"
     return escape(visible(short)).replace("\n", "<br>")
 

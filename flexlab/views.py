@@ -1,8 +1,7 @@
-"""How signals are seen over time: in which unit, under which names, in which colours, and which of them together.
+"""How signals are plotted: their groups, names, units and colours.
 
-The lab's plots, a recording's curves and its texts follow from these rows; what a signal means stands in the table of signals.
-A law's own signals have a view each, without a row here. Views use the unit that suits the eye (mm, mrad); exact signals, in SI
-units, are in `flexlab.recording.codec`.
+The lab's plots and a recording's curves and texts follow from these rows; the table of signals says what each signal means. A
+law's own signals get a view each. Views use convenient units (mm, mrad); recordings also hold all signals in SI units.
 """
 
 import math
@@ -34,25 +33,25 @@ LEAST_OWN = 1e-6
 
 @dataclass(frozen=True)
 class View:
-    """Curves that are seen together."""
+    """Curves of one plot."""
 
     entity: str
-    """Their place in a recording."""
+    """The curves' entity in a recording."""
     title: str
     signals: tuple[Signal, ...]
-    """Their numbers, one signal after the other, are the curves; of an arm's signals those of the left arm come first."""
+    """The curves are the numbers of these signals, one signal after the other, the left arm's first."""
     curves: tuple[str, ...]
-    """Name of each; further numbers of the signals are not shown."""
+    """Name of each curve; further numbers of the signals are not shown."""
     units: tuple[str, ...]
-    """Of each curve, as it is shown."""
+    """Unit of each curve, as shown."""
     scale: float = 1.0
     """Shown number over SI number."""
     least: float = 1.0
-    """Smallest range of a plot, in its unit; below it there is nothing worth magnifying."""
+    """Smallest range of the plot's axis, in its unit."""
     palette: tuple[Color, ...] = (*CURVES, GREEN, BLUE, VERMILION)
-    """Of its curves in lab, recordings and figures, beginning anew where there are more of them."""
+    """Colours of the curves, repeated if there are more curves."""
     beside: str = ""
-    """What else there is to say of it."""
+    """Further explanation."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -61,20 +60,20 @@ class View:
 
     @property
     def colors(self) -> tuple[Color, ...]:
-        """Of each curve."""
+        """Colour of each curve."""
         return tuple(self.palette[number % len(self.palette)] for number in range(len(self.curves)))
 
     @property
     def meaning(self) -> str:
-        """What it is: symbol, meaning, equation and SI unit of each signal, and the units shown."""
+        """Symbol, meaning, equation and SI unit of each signal, and the units shown."""
         shown = f"; here in {' and '.join(dict.fromkeys(self.units))}" if self.scale != 1 else ""
         return " ".join(f"{_about(signal)}{shown}." for signal in self.signals) + self.beside
 
     def values(self, samples: Samples) -> np.ndarray:
-        """(N, curves), in the units shown; NaN of another law's signals."""
+        """(N, curves), in the units shown; NaN for signals that these samples lack."""
         if self.entity.startswith(OWN) and self.signals[0].name not in samples.own:
             return np.full((len(samples), len(self.curves)), np.nan)
-        # Not -1 for the width: it cannot be told of no samples, as of a run that could not start.
+        # Not -1 for the width, which is undefined for a run without samples.
         whole = [np.asarray(samples[signal.name]) for signal in self.signals]
         parts = [values.reshape(len(samples), math.prod(values.shape[1:])) for values in whole]
         return self.scale * np.concatenate(parts, axis=1)[:, : len(self.curves)]
@@ -86,7 +85,7 @@ def _about(signal: Signal) -> str:
 
 
 def _view(entity: str, title: str, curves: str, units: str, *names: str, **how: Any) -> View:
-    """Curves by their names and units, divided by commas: one unit is that of all."""
+    """A view of curves whose names and units are separated by commas; a single unit is that of all curves."""
     each, unit = tuple(curves.split(", ")), tuple(units.split(", "))
     known = {**TABLE, **DERIVED}
     return View(entity, title, tuple(known[name] for name in names), each, unit * (len(each) // len(unit)), **how)
@@ -143,7 +142,7 @@ ENERGIES = _view(
 ELASTIC = _view(
     "elastic_energy", "Elastic energy", "elastic", "mJ", "elastic_energy", scale=MILLI, least=0.01, palette=(GREEN,)
 )
-"""Beside the others it would be a line at zero."""
+"""Its own plot: beside the other energies it would be a line at zero."""
 AXIAL_LOAD = _view(
     "axial_load",
     "Axial load",
@@ -167,11 +166,11 @@ REAL_TIME_FACTOR = _view(
     "1",
     beside="Simulated seconds per wall second, as reached (1: real time); one value per block of the simulation thread.",
 )
-"""Its values come with the blocks, not from samples."""
+"""Its values come with blocks, not from samples."""
 
 
 def own_views(scenario: Scenario) -> tuple[View, ...]:
-    """The signals that a scenario's law adds to the table's."""
+    """Views of the signals that the scenario's law adds."""
     return tuple(map(_own_view, own_signals(scenario)))
 
 
@@ -183,7 +182,7 @@ def _own_view(signal: Signal) -> View:
 
 
 def views(scenario: Scenario) -> tuple[View, ...]:
-    """All that is seen of a run, most looked at first, signals that only its law has last."""
+    """All views of a run, the most important first, its law's own signals last."""
     arms = len(scenario.arms)
     shared = (
         ERROR,

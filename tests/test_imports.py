@@ -12,7 +12,6 @@ LAYERS = {
     "notation": 0,
     "compiled": 0,
     "assets": 0,
-    "log_limits": 0,
     "sockets": 0,
     "quantities": 0,
     "signal": 0,

@@ -1,7 +1,6 @@
-"""What a unit says of itself: its variables, and the model descriptions of FMI 2.0 and 3.0 (https://fmi-standard.org)."""
+"""The variables of a unit, and its model description for FMI 2.0 and 3.0 (https://fmi-standard.org)."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -10,36 +9,26 @@ import numpy as np
 
 from flexlab.control.controller import Controller
 from flexlab.control.law import law_of, nothing_derived
-from flexlab.quantities import describe, own_numbers
+from flexlab.quantities import base_exponents, describe, own_numbers
 from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario
 from flexlab.signal import AXIS
 from flexlab.sim.samples import rows_to_samples
 from flexlab.sim.signals import ACCELERATION_UNITS, POSE_UNITS, RATE_UNITS, known_signals, own_signals
 
-BASE_UNITS = {
-    "1": {},
-    "kg": {"kg": 1},
-    "m": {"m": 1},
-    "s": {"s": 1},
-    "rad": {"rad": 1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "J": {"kg": 1, "m": 2, "s": -2},
-}
-"""Exponents of the base units that FMI knows."""
 OF_THE_LAW = {"desired_pose", "tracking_error", "sliding_variable", "bound_estimates", "quasi_static_deflection"}
 """Signals that a plant without its law does not have."""
 
 
 class Variable(NamedTuple):
-    """One number that an importer sees; its value reference is its number in the list."""
+    """One number that importers see; its value reference is its place in the list."""
 
     name: str
     unit: str
     description: str
     causality: str
     place: int
-    """Where it stands in an instance's memory, bytes."""
+    """Its place in an instance's memory, bytes."""
     start: float | None = None
     low: float = -math.inf
     high: float = math.inf
@@ -47,14 +36,14 @@ class Variable(NamedTuple):
 
     @property
     def is_settable(self) -> bool:
-        """Whether an importer gives it its value."""
+        """Whether importers set it."""
         return self.causality in ("input", "parameter")
 
 
 def sample_variables(scenario: Scenario, row: np.ndarray, place: int, with_law: bool) -> list[Variable]:
-    """The time, and each signal of a sample row that stands at `place` as an output.
+    """The time, and each signal of the sample row at `place` as an output.
 
-    Signals that the scenario's law does not have are left out: they are NaN in `row`, the sample of the beginning.
+    Signals that the scenario's law lacks are left out: they are NaN in `row`, the first sample.
     """
     columns = table_columns(scenario)
     numbers = to_columns(rows_to_samples(np.arange(len(row))[None], len(scenario.arms), own_signals(scenario)), columns)
@@ -73,7 +62,7 @@ def sample_variables(scenario: Scenario, row: np.ndarray, place: int, with_law: 
 
 
 def torques(scenario: Scenario, start: np.ndarray, place: int, causality: str) -> list[Variable]:
-    """The motors' torques (arms, 3), which stand at `place`."""
+    """The motors' torques (arms, 3) at `place`."""
     return [
         Variable(
             f"motor_torque_{side}_{joint + 1}", "N·m", f"torque of the {side} arm's motor {joint + 1}, held over a step",
@@ -85,7 +74,7 @@ def torques(scenario: Scenario, start: np.ndarray, place: int, causality: str) -
 
 
 def inputs(scenario: Scenario, place: int) -> list[Variable]:
-    """What a law answers, (arms, 3), which stands at `place`: u, before limits of the torques and delay."""
+    """A law's inputs u (arms, 3) at `place`, before torque limits and delay."""
     return [
         Variable(
             f"input_{side}_{axis}", "N" if axis != "theta" else "N·m", f"u, {axis}: what the {side} arm is to do at its grip",
@@ -190,18 +179,6 @@ def parameters(
             name = gain.name if size == 1 else f"{gain.name}_{k + 1}"
             found.append(Variable(name, unit, title, "parameter", place, float(values[k]), about.low, about.high))
     return found
-
-
-def base_exponents(unit: str) -> dict[str, int] | None:
-    """Exponents of a unit's base units, as of "N·s²/m²"; None: it has others."""
-    if not all(name.rstrip("²³") in BASE_UNITS for name in re.split("[·/]", unit)):
-        return None
-    total: dict[str, int] = {}
-    for sign, factor in re.findall(r"([·/]?)([^·/]+)", unit):
-        name, power = factor.rstrip("²³"), {"²": 2, "³": 3}.get(factor[-1], 1)
-        for base, exponent in BASE_UNITS[name].items():
-            total[base] = total.get(base, 0) + (-power if sign == "/" else power) * exponent
-    return {base: exponent for base, exponent in total.items() if exponent}
 
 
 class Model(NamedTuple):

@@ -1,8 +1,7 @@
-"""Object files of compiled kernels, for linkers: the machine code that the engine runs, made for any processor of this kind.
+"""Object files of compiled kernels for linkers, for any processor of this machine's kind.
 
-The code is not compiled anew: the optimised LLVM module that numba keeps of a kernel is turned into machine code once more,
-for a processor without extensions, and with none of what Python would call. As no kernel contracts or reorders sums, the bits
-that it computes are the same.
+Numba's optimised LLVM module of a kernel is turned into machine code for a processor without extensions, without Python's
+wrappers. As no kernel contracts or reorders sums, it computes the same bits.
 """
 
 import hashlib
@@ -17,18 +16,18 @@ from flexlab.compiled import cache_folder
 from flexlab.errors import StudyError
 
 LIBRARY_FUNCTIONS = {"sqrt", "memset", "memcpy", "memmove"}
-"""What kernels may call: functions of every C library whose answer the standard fixes."""
+"""Functions that kernels may call: those of every C library whose result the standard fixes."""
 
 
 def target_machine() -> Any:
-    """What makes code for every processor of this machine's kind, to be placed anywhere in memory."""
+    """Makes position-independent code for every processor of this machine's kind."""
     triple = llvm.get_process_triple()
     cpu = "x86-64" if triple.startswith("x86_64") else "generic"
     return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, opt=2, reloc="pic", codemodel="default")
 
 
 def result_at(kernel: Any, address: int) -> Any:
-    """What numba has compiled of a `pluggable` or whole kernel: the one of its overloads that is at this address."""
+    """Numba's compile result of the overload of a kernel at this address."""
     for result in kernel.overloads.values():
         if result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name) == address:
             return result
@@ -104,7 +103,7 @@ def _caller(result: Any, name: str, by_words: bool) -> str:
 
 
 def data_object(data: bytes, name: str) -> bytes:
-    """An object file with constant bytes under a name, aligned as vectors want them."""
+    """An object file with constant bytes under a name, aligned for vectors."""
     module = ir.Module(name)
     module.triple = llvm.get_process_triple()
     kind = ir.ArrayType(ir.IntType(8), len(data))

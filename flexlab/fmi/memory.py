@@ -22,11 +22,11 @@ HEAD, CLOCK = 4 * 8, 3 * 8
 """Bytes of an instance's state before its arrays: tick, level of the step, whether it has stopped, time (`State` in unit.h);
 and where among them the time stands."""
 NUMBER, OWN, SHARED = 0, 1, 2
-"""What a word is: a number's bits, or the place of an array in the instance's memory or in the constants."""
+"""Kinds of words: a number's bits, or the place of an array in the instance's memory or in the constants."""
 
 
 def words_of(value: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """The words of an argument, named, in the order in which numba takes it apart: numbers, and arrays for pointers."""
+    """The named words of an argument in numba's order: numbers, and arrays for pointers."""
     if isinstance(value, np.ndarray):
         yield f"{name}.meminfo", 0
         yield f"{name}.parent", 0
@@ -45,19 +45,19 @@ def words_of(value: Any, name: str) -> Iterator[tuple[str, Any]]:
 
 
 def bits(number: float) -> int:
-    """A number as the 64 bits that machine code takes for it."""
+    """A number as 64 bits for machine code."""
     kind = np.float64 if isinstance(number, float | np.floating) else np.int64
     return int(np.array(number, kind).view(np.int64))
 
 
 class Block:
-    """Bytes in which arrays have places. Arrays that share memory share it here."""
+    """A block of bytes in which arrays have places. Arrays that share memory share it here."""
 
     def __init__(self, start: int = 0):
         self.size, self._spans = start, []
 
     def add(self, arrays: Sequence[np.ndarray]) -> None:
-        """Give these arrays places, in this order of those that do not overlap."""
+        """Give arrays places in this order; overlapping ones share a place."""
         spans = []
         for array in arrays:
             low = array.__array_interface__["data"][0]
@@ -76,7 +76,7 @@ class Block:
             self.size = at + high - low
 
     def place(self, array: np.ndarray) -> int | None:
-        """Where an array begins; None: it is not here."""
+        """Where an array begins; None if it is not in the block."""
         address = array.__array_interface__["data"][0]
         return next((at + address - low for low, high, at in self._spans if low <= address < high), None)
 
@@ -90,7 +90,7 @@ class Block:
 
 @dataclass
 class Piece:
-    """A part of a tick between two discontinuities of the path, gone with steps of its own."""
+    """A part of a tick between two discontinuities of the path, with its own steps."""
 
     level: int
     tick: int
@@ -108,7 +108,7 @@ class Piece:
 
 @dataclass
 class Memory:
-    """All of a unit that is data."""
+    """The data of a unit."""
 
     names: list[str]
     """Of the words."""

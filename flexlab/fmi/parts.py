@@ -1,7 +1,7 @@
-"""What can be exported of a scenario: plant, law, their loop, or the loop without its path; of each kernels, memory, variables.
+"""The parts of a scenario that can be exported: plant, law, their loop, or the loop without its path.
 
-Plant and law meet at the instants of a sampled controller: what one has as outputs, the other has as inputs, under the same
-names. A law that acts continuously is exported as one that acts at every tick.
+Plant and law meet at the instants of a sampled controller: the outputs of one are the inputs of the other, under the same
+names. A continuous law is exported as one that acts at every tick.
 """
 
 import inspect
@@ -50,7 +50,7 @@ from flexlab.sim.termination import DEFLECTION_LIMIT
 NEVER = 1 << 40
 """Steps between two control instants of a plant whose torques come from outside."""
 BLOCK = 16
-"""Most ticks that one call of `advance` goes: of their samples only the last is kept."""
+"""Most ticks per call of `advance`; only the last sample is kept."""
 
 
 class Called(NamedTuple):
@@ -58,7 +58,7 @@ class Called(NamedTuple):
 
     name: str
     result: Any
-    """What numba has compiled of it."""
+    """Numba's compile result."""
     word: str = ""
     """Name of the argument that takes the address."""
     gain: int = -1
@@ -76,12 +76,12 @@ class Part:
     source: str
     """The file in C that moves it."""
     kernels: dict[str, Any]
-    """What that file calls: what numba has compiled, by name."""
+    """Kernels that the file calls: numba's compile results by name."""
     called: list[Called]
     memory: Memory
     variables: list[Variable]
     numbers: dict[str, int]
-    """What that file knows of it besides."""
+    """Further constants of the file."""
     first_words: list[int] = field(default_factory=list)
     """Of the kernel by which a sampled law acts for the first time: which words of the other one it takes."""
 
@@ -110,7 +110,7 @@ def make_part(scenario: Scenario, part: str, tick_period: float) -> Part:
 
 @pluggable
 def given_motion(path, rows, t, desired):
-    """What an importer gave last, moved on with its rate and acceleration."""
+    """The importer's last desired motion, extrapolated with its rate and acceleration."""
     since = t - path.time
     for a in range(3):
         desired[0, a] = path.pose[a] + since * (path.rate[a] + 0.5 * since * path.acceleration[a])
@@ -128,7 +128,7 @@ def _loop(motion: Motion) -> Part:
 
 
 def _follower(motion: Motion) -> Part:
-    """Plant and law; where the payload should be comes from outside, and begins where the scenario's path does."""
+    """Plant and law; the desired motion comes from outside, and begins where the scenario's path does."""
     address = kernel_address(given_motion, GIVEN, MATRIX, numba.float64, MATRIX)
     system, desired = motion.assembly.system, desired_at(motion.assembly.system.trajectory, 0.0)
     numbers = np.array([0.0, *desired.ravel()])
@@ -140,7 +140,7 @@ def _follower(motion: Motion) -> Part:
 
 
 def _plant(motion: Motion) -> Part:
-    """Arms and beam; the torques of its motors are held until others come: no law acts."""
+    """Arms and beam; motor torques are held until new ones come, and no law acts."""
     called = [_path(motion)]
     system, sampling = motion.assembly.system, motion.assembly.sampling
     control = system.control._replace(law=0, fastest_rate=0, gains=np.zeros_like(system.control.gains))
@@ -150,7 +150,7 @@ def _plant(motion: Motion) -> Part:
 
 
 def _world(motion: Motion, about: str, called: list[Called]) -> Part:
-    """What `advance` moves: a plant, if it calls no law, or a loop."""
+    """A part moved by `advance`: a plant if it calls no law, or a loop."""
     assembly, scenario, is_plant = motion.assembly, motion.scenario, len(called) == 1
     is_follower = called[0].result.signature.args[0] == numba.from_dtype(GIVEN)
     system, sampling, row = assembly.system, assembly.sampling, np.zeros(motion.row_length)
@@ -245,7 +245,7 @@ PARTS = {"plant": _plant, "law": _law, "loop": _loop, "follower": _follower}
 
 
 def _before_acting(motion: Motion) -> None:
-    """Have a sampled law forget what it did in `begin_motion`: a unit acts when it begins, with its parameters of then."""
+    """Undo a sampled law's action in `begin_motion`: a unit acts when it begins, with its parameters of then."""
     system, sampling, y = motion.assembly.system, motion.assembly.sampling, motion.y
     system.held_torque[:] = sampling.line[:] = 0.0
     y[memory_slice(system).start :] = 0.0
@@ -273,7 +273,7 @@ def _untouched(law: Law) -> list[tuple[str, int]]:
 
 
 def _of_control(motion: Motion) -> dict[str, np.ndarray]:
-    """What changes with time besides a sample, what an importer sets, and a law's gains, which may hold addresses."""
+    """State besides the sample, importers' settings, and a law's gains, which may hold addresses."""
     system = motion.assembly.system
     return {
         "gravity": np.array([motion.scenario.gravity]),
@@ -287,7 +287,7 @@ def _of_control(motion: Motion) -> dict[str, np.ndarray]:
 
 
 def _sensors(motion: Motion) -> np.ndarray:
-    """What a law measures at the present instant, as `answer_sensors` takes it, without noise."""
+    """A law's measurement at this instant, as `answer_sensors` takes it, without noise."""
     y, ws, n = motion.y, motion.workspace, len(motion.assembly.beam.modes.omega)
     observe(motion, np.zeros(motion.row_length))
     strains = [
@@ -303,7 +303,7 @@ def _path(motion: Motion) -> Called:
 
 
 def _law_and_path(motion: Motion, path: Called, with_rate: bool = True) -> list[Called]:
-    """All kernels that the engine or the law calls by their addresses; `with_rate`: the engine, too."""
+    """All kernels called by address, by the law, and with `with_rate` by the engine."""
     control, law = motion.assembly.system.control, law_of(motion.scenario.controller)
     found = [path, Called("flexlab_law", result_at(law.kernel, control.law), "system.control.law")]
     if with_rate:
@@ -323,7 +323,7 @@ def _law_and_path(motion: Motion, path: Called, with_rate: bool = True) -> list[
 
 
 def _compiled(kernel: Any, arguments: Mapping[str, Any]) -> Any:
-    """What numba has compiled of a kernel for these arguments' types."""
+    """Numba's compile result of a kernel for these arguments."""
     types = tuple(numba.typeof(value) for value in arguments.values())
     if types not in kernel.overloads:
         kernel.compile(types)

@@ -1,4 +1,4 @@
-"""What an environment may be told, and its worlds, which move together: what they share, what differs, and the threads."""
+"""Settings of an environment, and its worlds, which move together on several threads."""
 
 import difflib
 import numbers
@@ -37,14 +37,14 @@ SHORTEST_PERIOD, LONGEST_PERIOD = 1e-4, 0.02
 
 @dataclass(frozen=True)
 class Rules:
-    """What actions and rewards of a version of the environment mean."""
+    """Scales of actions and rewards in a version of the environment."""
 
     wrench_scale: tuple[float, float, float]
     """N, N, N·m of a wrench of 1."""
     rooted: bool
     """Whether a second costs √c rather than c, see `environment`."""
     worst: float
-    """Largest cost of a second, and what each second costs that a failed episode does not see."""
+    """Largest cost of a second, which each second left of a failed episode costs too."""
 
 
 RULES = {
@@ -52,15 +52,15 @@ RULES = {
     # The paper's path takes 320 N. Costs that grow with the square are all the worst beyond 0.1 m, where learning begins.
     1: Rules((600.0, 600.0, 150.0), True, 50.0),
 }
-"""By version of the environment; versions that were given out stay as they are."""
+"""By version of the environment; released versions do not change."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Of one environment. Raises `StudyError` for what is not usable."""
+    """Settings of an environment. Raises `StudyError` for values that are not usable."""
 
     scenario: AnyScenario = "paper"
-    """Arms, beam, path; its control law is not at work."""
+    """Gives arms, beam and path; its control law does not act."""
     action: str = WRENCH
     """"wrench" (3 numbers) or "torques" (3 per arm), see `environment`."""
     control_period: float = 1e-3
@@ -74,13 +74,13 @@ class Settings:
     noise: float = 0.0
     """Largest scale of the measuring noise, of which an episode has a random share: 1 is `environment.NOISE`."""
     start_spread: tuple[float, float, float] = (0.005, 0.005, 0.01)
-    """How far from the scenario's start pose an episode may start, m, m, rad."""
+    """Largest distance of an episode's start pose from the scenario's, m, m, rad."""
     torque_limit: float = 200.0
     """N·m of each joint."""
     variants: int = 32
-    """Stiffnesses that a range is drawn from: each costs some milliseconds when the environment is made."""
+    """Stiffnesses that represent the range; each takes some milliseconds when the environment is made."""
     threads: int | None = None
-    """Threads that move the worlds, as far as there are worlds enough; None: as many as the machine has cores."""
+    """Threads that move the worlds; None: one per core. Few worlds use fewer."""
     version: int = max(RULES)
     """Of the environment, see `RULES`; its name says it."""
 
@@ -131,7 +131,7 @@ class Settings:
 
     @property
     def rules(self) -> Rules:
-        """What actions and rewards mean."""
+        """Scales of actions and rewards."""
         return RULES[self.version]
 
     @property
@@ -196,7 +196,7 @@ class WorldBatch:
         return 3 if self.settings.action == WRENCH else 3 * self.arm_count
 
     def begin(self, chosen: np.ndarray, random: np.random.Generator) -> None:
-        """Begin new episodes in the worlds of `chosen` (count,), with what differs drawn anew."""
+        """Begin new episodes in the worlds of `chosen` (count,), with stiffness, delay and noise drawn anew."""
         state, settings, number = self.state, self.settings, int(chosen.sum())
         self._begun |= chosen
         state.pause[:] = chosen
@@ -241,7 +241,7 @@ class WorldBatch:
 
 
 def _base(settings: Settings) -> Scenario:
-    """The scenario with nobody at the motors. Raises `StudyError` for a path that cannot be followed."""
+    """The scenario without a control law. Raises `StudyError` if the environment cannot simulate it."""
     scenario = any_scenario(settings.scenario)
     if scenario.joints.encoders.active:
         raise StudyError(

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.errors import FlexlabError
-from flexlab.log_limits import limited
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import changes_towards as changes_towards
 from flexlab.sim.samples import Origin
+from flexlab.text import limited
 
 LONGEST_HISTORY = 200
 """Steps that can be undone."""

@@ -39,7 +39,7 @@ from flexlab.lab.viser_internals import (
     scene_instances,
     show_true_value,
 )
-from flexlab.log_limits import limited
+from flexlab.text import limited
 
 LONGEST_INPUT = 10_000
 """Characters of a text that a browser may send into a widget."""

@@ -16,8 +16,7 @@ from flexlab.lab.browser_messages import Count, Identifier
 from flexlab.lab.viser_internals import widget_uuid
 from flexlab.lab.viser_server import set_theme
 from flexlab.lab.widgets import put
-from flexlab.log_limits import limited
-from flexlab.text import escaped
+from flexlab.text import escaped, limited
 
 PAGE_SCRIPT, PAGE_SHEET = (
     "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in names)

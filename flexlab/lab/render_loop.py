@@ -9,10 +9,9 @@ import viser
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.page_reports import PageReports
 from flexlab.lab.viser_internals import GuardedServer
-from flexlab.log_limits import limited
 from flexlab.sim.commands import Pause, Play
 from flexlab.sim.runner import Runner
-from flexlab.text import number_text
+from flexlab.text import limited, number_text
 
 UNATTENDED_TIME = 60.0
 """Seconds without a browser after which a lab pauses, and so records no more; a reload takes ten."""

@@ -8,8 +8,8 @@ from websockets.http11 import Request
 from flexlab.lab.browser_messages import LARGEST_MESSAGE
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.viser_internals import GuardedServer, bound_buffer
-from flexlab.log_limits import limited
 from flexlab.sockets import LOOPBACK, is_of_host, listen, name_in
+from flexlab.text import limited
 
 SECRET_HEADER = "Flexlab-Proxy"
 """In which a server in front of the lab shows that it is that server."""

@@ -8,7 +8,7 @@ import viser
 
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import BY_PERSON, LabState
-from flexlab.log_limits import limited
+from flexlab.text import limited
 
 log = limited(__name__)
 

@@ -41,15 +41,15 @@ class Joint:
     damping: float = 0.0
     """N·m·s/rad."""
     angle: float = 0.0
-    """Where the scenario starts, rad or m."""
+    """Angle or place at the start, rad or m."""
     rate: float = 0.0
-    """And how fast, rad/s or m/s."""
+    """Rate at the start, rad/s or m/s."""
     torque_limit: float | None = None
-    """Of its motor, N·m; None: no limit."""
+    """Torque limit of the motor, N·m; None for none."""
     driven: bool = False
     """Whether it has a motor."""
     friction: float = 0.0
-    """Coulomb's, N·m."""
+    """Coulomb friction, N·m."""
 
 
 class Frame(NamedTuple):
@@ -113,7 +113,7 @@ class Bodies:
             yield from _walk(arm, None)
 
     def about(self) -> str:
-        """What a reader of the file must know."""
+        """A note for readers of the file."""
         error = self.frequency / self.beam_frequency - 1
         return (
             "Lengths in m, angles in rad. The arms are exact. The beam is made of "

@@ -37,7 +37,7 @@ LINE_LIMIT, LONGEST_LINE_LIMIT = 0.3, 3.0
 ANSWER_LIMIT, LATE_LIMIT = 0.05, 0.03
 """s until a law's answer is late, fifty control periods of 1 ms; and s of work in a row after that until it is given up."""
 STARVED = 0.3
-"""Share of the time without a processor from which on lateness is the machine's, not the text's."""
+"""Share of a look without a processor from which on lateness is the machine's, not the text's."""
 POSES_LIMIT = 1.0
 """s until a path's poses are late, a fifth of a millisecond for each."""
 TURN = b"\0"
@@ -227,11 +227,12 @@ class OwnProcess:
             if self._has_answer(PROBE):
                 return True
             self._listen(0.0)
-            passed, waited = time.monotonic() - before.time, self._waited(before)
-            worked += max(0.0, passed - waited)
-            # A process that reports more than the socket holds waits until it is read.
-            is_held_up = self._heard > heard or waited > STARVED * passed
-            in_a_row = 0.0 if is_held_up else in_a_row + passed
+            waited = self._waited(before)
+            worked += max(0.0, time.monotonic() - before.time - waited)
+            # A process that reports more than the socket holds waits until it is read. A look may take longer than PROBE,
+            # where this process waits for a processor: that says nothing of the other one.
+            is_held_up = self._heard > heard or waited > STARVED * PROBE
+            in_a_row = 0.0 if is_held_up else in_a_row + PROBE
             is_over = worked > self.patience or time.monotonic() - begin > self.longest
             if in_a_row > self.limit or is_over:
                 line = self._line()

@@ -15,16 +15,9 @@ from typing import Any
 from flexlab.errors import ScenarioError
 from flexlab.own.declaration import DEFAULT_PERIOD, LONGEST_PERIOD, MOST_SETTINGS, MOST_SIGNALS, SHORTEST_PERIOD
 from flexlab.own.reading import is_unit
+from flexlab.quantities import base_exponents
 from flexlab.text import visible
 
-_BASES = {
-    "1": {},
-    "m": {"m": 1},
-    "rad": {"rad": 1},
-    "s": {"s": 1},
-    "kg": {"kg": 1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-}
 _FMI_BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 """Without rad, which tools may leave out."""
 _SPELT = (("**", "^"), ("^2", "²"), ("2", "²"), ("*", "·"), (".", "·"), (" ", "·"), ("(", ""), (")", ""), ("Nm", "N·m"))
@@ -39,17 +32,9 @@ def problem_with_unit(variable: Any, definitions: Iterable[Any], wanted: str) ->
     if base is None:
         return "" if _spelt(name) == wanted else name
     found = {each: getattr(base, each) for each in _FMI_BASES if getattr(base, each)}
-    same = found == exponents(wanted) and base.factor == 1 and base.offset == 0
+    due = {each: power for each, power in (base_exponents(wanted) or {}).items() if each != "rad"}
+    same = found == due and base.factor == 1 and base.offset == 0
     return "" if same else name
-
-
-def exponents(unit: str) -> dict[str, int]:
-    """Exponents of the base units, without rad, of a unit written as kg·m²/s."""
-    total: dict[str, int] = {}
-    for sign, name, power in re.findall(r"([·/]?)([^·/²]+)(²?)", unit):
-        for base, exponent in _BASES[name].items():
-            total[base] = total.get(base, 0) + exponent * (2 if power else 1) * (-1 if sign == "/" else 1)
-    return {base: exponent for base, exponent in total.items() if exponent and base != "rad"}
 
 
 def _spelt(name: str) -> str:

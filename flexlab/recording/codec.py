@@ -62,7 +62,8 @@ def encode_block(samples: Samples) -> bytes:
     }
     patterns = np.concatenate([signal.reshape(len(samples), -1) for signal in kept.values()], axis=1).view(np.int64)
     planes = np.empty((8, *patterns.shape[::-1]), np.uint8)
-    byte_planes(patterns, planes)
+    with np.errstate(over="ignore"):  # Without compiled code, NumPy would warn.
+        byte_planes(patterns, planes)
     text = json.dumps(header).encode()
     head = struct.pack("<I", len(text)) + text
     return packed(head, planes)

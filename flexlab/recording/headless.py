@@ -93,7 +93,9 @@ class HeadlessRecording:
     ) -> None:
         """Close and finish the file; of an interrupted run, what there is of it."""
         writer = self._writer
-        if writer is None:
+        if writer is None:  # Somebody else has had the file: what is left of it is made whole.
+            with contextlib.suppress(RecordingError):
+                finish(self.path)
             return
         status = self._status or Status("finished", f"Stopped at t = {self._run.last_time:g} s.", self._run.last_time)
         lost = isinstance(error, RecordingError) and self._safe is None
@@ -105,9 +107,8 @@ class HeadlessRecording:
                 else:
                     writer.close()
             if not lost:
-                with contextlib.suppress(
-                    OSError
-                ):  # The recording is there; its state is then told from the file alone.
+                # Without notes, the recording's state is told from the file alone.
+                with contextlib.suppress(OSError):
                     write_notes(self.path, **self._run.summary(status, dropped=0))
         except RecordingError:
             lost = self._safe is None

@@ -11,13 +11,13 @@ from aiohttp import hdrs, web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from flexlab.errors import FlexlabError
-from flexlab.log_limits import limited
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.limits import BusyError, network_of
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import HAS_CLASS, button, message, part
 from flexlab.server.visitors import has_class, is_teacher, keep_visitor, known_visitor_of, same, set_cookie
 from flexlab.sockets import LOOPBACK, is_of_host, name_in
+from flexlab.text import limited
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 

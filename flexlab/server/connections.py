@@ -12,8 +12,8 @@ from typing import Any
 
 from aiohttp import web
 
-from flexlab.log_limits import limited
 from flexlab.server.limits import network_of
+from flexlab.text import limited
 
 HEAD_TIME = 10.0
 """s that a visitor may take from connecting, or from the first byte of a further request, to the end of its head."""

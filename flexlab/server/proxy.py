@@ -11,11 +11,11 @@ from markupsafe import Markup
 
 from flexlab.lab.browser_messages import LARGEST_MESSAGE
 from flexlab.lab.viser_server import SECRET_HEADER
-from flexlab.log_limits import limited
 from flexlab.server.labs.lab_provider import Lab
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import language_script
 from flexlab.server.visitors import asker_of
+from flexlab.text import limited
 
 SOCKET_BUFFER = 64 * 1024
 """Bytes that may wait in the kernel on either side: without this bound a slow visitor sees pictures half a minute old."""

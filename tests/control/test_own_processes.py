@@ -71,7 +71,7 @@ def at_work(body: str) -> str:
 def test_all_that_a_law_started_ends_with_it(tmp_path: Path):
     mark = f"flexlab-test-{os.getpid()}-closed"
     world = world_of(CHILDREN.format(mark=mark) + PD)
-    assert len(world.advance(3)) == 3
+    assert len(world.advance(3)) == 3, world.status.text
     wait_until(lambda: len(marked(mark)) == 3, "its processes")
     hosts.close_all()
     assert marked(mark) == []

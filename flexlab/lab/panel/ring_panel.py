@@ -14,9 +14,8 @@ from flexlab.analysis.identification.ring import RingFit, fit_ring, recent_ring
 from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.widgets import add_button, put
-from flexlab.log_limits import limited
 from flexlab.sim.runner import Runner
-from flexlab.text import escaped, number_text
+from flexlab.text import escaped, limited, number_text
 
 LOOKED_BACK = 30.0
 """s in which a ring is looked for: all that a runner keeps."""

@@ -9,12 +9,12 @@ import viser
 
 from flexlab.errors import LabError
 from flexlab.lab.scene.stage import floor_extent
-from flexlab.log_limits import limited
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import link_points
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Snapshot
+from flexlab.text import limited
 
 FIELD_OF_VIEW = np.radians(28.0)
 """Vertical, rad: narrow, so that the plane of motion is hardly distorted."""

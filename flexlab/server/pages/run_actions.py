@@ -14,7 +14,6 @@ from aiohttp import hdrs, web
 from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, LabError, RecordingError
-from flexlab.log_limits import limited
 from flexlab.recording.store.run_index import (
     RunRow,
     annotate_run,
@@ -36,7 +35,7 @@ from flexlab.server.run_jobs import (
     whole_into,
 )
 from flexlab.server.visitors import asker_of, run_for
-from flexlab.text import shown, typed_number
+from flexlab.text import limited, shown, typed_number
 
 TABLES = {"csv": "CSV: a table as text", "parquet": "Parquet: a packed table", "npz": "NPZ: NumPy arrays"}
 FIGURES = {"png": "Figures 2–5 as PNG", "svg": "Figures 2–5 as SVG"}

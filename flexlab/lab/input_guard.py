@@ -81,7 +81,7 @@ class _Browser:
     uploads: "OrderedDict[str, _Upload]" = field(default_factory=OrderedDict)
 
     def wait_for_turn(self, cost: float) -> float:
-        """s that a message of this cost must wait."""
+        """Seconds that a message of this cost must wait."""
         now = time.monotonic()
         self.credit = min(BURST, self.credit + RATE * (now - self.counted_at)) - cost
         self.counted_at = now

@@ -17,7 +17,7 @@ class _Past:
     """The instant that is shown. It is dropped when anything else happens to the run."""
 
     ago: float
-    """s before the instant at which the run stands."""
+    """Seconds before the instant at which the run stands."""
     run_number: int
     asked: int
     """Number of the command that paused the run, as `Snapshot.answered` counts."""
@@ -46,7 +46,7 @@ class LookBack:
 
     @property
     def reach(self) -> float:
-        """How far one can look back, s."""
+        """The longest time that one can look back, s."""
         now = self._runner.snapshot
         oldest = self._runner.checkpoint(0.0).state.tick * TICK
         return min(max(float(now.latest.time[0]) - max(oldest, now.start_time), 0.0), HISTORY_SECONDS)

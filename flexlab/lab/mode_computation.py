@@ -18,7 +18,7 @@ from flexlab.scenario import Payload, Scenario
 from flexlab.sim.geometry import deflection_at
 
 REST = 0.3
-"""s without a change of the scenario after which its modes are computed at once."""
+"""Seconds without a change of the scenario after which its modes are computed at once."""
 
 PAUSE_SHARE = 9
 """Pause after a computation while changes go on (a slider is dragged), as a multiple of its duration: the picture comes first."""
@@ -49,7 +49,7 @@ class ModeStudy:
         self.problem = ""
         """Why there is no result, as a sentence."""
         self.conditions: tuple[Condition, ...] = ()
-        """What the stability of the control law needs, met or not."""
+        """The stability conditions of the control law, met or not."""
         self._background: Background | None = None
 
     def ask(self, scenario: Scenario) -> None:

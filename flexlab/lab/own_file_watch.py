@@ -14,7 +14,7 @@ from flexlab.own.law import PythonLaw, same_declaration
 from flexlab.quantities import Part
 
 LOOK = 0.25
-"""s between two looks: an editor that writes a file in several goes is done by then."""
+"""Seconds between two checks: an editor that writes a file in several goes is done by then."""
 
 OF_A_LAW = ("kind", "source")
 OF_A_PATH = (*OF_A_LAW, "table", "table_of", "transition")

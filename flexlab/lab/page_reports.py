@@ -44,7 +44,7 @@ class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     charts: Annotated[dict[Identifier, tuple[Share, Share]], msgspec.Meta(max_length=64)]
     dark: bool
     width: Count
-    """Of the window, px."""
+    """Width of the window, px."""
     covered: tuple[Share, Share]
     """Shares of the picture's height that are covered, from above and from below."""
     open: Annotated[tuple[str, ...], msgspec.Meta(max_length=2)]

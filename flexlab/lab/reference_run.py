@@ -14,9 +14,9 @@ from flexlab.sim.samples import Samples, join_blocks
 from flexlab.sim.snapshot import TICK
 
 LONGEST = 30.0
-"""How much of a run is compared at once, s: what the engine remembers."""
+"""Longest part of a run that is compared, s: what the engine keeps."""
 MOST_KEPT = 300.0
-"""How much of a run is kept, s, from its beginning on: 180 MB."""
+"""Longest part of a run that is kept, s, from its beginning: 180 MB."""
 
 Recorded = Callable[[float], Samples]
 """The present run from its start to an instant, s, as it was recorded. Raises `FlexlabError` if it was not."""

@@ -27,7 +27,7 @@ TOP = 12_000.0
 SILENT, LOUDEST = 1e-6, 1e-2
 """m: amplitudes at the mode's widest place that are not heard, and that are as loud as can be."""
 SHORTEST, LONGEST = 0.005, 0.3
-"""s of the run of which the loudest counts: a period of the first mode, within these."""
+"""Seconds of the run of which the loudest counts: a period of the first mode, within these."""
 MOST_TONES = 8
 
 

@@ -30,7 +30,7 @@ from flexlab.sim.samples import MEASURED, Run
 from flexlab.text import number_text
 
 FRAMES_PER_SECOND = 30
-"""Of the recorded picture: smooth to the eye, and ten seconds of it still a small file."""
+"""Pictures per second of the recording: smooth to the eye, and ten seconds still make a small file."""
 WINDOW = Window(2.0)
 """The picture's shape: twice as wide as high."""
 MOST_FRAMES = 3000
@@ -38,10 +38,10 @@ MOST_FRAMES = 3000
 
 
 class Noted(NamedTuple):
-    """What people noted of a run."""
+    """Notes on a run."""
 
     heading: str = ""
-    """When it was, whose it is, its tags."""
+    """Date, owner and tags."""
     note: str = ""
     lessons: tuple[LessonProgress, ...] = ()
     changes: tuple[str, ...] = ()

@@ -23,9 +23,9 @@ VERSION = "1.1"
 SEND_BUFFER = 64 * 1024
 """Bytes that may wait in the kernel for one browser: without this bound a slow one shows pictures 36 s old."""
 OPENING_TIME = 5.0
-"""s that a browser may take for the handshake."""
+"""Seconds that a browser may take for the handshake."""
 GOODBYE_TIME = 0.3
-"""s that browsers get to say goodbye when the lab closes; viser alone waits six for one that hangs."""
+"""Seconds that browsers get to say goodbye when the lab closes; viser alone waits six for one that hangs."""
 MOST_WAITING = 4
 """Messages of one browser that wait to be read."""
 

@@ -12,7 +12,7 @@ from flexlab.sockets import LOOPBACK, is_of_host, listen, name_in
 from flexlab.text import limited
 
 SECRET_HEADER = "Flexlab-Proxy"
-"""In which a server in front of the lab shows that it is that server."""
+"""The request header in which a server in front of the lab identifies itself."""
 
 LIBRARY_LOGS = ("websockets.server", "asyncio")
 """Logs of libraries in which a visitor could write lines without end."""
@@ -49,7 +49,7 @@ def open_server(
 
 
 def set_theme(gui: viser.GuiApi, dark: bool) -> None:
-    """How the page, of all browsers or of one, looks."""
+    """Set the page's theme, for all browsers or for one."""
     gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
 

@@ -16,7 +16,7 @@ _ADDRESS = re.compile(rb'((?:href|src|action|formaction|data-address|data-record
 """The beginning of an address of this server in an attribute of a page."""
 
 JUPYTER = "X-Forwarded-Context"
-"""What jupyter-server-proxy says of itself in a request's head."""
+"""The request header by which jupyter-server-proxy is known."""
 
 
 def take_off(base: str, make_request: Callable[..., Any]) -> Callable[..., Any]:

@@ -16,11 +16,11 @@ from flexlab.server.limits import network_of
 from flexlab.text import limited
 
 HEAD_TIME = 10.0
-"""s that a visitor may take from connecting, or from the first byte of a further request, to the end of its head."""
+"""Seconds that a visitor may take from connecting, or from the first byte of a further request, to the end of its head."""
 KEPT_OPEN = 30.0
-"""s that a connection may rest between two requests."""
+"""Seconds that a connection may rest between two requests."""
 BODY_TIME, BODY_RATE = 10.0, 5_000.0
-"""s after which a body must have come at least this fast on average, bytes/s: modems are faster."""
+"""Seconds after which a body must have come at least this fast on average, bytes/s: modems are faster."""
 MOST_RESTING, MOST_RESTING_PER_ADDRESS = 400, 240
 """Connections without a request; beyond it the oldest are closed, first those that never had one. A class of 40 behind one
 address has 240, as browsers open six each."""
@@ -33,9 +33,9 @@ MOST_HANDLES = 65_536
 STALLED_TIME = 60.0
 """Seconds after which a visitor who takes nothing of what is sent is cut off, on Linux: else the connection would stay."""
 LOOK = 1.0
-"""s between two looks at slow connections."""
+"""Seconds between two checks for slow connections."""
 PAUSE = 0.2
-"""s without accepting when the system has no handle left."""
+"""Seconds without accepting when the system has no handle left."""
 OUT_OF_HANDLES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 MALFORMED = "This is no proper request: send it again."

@@ -97,7 +97,7 @@ async def _icon(request: web.Request) -> web.StreamResponse:
 
 
 LOOK = 60.0
-"""s between two looks."""
+"""Seconds between two checks."""
 
 log = logging.getLogger(__name__)
 
@@ -120,7 +120,7 @@ def delete_over_limits(settings: Settings) -> None:
 
 
 CLOSING_TIME = 1.0
-"""s that open pages get when the server closes: a lab's page never ends by itself."""
+"""Seconds that open pages get when the server closes: a lab's page never ends by itself."""
 
 MOST_THREADS = 32
 """Threads that wait for disks and processes, beside one for each private lab: labs that open together do not delay pages."""

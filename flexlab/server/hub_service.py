@@ -40,11 +40,11 @@ from flexlab.sockets import listen
 
 CALLBACK = "/oauth_callback"
 LOOK = 60.0
-"""s after which the hub is asked again who a signed-in teacher is: who logs out there is out here soon."""
+"""Seconds after which the hub is asked again about a signed-in teacher, so that logging out there soon holds here."""
 MOST_STATES = 1000
 """Sign-ins that may be on their way at once."""
 SESSION, STATE = "flexlab-hub-session", "flexlab-hub-state"
-"""Cookies: of who is signed in, and of who is about to be."""
+"""Cookies of a signed-in teacher, and of a sign-in under way."""
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""How much one visitor may have: of things at once, of wrong tokens, and of the disk for their runs."""
+"""Limits on one visitor: things at once, wrong tokens, and space on the disk for their runs."""
 
 import asyncio
 import contextlib
@@ -97,7 +97,7 @@ class Limit:
 FREE = 10.0
 """Wrong tokens of one address that are answered at once: people mistype."""
 SPACING = 0.5
-"""s between two later answers."""
+"""Seconds between two later answers."""
 MOST_PENDING, MOST_HELD = 8, 64
 """Answers that are held back at once, of one address and of all. An address that asks more is not even compared; where all
 together do, answers come at once, so that nobody is locked out by others."""
@@ -140,7 +140,7 @@ def owner_word(visitor: str) -> str:
 
 
 LOOK = 5.0
-"""s between two looks at the folder."""
+"""Seconds between two checks of the folder."""
 MEGABYTE = 1e6
 PER_SECOND = 0.5 * MEGABYTE
 """Bytes that a simulated second of the paper's run takes, about."""

@@ -1,4 +1,4 @@
-"""What the start page shows of each preset: read once for each state of its file, drawn beside the live process."""
+"""The presets' cards on the start page: read once for each state of the file, drawn in a process of their own."""
 
 import asyncio
 from collections.abc import Collection

@@ -20,7 +20,7 @@ from flexlab.text import limited
 SOCKET_BUFFER = 64 * 1024
 """Bytes that may wait in the kernel on either side: without this bound a slow visitor sees pictures half a minute old."""
 HEARTBEAT = 60.0
-"""s between two looks at whether a visitor is still there; one that does not answer for half of it is gone."""
+"""Seconds between two checks whether a visitor is still there; one that does not answer for half of it is gone."""
 HTTP_PATIENCE = aiohttp.ClientTimeout(total=30.0)
 """The lab's page is one file, read from memory."""
 LOOPBACK = "127.0.0.1"

@@ -21,7 +21,7 @@ LONGEST_LINK = 6000
 LONGEST_TEXT = 200_000
 """Bytes of JSON that a link may hold when unpacked: a scenario has about 2000, a hostile link could have gigabytes."""
 COLUMNS = "columns"
-"""Of a path: its rows as `_columns` has them."""
+"""The field of a path that holds its rows as `_columns` packs them."""
 MOST_DIGITS, HIGHEST_ORDER = 9, 4
 """Digits after the point, and how often differences are taken, of a table's columns."""
 WHOLE_NUMBERS = TypeAdapter(list[list[StrictInt]])
@@ -46,7 +46,7 @@ def encode_scenario(scenario: Scenario) -> str:
 
 
 def scenario_path(word: str) -> str:
-    """Where in the server a word of `encode_scenario` opens the lab."""
+    """The address in the server at which a word of `encode_scenario` opens the lab."""
     return f"/lab/?scenario={word}"
 
 
@@ -70,7 +70,7 @@ def decode_scenario(word: str) -> Scenario:
 
 
 def _said(part: BaseModel, data: dict[str, Any]) -> dict[str, Any]:
-    """What plain `data` of a part has beside the defaults of its fields, and its kind."""
+    """The entries of a part's plain `data` that differ from the defaults of its fields, and its kind."""
     said: dict[str, Any] = {}
     for name, value in data.items():
         usual, own = type(part).model_fields[name].get_default(call_default_factory=True), getattr(part, name)

@@ -49,7 +49,7 @@ class Settings:
     max_sessions: int = 4
     """Private labs at once."""
     idle_time: float = 600.0
-    """s without an open page after which a private lab is closed."""
+    """Seconds without an open page after which a private lab is closed."""
     shadows: bool = True
     """Whether the scene casts shadows; without a graphics card they cost most of the time."""
     live: bool = False
@@ -65,7 +65,7 @@ class Settings:
     max_per_address: int | None = None
     """Private labs of one address at once; None: one less than in all."""
     base_url: str = ""
-    """What a proxy has before every address of the server, as in "/user/ann/flexlab"; a slash at its end is dropped."""
+    """Prefix of all addresses of the server behind a proxy, as in "/user/ann/flexlab"; a slash at its end is dropped."""
     class_service: str = ""
     """Address of a hub's service to which the one lab reports: see `labs/hub_labs.py`; empty: none."""
 

@@ -35,16 +35,16 @@ def special_values(path: str, scenario: Scenario) -> tuple[tuple[float, str], ..
 
 
 class Entry(NamedTuple):
-    """What one place of the panel shows of the scenario: a menu, one number with a slider, or boxes for all of a field."""
+    """One control of the panel: a menu, a number with a slider, or boxes for all numbers of a field."""
 
     path: str
     component: int | None = None
-    """Of a list; None: all of it at once."""
+    """Place in a list; None: all numbers at once."""
     name: str = ""
     """The label without unit."""
     unit: str = ""
     boxes: int = 0
-    """How many boxes show the field; 0: a slider does. A field that is one number for all or one for each has three."""
+    """Number of boxes; 0: one with a slider. A field that is one number for all or one for each has three."""
     is_menu: bool = False
 
 

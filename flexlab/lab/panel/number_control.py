@@ -31,7 +31,7 @@ LIVE_HINTS = {
 }
 
 Numbers = float | tuple[float, ...] | None
-"""What one control holds; None: its switch is off."""
+"""The value of a control; None: its switch is off."""
 
 
 def _check_range(about: Quantity, name: str, unit: str, value: Numbers) -> None:

@@ -121,7 +121,7 @@ def status_word(snapshot: Snapshot) -> str:
 
 
 def warnings(snapshot: Snapshot) -> list[str]:
-    """What is wrong with the run now, a sentence each."""
+    """The present warnings about the run, a sentence each."""
     failed = snapshot.status.failed
     found = [snapshot.status.text] if failed else []
     found += _cautions(snapshot)

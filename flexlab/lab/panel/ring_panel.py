@@ -18,7 +18,7 @@ from flexlab.sim.runner import Runner
 from flexlab.text import escaped, limited, number_text
 
 LOOKED_BACK = 30.0
-"""s in which a ring is looked for: all that a runner keeps."""
+"""Seconds in which a ring is looked for: all that a runner keeps."""
 
 log = limited(__name__)
 

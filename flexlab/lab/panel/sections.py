@@ -228,13 +228,13 @@ def _one_or_three(part: type[Part], name: str) -> bool:
 
 
 def section_rows(scenario: Scenario, part_path: str) -> list[Entry]:
-    """What the folder of one part of the scenario shows: its menus, then its numbers with a slider."""
+    """The controls of one part of the scenario: its menus, then its numbers with a slider."""
     menus = [path for path in CHOSEN if part_path and path.startswith(f"{part_path}.") and scenario.has(path)]
     return [*(Entry(path, is_menu=True) for path in menus), *entries(scenario, part_path)]
 
 
 def group_rows(scenario: Scenario, group: Group) -> list[Entry]:
-    """What the folder of a group shows: menus, and boxes for all numbers of a field."""
+    """The controls of a group: menus, and boxes for all numbers of a field."""
     return [_row(scenario, path) for path in present(scenario, group)]
 
 

@@ -124,7 +124,7 @@ def _mark_extremes(drawn: np.ndarray, block: np.ndarray, stretch: int) -> None:
 
 
 HEIGHT = 190
-"""Of a chart, px; its legend comes on top."""
+"""Height of a chart without its legend, px."""
 X_AXIS_SIZE, Y_AXIS_SIZE, UNIT_SIZE = 34, 50, 18
 """Room for the numbers at the axes, px: "50,000" upright, and the legend's first line below; and for the unit beside them."""
 

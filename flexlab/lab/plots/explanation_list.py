@@ -1,4 +1,4 @@
-"""What can be said of the run, beside the plots: a few sentences, looked for once a second, that stay calm."""
+"""A few sentences that explain the run, beside the plots; they are found once a second and do not flicker."""
 
 from collections.abc import Sequence
 
@@ -17,19 +17,19 @@ from flexlab.text import escaped
 MOST = 3
 """Sentences at once."""
 EVERY = 10
-"""Panel updates per look (1 Hz)."""
+"""Panel updates per check (1 Hz)."""
 SEEN, MISSED = 2, 2
-"""Looks in a row after which a sentence comes, and after which it goes."""
+"""Checks in a row after which a sentence appears, and after which it disappears."""
 REWORDED = 5
-"""Looks for which a sentence keeps its numbers."""
+"""Checks for which a sentence keeps its numbers."""
 DISTURBANCES = (ChangeScenario, Pull, Tap)
-"""Commands before which samples tell of another run."""
+"""Commands after which earlier samples explain nothing any more."""
 LAST = 1e12
 """viser's rank of a widget that stays below those that come later."""
 
 
 class CalmList:
-    """Which sentences are shown: one comes when it was found twice in a row, and goes when it was missed twice."""
+    """The shown sentences: one appears when it was found twice in a row, and disappears when it was missed twice."""
 
     def __init__(self) -> None:
         self._shown: dict[str, tuple[Explained, int, int]] = {}
@@ -40,7 +40,7 @@ class CalmList:
         self._shown, self._seen = {}, {}
 
     def look(self, found: Sequence[Explained]) -> list[Explained]:
-        """What to show after a look that found these, the most important first."""
+        """The sentences to show after a check that found these, the most important first."""
         now = {each.name: each for each in found}
         self._seen = {name: self._seen.get(name, 0) + 1 for name in now}
         for name in list(self._shown):
@@ -65,7 +65,7 @@ class ExplanationList:
         self._runner, self._study = runner, study
         self._calm = CalmList()
         self.sentences: Sequence[Explained] = ()
-        """Those that are shown."""
+        """The sentences that are shown."""
         self._run_number, self._count, self._time = -1, 0, -1.0
         self._places = []
         for tab in tabs:
@@ -73,7 +73,7 @@ class ExplanationList:
                 self._places.append(gui.add_html("", order=LAST, visible=False))
 
     def update(self, snapshot: Snapshot) -> None:
-        """Look again, when a second has gone by and the run with it."""
+        """Check again once a second while the run plays."""
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
             self._calm.clear()
@@ -99,7 +99,7 @@ class ExplanationList:
 
 
 def evidence(background, samples, events: Sequence[Event], start: float) -> Evidence:
-    """What the newest samples show since anything was changed or touched; `start`: when the run began, s."""
+    """The samples since anything was changed or touched, as evidence; `start`: when the run began, s."""
     touched = max((event.time for event in events if isinstance(event.command, DISTURBANCES)), default=start)
     # What a hand that pulls bends is no vibration, and none of the causes that sentences know.
     since = float("inf") if is_pulled(events) else touched

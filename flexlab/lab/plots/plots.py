@@ -29,7 +29,7 @@ SHOWN_MODES = 3
 LOWEST_TOP = 10.0
 """The logarithmic axis reaches up to this at least, µm: its lower end, written with three decimals, is then no 0."""
 DECADES = 4
-"""Of the axis, below the greatest amplitude."""
+"""Decades of the axis below the greatest amplitude."""
 SHORTEST = 64
 """Samples below which a spectrum says nothing."""
 PATIENCE = 6
@@ -222,7 +222,7 @@ class Plots:
 
 
 def unbroken(recent: Recent, newest: int, missing: float, window: float) -> Samples:
-    """What the engine computed after tick `newest`, about `missing` s of it, but no more than `window` s."""
+    """The samples after tick `newest`, about `missing` s of them, but no more than `window` s."""
     asked = missing + OVERLAP
     while True:
         samples = recent(min(asked, window))

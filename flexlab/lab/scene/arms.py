@@ -24,7 +24,7 @@ JOINT_RADIUS = 0.058
 RING_TOP, RING_SECTIONS = 0.031, 28
 """Height of the coloured ring above the joint's middle, before the joint's scale; and its facets."""
 GRIPPER_LENGTH = 0.055
-"""From the gripper's palm to the grip: what the last link's bar is shortened by."""
+"""Distance from the gripper's palm to the grip, by which the last link's bar is shorter."""
 
 
 def accent_ring() -> tuple[np.ndarray, np.ndarray]:
@@ -61,11 +61,11 @@ PAPER_REACH = 1.5
 """Sum of the paper's link lengths, m: the arm that the parts are drawn for."""
 JOINTS = 3
 GRAB_WIDTH, GRAB_HEIGHT = 0.11, 0.06
-"""Cross-section of the unseen bar that a hand takes hold of, for the first link, m: as wide as its joint."""
+"""Cross-section of the invisible bar that can be dragged, for the first link, m: as wide as its joint."""
 
 
 def scene_size(scenario: Scenario) -> float:
-    """How large the parts are drawn, 1 for the paper's arms: from the mean length of the arms."""
+    """Scale of the drawn parts, 1 for the paper's arms: the arms' mean length over theirs."""
     return float(np.mean([sum(arm.link_length) for arm in scenario.arms])) / PAPER_REACH
 
 

@@ -23,7 +23,7 @@ STATIONS = 33
 """Points along the beam: smooth up to its eighth mode, and 4 kB a picture."""
 SIDES = 10
 GRAB_RADIUS = 0.035
-"""Of the unseen tube that a hand takes hold of, for the paper's arms, m: wide enough for a finger on a telephone."""
+"""Radius of the invisible tube that can be dragged, for the paper's arms, m: wide enough for a finger on a telephone."""
 GRAB_EVERY, GRAB_SIDES = 8, 6
 """Stations of the drawn tube per station of the unseen one; nobody sees that it is coarse."""
 TUBE_RADIUS = 0.015

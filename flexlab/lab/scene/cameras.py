@@ -21,7 +21,7 @@ FIELD_OF_VIEW = np.radians(28.0)
 TILT = np.radians(24.0)
 """Angle between the line of sight and the vertical in the overview, rad."""
 PLAN_TILT = np.radians(0.5)
-"""Of the plan view, rad: straight down leaves it open which side is up."""
+"""The same angle of the plan view, rad: straight down would leave open which side is up."""
 FRONT_TILT = np.radians(62.0)
 CAPTION = 0.2
 """Room for the words above the picture, m."""
@@ -37,7 +37,7 @@ CLOSE_UP = 2.6
 
 VIEWS = ("Payload", "Overview", "Plan", "Front", "Left grip", "Follow")
 MOVING = ("Left grip", "Follow")
-"""Those that move with the machine."""
+"""The views that move with the machine."""
 
 
 class Window(NamedTuple):
@@ -131,11 +131,11 @@ class _Watch:
     put_at: np.ndarray | None = None
     aspect: float = 0.0
     covered: tuple[float, float] = (0.0, 0.0)
-    """Shares of the picture's height that something lies over, from above and from below."""
+    """Shares of the picture's height that are covered, from above and from below."""
     put_for: tuple[float, float] = (0.0, 0.0)
-    """Of them those that the camera was put for."""
+    """The covered shares that the camera was placed for."""
     run: int = 0
-    """Number of the run that it was put for."""
+    """Number of the run that it was placed for."""
 
 
 class ClientCameras:

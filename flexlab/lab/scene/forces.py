@@ -19,7 +19,7 @@ LONGEST_ARROW = 0.4
 WIDEST_ARC = np.pi
 """Angle of a bent arrow at the limit of the present moment range, rad."""
 ARC_RADIUS = 0.09
-"""Of the bent arrows, for the paper's arms, m."""
+"""Radius of the bent arrows for the paper's arms, m."""
 ARC_PIECES = 16
 LEAST_FORCE, LEAST_MOMENT = 1.0, 0.5
 """The ranges never fall below these, N and N·m: less need not be magnified."""

@@ -1,6 +1,6 @@
-"""What is drawn over the machine: virtual link, desired pose and path, trail, and the exaggeration factor.
+"""Overlays: virtual link, desired pose and path, trail, exaggeration factor, and the reach of the arms.
 
-Floor shading of what the arms cannot reach, and of what is near a stretched or folded elbow.
+The floor is shaded where the arms cannot reach, and where an elbow is nearly stretched or folded.
 """
 
 from collections import deque

@@ -61,13 +61,13 @@ class Scene:
         self._server.flush()
 
     def legend(self, view: ViewSettings) -> Legend:
-        """What the picture is now drawn to."""
+        """The present scales of the picture."""
         limit = self._strain.limit
         strain, axial = (limit, 0.0) if view.strain else (0.0, limit if view.axial else 0.0)
         return Legend(tuple(self._forces.scales(view)), strain, axial, self._caption)
 
     def _bent(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> tuple[Samples, str]:
-        """What the beam is drawn from, and the words about it: the run, or the mode that is animated in its place."""
+        """The samples that the beam is drawn from, and its caption: the run's, or those of the animated mode."""
         truth = f"deflection drawn × {number_text(view.exaggeration)}"
         result, index = self._study.result, view.shown_mode
         if index is None or result is None or index >= len(result.frequency):
@@ -100,9 +100,9 @@ def _structure(scenario: Scenario) -> tuple:
 
 
 PICTURES_PER_SECOND = 25
-"""Of simulated time, which passes as fast as a clock's."""
+"""Pictures per simulated second, which takes a second of wall time."""
 LATE = 1.0
-"""s by which a picture may be late and those after it still hurry."""
+"""Largest delay, s, that later pictures make up for."""
 
 
 class Window:
@@ -141,7 +141,7 @@ class Window:
 
     @property
     def address(self) -> str:
-        """Of the page."""
+        """Address of the page."""
         return f"http://127.0.0.1:{self._server.get_port()}"
 
     def close(self) -> None:

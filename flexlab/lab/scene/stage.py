@@ -1,4 +1,4 @@
-"""What does not move: floor grid with lengths, light and the first camera."""
+"""The floor's grid with lengths along its edges, and the light."""
 
 import numpy as np
 import viser
@@ -13,9 +13,9 @@ SKY_INTENSITY = 0.9
 FLOOR_COLOR, FLOOR_OPACITY = (120, 130, 144), 0.16
 """A floor a little darker than a light page and lighter than a dark one: beam and grips are brighter than both."""
 LABEL_INSET = 0.03
-"""From the floor's edge to the lengths that stand on it, m."""
+"""Distance of the lengths from the floor's edge, m."""
 LABEL_HEIGHT = 0.04
-"""Of these above the floor, which would cut them, m."""
+"""Height of the lengths above the floor, which would hide a part of them, m."""
 ELBOW_SHARE = 0.88
 """How far an elbow swings out beside its base, in lengths of the first link: the paper's motion with a little room."""
 MARGIN = 0.25

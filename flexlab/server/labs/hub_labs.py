@@ -26,18 +26,18 @@ from flexlab.server.scenario_links import decode_scenario, encode_scenario
 REPORTS = "/labs"
 """Below the service's address: where labs connect."""
 PERIOD = 1.0
-"""s between two reports."""
+"""Seconds between two reports."""
 PATIENCE = 5.0
-"""s before a lab tries again to reach a service that is not there."""
+"""Seconds before a lab tries again to reach a service that is not there."""
 HEARTBEAT = 20.0
-"""s between two signs of life: of a lab that is gone without a word the tile goes."""
+"""Seconds between two heartbeats: a lab that vanishes without closing its connection is dropped."""
 LARGEST_REPORT = 64 * 1024
 """Bytes: a report has names and numbers, and the questions that were met."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a lab tells the service."""
+    """A lab's report to the service."""
 
     status: LabStatus
     visitors: int
@@ -48,7 +48,7 @@ class Order:
     """What the service asks of a lab; None or empty: nothing."""
 
     scenario: str = ""
-    """As a word of `encode_scenario`."""
+    """The scenario as a word of `encode_scenario`."""
     name: str = ""
     playing: bool | None = None
     rules: ClassRules | None = None

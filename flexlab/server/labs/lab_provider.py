@@ -23,7 +23,7 @@ class Choice:
     scenario: Scenario
     name: str
     origin: Origin | None = None
-    """Where in an earlier run it goes on; None: at the scenario's own start."""
+    """The instant of an earlier run from which it continues; None: the scenario's own start."""
     stands: bool = False
     """Whether the run waits for the visitor to press Play; else it begins when their page is drawn."""
 
@@ -45,7 +45,7 @@ class LabStatus:
     time: float
     """Simulated, s."""
     state: str
-    """In a word or two: running, paused, stopped."""
+    """One word: starting, running, paused, stopped."""
     link: str
     """The scenario as a word for a link."""
     recording: Path | None
@@ -76,7 +76,7 @@ class Order:
     choice: Choice
     logs: Path
     address: str
-    """Of the server, for links that open a scenario."""
+    """The server's address, for links that open a scenario."""
     shadows: bool = True
     live: bool = False
     """Whether its data are served live."""
@@ -108,7 +108,7 @@ class Lab:
     live: LiveHub | None = None
     """Its live data, if they are served."""
     port: int = 0
-    """Of its own server on loopback; 0 until it listens."""
+    """Port of its own server on loopback; 0 until it listens."""
 
     def status(self) -> LabStatus:
         """Its present state."""
@@ -171,9 +171,9 @@ class LabProvider:
 
 
 LOOK_AGAIN = 5
-"""s between two looks of a page that waits."""
+"""Seconds between two requests of a page that waits."""
 PATIENCE = 6.0 * LOOK_AGAIN
-"""s without a look after which a visitor has left."""
+"""Seconds without a request after which a visitor has left the line."""
 MOST_WAITING, MOST_OF_ADDRESS = 200, 50
 """Visitors who wait at once, in all and of one address: more than a room holds."""
 
@@ -184,7 +184,7 @@ class WaitingLine:
     def __init__(self, clock: Callable[[], float] = time.monotonic):
         self._clock = clock
         self._seen: dict[str, tuple[float, str]] = {}
-        """Visitor → when their page looked last, and from which address."""
+        """Visitor → time and address of their page's last request."""
 
     def __len__(self) -> int:
         self._forget_who_left()

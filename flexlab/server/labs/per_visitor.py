@@ -36,13 +36,13 @@ ID_BYTES = 12
 ENDED_KEPT = 500
 """Labs whose end is remembered, for visitors who come back."""
 ROUNDS_PER_IDLE_TIME = 5
-"""How often within the idle time the server looks for labs that nobody watches."""
+"""Checks for labs that nobody watches, per idle time."""
 LONGEST_ROUND = 1.0
-"""s between two such looks at most."""
+"""Longest time between two such checks, s."""
 SILENCE = 8.0
 """Seconds without a report after which a lab counts as hanging, and its visitor may open a new one."""
 LAST_CHANCE = 7.0
-"""s that a hanging lab then gets to close its run before it is ended by force."""
+"""Seconds that a hanging lab then gets to close its run before it is ended by force."""
 
 SILENT_AT_CLOSING, GOODBYE = 3.0, 1.0
 """Seconds without a report after which a closing server waits for a lab only `GOODBYE` s."""

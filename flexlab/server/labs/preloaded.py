@@ -1,4 +1,4 @@
-"""What labs in processes of their own share: imported by the process that they are forked from (`child_processes`)."""
+"""Imported once by the process from which labs and jobs are forked (`child_processes`), so that they share its memory."""
 
 import gc
 import logging
@@ -18,7 +18,7 @@ READ_LATE = ("dateutil.parser", "imageio.v3", "PIL.Image", "pyarrow.compute", "r
 """What a lab's libraries read only when they draw or record, if they are there: a third of its memory, half a second of its
 start."""
 LAB = worker
-"""What it is all for."""
+"""The module that this is read for."""
 
 
 def _try_out() -> None:

@@ -26,7 +26,7 @@ from flexlab.sim.commands import Pause, Play
 from flexlab.sim.samples import Samples
 
 LOOK_PERIOD = 1.0
-"""s between two looks at file and disk."""
+"""Seconds between two checks of file and disk."""
 MEASURED = 10
 """Looks over which the rate is measured."""
 MEGABYTE, GIGABYTE = 1e6, 1e9

@@ -22,13 +22,13 @@ from flexlab.server.labs.lab_provider import Choice, Hold, LabStatus, Order
 from flexlab.server.labs.recorded_lab import RecordedLab
 
 STATUS_PERIOD = 0.25
-"""s between two reports of a worker, as long as there is news."""
+"""Seconds between two reports of a worker, as long as there is news."""
 LONGEST_SILENCE = 1.0
 """Seconds after which it reports even without news: a worker that is silent for longer hangs."""
 START_TIME = 120.0
-"""s that a worker may take to open its lab: two on a warm machine, most of a minute if it must compile first."""
+"""Seconds that a worker may take to open its lab: two on a warm machine, most of a minute if it must compile first."""
 STOP_TIME = 15.0
-"""s that a worker may take to close its recording before it is ended by force (the recording is then mended)."""
+"""Seconds that a worker may take to close its recording before it is ended by force (the recording is then mended)."""
 
 
 @dataclass(frozen=True)

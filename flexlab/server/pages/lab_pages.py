@@ -205,7 +205,7 @@ def _own_place(request: web.Request) -> Lab | None:
 
 
 async def shared_state(request: web.Request) -> web.Response:
-    """How the shared lab stands, for the script in its page."""
+    """The state of the shared lab, for the script in its page."""
     context: Context = context_of(request)
     place = None if context.places.is_private else context.places.of_visitor("")
     if place is None:
@@ -214,7 +214,7 @@ async def shared_state(request: web.Request) -> web.Response:
 
 
 async def private_state(request: web.Request) -> web.Response:
-    """How a visitor's own lab stands."""
+    """The state of a visitor's own lab."""
     place = _own_place(request)
     if place is not None:
         return _state(request, place)
@@ -230,9 +230,9 @@ def _state(request: web.Request, place: Lab) -> web.Response:
 
 
 LOOK = 0.1
-"""s between two looks for new data, which come five times a second."""
+"""Seconds between two checks for new data, which come five times a second."""
 PATIENCE = 30.0
-"""s that a viewer may take for one piece: one that hangs is left."""
+"""Seconds that a viewer may take for one piece; one that hangs is cut off."""
 
 NOT_SERVED = "Live data are served by a lab that was started with --rerun, to whoever has that lab open."
 

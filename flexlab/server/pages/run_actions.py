@@ -1,4 +1,4 @@
-"""What can be done with recorded runs: replay one, go on from it, export it; tag, export or delete many at once."""
+"""Actions on recorded runs: replay one, continue it, export it; tag, export or delete many at once."""
 
 import asyncio
 import contextlib
@@ -97,7 +97,7 @@ async def start_replay(request: web.Request) -> web.Response:
 
 
 async def replay_state(request: web.Request) -> web.Response:
-    """How the run's replay stands, for the script in its page."""
+    """The state of the run's replay, for the script in its page."""
     task = context_of(request).replays.get(replay_key(await row_of(request)))
     if task is None:
         raise web.HTTPNotFound

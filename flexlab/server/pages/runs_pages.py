@@ -73,7 +73,7 @@ LAST_COLUMNS = (
 )
 PATH = re.compile(r"[a-z_0-9]+(\.[a-z_0-9]+)*")
 CHANGES_SHOWN = 3
-"""Of what was changed in a run, how many lines stand in the table."""
+"""Lines of a run's changes in the table."""
 
 
 def table_values(rows: Sequence[RunRow], short: bool = False) -> dict[str, Any]:
@@ -110,9 +110,9 @@ LARGEST_UPLOAD = 1_000_000_000
 PIECE = 256 * 1024
 """Bytes read at once."""
 UPLOAD_TIME = 900.0
-"""s that an upload may take: the largest one over a line of 10 Mbit/s."""
+"""Seconds that an upload may take: the largest one over a line of 10 Mbit/s."""
 MOST_PARTS = 8
-"""Of an upload: its form has one."""
+"""Parts of an upload that are read; its form has one."""
 MULTIPART = "multipart/form-data"
 ALL_RUNS = button("/runs", "All runs")
 
@@ -207,7 +207,7 @@ VIEWER_POLICY = (
 )
 """Left alone, the viewer would fetch fonts, look for updates and report its use: it may talk to this address only."""
 FETCHING = '<script src="../static/fetch_recordings.js"></script>'
-"""How the viewer asks for recordings."""
+"""The script by which the viewer asks for recordings."""
 NO_FILE_NAME = r"[^\w.-]+"
 """What is replaced in the name of a downloaded recording."""
 

@@ -51,7 +51,7 @@ def _pictures() -> dict[str, str]:
 
 
 def _now(request: web.Request, context: Context) -> str:
-    """What runs at this moment, in a sentence."""
+    """The labs that run now, in a sentence."""
     if not context.places.is_private:
         return " ".join(map(_place_text, context.places.running()))
     running, most = len(context.places.running()), context.settings.max_sessions

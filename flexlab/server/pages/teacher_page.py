@@ -27,7 +27,7 @@ from flexlab.server.pages.templating import page
 from flexlab.server.visitors import is_teacher, set_cookie
 
 FILE = Path(".class")
-"""In the folder of the runs; `notes` gives it its ending."""
+"""File in the folder of the runs; `notes` adds its ending."""
 RULES = "rules"
 MOST_CHARACTERS = 200
 """Longest name of a lesson."""

@@ -216,7 +216,7 @@ def _path(node: ast.AST) -> str:
 
 
 def _number(node: ast.AST, run: LookedAt) -> float:
-    """What is computed with: one number, as a text or a list times a number could be of any length."""
+    """An operand, which must be one number: a text or list times a number could have any length."""
     value = _value(node, run)
     if not isinstance(value, (int, float)):
         raise ExpressionError(f"{ast.unparse(node)[:60]} is not a number here.")

@@ -1,11 +1,10 @@
 """`flexlab compare RUN RUN`: say what differs, lay the curves over each other."""
 
-import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
-from flexlab.cli.console import output, print_json
+from flexlab.cli.console import new_table, output, print_json
 from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort, option
 from flexlab.cli.showing import show_review
 from flexlab.errors import StudyError
@@ -50,7 +49,7 @@ def command(
     if as_json:
         from flexlab.analysis.comparison import compare
 
-        print_json(json.dumps(compare(paths).as_data(), indent=1, ensure_ascii=False))
+        print_json(compare(paths).as_data())
         return
     if save is not None:
         _print(compare_into(paths, save))
@@ -92,11 +91,10 @@ def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
 
 
 def _print(comparison: "Comparison") -> None:
-    from rich.table import Table
     from rich.text import Text
 
     for heads, *rows in (comparison.run_table(), comparison.metric_table(), comparison.setting_table()):
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        table = new_table()
         for number, head in enumerate(heads):
             table.add_column(head, justify="right" if number and heads[0] else "left", overflow="fold")
         if heads[0] == "metric":

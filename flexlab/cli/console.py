@@ -1,15 +1,17 @@
 """Output of the commands: results on standard output, progress and complaints on standard error."""
 
+import json
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flexlab.errors import StudyError
 from flexlab.text import console, visible_json
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 EXIT_INTERRUPTED = 130
 
@@ -50,9 +52,21 @@ def progress(what: str, total: float | None, shown: str) -> Generator[Callable[[
         yield lambda done: bar.update(task, completed=done)
 
 
-def print_json(text: str, end: str = "\n") -> None:
-    """Print JSON with control characters escaped."""
-    output().out(visible_json(text), end=end)
+def new_table(*heads: str, padding: tuple[int, int, int, int] = (0, 2, 0, 0), **options: Any) -> "Table":
+    """A table without lines, for results; `options`: as for rich's `Table`."""
+    from rich.table import Table
+
+    return Table(*heads, box=None, pad_edge=False, padding=padding, **options)
+
+
+def print_json(data: Any) -> None:
+    """Print plain data as JSON with control characters escaped."""
+    print_json_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n")
+
+
+def print_json_text(text: str) -> None:
+    """Print JSON, whose control characters are escaped."""
+    output().out(visible_json(text), end="")
 
 
 def agreed(question: str, otherwise: str) -> bool:

@@ -1,6 +1,5 @@
 """`flexlab fit RUN`: frequency, damping, stiffness from how a beam rings."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -58,7 +57,7 @@ def command(
             raise StudyError("--save needs --preset: the scenario whose beam is fitted.")
         save_scenario(fit.scenario, save)
     if as_json:
-        print_json(json.dumps(_without_nan(fit.as_data() | {"run": kept and kept.stem}), indent=1, ensure_ascii=False))
+        print_json(_without_nan(fit.as_data() | {"run": kept and kept.stem}))
     else:
         output().print(str(fit), soft_wrap=True)
         if save is not None:

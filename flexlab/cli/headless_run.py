@@ -18,7 +18,7 @@ from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.metrics.settling_time import SettlingTime
 from flexlab.analysis.result import ResultHash
 from flexlab.analysis.run_summary import run_notes
-from flexlab.cli.console import complain, output, progress
+from flexlab.cli.console import complain, new_table, output, progress
 from flexlab.errors import FlexlabError
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
@@ -114,9 +114,7 @@ class Summary:
 
     def table(self, status: Status) -> "Table":
         """The magnitudes as a table for the terminal."""
-        from rich.table import Table
-
-        table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), title_justify="left")
+        table = new_table(padding=(0, 3, 0, 0))
         table.add_column("largest")
         table.add_column(f"0 to {min(START_SPAN, self.time):g} s", justify="right")
         table.add_column(f"{START_SPAN:g} to {self.time:g} s" if self.time > START_SPAN else "later", justify="right")

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from flexlab.cli.console import complain, note, output
+from flexlab.cli.console import complain, new_table, note, output
 from flexlab.cli.options import Cluster, Several, Threads, option
 
 if TYPE_CHECKING:
@@ -114,10 +114,9 @@ def _print(board: "Leaderboard") -> None:
 
 
 def _print_grid(title: str, grid: "Grid") -> None:
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), title=title, title_justify="left")
+    table = new_table(title=title, title_justify="left")
     table.add_column("law", no_wrap=True, min_width=max((len(law) for law, _ in grid.lines), default=0))
     for head in grid.heads:
         table.add_column(Text(head), justify="right")

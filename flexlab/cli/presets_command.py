@@ -1,11 +1,10 @@
 """`flexlab presets`: list the presets and what to watch in each."""
 
-import json
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from flexlab.cli.console import complain, output, print_json
+from flexlab.cli.console import complain, new_table, output, print_json, print_json_text
 from flexlab.cli.options import Law, Seed, Settings, chosen_scenarios, option
 from flexlab.cli.warmup import loading
 from flexlab.errors import FlexlabError, StudyError
@@ -35,7 +34,7 @@ def command(
             from flexlab.presets import scenario_text
 
         ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
-        print_json(scenario_text(scenario), end="")
+        print_json_text(scenario_text(scenario))
         return 0
     if set_ or law is not None or seed is not None:
         raise StudyError("Say which preset to change, as in flexlab presets paper --set gravity=9.81.")
@@ -51,7 +50,7 @@ def command(
             unreadable.append(str(error))
     if as_json:
         data = [{"name": name, **scenario.model_dump(mode="json")} for name, scenario in scenarios.items()]
-        print_json(json.dumps(data, indent=1, ensure_ascii=False))
+        print_json(data)
     else:
         _print({name: (scenario.title, scenario.watch) for name, scenario in scenarios.items()})
     for sentence in unreadable:
@@ -72,10 +71,9 @@ def _write_schema() -> int:
 
 
 def _print(presets: dict[str, tuple[str, str]]) -> None:
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 1, 0), show_header=False)
+    table = new_table(padding=(0, 2, 1, 0), show_header=False)
     table.add_column(no_wrap=True, style="bold")
     table.add_column()
     for name, (title, watch) in presets.items():

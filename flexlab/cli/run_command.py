@@ -1,6 +1,5 @@
 """`flexlab run PRESET`: simulate without a screen, record, print a summary."""
 
-import json
 from typing import Annotated
 
 from flexlab.cli.console import print_json
@@ -44,7 +43,7 @@ def command(
     warm_up(scenarios[0][1])
     ended = [run_and_record(name, scenario, duration, sample_period, logs, as_json) for name, scenario in scenarios]
     if as_json:
-        print_json(json.dumps([run.as_json() for run in ended], indent=1, ensure_ascii=False))
+        print_json([run.as_json() for run in ended])
     return 1 if any(run.status.failed for run in ended) else 0
 
 

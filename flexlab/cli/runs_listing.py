@@ -1,6 +1,5 @@
 """Listings of recorded runs on the terminal: a line of numbers with changes and notes below it, or all about one run."""
 
-import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any, NamedTuple
 from flexlab.analysis.metrics import Column as MetricColumn
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.metrics.run_metrics import DURATION, UNKNOWN, measured, noted_text, noted_texts, results
-from flexlab.cli.console import note, output
+from flexlab.cli.console import new_table, note, output
 from flexlab.errors import StudyError
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
 
@@ -61,9 +60,9 @@ def _all_words(row: RunRow) -> str:
     return " ".join((*words, "kept" if row.kept else "")).lower()
 
 
-def as_json_text(rows: Sequence[RunRow]) -> str:
-    """All data of the runs as one JSON list."""
-    return json.dumps([_plain(row) for row in rows], indent=1, ensure_ascii=False)
+def plain_rows(rows: Sequence[RunRow]) -> list[dict[str, Any]]:
+    """All data of the runs as plain data."""
+    return [_plain(row) for row in rows]
 
 
 def _plain(row: RunRow) -> dict[str, Any]:
@@ -178,11 +177,10 @@ def _more(row: RunRow) -> str:
 
 def print_runs(rows: Sequence[RunRow]) -> None:
     """All data of some runs."""
-    from rich.table import Table
     from rich.text import Text
 
     for row in rows:
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+        table = new_table(show_header=False)
         table.add_column(no_wrap=True)
         table.add_column(overflow="fold")
         lines = [

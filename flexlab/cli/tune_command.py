@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from flexlab.cli.console import complain, output
+from flexlab.cli.console import complain, new_table, output
 from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
 
 if TYPE_CHECKING:
@@ -69,10 +69,9 @@ def command(
 
 
 def _print(found: "Tuning") -> None:
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table = new_table()
     table.add_column("")
     for head in ("before", "tuned"):
         table.add_column(head, justify="right")

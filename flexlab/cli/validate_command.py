@@ -1,11 +1,10 @@
 """`flexlab validate`: check it all against the paper and mechanics; a report."""
 
-import json
 import time
 from pathlib import Path
 from typing import Annotated
 
-from flexlab.cli.console import complain, output, print_json
+from flexlab.cli.console import complain, new_table, output, print_json
 from flexlab.cli.options import option
 
 
@@ -29,15 +28,12 @@ def command(
     write_report(found, to, took)
     if as_json:
         groups = {subject: [vars(check) for check in checks] for subject, checks in found.groups.items()}
-        print_json(json.dumps(groups, indent=1, ensure_ascii=False))
+        print_json(groups)
     else:
-        from rich.table import Table
         from rich.text import Text
 
         for subject, checks in found.groups.items():
-            table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), title=subject, title_justify="left")
-            for head in ("statement", "expected", "here", "holds"):
-                table.add_column(head)
+            table = new_table("statement", "expected", "here", "holds", title=subject, title_justify="left")
             for check in checks:
                 table.add_row(
                     *map(Text, (check.statement, check.expected, check.found)), "yes" if check.holds else "NO"

@@ -1,4 +1,4 @@
-"""What a metric is: a registered class in a file beside this one, with a state that takes in samples and merges.
+"""Metrics: registered classes in the files of this folder, whose state takes in samples and can be merged.
 
 The same code serves a stream and a whole run: `update` takes any piece of it, in any order, `merge` another metric's
 pieces, `compute` gives the number. To add one, copy one of `magnitudes.py` into a file of its own: tables, lists, notes,
@@ -118,7 +118,7 @@ class RootMeanSquare(Metric):
 
     @abstractmethod
     def signal(self, samples: "Samples") -> np.ndarray:
-        """What is squared, (N, columns)."""
+        """The signal that is squared, (N, columns)."""
 
     def update(self, samples: "Samples") -> None:
         """Take in a piece of a run."""
@@ -186,7 +186,7 @@ class Named:
 
     @property
     def title(self) -> str:
-        """What is measured, and in which unit."""
+        """Title and unit of the number."""
         return f"{self.number.column.title} ({self.unit})"
 
 
@@ -203,7 +203,7 @@ def number_names() -> list[str]:
 
 
 def named(word: str) -> Named:
-    """What a name stands for. Raises `StudyError` for a word that names no number."""
+    """The number that a word names. Raises `StudyError` for an unknown word."""
     for number in numbers():
         column = number.column
         if word == number.name:

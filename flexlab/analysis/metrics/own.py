@@ -1,4 +1,4 @@
-"""Metrics of one's own, from a decorated function: `run.metrics`, sweeps and tuning have them as they have all others.
+"""Metrics of one's own, made of a decorated function; `run.metrics`, sweeps and tuning then include them.
 
 @flexlab.metric("J", "Work of the motors")
 def work(samples: flexlab.Samples) -> float:
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
 
 Kind = Literal["run", "peak", "rms"]
-"""What the function gives: the run's number; or a signal, of which the largest magnitude or the root mean square counts."""
+"""What the function returns: the run's number, or a signal whose largest magnitude or root mean square is the number."""
 Function = TypeVar("Function", bound=Callable[["Samples"], Any])
 REAL = "biuf"
-"""Kinds of arrays of NumPy that are real numbers."""
+"""NumPy's kinds of real arrays."""
 PLACE = 100
-"""After all others."""
+"""Rank after all other metrics."""
 
 
 @dataclass(frozen=True)
 class OwnMetric:
-    """What a decorator said."""
+    """A declared metric."""
 
     function: Callable[["Samples"], Any]
     unit: str
@@ -42,12 +42,12 @@ class OwnMetric:
 
     @property
     def name(self) -> str:
-        """Of the function."""
+        """Name of the function."""
         return self.function.__name__
 
     @property
     def digest(self) -> str:
-        """Of its text: a sweep with another one is another sweep."""
+        """A digest of the function's text, which is part of a sweep's key."""
         try:
             text = inspect.getsource(self.function)
         except (OSError, TypeError):
@@ -56,7 +56,7 @@ class OwnMetric:
 
 
 DECLARED: dict[str, OwnMetric] = {}
-"""All of them, by name."""
+"""All declared metrics, by name."""
 
 
 def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function], Function]:
@@ -85,7 +85,7 @@ def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function],
 
 
 def know_own_metrics(declared: Sequence[OwnMetric]) -> None:
-    """Add metrics to those there are, as on a worker that computes cells. Raises `StudyError`."""
+    """Declare metrics, as on a worker that computes cells. Raises `StudyError`."""
     for own in declared:
         if own.name in DECLARED:
             forget(own.name)
@@ -97,7 +97,7 @@ def know_own_metrics(declared: Sequence[OwnMetric]) -> None:
 
 
 def own_metrics() -> list[OwnMetric]:
-    """Those that were declared and are there."""
+    """All declared metrics that are still registered."""
     return [own for name, own in DECLARED.items() if name in METRICS]
 
 

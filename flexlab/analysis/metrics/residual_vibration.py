@@ -1,4 +1,4 @@
-"""What a motion leaves of the beam's vibration after it has stopped."""
+"""The residual vibration of the beam after a motion has stopped."""
 
 from typing import TYPE_CHECKING, Self
 
@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
 
 LATER = 0.2
-"""s after the stop, from which on the second number counts: what a next move would have to wait for."""
+"""Time after the stop from which the second number counts, s, as for a next move that waits."""
 STOPPED = 0.01
-"""s for which a target must have stood still at the end of the samples, so that a turning point is no stop."""
+"""Time for which the target must stand still at the end of the samples, s, so that a turning point is no stop."""
 
 
 @register
@@ -75,7 +75,7 @@ class ResidualVibration(Metric):
         self._time, self._size = time[kept], size[kept]
 
     def compute(self) -> tuple[float, ...]:
-        """m, after the stop and later."""
+        """Largest |vibration| after the stop and later, m."""
         if not np.isfinite(self._moved) or self._last - self._moved < STOPPED:
             return np.nan, np.nan
         return self._after(self._moved), self._after(self._moved + LATER)

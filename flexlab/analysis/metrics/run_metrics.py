@@ -1,4 +1,4 @@
-"""All metrics of a run, or of a window of one, gathered from pieces, shown, and noted.
+"""All metrics of a run, or of a window of it: gathered from pieces, shown, and noted.
 
 Notes on a recording hold metrics as numbers by title and unit, None for what had no value.
 """
@@ -20,31 +20,31 @@ Window = tuple[float, float]
 """First and last instant, s."""
 
 DURATION, NOT_FINISHED = "duration", "did not finish"
-"""The metric that a stopped run has, and what stands for the others."""
+"""The only metric of a stopped run, and the word for the others."""
 ROUNDING = 1e-9
-"""Of a window's limits, s: sample instants are products of whole numbers and periods."""
+"""Tolerance of a window's limits, s, as sample instants are products of whole numbers and periods."""
 
 
 @dataclass(frozen=True)
 class MetricRow:
-    """One line of a table of metrics, in units for people."""
+    """A row of a table of metrics, in its units."""
 
     column: Column
     value: float
-    """In `column.unit`."""
+    """Value in `column.unit`."""
     finished: bool = True
-    """Whether the run came to its end."""
+    """Whether the run reached its end."""
     reason: str = ""
-    """Why there is no value, where more is known than the column's word."""
+    """Why there is no value, if more is known than the column's word."""
 
     @property
     def title(self) -> str:
-        """What is measured."""
+        """Title of the number."""
         return self.column.title
 
     @property
     def unit(self) -> str:
-        """Of the value."""
+        """Unit of the value."""
         return self.column.unit
 
     @property
@@ -54,24 +54,24 @@ class MetricRow:
 
     @property
     def text(self) -> str:
-        """The value with four digits, or what stands for a missing one."""
+        """The value with four digits, or the words for a missing one."""
         return self.reason if self.reason and self.finished and isnan(self.value) else self.short
 
     @property
     def short(self) -> str:
-        """The same in a word or two, for tables of several runs."""
+        """The value for tables of several runs, in a word or two if it is missing."""
         return value_text(self.column, self.value) if self.finished or self.value == self.value else NOT_FINISHED
 
 
 def value_text(column: Column, value: Any) -> str:
-    """A number of a table with four digits; the column's word where it is NaN, "–" for what is no number."""
+    """A number with four digits; the column's word for NaN, and "–" for anything but a number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return "–"
     return column.missing if isnan(value) else result_text(value, column.scale)
 
 
 class RunMetrics:
-    """What the metrics say of the samples within `window`: `settling_time`, `peak_error`…, in SI units.
+    """The metrics of the samples within `window`: `settling_time`, `peak_error`…, in SI units.
 
     A metric of one number is a float, one of several a tuple; NaN where it has no value. `print` shows a table.
     """
@@ -118,7 +118,7 @@ class RunMetrics:
 
     @property
     def rows(self) -> tuple[MetricRow, ...]:
-        """All numbers with titles and units for people (mm, mrad), in the order of a table."""
+        """All numbers with titles, in the units of tables (mm, mrad) and in their order."""
         found = [
             MetricRow(column, column.scale * value, self._finished, self._reasons.get(name, ""))
             for name, values in self._values.items()
@@ -141,7 +141,7 @@ class RunMetrics:
         return tuple(value for values in self._values.values() for value in values)
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data with all digits, SI: a number per metric, or a list of several; None for NaN, which JSON has not."""
+        """Plain data with all digits, SI: a number or a list of numbers per metric; None for NaN, which JSON lacks."""
         plain = {name: [None if isnan(value) else value for value in values] for name, values in self._values.items()}
         window = None if self.window is None else list(self.window)
         return {name: values[0] if len(values) == 1 else values for name, values in plain.items()} | {"window": window}
@@ -167,21 +167,21 @@ class RunMetrics:
 
 @cache
 def _parts(name: str) -> Any:
-    """Makes a tuple of a metric's numbers, whose parts have names: `rms_error.y`."""
+    """The class of a tuple of a metric's numbers with named parts, as in `rms_error.y`."""
     return namedtuple(name, [column.part for column in METRICS[name].columns])  # type: ignore[misc]  # Named while it runs.
 
 
 class MetricCollection:
-    """All metrics at once, gathered in pieces of any order, so that hours of a run need no more memory than seconds."""
+    """All metrics, gathered from pieces in any order, so that long runs need no more memory than short ones."""
 
     def __init__(self, window: Window = (-inf, inf), own: bool = True):
-        """`window`: which samples count, s; `own`: whether those do, too, that somebody declared."""
+        """`window`: the window of samples that count, s; `own`: whether to include declared metrics of one's own."""
         self._window = window
         self._span: Window | None = None
         self._metrics: dict[str, Metric] = {name: metric() for name, metric in METRICS.items() if own or not metric.own}
 
     def update(self, samples: "Samples") -> None:
-        """Take in a piece of the run; what of it lies outside the window does not count."""
+        """Take in a piece of the run; samples outside the window do not count."""
         first, last = self._window
         samples = between(samples, first, last)
         if len(samples) == 0:
@@ -191,7 +191,7 @@ class MetricCollection:
             metric.update(samples)
 
     def merge(self, other: "MetricCollection") -> None:
-        """Take in what another collection has taken in."""
+        """Take in all pieces of another collection."""
         if other._span is None:
             return
         self._widen(other._span)
@@ -235,20 +235,20 @@ UNKNOWN = "–"
 
 
 def measured(noted: Any) -> bool:
-    """Whether the notes have all metrics of today: one that came later, or means something else now, is missing."""
+    """Whether the notes have all present metrics; later ones, and those with a new meaning, are missing in old notes."""
     return isinstance(noted, Mapping) and all(
         column.key in noted for metric in METRICS.values() if not metric.own for column in metric.columns
     )
 
 
 def results(noted: Mapping[str, Any], stopped: bool) -> dict[str, Any]:
-    """The metrics that are results: of a run that stopped before its end only the duration, whatever earlier versions noted."""
+    """The noted metrics that are valid: of a run that stopped before its end, only the duration."""
     kept = {column.key for column in METRICS[DURATION].columns}
     return {key: None if stopped and key not in kept else value for key, value in noted.items()}
 
 
 def noted_text(column: Column, noted: Mapping[str, Any], stopped: bool = False) -> str:
-    """A number as a table shows it: "not settled" for one that had no value, "–" for one that was never measured.
+    """A number as a table shows it: "not settled" for a missing value, "–" for a metric that was never measured.
 
     `stopped`: whether the run stopped before its end.
     """
@@ -261,14 +261,14 @@ def noted_text(column: Column, noted: Mapping[str, Any], stopped: bool = False) 
 
 
 def noted_value(column: Column, noted: Mapping[str, Any], stopped: bool = False) -> float:
-    """A number to sort by: what has no value comes after all others."""
+    """A number to sort by; missing values come last."""
     value = results(noted, stopped).get(column.key)
     usable = isinstance(value, (int, float)) and not isinstance(value, bool)
     return float(value) if usable else 1e300 if column.key in noted else 2e300
 
 
 def noted_texts(noted: Mapping[str, Any], stopped: bool = False) -> dict[str, str]:
-    """All of them by title and unit, those that this version does not know too."""
+    """All noted metrics by title and unit, including those that this version does not know."""
     columns = {column.key: column for metric in METRICS.values() for column in metric.columns}
     return {
         str(key): noted_text(columns[key], noted, stopped)

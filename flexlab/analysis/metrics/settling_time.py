@@ -1,4 +1,4 @@
-"""When the vibration has died away: the one definition of lessons, presets, tables, library and Python interface."""
+"""The settling time of the vibration, by one definition for lessons, presets, tables, library and Python interface."""
 
 from typing import TYPE_CHECKING, Self
 
@@ -10,23 +10,23 @@ if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
 
 SHARE = 0.01
-"""Share of its peak below which a vibration counts as gone. The paper's "disappears at 0.5 s" is this."""
+"""Share of its peak below which a vibration counts as gone, as in the paper's "disappears at 0.5 s"."""
 
 QUIET = 0.01
-"""How long it must at least have been below when the samples end, s."""
+"""Least time below this share at the end of the samples, s."""
 LONGER = 2.0
-"""Times the longest pause before: an oscillation that goes on is below at each of its crossings, which is no rest."""
+"""That time over the longest earlier pause, at least: a continuing oscillation is also below at each of its crossings."""
 AGAIN, NEAR = 4.0, 0.02
-"""Growth from the last to the first so many s on both sides of a pause that is a new excitation, as by a tap: pauses before it
-say nothing of what follows."""
+"""A pause ends with a new excitation, as by a tap, if the vibration grows by this factor from so many s before it to so many s
+after it; earlier pauses then do not count."""
 FINEST, MOST_PIECES = 0.0025, 4000
-"""s of a piece of time whose peak is kept; pieces grow twice as long where a run has more of them."""
+"""Shortest piece of time whose peak is kept, s, and most pieces; pieces double in length if a run has more."""
 
 PARTS, KEEPS = 3, 0.8
-"""Parts of a run that has not settled, the last two of which are compared; share of the former's peak that is no decay."""
+"""Parts of an unsettled run, of which the last two are compared, and ratio of their peaks from which there is no decay."""
 
 NOTHING = 1e-9
-"""A vibration that never exceeds a nanometre is none, m: it is the integrator's error."""
+"""Largest vibration that is the integrator's error, m."""
 
 NOT_SETTLED = "not settled"
 
@@ -57,7 +57,7 @@ class SettlingTime(Metric):
         self._size = np.empty(0)
         self._piece = FINEST
         self._peaks: dict[int, float] = {}
-        """Largest magnitude by piece of time."""
+        """Piece of time → largest magnitude."""
 
     def update(self, samples: "Samples") -> None:
         """Take in a piece of a run."""
@@ -92,7 +92,7 @@ class SettlingTime(Metric):
         self._time, self._size = time[kept], size[kept]
 
     def _note(self, time: np.ndarray, size: np.ndarray) -> None:
-        """Take magnitudes into the pieces."""
+        """Add magnitudes to the pieces."""
         places, index = np.unique(np.floor(time / self._piece).astype(np.int64), return_inverse=True)
         while len(places) > MOST_PIECES:
             self._coarsen()
@@ -111,7 +111,7 @@ class SettlingTime(Metric):
             self._peaks[place // 2] = max(self._peaks.get(place // 2, 0.0), peak)
 
     def _longest_pause(self) -> float:
-        """s between two times that the vibration was above, the longest since it was last excited."""
+        """The longest pause between two times above the share since the last excitation, s."""
         places = np.array(sorted(place for place, peak in self._peaks.items() if peak > SHARE * self._peak), np.int64)
         sizes = np.array([self._peaks[place] for place in places.tolist()])
         near, longest = max(1, round(NEAR / self._piece)), 0
@@ -134,7 +134,7 @@ class SettlingTime(Metric):
         return (float(loud[-1] - self._first) if settled else np.nan,)
 
     def reason(self) -> str:
-        """Whether what has not settled goes on, as far as the run tells, or had no time, and at which share of its peak."""
+        """Whether an unsettled vibration persists or had no time to settle, and its share of the peak at the end."""
         if self._last <= self._first or not np.isnan(self.compute()[0]):
             return ""
         part = (self._last - self._first) / PARTS
@@ -143,7 +143,7 @@ class SettlingTime(Metric):
         return f"{'does not settle: forced or undamped' if goes_on else 'not settled: still'} at {100 * last / self._peak:.3g} %"
 
     def _largest(self, first: float, last: float) -> float:
-        """Largest magnitude from `first` to `last`, s, to a piece of time."""
+        """Largest magnitude from `first` to `last`, s, rounded to pieces of time."""
         return max(
             (
                 size

@@ -33,7 +33,7 @@ B1 = Case(
 
 
 STIFFNESSES = (100.0, 10.0, 1.27)
-"""N·m²: first modes of 44, 14 and 5 Hz."""
+"""Bending stiffnesses, N·m², with first modes of 44, 14 and 5 Hz."""
 
 B2 = Case(
     "B2",
@@ -49,9 +49,9 @@ B2 = Case(
 AT = 0.1
 """s."""
 IMPULSE = 0.2
-"""N·s across the beam: a tap with a finger."""
+"""Impulse of a tap with a finger across the beam, N·s."""
 QUIET = 0.2
-"""s after the tap from which on it counts what still rings."""
+"""Time after the tap from which the vibration counts, s."""
 
 B3 = Case(
     "B3",
@@ -84,12 +84,12 @@ B4 = Case(
 PERIOD = 0.001
 """s."""
 POSE_NOISE = (2e-6, 2e-6, 5e-6)
-"""m, m, rad: encoders of 20 bits at the end of arms of this length."""
+"""Noise of the pose, m, m, rad, as by encoders of 20 bits at the end of such arms."""
 RATE_NOISE = tuple(sqrt(2) / PERIOD * noise for noise in POSE_NOISE)
-"""m/s, m/s, rad/s: rates are differences of two readings."""
+"""Noise of the pose rate, m/s, m/s, rad/s, as of differences of two readings."""
 STRAIN_NOISE = 1e-6
 TORQUE_LIMIT = (300.0, 300.0, 100.0)
-"""N·m: the paper's start asks for twice as much, its steady motion for less than half."""
+"""Torque limits, N·m: the paper's start asks for twice as much, its steady motion for less than half."""
 
 HARDWARE = {
     "controller.control_period": PERIOD,
@@ -121,14 +121,14 @@ B5 = Case(
 RATIOS = (0.25, 0.5, 0.8, 0.9, 1.0, 1.1, 1.25, 2.0)
 """Path frequency over f1."""
 ACCELERATION = 2.0
-"""m/s², the path's peak across the beam: the same at all frequencies, so that the beam's load is."""
+"""Peak acceleration of the path across the beam, m/s², and so the beam's load, the same at all frequencies."""
 
 STIFFNESS = 10.0
-"""N·m²: twice the first mode is still a path that arms can be asked for."""
+"""Bending stiffness, N·m², with which arms can follow a path at twice the first mode's frequency."""
 
 _payload = load_preset("paper").payload
 FIRST_MODE = pi / (2 * _payload.length**2) * sqrt(STIFFNESS / _payload.linear_density)
-"""f1 of the beam on two pins that stand still, Hz."""
+"""f1 of the beam on two fixed pins, Hz."""
 
 
 def _path(ratio: float) -> dict[str, object]:
@@ -152,9 +152,9 @@ B6 = Case(
 DURATION = 600.0
 """s."""
 SETTLED, END = 60.0, 540.0
-"""s: from when on a drift is one, and the last minute."""
+"""Start of the window of the drift, and of the last minute, s."""
 LEAKAGE = 0.1
-"""1/s: forgets within ten seconds."""
+"""Leakage, 1/s, that forgets within ten seconds."""
 
 
 class BoundDrift(Metric):
@@ -186,7 +186,7 @@ class BoundDrift(Metric):
 
 
 def drift(window: Window) -> Score:
-    """How fast b̂ grows."""
+    """The growth of the bound estimate."""
     formula = f"slope of b̂ᵀ(1, ‖x‖, ‖ẋ‖²) over t, least squares, t ≥ {window[0]:g} s"
     return Score(BoundDrift.columns[0], formula, BoundDrift, window=window)
 

@@ -1,7 +1,7 @@
-"""The decorator of every numerical kernel: compiled by numba, cached on disk, running without Python's global lock.
+"""The decorators of numerical kernels: compiled by numba, cached on disk, running without Python's global lock.
 
-Numba notices a change in a cached function's own file, not in the functions it calls. So the cache folder's name holds a
-digest of all kernel sources: any edit compiles afresh and no stale machine code can run.
+Numba notices a change in a cached function's own file, but not in the functions that it calls. The name of the cache folder
+therefore contains a digest of all kernel sources: any edit compiles anew, and no stale machine code can run.
 """
 
 import hashlib
@@ -24,11 +24,11 @@ from flexlab.assets import user_cache
 _settings: Any = config
 """Numba gives this module its names while the program runs."""
 PLAIN_PYTHON = bool(_settings.DISABLE_JIT)
-"""Whether numba was told not to compile (NUMBA_DISABLE_JIT=1): then every kernel is the Python function that it is written as."""
+"""Whether numba does not compile (NUMBA_DISABLE_JIT=1): every kernel is then its plain Python function."""
 FIRST_KNOWN, FIRST_UNKNOWN = (0, 61), (0, 69)
-"""Versions of numba whose inside `flexlab.numba_internals` knows: from the first, below the second."""
+"""Versions of numba that `flexlab.numba_internals` knows: from the first, below the second."""
 QUICK = FIRST_KNOWN <= numba.version_info.short < FIRST_UNKNOWN and not os.environ.get("FLEXLAB_PLAIN_NUMBA")
-"""Whether numba's compiler is hurried along; otherwise the first start takes longer, and all else is the same."""
+"""Whether numba's compiler is accelerated; otherwise the first start takes longer, and nothing else changes."""
 
 if TYPE_CHECKING or QUICK:
     from flexlab.numba_internals import (
@@ -44,7 +44,7 @@ if TYPE_CHECKING or QUICK:
 _PACKAGE = Path(__file__).parent
 _KERNEL_ROOMS = ("numerics", "physics", "control", "sim")
 _COMPILING = ("compiled.py", "numba_internals.py", "registry.py")
-"""Files that say how kernels are compiled and under which names they are found again."""
+"""Files that determine how kernels are compiled, and their names in the cache."""
 
 
 def _digest() -> str:
@@ -73,7 +73,7 @@ def is_warm() -> bool:
 
 
 A_MOMENT = 1.5
-"""s of compiling after which a person starts to wonder."""
+"""s of compiling after which people are told."""
 COMPILING = (
     "flexlab is compiling the equations of motion that it needs here for the first time, once for this version on this machine: "
     "usually less than half a minute."
@@ -81,9 +81,9 @@ COMPILING = (
 
 
 class Compilation(event.Listener):
-    """Says once that kernels are being compiled, when those that no cache held have taken a moment and one more begins.
+    """Tells once that kernels are being compiled, when they have taken `A_MOMENT` and one more begins.
 
-    Numba holds its lock meanwhile. A log's warning reaches people where nobody set up logging; commands have their own way.
+    Numba holds its lock meanwhile. By default a warning is logged, which people see even if nobody has set up logging.
     """
 
     def __init__(self) -> None:
@@ -92,7 +92,7 @@ class Compilation(event.Listener):
         self._depth, self._began, self._spent = 0, 0.0, 0.0
 
     def on_start(self, event: Any) -> None:
-        """One more kernel; those that it calls are compiled within it."""
+        """A kernel begins to compile; those that it calls are compiled within it."""
         if not _is_own(event):
             return
         now = perf_counter()
@@ -104,7 +104,7 @@ class Compilation(event.Listener):
             self.tell()
 
     def on_end(self, event: Any) -> None:
-        """It is compiled, or cannot be."""
+        """A kernel is compiled, or has failed to."""
         if not _is_own(event):
             return
         self._depth -= 1
@@ -123,22 +123,22 @@ event.register("numba:compile", COMPILATION)
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """A kernel that Python calls: cached machine code, no global lock, IEEE division; `.py_func` is the plain Python.
 
-    Reference counting is off: a kernel that would allocate memory does not compile. Kernels call it, too: what they seldom need
-    is then compiled once, and not as a part of each of them.
+    Reference counting is off: a kernel that allocates memory does not compile. Kernels may call it, too: what they seldom need
+    is then compiled once, and not into each of them.
     """
-    # Not said, `forceinline` would be as the kernel has it for which this one happens to be compiled.
+    # By default `forceinline` would be that of the calling kernel for which this one happens to be compiled.
     return _compile(function, cache=True, forceinline=False, **({"pipeline_class": CalledCompiler} if QUICK else {}))
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A kernel that only kernels call: always inlined, as handing over a whole system costs more than most of them."""
+    """A kernel that only kernels call: always inlined, as passing a whole system costs more than most of them."""
     return function if PLAIN_PYTHON else _inline(function, InlinedCompiler if QUICK else None)
 
 
 def disjoint(function: Callable[..., Any]) -> Callable[..., Any]:
     """As `inlined`, for array arguments of which none shares memory with another that is written to.
 
-    Loops over them then use vector units without looking first where each array lies.
+    Loops over them then use vector units without a check for overlap.
     """
     return function if PLAIN_PYTHON else _inline(function, DisjointCompiler if QUICK else None)
 
@@ -150,9 +150,9 @@ def _inline(function: Callable[..., Any], compiler: Any) -> Callable[..., Any]:
 
 
 def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A kernel that is chosen at run time, as laws and paths are: `call_kernel` calls it by its `kernel_address`.
+    """A kernel chosen at run time, as those of laws and paths: `call_kernel` calls it by its `kernel_address`.
 
-    Its first argument is the record of its parameters. So the engine's loop is compiled once, whatever is chosen.
+    Its first argument is the record of its parameters. The engine's loop is compiled once, whatever is chosen.
     """
     return _compile(function, cache=True, no_cfunc_wrapper=False)
 
@@ -160,7 +160,7 @@ def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:
 def _compile(
     function: Callable[..., Any], cache: bool = False, no_cfunc_wrapper: bool = True, **options: Any
 ) -> Callable[..., Any]:
-    # A person's own kernel may call what numba must have loaded first.
+    # Not for a person's own kernel, which may call what numba must load first.
     quick = QUICK and cache and not PLAIN_PYTHON and function.__module__.startswith("flexlab.")
     options |= {"cache": cache and not quick, "no_cfunc_wrapper": no_cfunc_wrapper}
     if QUICK:
@@ -180,10 +180,10 @@ _entry_points: dict[tuple[int, Any], Callable[..., Any]] = {}
 
 
 def entry_point(kernel: Any, *arguments: Any) -> Callable[..., Any]:
-    """The machine code of a `compiled` kernel for arguments of these types, called without a look at what they are.
+    """The machine code of a `compiled` kernel for arguments of these types, called without a check of types.
 
-    That look takes longer, at each call, than a step of the engine: a system has a hundred arrays. Arguments of other types
-    are no error to machine code: they must not be given.
+    That check takes longer, at each call, than a step of the engine: a system has a hundred arrays. Machine code does not notice
+    arguments of other types, so that they must not be given.
     """
     if PLAIN_PYTHON:
         return kernel
@@ -211,24 +211,24 @@ def kernel_address(kernel: Any, parameters: np.dtype, *arguments: Any, returns: 
 _addresses: dict[tuple[int, Hashable], int] = {}
 
 
-def whole_address(kernel: Any, arguments: Callable[[], tuple[Any, ...]], form: Hashable = None) -> int:
+def whole_address(kernel: Any, arguments: Callable[[], tuple[Any, ...]], variant: Hashable = None) -> int:
     """The address of a kernel for `call_whole_kernel`, compiled (or loaded) for the types of these arguments.
 
-    They are made once: such a kernel takes arguments of the same types in every world of the same `form`.
+    `arguments` is called once: all worlds of the same `variant` have arguments of the same types.
     """
     if PLAIN_PYTHON:
         _plain[id(kernel)] = kernel, np.dtype([])
         return id(kernel)
-    key = id(kernel), form
+    key = id(kernel), variant
     if key not in _addresses:
         result = kernel.get_compile_result(numba.int64(*(numba.typeof(value) for value in arguments())))
         _addresses[key] = result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
     return _addresses[key]
 
 
-def has_address(kernel: Any, form: Hashable = None) -> bool:
-    """Whether `whole_address` has compiled or loaded a kernel for worlds of a form."""
-    return PLAIN_PYTHON or (id(kernel), form) in _addresses
+def has_address(kernel: Any, variant: Hashable = None) -> bool:
+    """Whether `whole_address` has compiled or loaded a kernel for worlds of a variant."""
+    return PLAIN_PYTHON or (id(kernel), variant) in _addresses
 
 
 def _call(context: Any, builder: Any, signature: Any, values: Any, result: Any) -> Any:
@@ -242,7 +242,7 @@ def _call(context: Any, builder: Any, signature: Any, values: Any, result: Any) 
 
 
 class Attributes(SimpleNamespace):
-    """What kernels read of a record: `record.name`, and `record["from"]` where the name is a word of Python's."""
+    """A record's fields as kernels read them: `record.name`, or `record["from"]` for a name reserved by Python."""
 
     def __getitem__(self, name: str) -> Any:
         """The field of that name."""
@@ -256,7 +256,7 @@ def attributes(flat: np.ndarray, record: np.dtype) -> Attributes:
 
 
 def _call_plainly(address, parameters, arguments):
-    """The kernel at `address`, called as the Python function that it is written as."""
+    """Call the kernel at `address` as its plain Python function."""
     function, record = _plain[address]
     return function(attributes(parameters, record), *arguments)
 
@@ -283,7 +283,7 @@ def call_number_kernel(typing, address, parameters, arguments):
 
 
 def _call_whole_plainly(address, arguments):
-    """The kernel at `address`, called as the Python function that it is written as."""
+    """Call the kernel at `address` as its plain Python function."""
     return _plain[address][0](*arguments)
 
 

@@ -1,8 +1,8 @@
 """LAPACK and BLAS beside a run: decompositions without Python's global lock, and small matrices on one thread.
 
-scipy's wrappers keep the lock while they compute, on a fine mesh for a tenth of a second. Its LAPACK is also there as plain C
-functions, and ctypes gives the lock back while one runs. Decompositions for which numpy is enough need none of this: it gives
-the lock back itself. What is analysed or drawn beside runs has small matrices, for which idle threads would spin on busy cores.
+scipy's wrappers keep the lock while they compute, for a tenth of a second on a fine mesh. Its LAPACK is also available as plain C
+functions, and ctypes releases the lock while one runs. numpy releases the lock itself, so that its decompositions need none of
+this. What is analysed or drawn beside runs has small matrices, for which idle BLAS threads would spin on busy cores.
 """
 
 import ctypes
@@ -23,7 +23,7 @@ _limit: Any = None
 
 @cache
 def _libraries() -> ThreadpoolController:
-    """The BLAS libraries of this process, looked for once (1 ms), when numpy and scipy have loaded theirs."""
+    """The BLAS libraries of this process, found once (1 ms), after numpy and scipy have loaded theirs."""
     return ThreadpoolController()
 
 
@@ -42,14 +42,14 @@ def one_blas_thread() -> Iterator[None]:
         with _lock:
             _users -= 1
             if _users == 0:
-                # The first thread to set a limit keeps the right to, and others' are ignored; `_lock` keeps order here.
+                # Limits of any but the first thread to set one are ignored; `_lock` keeps order here.
                 OpenBLASController.clear_controlling_thread(force=True)
                 _limit.restore_original_limits()
 
 
 @cache
 def _routine(name: str, count: int) -> Callable[..., None]:
-    """LAPACK's routine with so many arguments, all of them pointers."""
+    """A LAPACK routine with `count` arguments, all pointers."""
     capsule: Any = cython_lapack.__pyx_capi__[name]
     api = ctypes.pythonapi
     name_of = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", api))
@@ -58,7 +58,7 @@ def _routine(name: str, count: int) -> Callable[..., None]:
 
 
 def _call(name: str, *arguments: bytes | int | np.ndarray | None) -> None:
-    """Call a routine: letters and numbers by reference, as Fortran wants them. Raises `LinAlgError` if it finds nothing."""
+    """Call a routine, with letters and numbers by reference. Raises `LinAlgError` if it fails."""
     info = ctypes.c_int()
     held = [
         ctypes.c_char(one) if isinstance(one, bytes) else ctypes.c_int(one) if isinstance(one, int) else one
@@ -74,7 +74,7 @@ def _call(name: str, *arguments: bytes | int | np.ndarray | None) -> None:
 
 
 def _with_workspace(name: str, dtype: type, before: tuple, after: tuple) -> None:
-    """Call a routine with the workspace that it asks for, between its other arguments."""
+    """Call a routine with the workspace of the size that it asks for, between its other arguments."""
     asked = np.empty(1, dtype)
     _call(name, *before, asked, -1, *after)
     work = np.empty(max(1, int(asked[0].real)), dtype)
@@ -100,14 +100,14 @@ def eigenvectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _square(A: np.ndarray) -> np.ndarray:
-    """The matrix; raises ValueError if it is empty, not square or not finite, on which LAPACK would write where it must not."""
+    """The matrix; raises ValueError if it is empty, not square or not finite, as LAPACK would then write out of bounds."""
     if A.ndim != 2 or A.shape[0] != A.shape[1] or A.shape[0] == 0 or not np.isfinite(A).all():
         raise ValueError(f"a square matrix of finite numbers is needed, not one of shape {A.shape}")
     return A
 
 
 def _paired(vectors: np.ndarray, imaginary: np.ndarray) -> np.ndarray:
-    """Complex columns: LAPACK gives real and imaginary part of a conjugate pair's vectors in two neighbouring ones."""
+    """Complex eigenvectors as columns: LAPACK returns real and imaginary part of a conjugate pair in two columns."""
     found = vectors.astype(complex)
     first = np.flatnonzero(imaginary > 0)
     found[:, first] += 1j * vectors[:, first + 1]

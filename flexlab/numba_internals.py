@@ -1,9 +1,9 @@
-"""What numba does not promise and flexlab uses: a compiler that does no work twice, a cache that loads what a run needs.
+"""Uses of numba's internals: a compiler that does no work twice, and a cache that loads only what a run needs.
 
-Numba optimises every function on its own, makes machine code of it and wraps it for Python, before it inlines it. For
-kernels that only kernels call, all that is thrown away: it was more than half of the time of the first start on a machine.
-Of the rest, a third went into typing the same sum of two numbers again and again, and into looking for garbage meanwhile.
-Contract tests say so when a version of numba does this differently.
+Numba optimises every function by itself, makes machine code of it and wraps it for Python, before it inlines it. For kernels
+that only kernels call, all that is discarded: it was more than half of the time of the first start on a machine. A third of the
+rest went into typing the same sum of two numbers again and again, and into garbage collection. Contract tests fail if a version
+of numba does this differently.
 """
 
 import gc
@@ -28,7 +28,7 @@ from numba.core.types.functions import BaseFunction
 
 
 class LoadedLibrary(JITCodeLibrary):
-    """Machine code from disk. What other kernels would link of it, its bitcode, is read when one of them does."""
+    """Machine code from disk. Its bitcode, which other kernels link, is parsed when one of them does."""
 
     _bitcode: bytes
 
@@ -187,7 +187,8 @@ class BitcodeLowering(NativeLowering):
         state.flags.no_cpython_wrapper = state.flags.no_compile = True
         done = super().run_pass(state)
         result = state["cr"]
-        # Numba knows a compiled function by the built-in function that calls it. `Inlined` keeps Python away from this one.
+        # Numba identifies a compiled function by the built-in function that calls it. `Inlined` keeps Python from calling this
+        # one.
         module, name = result.fndesc.lookup_module(), result.fndesc.qualname.split(".")[-1]
         key = _dynfunc.make_function(module, name, "inlined", NOWHERE, result.env, (state.library,))
         state["cr"] = result._replace(cfunc=key)
@@ -199,31 +200,31 @@ class _OutOfLine(Lower):
     """Lowers a function that is called, and never copied into its callers."""
 
     def setup_function(self, fndesc: Any) -> None:
-        """As numba's, and say so to LLVM."""
+        """As numba's, with an attribute that tells LLVM."""
         super().setup_function(fndesc)
         self.function.attributes.add("noinline")
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class CalledLowering(NativeLowering):
-    """Lowers a kernel that Python calls: what other kernels need of it now and then is no part of their loops."""
+    """Lowers a kernel that Python calls, so that kernels that seldom call it do not contain it."""
 
     _name = "flexlab_called_lowering"
 
     @property
     def lowering_class(self) -> type[Lower]:
-        """What lowers."""
+        """The class that lowers."""
         return _OutOfLine
 
 
 class _Typing:
-    """What numba has found for calls of built-in functions, by function and argument types."""
+    """Numba's results for calls of built-in functions, by function and argument types."""
 
     def __init__(self, find: Callable[..., Any]):
         self._find, self._known, self._flags = find, {}, {}
 
     def __call__(self, function: Any, context: Any, arguments: Any, keywords: Any) -> Any:
-        """As `BaseFunction.get_call_type`, which lowering asks once more for each sum of two numbers."""
+        """As `BaseFunction.get_call_type`, which lowering calls again for each sum of two numbers."""
         flags = ConfigStack.top_or_none()
         _, summary = self._flags.setdefault(id(flags), (flags, flags.summary() if flags else ""))
         if keywords:
@@ -235,7 +236,7 @@ class _Typing:
 
 
 def _equal_flags(flags: TargetConfig, other: Any) -> bool:
-    """`TargetConfig.__eq__` that looks at what is set before it looks at everything."""
+    """`TargetConfig.__eq__` that compares what is set before it compares everything."""
     if flags is other:
         return True
     if type(flags) is type(other) and flags._values == other._values:
@@ -248,7 +249,7 @@ _NO_VARIABLES = frozenset({str, int, float, bool, type(None), ir.Loc, ir.Scope, 
 
 
 def _variables_in(self: Any, value: Any) -> list[Any]:
-    """`Inst._rec_list_vars` without a look into what never holds variables."""
+    """`Inst._rec_list_vars` that skips what never holds variables."""
     kind = type(value)
     if kind in _NO_VARIABLES:
         return []
@@ -261,14 +262,14 @@ _numbas_variables_in = ir.Inst._rec_list_vars
 
 
 class _Quick:
-    """Whether numba's compiler is being hurried along; its own lock guards it."""
+    """Whether numba's compiler is accelerated; its own lock guards it."""
 
     on = False
 
 
 @contextmanager
 def quick_compiler() -> Iterator[None]:
-    """Hurry numba along while kernels are compiled: nothing is typed twice, no garbage is looked for."""
+    """Accelerate numba while kernels are compiled: nothing is typed twice, no garbage is collected."""
     if _Quick.on:
         yield
         return
@@ -290,7 +291,7 @@ def quick_compiler() -> Iterator[None]:
 
 
 class QuickCompiler(CompilerBase):
-    """Numba's compiler, hurried along."""
+    """Numba's compiler, accelerated."""
 
     lowering = NativeLowering
 
@@ -330,7 +331,7 @@ class DisjointCompiler(InlinedCompiler):
 
 
 class Inlined:
-    """A kernel that numba compiles into its callers. Called from Python, it is the Python function that it is written as."""
+    """A kernel that numba compiles into its callers. Called from Python, it is its plain Python function."""
 
     def __init__(self, dispatcher: Any):
         self._dispatcher, self._numba_type_ = dispatcher, dispatcher._numba_type_
@@ -339,6 +340,6 @@ class Inlined:
         self.__module__, self.__qualname__ = self.py_func.__module__, self.py_func.__qualname__
 
     def __call__(self, *arguments: Any) -> Any:
-        """Run the Python function, with numbers as machine code has them: what is out of reach is NaN, not a warning."""
+        """Run the Python function as machine code would: invalid operations give NaN, not a warning."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.py_func(*arguments)

@@ -1,7 +1,7 @@
-"""Building blocks of the scenario models: numbers with title, symbol, unit and range, stated once as field metadata.
+"""Building blocks of the scenario models: numbers with title, symbol, unit and range, stated once in the field's metadata.
 
-`quantity(...)` declares a field; `describe(model, name)` gives its `Quantity` back to whoever needs a label, a slider or
-an error sentence. `Part` is the base of every scenario model: frozen, unknown keys refused, ranges checked.
+`quantity(...)` declares a field; `describe(model, name)` returns its `Quantity` for labels, sliders and error sentences. `Part`
+is the base of every scenario model: frozen, with unknown keys refused and ranges checked.
 """
 
 import math
@@ -29,10 +29,10 @@ from flexlab.text import number_text
 
 @dataclass(frozen=True)
 class Quantity:
-    """What the screen and the error sentences say about one scenario field.
+    """Description of one scenario field for the screen and for error sentences.
 
     `low`, `high`: allowed range of every number in the field, in `unit`. `slider`: the part of that range that a slider
-    covers; `logarithmic`: whether equal ratios are equally far apart on it. `live`: whether a change acts at once on a
+    covers; `logarithmic`: whether it has a logarithmic scale. `live`: whether a change acts at once on a
     running lab ("continuous"), reshapes the beam ("projected") or starts the run anew ("restart").
     """
 
@@ -76,7 +76,7 @@ def describe(model: type[BaseModel], name: str) -> Quantity:
 
 
 def _number(value: Any) -> float:
-    if type(value) is float and math.isfinite(value):  # As nearly always, and a slider sends many.
+    if type(value) is float and math.isfinite(value):  # The common case; a slider sends many.
         return value
     try:
         number = math.nan if isinstance(value, bool) or not isinstance(value, numbers.Real) else float(value)
@@ -168,7 +168,7 @@ class Part(BaseModel):
     @field_validator("*", mode="after")
     @classmethod
     def _in_range(cls, value: Any, info: ValidationInfo) -> Any:
-        # A slider sends many changes: what holds no number needs no look at its range.
+        # A slider sends many changes: values without numbers need no check.
         if value is None or (type(value) is not float and isinstance(value, (str, Part))):
             return value
         about = describe(cls, info.field_name or "")
@@ -191,7 +191,7 @@ def parts_of(annotation: Any) -> list[type[Part]]:
 def own_numbers(model: type[BaseModel], base: type[BaseModel]) -> dict[str, int]:
     """Fields of `model` that hold numbers, without those of `base`, and how many numbers a kernel gets for each.
 
-    One number, or as many as its longest form lists: a field that may be one number or three counts three.
+    A field that may be one number or three counts three.
     """
     sizes = {}
     for name, about in model.model_fields.items():
@@ -202,7 +202,7 @@ def own_numbers(model: type[BaseModel], base: type[BaseModel]) -> dict[str, int]
 
 
 def _size(annotation: Any) -> int:
-    """How many numbers a field's type holds at most; 0: it holds none, or any number of them."""
+    """Most numbers that a field's type holds; 0: it holds none, or any number of them."""
     if annotation in (float, int):
         return 1
     forms, origin = get_args(annotation), get_origin(annotation)

@@ -1,4 +1,4 @@
-"""One idea, one file: laws and paths are found by looking into their folders, not listed anywhere."""
+"""Registries of laws and paths: each is one file, found by looking into its folder."""
 
 import hashlib
 import importlib
@@ -20,7 +20,7 @@ def modules_in(package: str) -> list[ModuleType]:
 
 def module_from_file(path: Path) -> ModuleType:
     """A Python file outside the package as a module. Raises what the file raises, and ImportError if it cannot be read."""
-    # A name that another process gives it as well: machine code kept from an earlier one asks for its module by name.
+    # Every process must use the same name: machine code cached by an earlier one looks for its module by name.
     name = f"flexlab_file_{path.stem}_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
@@ -53,19 +53,19 @@ K = TypeVar("K", bound=Kind)
 
 
 class Registry(Generic[K]):
-    """The laws, or the paths, by their kind: those of a package's folder, which are read when first asked for, and others."""
+    """Laws or paths by kind: those of a package's folder, read when first needed, and those that are added."""
 
     def __init__(self, sort: type[K], what: str, constant: str, package: str, lacks: Callable[[K], str] = lambda _: ""):
-        """`what`: a word for one; `constant`: under which name a file defines it; `lacks`: a sentence on what it misses."""
+        """`what`: a word for one; `constant`: the name under which a file defines it; `lacks`: a sentence on what it misses."""
         self.sort, self.what, self.constant = sort, what, constant
         self._package, self._lacks = package, lacks
         self._known: dict[str, K] = {}
         self._built_in = False
-        """Whether those of the package are in it: a person's own may come first."""
+        """Whether those of the package have been read: a person's own may come first."""
         self._listeners: list[Callable[[], None]] = []
 
     def all(self) -> dict[str, K]:
-        """All by kind, as menus show them."""
+        """All by kind, in the order of menus."""
         return dict(self._all())
 
     def __getitem__(self, kind: str) -> K:
@@ -73,12 +73,12 @@ class Registry(Generic[K]):
         return self._all()[kind]
 
     def add(self, one: K, instead: bool = False) -> None:
-        """Make one known, `instead` of another one of its kind. Raises ImportError if its name is taken or it lacks something."""
+        """Add one, `instead` of another of its kind. Raises ImportError if its name is taken or it lacks something."""
         self._enter(one, instead)
         self._tell()
 
     def add_file(self, file: Path) -> K:
-        """Make the one that a Python file defines known. Raises ImportError, and what the file raises."""
+        """Add the one that a Python file defines. Raises ImportError, and what the file raises."""
         one = getattr(module_from_file(file), self.constant, None)
         if not isinstance(one, self.sort):
             raise ImportError(f"{file} defines no {self.what}: it needs {self.constant} = {self.sort.__name__}(...).")
@@ -87,12 +87,12 @@ class Registry(Generic[K]):
         return one
 
     def forget(self, kind: str) -> None:
-        """Make an added one unknown again."""
+        """Remove an added one."""
         self._known = {name: one for name, one in self._known.items() if name != kind}
         self._tell()
 
     def on_new(self, listener: Callable[[], None]) -> None:
-        """Have `listener` called whenever one was added or forgotten."""
+        """Call `listener` whenever one has been added or removed."""
         self._listeners.append(listener)
 
     def _all(self) -> dict[str, K]:
@@ -109,7 +109,7 @@ class Registry(Generic[K]):
             raise ImportError(lacking)
         if not instead and one.kind in self._known and self._known[one.kind] != one:
             raise ImportError(f"Two {self.what}s are called {one.kind!r}: give one of them another kind.")
-        # A new table each time: other threads may be reading the present one.
+        # A new dictionary each time, as other threads may be reading the present one.
         known = {**self._known, one.kind: one}
         self._known = dict(sorted(known.items(), key=lambda item: (item[1].place, item[0])))
 

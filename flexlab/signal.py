@@ -1,4 +1,4 @@
-"""What is said once about a signal of a run: name, symbol, unit, shape, meaning, equation, age.
+"""The description of a signal of a run, stated once: name, symbol, unit, shape, meaning, equation, age.
 
 `flexlab.sim.signals` is the table of all runs' signals; a control law adds those of its own memory. Row layout, arrays,
 documentation, export columns and recordings follow from these rows.
@@ -16,7 +16,7 @@ class Axis(NamedTuple):
     size: str
     """Its length in words: a number, "arms" or "n_q"."""
     labels: tuple[str, ...]
-    """What each entry is called in column names; of a beam's coordinates the two kinds that take turns."""
+    """Names of the entries in column names; for a beam's coordinates, the two kinds that alternate."""
 
 
 AXIS = Axis("3", ("x", "y", "theta"))
@@ -30,7 +30,7 @@ COORDINATE = Axis("n_q", ("deflection", "slope"))
 
 
 def numbered(count: int) -> Axis:
-    """An axis of `count` entries that have numbers for names."""
+    """An axis of `count` entries named by numbers."""
     return Axis(str(count), tuple(map(str, range(count))))
 
 
@@ -41,25 +41,25 @@ class Signal:
     name: str
     """Attribute of `Samples`, and name in recordings and tables."""
     symbol: str
-    """As in `flexlab.notation`, where it stands there."""
+    """As in `flexlab.notation`, if it is there."""
     units: tuple[str, ...]
     """SI: one for all entries, or one for each label of the last axis."""
     meaning: str
-    """What it is, in words."""
+    """Meaning in words."""
     axes: tuple[Axis, ...] = ()
-    """Beside time."""
+    """Axes besides time."""
     equation: str = ""
-    """Where it comes from."""
+    """Its equation, or where the paper introduces it."""
     since: int = 1
     """Format of recordings since which the name has this meaning."""
     computed_since: int = 1
-    """Format of recordings since which it is computed as today: earlier ones mean the same, with other last digits."""
+    """Format of recordings since which it is computed as today; earlier ones differ in the last digits."""
     derived: bool = False
     """Whether it follows from other signals, and so is neither simulated nor recorded."""
 
     @property
     def fixed_size(self) -> int:
-        """Numbers per sample and arm, coordinates of the beam aside."""
+        """Numbers per sample and arm; the axis of beam coordinates does not count."""
         return prod(len(axis.labels) for axis in self.axes if axis not in (ARM, COORDINATE))
 
     def shape(self, arm_count: int, coordinate_count: int) -> tuple[int, ...]:

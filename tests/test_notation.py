@@ -1,6 +1,7 @@
 """The symbol table is complete and free of contradictions."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,27 @@ def test_every_code_name_stands_in_the_code(root: Path):
     for row in SYMBOLS:
         assert row.code == NOT_FORMED or row.code.split("[")[0] in names, f"{row.symbol} is called {row.code} nowhere"
     assert [row.symbol for row in SYMBOLS if row.code == NOT_FORMED] == ["p", "φ_i", "J_i", "Ψ"]
+
+
+def equations_cited(root: Path) -> set[str]:
+    """Numbers that docstrings of physics and control cite as `Eq. (25)` or in a list, `Eqs. (23), (24) and (25)`."""
+    cited = set()
+    for file in (file for room in ("physics", "control") for file in (root / "flexlab" / room).rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if (
+                isinstance(node, ast.Expr)
+                and isinstance(node.value, ast.Constant)
+                and isinstance(node.value.value, str)
+            ):
+                for found in re.findall(r"Eqs?\.\s((?:\(\d+\)(?:,\s|\sand\s)?)+)", node.value.value):
+                    cited |= set(re.findall(r"\(\d+\)", found))
+    return cited
+
+
+def test_the_docstrings_cite_every_equation_of_the_table(root: Path):
+    # The beam's own equation, (18), introduces no symbol.
+    numbers = {row.equation for row in SYMBOLS if row.equation.startswith("(")} | {"(18)"}
+    assert sorted(numbers - equations_cited(root)) == []
 
 
 def test_lookup_by_code_and_word():

@@ -1,4 +1,4 @@
-"""What the laws' stability needs, where it can be computed: sentences that a scenario meets or not."""
+"""Conditions of the laws' stability that can be computed, as sentences with the numbers of a scenario."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -8,7 +8,7 @@ import numpy as np
 from flexlab.text import number_text
 
 SEPARATION = 3.0
-"""How many times slower than the beam's first mode an observer must be, so that it follows the beam's ring by a tenth only."""
+"""Factor by which an observer must be slower than the beam's first mode, so that it follows a tenth of its vibration."""
 
 
 class Condition(NamedTuple):
@@ -20,7 +20,7 @@ class Condition(NamedTuple):
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What a law's conditions can be judged by: the desired motion, on which the beam follows its load."""
+    """The quantities of a law's conditions on the desired motion, with the beam in quasi-static bending."""
 
     scenario: Any
     instants: np.ndarray
@@ -28,7 +28,7 @@ class Circumstances:
     path: np.recarray
     """`LAW_INPUT` records on the desired motion, arm terms and believed payload included, (N,)."""
     reaction: np.ndarray
-    """Ψ: what the payload asks of the pose beyond what the law believes, N, N, N·m, (N, 3)."""
+    """Ψ: force on the pose beyond the law's model of the payload, N, N, N·m, (N, 3)."""
     omega: np.ndarray
     """Modes of the beam with its grips held, rad/s, (n_m,)."""
     damping: np.ndarray
@@ -36,9 +36,9 @@ class Circumstances:
     loads: np.ndarray
     """h and g of the modes, kg^½ and kg^½·m, (2, n_m)."""
     fastest_rate: float
-    """Of the loop that the law closes, 1/s, as the step control sees it."""
+    """Fastest rate of the closed loop, as in step control, 1/s."""
     slow_rate: float
-    """The same for a rigid payload, without what the law does to the beam."""
+    """The same with a rigid payload, 1/s."""
 
     @property
     def largest_reaction(self) -> float:
@@ -65,7 +65,7 @@ class Circumstances:
 
 
 def n(value: float) -> str:
-    """A number in a sentence."""
+    """A number for a sentence, with three digits."""
     return number_text(value, 3)
 
 
@@ -92,7 +92,7 @@ def slower_than_the_beam(around: Circumstances) -> Condition:
 
 
 def sampled_in_time(around: Circumstances) -> tuple[Condition, ...]:
-    """Whether held torques act in time (Levin and May 1976): λ T_c ≤ 2 sin(π/(2 (2d + 1))); nothing of a continuous law."""
+    """Whether held torques act in time (Levin and May 1976): λ T_c ≤ 2 sin(π/(2 (2d + 1))); none for a continuous law."""
     law = around.scenario.controller
     if law.control_period is None:
         return ()
@@ -107,10 +107,10 @@ def sampled_in_time(around: Circumstances) -> tuple[Condition, ...]:
 
 
 def fed_modes(around: Circumstances, gains: tuple[float, float]) -> tuple[Condition, ...]:
-    """Whether rate feedback with gains k_v, k_θ of hᵀq̇, gᵀq̇ feeds a mode, because held torques come late.
+    """Whether rate feedback with gains k_v, k_θ of hᵀq̇, gᵀq̇ drives a mode, because held torques act late.
 
     A torque held over T_c after d samples reaches a mode ω with sinc(ωT_c/2) cos(ω (d + ½) T_c) of its strength: negative, with
-    one sample of delay, from 1/(6 T_c) to 1/(2 T_c). Nothing of a continuous law.
+    one sample of delay, from 1/(6 T_c) to 1/(2 T_c). None for a continuous law.
     """
     law = around.scenario.controller
     if law.control_period is None:

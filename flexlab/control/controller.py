@@ -1,4 +1,4 @@
-"""What all control laws share: how they meet the arms: sampling, limits, noise, and what they believe of the payload."""
+"""What all control laws share: sampling, limits, noise, and the believed payload."""
 
 from typing import TYPE_CHECKING, Any, Literal
 

@@ -1,4 +1,4 @@
-"""Control laws: what one is, and which ones there are. How the engine calls them: `control.law_kernels`.
+"""Control laws: their definition and registry. `control.law_kernels` is how the engine calls them.
 
 A law is a file in `control/laws` (or any file, see `add_law_file`) that defines `LAW = Law(...)`: its gains as a scenario
 model, its kernel, its memory and its fastest rate. Menus, sliders, recordings and step control follow from that.
@@ -31,22 +31,22 @@ from flexlab.signal import Signal
 
 @dataclass(frozen=True)
 class Memory:
-    """A part of a law's memory. A law that takes over from another goes on with the parts that both have by name."""
+    """A part of a law's memory, the controller's state. A law that takes over keeps the parts that both laws have by name."""
 
     name: str
     size: int | Callable[[int], int] = 3
     """Length, or length as a function of the number of arms."""
 
     def length(self, arm_count: int) -> int:
-        """Numbers in it."""
+        """Number of values in it."""
         return self.size if isinstance(self.size, int) else self.size(arm_count)
 
 
 class Start(NamedTuple):
-    """What a law may know when it begins."""
+    """What a law knows when it begins."""
 
     now: Any
-    """`LAW_INPUT` record of the present instant: motion, arm terms, believed payload, and the inputs in force as u."""
+    """`LAW_INPUT` record of the present instant: motion, arm terms, believed payload, and as u the inputs in force."""
     gains: Any
     """Record of the gains."""
     wait: float = 0.0
@@ -54,34 +54,34 @@ class Start(NamedTuple):
 
 
 BOUND_ESTIMATES = Memory("bound_estimates")
-"""b̂ of Eq. (23). Laws that learn nothing keep it as it is, so that a law that goes on with it finds it again."""
+"""b̂ of Eq. (23). Laws that learn nothing keep it unchanged for a later law that does."""
 
 
 USUAL_GAUGES = tuple(float(place) for place in gauge_places(1.0)[0])
 
 
 def no_slope(_: Any) -> np.ndarray:
-    """Λ = 0: of laws without a sliding surface."""
+    """Λ = 0, for laws without a sliding surface."""
     return np.zeros(3)
 
 
 def no_limits(_: Any) -> dict[str, dict[str, float]]:
-    """Of laws without levels to be shown."""
+    """No levels."""
     return {}
 
 
 def no_conditions(_: Circumstances) -> tuple[Condition, ...]:
-    """Of laws whose own conditions cannot be computed."""
+    """No conditions that can be computed."""
     return ()
 
 
 def nothing_derived(_: Any) -> dict[str, np.ndarray]:
-    """Of laws that need no constants besides their gains."""
+    """No constants besides the gains."""
     return {}
 
 
 def usual_gauges(_: Any) -> tuple[float, ...]:
-    """s/L of the gauges where a law says nothing else: those of `physics.sensors`."""
+    """s/L of the gauges of `physics.sensors`, the default."""
     return USUAL_GAUGES
 
 
@@ -96,9 +96,9 @@ class Law:
     signals: tuple[Signal, ...] = ()
     """Signals of its own, which the kernel writes."""
     limits: Callable[[Any], dict[str, dict[str, float]]] = no_limits
-    """Levels that mean something in plots, from the model's gains: signal → label with unit → value."""
+    """Levels to draw in plots, from the model's gains: signal → label with unit → value."""
     start: Callable[[Start], dict[str, np.ndarray]] | None = None
-    """Memory parts that do not start at zero, at the start of a run or where the law takes over in motion."""
+    """Memory parts that do not start at zero when a run starts or the law takes over in motion."""
     bumpless_transfer: Callable[[Start, Start, dict[str, np.ndarray]], dict[str, np.ndarray]] | None = None
     """Memory parts adjusted to a change of gains or of the believed payload in motion, so that the law's answer jumps by no more
     than the change itself: from what the law saw before, what it sees now, and the present memory."""
@@ -108,15 +108,15 @@ class Law:
     """Further fields of the gains record and their shapes, which `derive` computes from the scenario."""
     derive: Callable[[Any], dict[str, np.ndarray]] = nothing_derived
     untouched: tuple[str, ...] = ()
-    """Of a law with `derive` or `start`: the gains of which they make nothing."""
+    """Gains on which `derive` and `start` do not depend."""
     conditions: Callable[[Circumstances], tuple[Condition, ...]] = no_conditions
-    """What its stability needs where that can be computed, besides what holds for all laws (`analysis.law_conditions`)."""
+    """Conditions of its stability that can be computed, besides those of all laws (`analysis.law_conditions`)."""
     drives: bool = True
     """Whether the motors work at all."""
     for_settings: Callable[[Any], "Law"] | None = None
-    """Of a law whose memory or signals depend on its settings: the law that a controller's settings mean."""
+    """If memory or signals depend on the settings: the law for a controller's settings."""
     gauges: Callable[[Any], Sequence[float]] = usual_gauges
-    """Where the strain gauges are that the sampled law reads, s/L, from the model's settings; `MOST_GAUGES` at most."""
+    """Places of the strain gauges that the sampled law reads, s/L, from the model's settings; `MOST_GAUGES` at most."""
     place: int = 50
     """Rank in menus."""
 
@@ -138,15 +138,15 @@ class Law:
         return {"controller.kind": self.kind}
 
     def problem(self, settings: Any) -> str:
-        """What a law that is a person's own did wrong last, as a sentence; empty: nothing."""
+        """The last error of a person's own law, a sentence; empty: none."""
         return ""
 
     def is_ready(self, settings: Any) -> bool:
-        """Whether a world can take it on at once."""
+        """Whether a world can use it at once."""
         return True
 
     def gains(self, scenario: Any) -> np.ndarray:
-        """The gains of a scenario's law, flat, as the kernels take them."""
+        """The record of a scenario's gains, flat, as kernels take it."""
         record = np.zeros(1, self.gains_type)
         for name in own_numbers(self.model, Controller):
             record[name] = getattr(scenario.controller, name)
@@ -156,7 +156,7 @@ class Law:
 
     @cached_property
     def addresses(self) -> tuple[int, int]:
-        """Of kernel and fastest rate, compiled or loaded from the cache when first asked for."""
+        """Addresses of kernel and fastest rate, compiled or loaded when first used."""
         now = numba.from_dtype(LAW_INPUT)
         return (
             kernel_address(self.kernel, self.gains_type, now, VECTOR, VECTOR, VECTOR),
@@ -165,11 +165,11 @@ class Law:
 
     @property
     def is_loaded(self) -> bool:
-        """Whether `addresses` need not compile or load."""
+        """Whether `addresses` are compiled or loaded."""
         return "addresses" in vars(self)
 
     def memory_slices(self, arm_count: int) -> dict[str, slice]:
-        """Where the parts of the memory lie."""
+        """The place of each part of the memory, by name."""
         slices, at = {}, 0
         for part in self.memory:
             slices[part.name] = slice(at, at + part.length(arm_count))
@@ -177,12 +177,12 @@ class Law:
         return slices
 
     def memory_size(self, arm_count: int) -> int:
-        """Numbers in the memory."""
+        """Length of the memory."""
         return sum(part.length(arm_count) for part in self.memory)
 
     @property
     def signal_count(self) -> int:
-        """Numbers in the law's own signals."""
+        """Length of the law's own signals."""
         return sum(signal.fixed_size for signal in self.signals)
 
 
@@ -200,6 +200,6 @@ laws, add_law, add_law_file, forget_law, on_new_law = LAWS.all, LAWS.add, LAWS.a
 
 
 def law_of(controller: Controller) -> Law:
-    """The law of a scenario's controller, as its settings mean it."""
+    """The law for the settings of a scenario's controller."""
     law = LAWS[controller.kind]
     return law if law.for_settings is None else law.for_settings(controller)

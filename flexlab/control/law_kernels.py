@@ -1,9 +1,10 @@
 """How the engine calls the control law in force, and how laws share what drives the payload between the arms.
 
-With q̈ from the beam's own equation the pose feels (A11 - A12A22⁻¹A21)ẍ - A12A22⁻¹(K_F q + Dq̇) = u. The laws drive the first term,
-each arm its share of it (half in Eq. 25). The second is the force of the bent beam. Bent as the desired motion bends it at rest,
-K_F q = -A21 ẍ_d, it is A12A22⁻¹A21 ẍ_d at q = 0: most of the lateral force that the mass of a pinned beam needs, which feedback
-has to find unless it is fed forward. (The weight that bends the beam cancels: the grips carry all of it.)
+With q̈ from the beam's own equation, Eq. (18), the pose feels (A11 - A12A22⁻¹A21)ẍ - A12A22⁻¹(K_F q + Dq̇) = u (Eq. (19)). The
+laws drive the first term, each arm its share of it (half in Eq. (25)). The second is the force of the bent beam. Bent as the
+desired motion bends it at rest, K_F q = -A21 ẍ_d, it is A12A22⁻¹A21 ẍ_d at q = 0: most of the lateral force that the mass of a
+pinned beam needs, which feedback has to find unless it is fed forward. (The weight that bends the beam cancels: the grips carry
+all of it.)
 """
 
 from typing import NamedTuple
@@ -14,7 +15,7 @@ from flexlab.compiled import call_kernel, call_number_kernel, inlined
 
 
 class BelievedPayload(NamedTuple):
-    """The controller's payload; κ over all modes, whatever the plant keeps."""
+    """The payload that the controller believes in; κ over all modes, however few the plant keeps."""
 
     m: float
     """kg."""
@@ -23,12 +24,12 @@ class BelievedPayload(NamedTuple):
     kappa: np.ndarray
     """hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g, (3,)."""
     change: float
-    """Part of the change of its mass that the controller knows of, 1."""
+    """Share of the change of its mass that the controller knows, 1."""
 
 
 @inlined
 def share_payload(now, share, A):
-    """A = share · (A11 - A12 A22⁻¹ A21) at q = 0 (3, 3): the payload inertia one arm drives (Eq. 25)."""
+    """A = share · (A11 - A12 A22⁻¹ A21) at q = 0 (3, 3): the payload inertia one arm drives (Eq. (25))."""
     c, s = now.trig[0], now.trig[1]
     hh, hg, gg = now.kappa[0], now.kappa[1], now.kappa[2]
     A[0, 0], A[1, 1], A[2, 2] = now.m - s * s * hh, now.m - c * c * hh, now.I - gg
@@ -80,29 +81,29 @@ class Control(NamedTuple):
     """The law's record of gains, flat."""
     memory_size: int
     signal_count: int
-    """Numbers in the law's own signals."""
+    """Length of the law's own signals."""
     estimates: int
-    """Where b̂ stands in the memory, negative if nowhere."""
+    """Index of b̂ in the memory; negative: it has none."""
     sliding_slope: np.ndarray
     """Λ of the sliding variable that is shown, 1/s, (3,)."""
     payload: BelievedPayload
     share: np.ndarray
-    """What each arm carries of the common part, 1, (2,)."""
+    """Each arm's share of the common part, 1, (2,)."""
     internal_force: float
     """F_d, N: wanted squeeze of the payload between two arms."""
     torque_limit: np.ndarray
     """N·m per joint, infinite where there is none, (3,)."""
     limited: bool
     sampled: bool
-    """Zero-order hold: the inputs are computed by `sim.sampled_control` at the control instants only."""
+    """Whether `sim.sampled_control` computes the torques at control instants only, with zero-order hold."""
 
 
 @inlined
 def control_law(control, gravity, mass, x, v, beam_rate, desired, now, memory, memory_rate, signals):
     """Fill now.u (arms, 3), memory_rate and signals for the pose x, its rate v and hᵀq̇, gᵀq̇ in beam_rate (2,).
 
-    `mass`: of `believed_mass`. The wanted internal force joins in what the law gives. `now`: the `LAW_INPUT` record whose arm
-    terms are those of x and v.
+    `mass`: of `believed_mass`. The wanted internal force is added to the law's answer. `now`: the `LAW_INPUT` record with the arm
+    terms of x and v.
     """
     payload = control.payload
     factor, now.growth = mass
@@ -125,5 +126,5 @@ def control_law(control, gravity, mass, x, v, beam_rate, desired, now, memory, m
 
 @inlined
 def fastest_control_rate(control, now, memory, S, kappa):
-    """1/s, of the closed loop's part that the law shapes, at the instant of `now` (its x and v), memory (m,), S (3, 3)."""
+    """Fastest rate of the closed loop that the law states for `now`, its memory (m,) and S (3, 3), 1/s."""
     return call_number_kernel(control.fastest_rate, control.gains, (now, memory, S, kappa))

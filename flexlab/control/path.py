@@ -1,12 +1,12 @@
-"""Desired motions of the payload: what a path is, which ones there are, and the seam between them and the engine.
+"""Desired motions of the payload: the definition of a path, the registry, and how the engine takes one.
 
-A path is a file in `control/paths` (or any file, see `add_path_file`) that defines `PATH = Path(...)`: its numbers as a
-scenario model that also says what a screen and the checks before a run need, and its kernel
+A path is a file in `control/paths` (or any file, see `add_path_file`) that defines `PATH = Path(...)`: its numbers as a scenario
+model, with what a screen and the checks before a run need, and its kernel
 
     kernel(path, rows, t, desired)     fills x_d, ẋ_d, ẍ_d (3, 3) at time t ≥ 0, s
 
-with `path` a record of the model's numbers under their names, and `rows` what `Path.rows` makes of the model: a table of any
-length, (rows, columns), empty for most. What every path may have besides (ramp, shaper, …) is `control.motion`'s.
+with `path` a record of the model's numbers by name, and `rows` the table from `Path.rows`, (rows, columns), of any length and
+empty for most paths. `control.motion` adds ramp, shaper and transition.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -24,15 +24,15 @@ from flexlab.quantities import Number, Part, Triple, own_numbers, quantity
 from flexlab.registry import Registry
 
 OUTLINE_POINTS = 1001
-"""Instants at which a path that does not say its extent is looked at."""
+"""Number of instants at which the extent of a path without a formula for it is computed."""
 MOST_INSTANTS = 20_000
 """Most instants at which a path's reach is checked; motions of incommensurable frequencies never repeat."""
 TRANSITION_TIME = 0.5
-"""s, over which the target goes from where it was to a path that was changed in motion: about a stroke of an arm."""
+"""Duration of the transition from the old target to a path that was changed in motion, s: about a stroke of an arm."""
 
 
 class Transition(Part):
-    """What was left over when the path was changed in motion: it fades, so that the target does not jump."""
+    """The difference from the old path when it was changed in motion; it fades, so that the target does not jump."""
 
     time: Number = quantity(title="When", unit="s", low=0, high=1e9)
     duration: Number = quantity(TRANSITION_TIME, title="Fades within", unit="s", low=1e-3, high=100)
@@ -42,7 +42,7 @@ class Transition(Part):
 
 
 class Trajectory(Part):
-    """What every path has and says of itself, besides its own numbers."""
+    """What every path has and states, besides its own numbers."""
 
     if TYPE_CHECKING:
         kind: Any  # Each path's own name, a Literal.
@@ -69,7 +69,7 @@ class Trajectory(Part):
 
     @property
     def span(self) -> float:
-        """Time after which the path repeats (or its parts have met often enough), or at which it ends, s; 0: it rests."""
+        """Time after which the path repeats (or, if it never does, its parts have met often) or ends, s; 0: it rests."""
         raise NotImplementedError
 
     @property
@@ -105,7 +105,7 @@ class Trajectory(Part):
 
     @property
     def fastest_period(self) -> float:
-        """Time over which poses repeat or differ most, s: some of it stand for all where the step is chosen."""
+        """Time over which poses repeat or differ most, s: poses in it represent the path for the choice of the step."""
         return self.slowest_period
 
     @property
@@ -131,18 +131,18 @@ class Trajectory(Part):
         return _outline(self)[2]
 
     def place_text(self, time: float) -> str:
-        """How a sentence names the pose at `time`, s."""
+        """The name of the pose at `time`, s, in a sentence."""
         return "the desired pose"
 
     def keeping(self, changed: "Trajectory", changes: Mapping[str, Any], time: float) -> "Trajectory":
-        """The path of the same kind that replaces this one at `time`, s, adjusted so that it begins close to the target.
+        """`changed`, a path of the same kind that replaces this one at `time`, s, adjusted to begin close to the target.
 
-        changes: the fields of the path that a person set, by name.
+        changes: the fields that a person set, by name.
         """
         return changed
 
     def taken_up(self, old: "Trajectory", given: Collection[str], time: float) -> "Trajectory":
-        """This path as it replaces `old`, one of another kind, at `time`, s; fields in `given` are a person's and stay."""
+        """This path, adjusted to replace `old`, one of another kind, at `time`, s; fields in `given`, set by a person, stay."""
         if "center" in type(self).model_fields and "center" not in given:
             return self.model_copy(update={"center": old.middle})
         return self
@@ -180,12 +180,12 @@ class Path:
 
     @cached_property
     def address(self) -> int:
-        """Of the kernel, compiled or loaded from the cache when first asked for."""
+        """Address of the kernel, compiled or loaded when first used."""
         return kernel_address(self.kernel, self.record, MATRIX, numba.float64, MATRIX)
 
     @property
     def is_loaded(self) -> bool:
-        """Whether `address` need not compile or load."""
+        """Whether `address` is compiled or loaded."""
         return "address" in vars(self)
 
 
@@ -200,7 +200,7 @@ paths, add_path, add_path_file, forget_path, on_new_path = (
 
 
 def build_motion(trajectory: Trajectory) -> DesiredMotion:
-    """The kernel and numbers of a path, without what every path may have besides."""
+    """The kernel and numbers of a path, without ramp, shaper and transition."""
     path = PATHS[trajectory.kind]
     # A copy: kernels are compiled for arrays that can be written to, and only for those.
     rows = NO_ROWS if path.rows is None else np.array(path.rows(trajectory), dtype=float, order="C")

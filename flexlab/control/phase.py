@@ -1,4 +1,4 @@
-"""What periodic paths share: one number or three, and phases that live changes of a frequency keep."""
+"""What periodic paths share: one number or three, and a phase that is kept when the frequency changes."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -8,11 +8,11 @@ import numpy as np
 from flexlab.control.path import Trajectory
 
 SLOWEST = 1e-9
-"""Hz: at or below it a path counts as at rest, as a round takes over thirty years; its period may not even be a number."""
+"""Hz: a path this slow counts as at rest, as a round takes over thirty years; its period might overflow."""
 
 
 def three(value: float | tuple[float, ...]) -> tuple[float, ...]:
-    """One number as the three that it stands for."""
+    """Three values; a single one is repeated."""
     return value if isinstance(value, tuple) else (value,) * 3
 
 
@@ -29,7 +29,7 @@ def kept_phase(phase: float, old: float, new: float, time: float) -> float:
 
 
 class RoundPath(Trajectory):
-    """A path that goes round its `center` again and again, at one frequency: its subclass declares these fields."""
+    """A closed path round its `center` at one frequency; subclasses declare these fields."""
 
     if TYPE_CHECKING:
         center: tuple[float, ...]
@@ -37,7 +37,7 @@ class RoundPath(Trajectory):
         phase: float
 
     points_per_round: ClassVar[int]
-    """So many that the path between two is under 1e-3 of its size from a chord."""
+    """Points per round at which the path deviates from a chord by less than 1e-3 of its size."""
 
     @property
     def span(self) -> float:

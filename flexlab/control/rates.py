@@ -1,4 +1,4 @@
-"""How fast a gain moves an inertia: what laws say their fastest rate with."""
+"""Eigenvalues of a gain on an inertia, with which laws state their fastest rate."""
 
 import numpy as np
 

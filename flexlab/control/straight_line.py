@@ -1,4 +1,4 @@
-"""A straight way from one pose to another, as paths that come to rest share it: its numbers, and how far along it one is."""
+"""A straight line from one pose to another, shared by paths from rest to rest."""
 
 from collections.abc import Collection
 from typing import Any
@@ -15,7 +15,7 @@ MILLI = 1e-3
 class StraightLine(Trajectory):
     """From one pose to another in `duration` s from `start` s on: before, the path stands at the one, afterwards at the other."""
 
-    # "from" is no name that Python lets one write here, but the right one in a scenario.
+    # Python has no attribute "from", but it is the right name in a scenario.
     __annotations__["from"] = Triple
     locals()["from"] = quantity(
         (0.0, 0.65, 0.0), title="From (x, y, θ)", symbol="x_0", unit=POSE_UNIT, low=-20, high=20
@@ -33,17 +33,17 @@ class StraightLine(Trajectory):
 
     @property
     def end(self) -> float:
-        """s."""
+        """When it ends, s."""
         return self.span
 
     @property
     def window(self) -> tuple[float, float]:
-        """s."""
+        """Its beginning and end, s."""
         return self.start, self.span
 
     @property
     def slowest_period(self) -> float:
-        """s."""
+        """Its duration, s."""
         return self.duration
 
     @property

@@ -83,12 +83,12 @@ def all_answered(answers, order, patience):
 class StandingThreads:
     """Does a kernel's parts at once: the first on the caller's thread, each other one on a thread of its own."""
 
-    def __init__(self, kernel: Any, parts: Sequence[tuple[Any, ...]], form: Hashable = None):
+    def __init__(self, kernel: Any, parts: Sequence[tuple[Any, ...]], variant: Hashable = None):
         """`kernel`: a `pluggable` one that returns a whole number; `parts`: its arguments, the same at every `run`.
 
-        `form`: as of `whole_address`.
+        `variant`: as of `whole_address`.
         """
-        address = whole_address(kernel, lambda: parts[0], form)
+        address = whole_address(kernel, lambda: parts[0], variant)
         self._orders, self._answers = np.zeros(1, np.int64), np.zeros(APART * (len(parts) - 1), np.int64)
         self._order, self._asleep, self._closing = 0, 0, False
         self._changed = threading.Condition()

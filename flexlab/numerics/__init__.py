@@ -1,1 +1,1 @@
-"""Numbers that are the same on every machine: by + - × ÷ √ alone, each rounded once, in an order that is written down."""
+"""Numerics with the same bits on every machine: only + - × ÷ √, each rounded once, in a fixed order."""

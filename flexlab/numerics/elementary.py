@@ -24,14 +24,14 @@ QUARTER = (1.5707963267341256, 6.077094383272197e-11, 6.12323399409214e-17, 1.64
 """π/2 in parts of 33, 21, 32 and 53 bits: multiplied by whole numbers of 20 bits, the first three are exact."""
 QUARTER_1, QUARTER_2, QUARTER_3, QUARTER_4 = QUARTER
 STRAIGHT_AHEAD = 0.785
-"""Angle, rad, a little below π/4, up to which nothing is to be taken away."""
+"""Angle, rad, a little below π/4, up to which no multiple of π/2 is subtracted."""
 NEAR = 2.0**20
-"""Angle, rad, up to which these parts are enough."""
+"""Angle, rad, up to which these parts suffice."""
 
 DIGIT, MASK = 26, 2**26 - 1
 """Bits of one digit of 2/π, so that products of two digits fit into a whole number."""
 LEADING = 2 * DIGIT
-"""Zeros before 2/π: a number above `NEAR` looks so far back."""
+"""Zeros before 2/π, as many as numbers above `NEAR` reach back."""
 _BITS = int(
     "a2f9836e4e441529fc2757d1f534ddc0db6295993c439041fe5163abdebbc561b7246e3a424dd2e006492eea09d1921cfe1deb1cb129a73ee88235"
     "f52ebb4484e99c7026b45f7e413991d639835339f49c845f8bbdf9283b1ff897ffde05980fef2f118b5a0a6d1f6d367ecf27cb09b74f463f669e5f"
@@ -39,18 +39,18 @@ _BITS = int(
     16,
 )
 DIGITS = np.array([_BITS >> DIGIT * (49 - k) & MASK for k in range(50)])
-"""2/π after `LEADING` zeros: enough of it for the largest number there is."""
+"""2/π after `LEADING` zeros, with enough digits for the largest number."""
 
 ANGLE_HALF, ANGLE_HALF_REST = 0.4636476090008061, 2.2698777452961687e-17
 ANGLE_ONE, ANGLE_ONE_REST = 0.7853981633974483, 3.061616997868383e-17
-"""atan ½ and atan 1, and what they are short of."""
+"""atan ½ and atan 1, and their rounding errors."""
 RIGHT, RIGHT_REST = 1.5707963267948966, 6.123233995736766e-17
 STRAIGHT, STRAIGHT_REST = 3.141592653589793, 1.2246467991473532e-16
 """π/2 and π."""
 SMALL, LARGE, RESCALE = 2.0**-900, 2.0**900, 2.0**600
-"""Between the first two, nothing in an angle's computation is too small or too large; the third brings numbers there."""
+"""Between the first two, nothing in `direction_angle` under- or overflows; the third scales numbers into that range."""
 SAME = 1e-8
-"""Ratio up to which it is its own angle."""
+"""Ratio up to which an angle equals its tangent."""
 
 LN2, LN2_REST = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 PER_LN2 = 1.4426950408889634
@@ -63,7 +63,7 @@ FRACTION, ONE = 2**52 - 1, 1023 << 52
 
 @inlined
 def sin_cos(x):
-    """sin x and cos x, x in rad; not numbers where x is infinite or none."""
+    """sin x and cos x, x in rad; NaN for an infinite or NaN x."""
     if abs(x) <= STRAIGHT_AHEAD:
         quadrant, r, rest = 0, x, 0.0
     elif abs(x) <= NEAR:
@@ -116,7 +116,7 @@ def reduced(x):
         return 0, np.nan, np.nan
     bits = int(np.float64(abs(x)).view(np.int64))
     mantissa, place = (bits & FRACTION) | (FRACTION + 1), (bits >> 52) - 1075 + LEADING - 2
-    # |x| · 2/π modulo 4, as six digits behind the point: what comes before is whole turns.
+    # |x| · 2/π modulo 4, as six digits behind the point: those before it are whole turns.
     upper, lower = mantissa >> DIGIT, mantissa & MASK
     carry = 0
     first = second = third = 0
@@ -156,7 +156,7 @@ def product_rest(a, b, product):
 
 @inlined
 def atan2(y, x):
-    """The angle of (x, y), rad, with the sign of y: from -π to π."""
+    """The angle of (x, y), rad, from -π to π, with the sign of y."""
     if SMALL < max(abs(x), abs(y)) < LARGE:
         return direction_angle(y, x)
     return _extreme_angle(y, x)
@@ -164,11 +164,11 @@ def atan2(y, x):
 
 @inlined
 def direction_angle(y, x):
-    """`atan2` of numbers that are neither too small nor too large, as sine and cosine."""
+    """`atan2` of numbers that are neither too small nor too large, such as sine and cosine."""
     across, along = abs(y), abs(x)
     steep, back = across > along, x < 0
     small, big = (along, across) if steep else (across, along)
-    # Angle = start + atan t, start + rest known exactly, t the smaller, the better rounding is forgotten.
+    # Angle = start + atan t with start + rest known exactly; a smaller t leaves a smaller rounding error.
     start, rest = 0.0, 0.0
     if small <= 0.4375 * big:
         t = small / big
@@ -204,7 +204,7 @@ def direction_angle(y, x):
 
 @compiled
 def _extreme_angle(y, x):
-    """`atan2` of numbers that are too small or too large, infinite or none."""
+    """`atan2` of numbers that are too small or too large, infinite or NaN."""
     if x != x or y != y:
         return np.nan
     if abs(x) == np.inf or abs(y) == np.inf:
@@ -230,7 +230,7 @@ def exp(x):
     c = 6.61375632143793436117e-05 + z * (-1.65339022054652515390e-06 + z * 4.13813679705723846039e-08)
     c = r - z * (1.66666666666666019037e-01 + z * (-2.77777777770155933842e-03 + z * c))
     value = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
-    # In two factors: 2¹⁰²⁴ is too large for one, and a result that is too small for all its digits is rounded once.
+    # In two factors: 2¹⁰²⁴ overflows, and a subnormal result is rounded only once.
     first = int(doublings) >> 1
     return value * _power_of_two(first) * _power_of_two(int(doublings) - first)
 
@@ -243,7 +243,7 @@ def _power_of_two(k):
 
 @inlined
 def log(x):
-    """ln x; minus infinity of 0, not a number below."""
+    """ln x; minus infinity at 0, NaN below."""
     if not 0 < x < np.inf:
         return -np.inf if x == 0 else (np.nan if x < 0 else x)
     exponent = 0
@@ -280,6 +280,6 @@ def exponentials(x: np.ndarray) -> np.ndarray:
 
 
 def each(function: Callable[[Any], float], values: ArrayLike) -> np.ndarray:
-    """A function of this module of every number of an array: for what is computed before a run."""
+    """A function of this module applied to every number of an array; for computations before a run."""
     numbers = np.asarray(values, dtype=float)
     return np.array([function(value) for value in numbers.ravel().tolist()]).reshape(numbers.shape)

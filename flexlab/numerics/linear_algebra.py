@@ -1,7 +1,7 @@
 """Matrices with the same bits on every machine: products, equations, singular values and eigenvalues in a fixed order.
 
-BLAS and LAPACK choose their kernels by the processor, and these round otherwise. What is computed before a run is small: up to
-260 rows. Sums run over the inner index from first to last, so that vector units work on neighbouring columns.
+BLAS and LAPACK choose their kernels by the processor, and these round differently. Matrices before a run are small, up to 260
+rows. Sums run over the inner index from first to last, and vector units work on neighbouring columns.
 """
 
 import numpy as np
@@ -13,19 +13,19 @@ from flexlab.numerics.elementary import exp, log
 SAME_DIRECTION = 2e-15
 """Cosine between two rows below which they count as orthogonal: a few times what rounding leaves of a sum of a hundred."""
 MOST_SWEEPS = 60
-"""Rounds of rotations: six to ten are usual."""
+"""Most rounds of rotations: six to ten are usual."""
 EPSILON = 2.0**-52
 MOST_ROUNDS = 90
-"""QR steps for one eigenvalue: two or three are usual."""
+"""Most QR steps for one eigenvalue: two or three are usual."""
 LN_2 = 0.6931471805599453
 SQUARINGS = 16
-"""Of a matrix whose largest eigenvalue is asked for: constants of its powers then count for 1e-4."""
+"""Squarings for the largest eigenvalue: constants of the powers then count for 1e-4."""
 STUCK = 10
-"""Rounds after which the shift is an odd one, once in so many."""
+"""Rounds after which an exceptional shift is used once."""
 
 
 class NoSolution(ValueError):
-    """Matrices for which there is no answer."""
+    """Raised for matrices without a solution."""
 
 
 @inlined
@@ -44,7 +44,7 @@ def solve_symmetric(S, b):
 
 
 def product(A: ArrayLike, B: ArrayLike) -> np.ndarray:
-    """A B of matrices (..., m, k) and (..., k, n), or of a vector in the place of either, as `A @ B`."""
+    """A B of matrices (..., m, k) and (..., k, n), or of a vector in place of either, as `A @ B`."""
     left, right = np.ascontiguousarray(A, dtype=float), np.ascontiguousarray(B, dtype=float)
     if left.ndim == 1:
         return product(left[None], right)[..., 0, :] if right.ndim > 1 else product(left[None], right)[0]
@@ -117,7 +117,7 @@ def eigenvalues(A: np.ndarray) -> np.ndarray:
 def eigenvector(A: np.ndarray, value: complex) -> np.ndarray:
     """The right eigenvector (n,), complex, of length 1, of A (n, n) for one of its `eigenvalues`: by inverse iteration."""
     n = len(A)
-    # A little beside the eigenvalue, where there is no equation without a solution.
+    # A little off the eigenvalue, so that the equations have a solution.
     near = value * (1 + 1e-10) if value != 0 else complex(1e-10 * np.abs(A).max(initial=1e-300))
     shifted, turn = A - near.real * np.eye(n), near.imag * np.eye(n)
     whole = np.block([[shifted, turn], [-turn, shifted]])
@@ -151,7 +151,7 @@ def spectral_radius(A: np.ndarray) -> float:
 
 
 def balanced(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """S⁻¹ A S (n, n) whose rows and columns are of one size, and S's diagonal (n,), powers of two: nothing is rounded."""
+    """S⁻¹ A S (n, n) with rows and columns of equal size, and S's diagonal (n,), powers of two, so that nothing is rounded."""
     A, scale = np.array(A, dtype=float, order="C"), np.ones(len(A))
     for _ in range(MOST_SWEEPS):
         done = True
@@ -172,7 +172,7 @@ def balanced(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @compiled
 def multiply(A, B, C):
-    """C = A B of stacks (s, m, k), (s, k, n) and (s, m, n). Four terms at a time are added to a sum, in their order."""
+    """C = A B of stacks (s, m, k), (s, k, n) and (s, m, n). Sums take four terms at a time, in their order."""
     inner, columns = B.shape[1], B.shape[2]
     for stack in range(len(C)):
         for i in range(C.shape[1]):
@@ -196,7 +196,7 @@ def multiply(A, B, C):
 
 @compiled
 def eliminate(A, X):
-    """Turn X (n, k) into A⁻¹X; A (n, n) is used up. Returns 0, or 1 where A is singular."""
+    """Turn X (n, k) into A⁻¹X; A (n, n) is overwritten. Returns 0, or 1 if A is singular."""
     n = len(A)
     for k in range(n):
         at = k
@@ -263,9 +263,9 @@ def orthogonalise(G, W):
 
 @compiled
 def francis(H, real, imaginary, scratch):
-    """Eigenvalues of H (n, n), which is used up: Householder's and Francis's steps, as EISPACK's `orthes` and `hqr`.
+    """Eigenvalues of H (n, n), which is overwritten: Householder's and Francis's steps, as EISPACK's `orthes` and `hqr`.
 
-    scratch (2, n). Returns 0, or 1 where they are not found.
+    scratch (2, n). Returns 0, or 1 if they are not found.
     """
     n, v, w = len(H), scratch[0], scratch[1]
     for m in range(1, n - 1):

@@ -8,19 +8,19 @@ import numpy as np
 from flexlab.numerics.linear_algebra import NoSolution, balanced, inverse, product, solve
 
 TAYLOR_NORM, TAYLOR_TERMS = 2.0, 22
-"""Norm up to which, and terms with which, Taylor series give exponential and φ functions to double precision."""
+"""Largest norm, and number of terms, for Taylor series of exponential and φ functions to double precision."""
 MOST_DOUBLINGS = 60
-"""Of a Riccati equation's horizon: eight to twenty are usual."""
+"""Most doublings of a Riccati equation's horizon: eight to twenty are usual."""
 NEWTON_STEPS = 2
-"""That follow: each squares the error that is left."""
+"""Newton steps that follow; each squares the remaining error."""
 CONVERGED = 1e-15
-"""Change of its solution in one doubling, over the solution, from which on nothing more comes."""
+"""Change of its solution in one doubling, over the solution, at which it has converged."""
 
 Functions = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def phi_functions(z: np.ndarray) -> list[Functions]:
-    """φ0 = exp, φ1, φ2, φ3 of square matrices z (..., k, k), then of z/2, z/4, … as far as they are found on the way.
+    """φ0 = exp, φ1, φ2, φ3 of square matrices z (..., k, k), then of z/2, z/4, … as found on the way.
 
     By Taylor series and doubling: φ_k(z) = Σ_j z^j/(j + k)!;  φ_k(2z) = 2^-k (φ0 φ_k + Σ_{j=1..k} φ_j/(k - j)!).
     """
@@ -70,7 +70,7 @@ def exponential(A: np.ndarray) -> np.ndarray:
         raise NoSolution("the matrix is not finite")
     halves = doublings_to(float(np.max(np.abs(even).sum(axis=-1), initial=0.0)), TAYLOR_NORM)
     z = even / 2.0**halves
-    # e^z - 1, which loses nothing of a slow part beside a fast one: (1 + E)² - 1 = 2 E + E².
+    # e^z - 1, which keeps the digits of slow parts beside fast ones: (1 + E)² - 1 = 2 E + E².
     E = np.zeros_like(z)
     for j in range(TAYLOR_TERMS, 0, -1):
         E = product(z / j, E + np.eye(len(z)))
@@ -82,11 +82,11 @@ def exponential(A: np.ndarray) -> np.ndarray:
 def discrete_riccati(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
     """The stabilising P (n, n) of P = AᵀPA - AᵀPB (R + BᵀPB)⁻¹BᵀPA + Q. Raises `NoSolution`.
 
-    By doubling the horizon (SDA: Chu, Fan, Lin, Wang, Int. J. Control 77(8), 2004, 767), which loses digits where weights are far
-    apart, and Newton's steps that bring them back. Shapes: A, Q (n, n), B (n, m), R (m, m).
+    By doubling the horizon (SDA: Chu, Fan, Lin, Wang, Int. J. Control 77(8), 2004, 767), which loses digits if weights are far
+    apart, and Newton steps that restore them. Shapes: A, Q (n, n), B (n, m), R (m, m).
     """
     G, H = product(product(B, inverse(R)), B.T), np.array(Q, dtype=float)
-    # States of one size, by powers of two.
+    # Scale the states to one size, by powers of two.
     scale = _state_scale(G, H)
     A, B, Q, G, H = (
         A / scale[:, None] * scale,
@@ -135,7 +135,7 @@ def _sum_of_powers(F: np.ndarray, X: np.ndarray) -> np.ndarray:
 
 
 def _state_scale(G: np.ndarray, H: np.ndarray) -> np.ndarray:
-    """Powers of two (n,) with which diagonal entries of G and H, each state's, are of one size."""
+    """Powers of two (n,) that bring the diagonal entries of G and H for each state to one size."""
     g, h = np.diag(G), np.diag(H)
     known = (g > 0) & (h > 0)
     exponents = np.where(known, (np.frexp(np.where(known, g, 1.0))[1] - np.frexp(np.where(known, h, 1.0))[1]) // 4, 0)

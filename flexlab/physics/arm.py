@@ -1,4 +1,4 @@
-"""One planar three-joint arm whose last link is rigidly aligned with the virtual link (Eqs. 11-13).
+"""One planar three-joint arm whose last link is rigidly aligned with the virtual link (Eqs. (11), (12), (13)).
 
 The arm's dynamics are written in the links' absolute angles α = (α1, α2, φ): the mass matrix is μ_ij cos(α_i - α_j), its
 Christoffel matrix μ_ij sin(α_i - α_j) α̇_j, and no joint angle is needed. As φ = θ (or θ + π), the pose fixes the

@@ -1,4 +1,7 @@
-"""The flexible payload: Hermite finite elements, boundaries, damping and modes (model of Eqs. 1-10).
+"""The flexible payload: Hermite finite elements, boundaries, damping and modes.
+
+The point of the beam at s stands at (x0, y0) + s e1 + w(s) e2 (Eq. (1)), e1 and e2 being the axes of the virtual link; its
+deflection is w = N q (Eq. (3)).
 
 Nodal coordinates q are (deflection, slope) per node, left to right, in the frame of the virtual link; those that the
 boundary holds at zero are left out.
@@ -38,7 +41,7 @@ COUPLING_TOLERANCE = 1e-9
 
 
 class BeamMatrices(NamedTuple):
-    """Finite-element integrals of a payload; n_q nodal coordinates."""
+    """Finite-element integrals of a payload, of which Eqs. (9) and (10) are made; n_q nodal coordinates."""
 
     m: float
     """ρL, kg."""
@@ -79,7 +82,7 @@ class BeamModes(NamedTuple):
 
 
 def shape_functions(xi: float | np.ndarray, length: float) -> np.ndarray:
-    """Cubic Hermite functions on an element of `length` at local coordinates xi in [0, 1] (Eq. 4), (4,) or (4, N)."""
+    """Cubic Hermite functions on an element of `length` at local coordinates xi in [0, 1] (Eq. (4)), (4,) or (4, N)."""
     return np.array(
         [
             1 - xi * xi * (3 - 2 * xi),
@@ -124,7 +127,7 @@ def shape_row(s: float, length: float, element_count: int, boundary: str, deriva
 
 
 def beam_matrices(length: float, rho: float, EI: float, element_count: int, boundary: str) -> BeamMatrices:
-    """Assemble the finite-element integrals (Eqs. 5, 6) for n equal elements, exactly, by Gauss quadrature."""
+    """Assemble the finite-element integrals (Eqs. (5), (6)) for n equal elements, exactly, by Gauss quadrature."""
     unit, l = _unit_integrals(element_count, boundary), length / element_count  # noqa: E741
     mass, stiffness = rho * l, EI / (l * l * l)
     lengths = np.where(free_coordinates(element_count, boundary) % 2 == 1, l, 1.0)  # A slope is one per element length.

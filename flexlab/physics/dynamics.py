@@ -1,4 +1,4 @@
-"""The equations of motion of arms and payload, as kernels over a `plant.Plant` and its state y (Eqs. 8-16).
+"""The equations of motion of arms and payload, as kernels over a `plant.Plant` and its state y (Eqs. (8) to (16)).
 
 The module docstring of `physics.plant` defines the state and the equations.
 """
@@ -82,7 +82,7 @@ def place_arms(grips, plant, y, ws):
 
 @inlined
 def rigid_inertia(plant, factor, terms, arm_count, c, s, w_bar, eta_norm2, S):
-    """S = ΣM̄_i + A11 - A12 A21 (3, 3), the inertia that the pose feels with the beam's momenta held.
+    """S = ΣM̄_i + A11 - A12 A21 (3, 3) (Eq. (19)), the inertia that the pose feels with the beam's momenta held.
 
     `factor`: the payload's mass over its mass at the start, 1; `arm_count`: number of arms that move with it.
     """
@@ -340,7 +340,7 @@ def pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, p
 
 @inlined
 def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
-    """ẍ (3,) from Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`.
+    """ẍ (3,) by Eq. (19): Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`.
 
     `beam_rate` (n_m,): the η̇ on which damping acts. Fills ws.restoring, with which η̈ = -restoring - A21 ẍ, and ws.hand for a hand
     on a link. Returns the force of one at the beam along e1, N.

@@ -13,7 +13,7 @@ the opposite force and the moment s_i (cos δ3 f2 - sin δ3 f1) + f3 against it:
     d/dt d_i = ẋ_i - ẋ,        M̄_i(x_i) ẍ_i + C̄_i ẋ_i + Ḡ_i = u_i - φ_i,
 
 so that in `physics.dynamics` the forces of the grips replace M̄_i, C̄_i, Ḡ_i and u_i in the payload's equations. The load of a
-grip on the payload is J_iᵀf_i of Eq. 13, and its part beyond an equal share the internal force, as before; for k → ∞ both are
+grip on the payload is J_iᵀf_i of Eq. (13), and its part beyond an equal share the internal force, as before; for k → ∞ both are
 the paper's. With pinned ends f3 turns the virtual link and bends no beam, as the paper's grips do.
 
 With rigid grips `Plant.grips` is None, and the loop is compiled without all this.

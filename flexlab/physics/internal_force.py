@@ -1,4 +1,7 @@
-"""The internal force, with which the arms press on the payload beyond moving it, by two routes (Eqs. 13-15 and Eq. 26)."""
+"""The internal force, with which the arms press on the payload beyond moving it, by two routes: Eqs. (13) to (15), and Eq. (26).
+
+All arms together move the payload with f = Σ J_iᵀf_i (Eq. (7)).
+"""
 
 import numpy as np
 
@@ -8,9 +11,9 @@ from flexlab.physics.beam import BeamMatrices
 
 @disjoint
 def grip_force(terms, i, u, hand, x_ddot, v, force):
-    """force (3,) = J_iᵀf_i = u_i - M̄_iẍ - C̄_iẋ - Ḡ_i of arm i (Eq. 13).
+    """force (3,) = J_iᵀf_i = u_i - M̄_iẍ - C̄_iẋ - Ḡ_i of arm i (Eq. (13)).
 
-    The internal force is its part beyond an equal share of the sum over all arms (Eqs. 14, 15). `hand` (arms, 3): what a hand
+    The internal force is its part beyond an equal share of the sum over all arms (Eqs. (14), (15)). `hand` (arms, 3): what a hand
     on an arm's link adds to u.
     """
     for a in range(3):
@@ -43,7 +46,7 @@ def internal_force_by_eq_26(
     q_dot: np.ndarray,
     gravity: float = 0.0,
 ) -> np.ndarray:
-    """F_i of two arms by Eq. (26) in nodal coordinates, with the sign of Eqs. (13)-(15), (2, 3).
+    """F_i of two arms by Eq. (26) in nodal coordinates, with the sign of Eqs. (13) to (15), (2, 3).
 
     D: nodal damping matrix (n_q, n_q); M_bar, C_bar (2, 3, 3), G_bar, u (2, 3). The printed equation leaves out damping
     and weight, which here join K_F q and Ḡ, and has the opposite sign.
@@ -77,7 +80,10 @@ def payload_matrices(
     q_dot: np.ndarray,
     gravity: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, the Christoffel matrix B and the weight of the payload (Eq. 8) in p = (x0, y0, θ, q): (N, N), (N, N), (N,)."""
+    """A, the Christoffel matrix B and the weight of the payload (Eqs. (8) to (10)) in p = (x0, y0, θ, q).
+
+    Shapes (N, N), (N, N), (N,) with N = 3 + n_q.
+    """
     c, s, omega = np.cos(pose[2]), np.sin(pose[2]), pose_rate[2]
     e1, e2 = np.array([c, s]), np.array([-s, c])
     w_bar, w_bar_rate, Mq = beam.h @ q, beam.h @ q_dot, beam.M_q @ q

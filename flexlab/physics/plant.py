@@ -1,4 +1,4 @@
-"""Arms and flexible payload together, in modal coordinates and Hamiltonian form (Eqs. 8-16).
+"""Arms and flexible payload together, in modal coordinates and Hamiltonian form (Eqs. (8) to (16)).
 
 State `y` of n_m modes, in this order: pose x (3), its momentum P = ∂T/∂ẋ (3), work done on the system, energy dissipated, work
 of the axial load, modal coordinates η (n_m), their momenta π = ∂T/∂η̇ (n_m), the algorithmic accelerations of generalized-alpha
@@ -10,8 +10,8 @@ signals as it last gave them (any number). With e1, e2 the axes of the virtual l
     π̇ = -Ω²η - Dη̇ + ω²η - K_G η - h (ω v1 + gravity cos θ)      (K_G: `axial_load`, none of the paper's beam)
     Ṗ = Σ(u_i - Ḡ_i + C̄_iᵀẋ) + ∂(T - U)/∂x of the payload      (as Ṁ_i = C̄_i + C̄_iᵀ)
 
-The elastic potential depends on η alone, so the stiff part of the beam is linear in (η, π) and can be propagated exactly.
-h, g, D stand for their modal forms Vᵀh, Vᵀg, VᵀDV; A22 = 1.
+Ṗ is Eq. (9) and π̇ Eq. (18) in momenta. The elastic potential depends on η alone, so the stiff part of the beam is linear in
+(η, π) and can be propagated exactly. h, g, D stand for their modal forms Vᵀh, Vᵀg, VᵀDV; A22 = 1.
 """
 
 from typing import NamedTuple

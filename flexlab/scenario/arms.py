@@ -1,4 +1,4 @@
-"""The arms that carry the beam, and what both have alike where it is more than ideal: their joints and their grips."""
+"""The arms that carry the beam, and the joints and grips of both."""
 
 from typing import Literal
 
@@ -71,7 +71,7 @@ class JointFriction(Part):
     smoothing_speed: Number = quantity(
         0.01, title="Speed within which friction turns over", symbol="v_0", unit="rad/s", low=1e-6, high=1
     )
-    """A joint that sticks creeps by a part of it; the smaller it is, the shorter are the steps."""
+    """A sticking joint creeps at a fraction of it; a smaller value needs shorter steps."""
 
     @property
     def active(self) -> bool:
@@ -80,7 +80,7 @@ class JointFriction(Part):
 
 
 class JointEncoders(Part):
-    """What a sampled controller measures the pose with: joint angles in whole counts (`physics.sensors`)."""
+    """Encoders with which a sampled controller measures the pose: joint angles in whole counts (`physics.sensors`)."""
 
     counts: Triple = quantity(
         (0.0, 0.0, 0.0),
@@ -91,16 +91,16 @@ class JointEncoders(Part):
         high=1e9,
         slider=(0, 1e6),
     )
-    """An encoder on the motor's side of a gear counts as often as the gear's ratio says."""
+    """For an encoder on the motor's side of a gear, multiply by the gear's ratio."""
 
     @property
     def active(self) -> bool:
-        """Whether any joint counts."""
+        """Whether any joint has an encoder."""
         return any(self.counts)
 
 
 class JointMotor(Part):
-    """What a motor gives of the torque that it is asked for: late, and the less, the faster it turns (`physics.joints`)."""
+    """How a motor gives the torque that it is asked for: with a lag, and less at higher speed (`physics.joints`)."""
 
     time_constant: Number = quantity(
         0.0, title="Time constant of the motors (0: none)", symbol="T_m", unit="s", low=0, high=1, slider=(0, 0.02)
@@ -116,12 +116,12 @@ class JointMotor(Part):
 
     @property
     def active(self) -> bool:
-        """Whether motors give another torque than they are asked for."""
+        """Whether motors may give another torque than they are asked for."""
         return self.time_constant > 0 or any(self.stall_torque)
 
 
 class Joints(Part):
-    """What stands between motors and links, and what measures them; both arms' joints are alike, base first."""
+    """Friction, motors and encoders of the joints, the same for both arms, base first."""
 
     friction: JointFriction = JointFriction()
     motor: JointMotor = JointMotor()
@@ -159,9 +159,9 @@ class Grips(Part):
         high=1e6,
     )
     measured_at: MeasuredAt = quantity("arms", title="Where the controller measures the pose")
-    """By the arms' joint angles, the mean of both, as if grips were rigid; or at the payload itself. Encoders: the former."""
+    """By the arms' joint angles, the mean of both, as if grips were rigid; or at the payload. Encoders measure the former."""
 
     @property
     def active(self) -> bool:
-        """Whether the grips give way."""
+        """Whether the grips are compliant."""
         return self.model == "compliant"

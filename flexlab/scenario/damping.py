@@ -1,6 +1,6 @@
-"""Kinds of damping of the beam, each once: its number as a scenario field, and its matrix over the modes.
+"""Kinds of damping of the beam: the number of each as a scenario field, and its matrix over the modes.
 
-A further kind is one more class here: the scenario, the menu and the beam's model take it from `DampingKind`.
+A new kind is one more class here: the scenario, the menu and the beam's model find it by `DampingKind`.
 """
 
 from functools import reduce
@@ -15,7 +15,7 @@ from flexlab.quantities import Number, Part, quantity
 
 
 class DampingKind(Part):
-    """What a kind of damping is."""
+    """Base of all kinds of damping."""
 
     def modal(self, omega: np.ndarray, V: np.ndarray) -> np.ndarray:
         """VᵀDV (n_m, n_m), 1/s, for modes of frequencies omega (n_m,), rad/s, and mass-normalised shapes V (n_q, n_m)."""

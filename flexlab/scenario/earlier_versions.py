@@ -1,8 +1,8 @@
-"""Scenarios of earlier versions, read as they were meant: old files, and scenarios in old recordings.
+"""Scenarios of earlier versions, in files and recordings, with their former meaning.
 
-Until 0.1 `controller.model.bending_stiffness_factor` existed, which no law ever asked for, and `sensor_noise.strain` was a
-number in 1/s that reached hᵀq̇ and gᵀq̇ as σ m and σ m L, which no strain does. Everything that such a version wrote names
-the first field, and by that it is known.
+Until 0.1 there was `controller.model.bending_stiffness_factor`, which no law ever used, and `sensor_noise.strain` was a number in
+1/s that entered hᵀq̇ and gᵀq̇ as σ m and σ m L, unlike any strain. Everything written by such a version names the first field, by
+which it is recognised.
 """
 
 import logging
@@ -13,13 +13,13 @@ from flexlab.scenario.payload import Payload
 
 RETIRED = "bending_stiffness_factor"
 ONLY_PATH = "sine"
-"""The kind of a path that names none: there was no other."""
+"""The kind of a path that names none: there was only this one."""
 
 log = logging.getLogger(__name__)
 
 
 def in_present_terms(data: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Plain data of a scenario with the fields of today; says in the log what was left out although it was set."""
+    """Plain data of a scenario with the present fields; logs what was set and is left out."""
     path = data.get("trajectory")
     if isinstance(path, Mapping) and "kind" not in path:
         data = {**data, "trajectory": {"kind": ONLY_PATH, **path}}
@@ -39,7 +39,7 @@ def in_present_terms(data: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _noise(noise: Any, payload: Any) -> dict[str, Any]:
-    """Strain in 1/s as the noise of hᵀq̇ and gᵀq̇ that it was. What is not valid stays, for the validation to name it."""
+    """Strain in 1/s as the noise of hᵀq̇ and gᵀq̇ that it was. Invalid values stay, and validation names them."""
     if not isinstance(noise, Mapping) or "moment_rate" in noise or not noise.get("strain"):
         return {}
     payload = payload if isinstance(payload, Mapping) else {}

@@ -26,7 +26,7 @@ TITLES = {
     "grips.model": "How the grips hold the beam",
     "grips.measured_at": "Where the controller measures the pose",
 }
-"""Path → what the field is called."""
+"""Path → title of the field."""
 
 
 WORDS = {
@@ -40,16 +40,16 @@ WORDS = {
     "etdrk4": "Exponential, 4th order",
     "kalman": "Kalman filter",
 }
-"""Word of a menu → what it stands for, where the word alone does not say it."""
+"""Word of a menu → its meaning, if the word alone does not tell."""
 
 
 def in_words(word: str) -> str:
-    """How a menu shows a word: what it stands for with the name in code beside it, "ZVD shaper · zvd"; a plain word as it is."""
+    """A word as a menu shows it: its meaning with the name in code, "ZVD shaper · zvd", or the plain word."""
     return f"{WORDS[word]} · {word}" if word in WORDS else word
 
 
 def options(path: str) -> dict[str, Any]:
-    """The words that the field at `path` allows, and what they stand for."""
+    """The words that the field at `path` allows, with their values."""
     *parents, name = path.split(".")
     owners: list[type[Part]] = [Scenario]
     for parent in parents if name != "kind" else parents[:-1]:
@@ -68,25 +68,25 @@ def _parts(owner: type[Part], name: str) -> list[type[Part]]:
 
 
 def word_of(value: Any) -> str:
-    """What a menu says for a value."""
+    """The word of a menu for a value."""
     return f"{value:+d}".replace("-", "−") if isinstance(value, int) else str(value)
 
 
 TEXTS = ("title", "watch")
-"""Fields that say something of a scenario and change nothing in it."""
+"""Fields with words about a scenario that change nothing in it."""
 
 ENGINE = "trajectory.transition"
-"""A field that nobody sets: what a change of the path in motion leaves over for a moment."""
+"""A field that nobody sets: the transition after a change of the path in motion."""
 
 FOLLOW = ("trajectory.table", "trajectory.table_of")
-"""Fields that follow from others: from the text of a person's own path and its options."""
+"""Fields that follow from the text of a person's own path and its options."""
 
 Difference = tuple[str, Any, Any]
 """(dotted path, value in one, value in the other)."""
 
 
 def part_differences(one: BaseModel, other: BaseModel, path: str = "") -> Iterator[Difference]:
-    """Every field that differs; parts of different kinds, or a part and none, stand as one difference."""
+    """Every field that differs; parts of different kinds, or a part and none, are one difference."""
     for name in type(one).model_fields:
         inner, old, new = f"{path}.{name}" if path else name, getattr(one, name), getattr(other, name)
         if isinstance(old, BaseModel) and type(old) is type(new):
@@ -96,7 +96,7 @@ def part_differences(one: BaseModel, other: BaseModel, path: str = "") -> Iterat
 
 
 def differences(one: BaseModel, other: BaseModel) -> list[Difference]:
-    """Every single field that differs, those of differing kinds too (None where one has no such field); no texts."""
+    """Every single field that differs, including those of one kind alone (None for the other), except `TEXTS`."""
     found = []
     for path, old, new in part_differences(one, other):
         first, second = dict(_leaves(_plain(old), path)), dict(_leaves(_plain(new), path))
@@ -106,7 +106,7 @@ def differences(one: BaseModel, other: BaseModel) -> list[Difference]:
 
 
 def changes_towards(present: BaseModel, wanted: BaseModel) -> dict[str, Any]:
-    """Changes by path that make `present` into `wanted`, as `Scenario.replace` takes them; a new kind before its fields."""
+    """Changes by path that turn `present` into `wanted`, for `Scenario.replace`; a new kind comes before its fields."""
     changes: dict[str, Any] = {}
     for path, old, new in part_differences(present, wanted):
         if isinstance(old, BaseModel) and isinstance(new, BaseModel):
@@ -132,13 +132,13 @@ def _leaves(data: Any, path: str) -> Iterator[tuple[str, Any]]:
 
 
 SIDES = {"left_arm": ", left arm", "right_arm": ", right arm"}
-"""Part of the scenario → what tells its fields from those of the same names in another part."""
+"""Part of the scenario → suffix that distinguishes its fields from those of the other part."""
 DIGITS = 6
-"""Of a value that somebody set."""
+"""Digits of a value that somebody set."""
 
 
 def field_title(path: str, *scenarios: Scenario) -> str:
-    """A field's title with symbol and unit, as the first scenario that has it says, or any kind of its part; else `path`."""
+    """A field's title with symbol and unit, from the first scenario that has it or any kind of its part; else `path`."""
     if path in TITLES:
         return TITLES[path]
     about = next((scenario.about(path) for scenario in scenarios if scenario.has(path)), None) or _of_any_kind(path)
@@ -149,7 +149,7 @@ def field_title(path: str, *scenarios: Scenario) -> str:
 
 
 def short_title(about: Quantity) -> str:
-    """The title of a field without what null means there, which is a word of scenario files."""
+    """The title of a field without the meaning of null, which is a word of scenario files."""
     return re.sub(r" \(null: .*\)", "", about.title)
 
 
@@ -163,7 +163,7 @@ def _of_any_kind(path: str) -> Quantity | None:
 
 
 def value_text(value: object) -> str:
-    """A field's value in the fewest words."""
+    """A field's value as a short text."""
     if value is None:
         return MISSING
     if isinstance(value, bool):
@@ -183,7 +183,7 @@ def value_text(value: object) -> str:
 
 
 def told(differences: Iterable[Difference]) -> list[Difference]:
-    """The differences that are news: not each field of a part whose kind is another one, which the kind implies."""
+    """The differences without the fields of a part whose kind differs, which the kind implies."""
     found = list(differences)
     kinds = {path.removesuffix("kind") for path, _, _ in found if path.endswith(".kind")}
     return [

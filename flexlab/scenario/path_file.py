@@ -16,18 +16,18 @@ from flexlab.scenario.scenario import Scenario, parse_scenario
 from flexlab.text import typed_number, visible
 
 COLUMNS = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
-"""Column → what it measures."""
+"""Column → its quantity."""
 NAMES = {"t": "t", "time": "t", "x": "x", "y": "y", "theta": "theta", "θ": "theta"}
-"""How a header may call a column, in small letters."""
+"""Names of columns in a header, in lower case."""
 UNITS = {
     "time": {"s": 1.0, "ms": 1e-3},
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
     "angle": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180},
 }
-"""What a column measures → its units and their size, SI. A column that names no unit is in the first."""
+"""Quantity → its units and their size, SI. A column without a unit is in the first."""
 HEADER = "t [s], x [m], y [m], theta [rad]"
 LONGEST_FILE = 5_000_000
-"""Bytes of a file that is read: ten times what the most rows need."""
+"""Most bytes of a file: ten times what the most rows need."""
 
 
 def with_path(scenario: Scenario, path: Any) -> Scenario:
@@ -39,7 +39,7 @@ def with_path(scenario: Scenario, path: Any) -> Scenario:
 
 
 def path_choice(path: Any) -> Callable[[Scenario], Scenario]:
-    """Gives scenarios the path of `with_path`, which is read once. Raises `PresetError` or, as what it gives, `ScenarioError`."""
+    """A function that gives scenarios the path of `with_path`, read once. Raises `PresetError`; the function `ScenarioError`."""
     if isinstance(path, (str, Path)) and str(path).lower().endswith(".csv"):
         rows = read_path_file(path)
         return lambda scenario: _with_rows(scenario, rows)
@@ -104,7 +104,7 @@ def _cells(text: str, name: str) -> Iterator[list[str]]:
 
 
 def _columns(header: list[str], name: str) -> dict[str, tuple[int, float]]:
-    """Column → where it stands and the size of its unit."""
+    """Column → its index and the size of its unit."""
     found: dict[str, tuple[int, float]] = {}
     for place, cell in enumerate(header):
         match = re.fullmatch(r"\s*([^\s\[(]+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*", cell)

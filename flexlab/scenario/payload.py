@@ -12,17 +12,17 @@ from flexlab.scenario.damping import Damping, NodalDamping
 Boundary = Literal["pinned-pinned", "clamped-clamped", "clamped-pinned", "pinned-clamped", "clamped-free"]
 AxialLoad = Literal["none", "first-order"]
 FIXED_COORDINATES = {boundary: len(held) for boundary, held in HELD_COORDINATES.items()}
-"""How many of the 2 (n + 1) nodal coordinates each boundary holds at zero."""
+"""Number of the 2 (n + 1) nodal coordinates that each boundary holds at zero."""
 
 
 class MassChange(Part):
-    """A payload that is filled or emptied: its whole mass goes smoothly to another one (`physics.mass_change`)."""
+    """A payload that is filled or emptied: its mass changes smoothly to another value (`physics.mass_change`)."""
 
     factor: Number = quantity(
         1.0, title="Mass afterwards over mass before (1: it stays)", symbol="μ", unit="1", low=0.05, high=20,
         slider=(0.2, 5), logarithmic=True,
     )  # fmt: skip
-    """Bending stiffness and damping stay: as of a tube, which what is in it does not stiffen."""
+    """Bending stiffness and damping stay, as for a tube that its contents do not stiffen."""
     begin: Number = quantity(
         1.0, title="Start of the change of mass", symbol="t_μ", unit="s", low=0, high=1e4, slider=(0, 10)
     )
@@ -61,14 +61,14 @@ class Payload(Part):
         logarithmic=True,
     )
     thickness: Number = quantity(0.005, title="Thickness", symbol="t_b", unit="m", low=1e-5, high=1)
-    """Across the beam in the plane of its bending: what a strain gauge on its surface sees of the bending."""
+    """Across the beam in the plane of bending; it scales the strain of the gauges on its surface."""
     element_count: Count = quantity(
         2, title="Elements", symbol="n", unit="1", low=1, high=64, slider=(1, 64), live="projected"
     )
     boundary: Boundary = quantity("pinned-pinned", title="Boundary", live="projected")
     damping: Damping = quantity(NodalDamping(), title="Damping")
     axial_load: AxialLoad = quantity("none", title="Force along the beam")
-    """Whether the beam feels the force along it: "none", as in the paper, or "first-order" (`physics.axial_load`)."""
+    """Effect of the axial force on the beam: "none", as in the paper, or "first-order" (`physics.axial_load`)."""
     mass_change: MassChange = MassChange()
     mode_count: Count | None = quantity(
         None, title="Modes kept (null: all)", symbol="n_m", unit="1", low=1, high=130, live="projected"

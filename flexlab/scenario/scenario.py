@@ -40,18 +40,18 @@ SMALLEST_STEP = 1e-7
 
 SCHEMA_FIELD, FORMAT_FIELD, MENU_FIELD = "$schema", "format", "menu_order"
 FILE_FIELDS: dict[str, type] = {SCHEMA_FIELD: str, FORMAT_FIELD: int, MENU_FIELD: int}
-"""What a file says of itself: where editors find its schema, its format, its place in menus. No fields of the scenario."""
+"""Metadata of a file, no fields of the scenario: its schema for editors, its format, its place in menus."""
 FORMAT = 1
-"""Newest format of scenario files. Older ones are read for ever; a file without the number is of format 1."""
+"""Newest format of scenario files. Older ones can always be read; a file without the number has format 1."""
 SAID = ("title", "watch")
-"""Fields that are words about the rest."""
+"""Fields with words about the scenario."""
 COMMON_FIELDS = {
     "controller.kind": frozenset(Controller.model_fields),
     "trajectory.kind": frozenset(Trajectory.model_fields),
 }
-"""Fields that another kind has as well."""
+"""Fields that all kinds have."""
 MOST_PROBLEMS = 20
-"""Of what is wrong with a scenario, how much is said at once."""
+"""Most problems of a scenario that are reported at once."""
 
 
 class Initial(Part):
@@ -104,7 +104,7 @@ class Scenario(Part):
 
     @property
     def arms(self) -> tuple[Arm, ...]:
-        """The arms that are there: left, right."""
+        """The arms: left, and right if there is one."""
         return (self.left_arm,) if self.right_arm is None else (self.left_arm, self.right_arm)
 
     def __repr__(self) -> str:
@@ -181,7 +181,7 @@ class Scenario(Part):
         changed = self._with_parts(changes)
         if changed is not None:
             return changed
-        # Parts that nothing touches go in as they are: they have been validated.
+        # Untouched parts stay as they are: they have been validated.
         data = dict(self)
         for path, value in changes.items():
             if not _set(data, path, value):
@@ -189,9 +189,9 @@ class Scenario(Part):
         return parse_scenario(data)
 
     def _with_parts(self, changes: Mapping[str, Any]) -> "Scenario | None":
-        """As `replace`, validating only the parts that changes touch, as a slider sends many; None: that is not enough.
+        """As `replace`, but validates only the changed parts, as a slider sends many changes; None: use `replace`.
 
-        It is where all changes are of fields of parts that keep their kind, and valid.
+        It works if all changes are valid and of fields of parts that keep their kind.
         """
         parts = {}
         try:
@@ -207,11 +207,11 @@ class Scenario(Part):
             return None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # As plain data: models that are made for a law's parts have no name under which another process would find them.
+        # As plain data: models made for a law's parts have no name by which another process would find them.
         return parse_scenario, (self.model_dump(),)
 
     def anew(self) -> "Scenario":
-        """The scenario for a run that begins: without what changes in motion left over in the path."""
+        """The scenario for a new run: without the transition that a change in motion left in the path."""
         if self.trajectory.transition is None:
             return self
         return self.model_copy(update={"trajectory": self.trajectory.model_copy(update={"transition": None})})
@@ -224,7 +224,7 @@ class Scenario(Part):
         return value
 
     def has(self, path: str) -> bool:
-        """Whether there is a field at a dotted path: parts of one kind have what others lack."""
+        """Whether there is a field at a dotted path; it may depend on the kind of a part."""
         return self._look_up(path)[0]
 
     def _look_up(self, path: str) -> tuple[bool, Any]:
@@ -245,13 +245,13 @@ class Scenario(Part):
         return describe(type(owner), name)
 
     def _unknown(self, path: str) -> ScenarioError:
-        """About a path that is no field of this scenario."""
+        """The error for a path that is no field of this scenario."""
         shown = visible(path, LONGEST)
         return ScenarioError([(path, unknown_field(shown, value_paths(self), field_paths(type(self))))])
 
 
 def _by_part(changes: Mapping[str, Any]) -> dict[str, dict[str | None, Any]]:
-    """Changes by the first name of their paths, and there by the rest; None for the part itself."""
+    """Changes by the first name of their paths, then by the rest; None for the part itself."""
     grouped: dict[str, dict[str | None, Any]] = {}
     for path, value in changes.items():
         name, dot, rest = path.partition(".")
@@ -260,12 +260,12 @@ def _by_part(changes: Mapping[str, Any]) -> dict[str, dict[str | None, Any]]:
 
 
 def _named(own: Mapping[str | None, Any]) -> dict[str, Any]:
-    """Those of a part's changes that are of its fields."""
+    """A part's changes without that of the part itself."""
     return {name: value for name, value in own.items() if name is not None}
 
 
 def _with_fields(part: Part, changes: Mapping[str, Any]) -> Part | None:
-    """A part with fields changed by dotted path, validated; None where its kind, or that of a part of it, changes."""
+    """A part with fields changed by dotted path, validated; None if its kind, or that of a part of it, changes."""
     data = dict(part)
     for name, own in _by_part(changes).items():
         inner = data.get(name)
@@ -281,7 +281,7 @@ def _with_fields(part: Part, changes: Mapping[str, Any]) -> Part | None:
 
 
 _whole_parts: frozenset[type] = frozenset()
-"""Types of parts that need no more than their own validation; what holds a person's own code does."""
+"""Types of parts that need only their own validation, unlike those with a person's own code."""
 
 
 def _find_whole_parts() -> None:
@@ -291,7 +291,7 @@ def _find_whole_parts() -> None:
 
 
 def _know_new_kinds() -> None:
-    """Let scenarios have a law or a path that was added after this module was read."""
+    """Allow laws and paths in scenarios that were added after this module was imported."""
     Scenario.model_fields["controller"].annotation = _models(laws())
     Scenario.model_fields["trajectory"].annotation = _models(paths())
     Scenario.model_rebuild(force=True)
@@ -319,7 +319,7 @@ def parse_scenario(data: Any) -> Scenario:
 
 
 def _without_file_fields(data: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A scenario's plain data alone. Raises `ScenarioError` for a format of a later flexlab."""
+    """A scenario's plain data without `FILE_FIELDS`. Raises `ScenarioError` for the format of a later flexlab."""
     written = data.get(FORMAT_FIELD)
     if type(written) is int and not 1 <= written <= FORMAT:
         sentence = (
@@ -331,14 +331,14 @@ def _without_file_fields(data: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _set(data: dict[str, Any], path: str, value: Any) -> bool:
-    """Set the value at a path; False if what should hold it is not there."""
+    """Set the value at a path; False if its parent does not exist."""
     *parents, name = path.split(".")
     for parent in parents:
-        # A part that a new kind brings along is not there yet.
+        # A part of a new kind does not exist yet.
         inner = data.get(parent, {} if "kind" in data else None)
         if not isinstance(inner, (Part, dict)):
             return False
-        # A copy, one level deep: what the caller or the old scenario holds stays as it is.
+        # A shallow copy, so that the caller's data and the old scenario stay as they are.
         inner = data[parent] = dict(inner)
         data = inner
     if name == "kind" and not (isinstance(value, str) and data.get("kind") == value):

@@ -15,11 +15,11 @@ LAW, SEED = "controller.kind", "controller.sensor_noise.seed"
 """The fields behind `--law` and `--seed`."""
 
 PERIOD, USUAL_PERIOD = "controller.control_period", 0.001
-"""The field, and the s that laws of control instants get where somebody chose one for a continuous loop."""
+"""The field, and the period, s, that laws for sampled control get if chosen for a continuous loop."""
 
 
 def parse_setting(text: str) -> tuple[str, Any]:
-    """(dotted path, value) of `PATH=VALUE`: the value as JSON, or the text itself where it is none (`kind=pd`).
+    """(dotted path, value) of `PATH=VALUE`: the value as JSON, or else as text (`kind=pd`).
 
     Raises `ScenarioError` for a text without a path or an equals sign.
     """
@@ -32,7 +32,7 @@ def parse_setting(text: str) -> tuple[str, Any]:
 
 
 def parse_value(text: str) -> Any:
-    """A value as typed: JSON (numbers, lists, true, null), or the text itself where it is none."""
+    """A value as typed: JSON (numbers, lists, true, null), or else the text itself."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -40,7 +40,7 @@ def parse_value(text: str) -> Any:
 
 
 def settings_from(texts: Sequence[str] = (), law: str | None = None, seed: int | None = None) -> dict[str, Any]:
-    """Changes by path, as `change_settings` takes them, of what was typed. Raises `ScenarioError`."""
+    """Typed settings as changes by path for `change_settings`. Raises `ScenarioError`."""
     changes = {path: value for path, value in ((LAW, law), (SEED, seed)) if value is not None}
     for text in texts:
         path, value = parse_setting(text)
@@ -60,7 +60,7 @@ def change_settings(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
 
 
 def with_period_if_needed(scenario: Scenario, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """The changes, and a control period of `USUAL_PERIOD` where the scenario has none and they are valid only with one."""
+    """The changes, with a control period of `USUAL_PERIOD` if the scenario has none and they are valid only with one."""
     wanted = dict(changes)
     if scenario.controller.control_period is not None or PERIOD in wanted:
         return wanted

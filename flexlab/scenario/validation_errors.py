@@ -10,12 +10,12 @@ from flexlab.quantities import Part, Quantity, describe, parts_of
 from flexlab.text import number_text, visible
 
 MOST_HINTS = 3
-"""Names in a sentence."""
+"""Most names in a sentence."""
 ALIKE, ALIKE_LAST = 0.75, 0.8
-"""How alike, of 1, two paths or their last names are for one to pass for a misspelt other."""
+"""Similarity, of 1, from which on a path, or its last name, may be a misspelt other."""
 
 NEARLY_AS_GOOD = 0.1
-"""Which are named beside the most alike."""
+"""Difference from the highest similarity up to which others are named as well."""
 
 
 def field_paths(model: type[Part], before: str = "") -> Iterator[str]:
@@ -28,7 +28,7 @@ def field_paths(model: type[Part], before: str = "") -> Iterator[str]:
 
 
 def value_paths(part: Part, before: str = "") -> Iterator[str]:
-    """The dotted path of every field that a part has as it is, parts included."""
+    """The dotted path of every field that a part has, parts included."""
     for name in type(part).model_fields:
         path = f"{before}.{name}" if before else name
         yield path
@@ -38,7 +38,7 @@ def value_paths(part: Part, before: str = "") -> Iterator[str]:
 
 
 def close_paths(path: str, known: Iterable[str]) -> list[str]:
-    """Up to `MOST_HINTS` of the known paths that `path` may mean: those spelt alike, or that end in a name like its own."""
+    """Up to `MOST_HINTS` known paths that `path` may mean, by similar spelling of the path or of its last name."""
     paths = sorted(set(known))
     last = path.rpartition(".")[2].lower()
 
@@ -65,9 +65,9 @@ LONGEST = 60
 
 
 def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | None, list[type[Part]]]:
-    """Dotted path and description of the place that pydantic names, where unions put the kind they chose in between.
+    """Dotted path and description of the place that pydantic names, without the kinds that it inserts for unions.
 
-    Also the parts that may stand there: none where a value stands, or nothing known.
+    Also the parts that may be there: none for a value or an unknown place.
     """
     owners, names, about = [model], [], None
     for item in map(str, location):
@@ -86,7 +86,7 @@ def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | 
 
 
 def unknown_field(path: str, here: Iterable[str], anywhere: Iterable[str] = ()) -> str:
-    """The sentence about a path that is no field: `here` are the fields where it was given, `anywhere` all there are."""
+    """The sentence about a path that is no field; `here`: fields at its place, `anywhere`: all fields."""
     elsewhere = set(anywhere)
     if path in elsewhere:
         return f"{path} is not a scenario field here but one of another kind: choose that kind first, or remove it."
@@ -128,7 +128,7 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
 
 
 class _Brief(reprlib.Repr):
-    """Says a value as `repr` does, but of one that is large or deep not all."""
+    """As `repr`, but shortens large or deep values."""
 
     def __init__(self) -> None:
         super().__init__()

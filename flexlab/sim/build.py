@@ -1,5 +1,6 @@
 """From a scenario to the constants of the kernels: beam, plant and control law."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -37,8 +38,13 @@ class Beam(NamedTuple):
     """As `Plant.axial`, without a hand."""
 
 
+KNOWN_BEAMS = 8
+"""Beams that are kept: a scenario's beam is needed in many places."""
+
+
+@lru_cache(KNOWN_BEAMS)
 def build_beam(payload: Payload) -> Beam:
-    """Matrices and modes of a payload; modes in ascending frequency within each damping block."""
+    """Matrices and modes of a payload, shared and read-only; modes in ascending frequency within each damping block."""
     matrices = _matrices(payload)
     omega, V = undamped_modes(matrices)
     loads = product(V.T, np.stack([matrices.h, matrices.g], axis=1))

@@ -55,7 +55,7 @@ def test_a_steady_step_does_not_grow():
 def test_a_step_that_nobody_gave_is_a_steady_one(stiffness: float, ratio: float):
     """The step that accuracy asks for makes errors grow a hundred million times in half a second: a shorter one is taken."""
     world = World(undamped(stiffness).replace({"payload.damping.ratio": ratio}))
-    asked, taken = world.assembly.asked, (world.assembly.whole or world.assembly).steps
+    asked, taken = world.assembly.asked, (world.assembly.unrefined or world.assembly).steps
     assert growth(world, world.step) <= STEADY_GROWTH
     assert growth(world, asked.step) > 15
     assert growth(world, taken.step) <= STEADY_GROWTH
@@ -95,7 +95,7 @@ def test_steps_that_were_given_or_another_integrator_s_are_not_taken_for_steady_
 def test_what_does_not_count_is_not_looked_at_again():
     def steady(world: World) -> Count:
         """Steps that were looked at, before they are halved for the run's beginning."""
-        return (world.assembly.whole or world.assembly).steps
+        return (world.assembly.unrefined or world.assembly).steps
 
     world = World(undamped(2721.0))
     before = steady(world)

@@ -4,7 +4,7 @@
 
 with e = x - x_d, r = ẋ_d - Λe, s = ẋ - r, and B = ΣM̄_i + Ā the inertia as the controller believes it.
 Stability (Theorem 1): V = ½ sᵀBs + ½ Σ k_j (b_j - b̂_j)² falls at least as fast as sᵀKs while ‖s‖ > ε, for any K > 0 and
-k_j > 0, if the beam's reaction obeys ‖Ψ‖ ≤ b_0 + b_1‖x‖ + b_2‖ẋ‖² (Eq. 22) with any constants b_j. That assumption needs a
+k_j > 0, if the beam's reaction obeys ‖Ψ‖ ≤ b_0 + b_1‖x‖ + b_2‖ẋ‖² (Eq. (22)) with any constants b_j. That assumption needs a
 damped beam, or a motion off its resonances: in an undamped one nothing bounds the vibration, and with it Ψ.
 Without leakage b̂ never falls, so that noise in s makes it drift upwards for ever. `leakage` σ > 0 (the σ-modification of
 Ioannou & Kokotović, 1983) lets it fade to where growth and leakage balance; V then falls only outside a ball about s = 0.
@@ -88,7 +88,7 @@ def surface_rate(K, Lambda, epsilon, now, b_hat, S):
 
 @pluggable
 def fastest_rate(gains, now, b_hat, S, kappa):
-    """1/s."""
+    """Fastest rate of the closed loop, 1/s."""
     return surface_rate(gains.feedback_gain, gains.sliding_slope, gains.boundary_layer, now, b_hat, S)
 
 

@@ -93,7 +93,7 @@ def disturbance_observer(gains, now, memory, memory_rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, memory, S, kappa):
-    """1/s."""
+    """Fastest rate of the closed loop, 1/s."""
     return layer_rate(gains.feedback_gain, gains.sliding_slope, 0.0, now, S) + gains.observer_gain
 
 

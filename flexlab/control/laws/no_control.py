@@ -23,7 +23,7 @@ def no_control(gains, now, memory, memory_rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, memory, S, kappa):
-    """0: nothing is closed."""
+    """0, as there is no feedback."""
     return 0.0
 
 

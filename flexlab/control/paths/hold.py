@@ -34,12 +34,12 @@ class Hold(Trajectory):
 
     @property
     def reach(self) -> tuple[float, ...]:
-        """None."""
+        """It does not move."""
         return 0.0, 0.0, 0.0
 
     @property
     def peak_acceleration(self) -> tuple[float, ...]:
-        """None."""
+        """It does not accelerate."""
         return 0.0, 0.0, 0.0
 
     def taken_up(self, old: Trajectory, given: Collection[str], time: float) -> Trajectory:

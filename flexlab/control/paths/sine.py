@@ -45,12 +45,12 @@ class SineTrajectory(Trajectory):
 
     @property
     def shortest_time(self) -> float:
-        """s."""
+        """Time between two checked instants, s."""
         return 1 / (POINTS_PER_PERIOD * max(self._moving(), default=1.0))
 
     @property
     def fastest_period(self) -> float:
-        """s."""
+        """Period of the fastest component, s."""
         return 1 / max(*three(self.frequency), 1e-3)
 
     @property

@@ -79,7 +79,7 @@ class Table(Trajectory):
 
     @property
     def end(self) -> float:
-        """s."""
+        """When it ends, s."""
         return self.span
 
     @property
@@ -94,12 +94,12 @@ class Table(Trajectory):
 
     @property
     def window(self) -> tuple[float, float]:
-        """s."""
+        """Its beginning and end, s."""
         return self.start + self.rows[0][0], self.span
 
     @property
     def slowest_period(self) -> float:
-        """s."""
+        """Its duration, s."""
         return self.window[1] - self.window[0]
 
     @property

@@ -64,7 +64,7 @@ class Waypoints(Trajectory):
 
     @property
     def end(self) -> float:
-        """s."""
+        """When it ends, s."""
         return self.span
 
     @property
@@ -74,12 +74,12 @@ class Waypoints(Trajectory):
 
     @property
     def window(self) -> tuple[float, float]:
-        """s."""
+        """Its beginning and end, s."""
         return self.start, self.span if self.span > self.start else self.start + 1.0
 
     @property
     def slowest_period(self) -> float:
-        """s."""
+        """Its duration, s."""
         return self.window[1] - self.window[0]
 
     @property

@@ -13,7 +13,7 @@ from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.mass_change import find_mass_at
-from flexlab.physics.plant import ETA, FELT, P, X, forget_rates
+from flexlab.physics.plant import AXIAL, ETA, P, X, forget_rates
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import build_strains, build_system
 from flexlab.sim.build import build_beam
@@ -161,7 +161,7 @@ class LoopProbe:
         self.forces(motion, torque)
         left, along, spin, _ = self._workspace.axial
         G0, G1, G2, _ = self.system.plant.axial
-        feels, whole = np.flatnonzero(self.system.plant.modal[FELT]), np.zeros((self.mode_count, self.mode_count))
+        feels, whole = np.flatnonzero(self.system.plant.modal[AXIAL]), np.zeros((self.mode_count, self.mode_count))
         whole[np.ix_(feels, feels)] = left * G0 + along * G1 + spin * G2
         return whole
 

@@ -87,10 +87,10 @@ def _begin_row(plant, y, row, ws):
         row[k] = 0.0
     for a in range(3):
         row[POSE + a] = y[a]
-    if configure_arms(plant, y[0:3], ws.seen, ws.fault) == 0:
+    if configure_arms(plant, y[0:3], ws.measured_arm, ws.fault) == 0:
         for i in range(len(plant.arms)):
             first = ARMS + PER_ARM * i + ANGLE
-            joint_angles(y[2], plant.arms[i], ws.seen.direction[i], row[first : first + 3])
+            joint_angles(y[2], plant.arms[i], ws.measured_arm.direction[i], row[first : first + 3])
 
 
 @compiled
@@ -171,13 +171,13 @@ def step_worlds(
         moving = System(own, system.control, system.trajectory, held)
         all_etdrk4 = variants.etdrk4
         etdrk4 = Etdrk4(all_etdrk4.operators[v], all_etdrk4.forced[v], all_etdrk4.soft_modes[v], all_etdrk4.flow[v])
-        code = configure_arms(own, y[0:3], ws.seen, ws.fault)
-        c, s, effort = ws.seen.trig[0], ws.seen.trig[1], 0.0
+        code = configure_arms(own, y[0:3], ws.measured_arm, ws.fault)
+        c, s, effort = ws.measured_arm.trig[0], ws.measured_arm.trig[1], 0.0
         for i in range(arm_count):
             if by_wrench:
                 for a in range(3):
                     ws.u[i, a] = system.control.share[i] * actions[w, a]
-                joint_torques(plant.arms[i], c, s, ws.seen.direction[i], ws.u[i], ws.tau)
+                joint_torques(plant.arms[i], c, s, ws.measured_arm.direction[i], ws.u[i], ws.tau)
             else:
                 for joint in range(3):
                     ws.tau[joint] = actions[w, 3 * i + joint]

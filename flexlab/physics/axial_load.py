@@ -24,8 +24,8 @@ from flexlab.physics.dynamics import hand_load, pose_load
 from flexlab.physics.internal_force import payload_force
 from flexlab.physics.mass_change import mass_factor
 from flexlab.physics.plant import (
+    AXIAL,
     ETA,
-    FELT,
     FOLLOWED_DG,
     FOLLOWED_DH,
     FOLLOWED_G,
@@ -40,7 +40,7 @@ from flexlab.physics.plant import (
 FOLLOWED = 3000.0
 """1/s. Faster modes ring or decay within a step, so that N takes their mean."""
 
-FELT_MODES = 32
+AXIAL_MODES = 32
 """Number of lowest modes to which the axial force is applied. It changes the squared frequency of mode k by a share of P/(P_cr
 k²), so that the others keep their stiffness to a thousandth, and fine meshes cost a fraction."""
 
@@ -135,15 +135,15 @@ def followed_loads(omega: np.ndarray, damping: np.ndarray, loads: np.ndarray) ->
     return np.concatenate([(follows * loads).T, (follows * product(damping, follows * loads)).T])
 
 
-def felt(omega: np.ndarray) -> np.ndarray:
+def axial_modes(omega: np.ndarray) -> np.ndarray:
     """Whether each mode has a place in `Plant.axial`, (n_m,)."""
     rank = np.argsort(np.argsort(omega, kind="stable"), kind="stable")
-    return rank < FELT_MODES
+    return rank < AXIAL_MODES
 
 
-def in_felt_modes(matrix: np.ndarray, omega: np.ndarray, V: np.ndarray) -> np.ndarray:
+def in_axial_modes(matrix: np.ndarray, omega: np.ndarray, V: np.ndarray) -> np.ndarray:
     """VᵀGV of the modes with an axial force, zero for those that keep their stiffness, (n_f, n_f)."""
-    feels = felt(omega)
+    feels = axial_modes(omega)
     soft = omega[feels] <= STIFF_MODE
     return in_modes(matrix, V[:, feels]) * soft * soft[:, None]
 
@@ -224,29 +224,29 @@ def add_stiffness(G0, G1, G2, left, along, spin, eta, force):
 @inlined
 def geometric_force(plant, terms, y, ws):
     """Fill ws.axial_force[NOW] with K_G η for `axial_terms`."""
-    n, felt_count, all_force = plant.modal.shape[1], plant.axial.shape[1], ws.axial_force[NOW]
+    n, count, all_force = plant.modal.shape[1], plant.axial.shape[1], ws.axial_force[NOW]
     eta, force = y[ETA : ETA + n], all_force
-    if felt_count < n:
-        eta, force, i = ws.axial_force[GATHERED, :felt_count], ws.axial_force[SCRATCH, :felt_count], 0
+    if count < n:
+        eta, force, i = ws.axial_force[GATHERED, :count], ws.axial_force[SCRATCH, :count], 0
         for k in range(n):
-            if plant.modal[FELT, k] > 0:
+            if plant.modal[AXIAL, k] > 0:
                 eta[i] = y[ETA + k]
                 i += 1
-    for k in range(felt_count):
+    for k in range(count):
         force[k] = 0.0
     G0, G1, G2 = plant.axial[0], plant.axial[1], plant.axial[2]
     factor = mass_factor(plant.mass_change, ws)
     add_stiffness(G0, G1, G2, terms[N_LEFT], factor * terms[ALONG], factor * terms[SPIN], eta, force)
     if terms[HAND] != 0:
-        for j in range(felt_count):
+        for j in range(count):
             pulled, G_F = terms[HAND] * eta[j], plant.axial[HAND, j]
-            for k in range(felt_count):
+            for k in range(count):
                 force[k] -= pulled * G_F[k]
-    if felt_count < n:
+    if count < n:
         i = 0
         for k in range(n):
             all_force[k] = 0.0
-            if plant.modal[FELT, k] > 0:
+            if plant.modal[AXIAL, k] > 0:
                 all_force[k] = force[i]
                 i += 1
 

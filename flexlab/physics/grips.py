@@ -60,9 +60,9 @@ class GripScratch(NamedTuple):
     """Load of each on the payload's pose, (arms, 3)."""
     reaction: np.ndarray
     """φ_i, (arms, 3)."""
-    told: np.ndarray
+    measured: np.ndarray
     """Pose and pose rate that a controller measures, (2, 3)."""
-    asked: np.ndarray
+    command: np.ndarray
     """Inputs u of a law that takes the grips to be rigid, at that pose, (arms, 3)."""
     inertia: np.ndarray
     """Inertia of arms and payload together, (3, 3)."""
@@ -70,10 +70,10 @@ class GripScratch(NamedTuple):
     """Σc δ̇², W, (1,)."""
 
 
-def grip_scratch(arm_count: int, asked: np.ndarray) -> GripScratch:
+def grip_scratch(arm_count: int, command: np.ndarray) -> GripScratch:
     """Scratch for so many arms."""
     per_arm = [np.zeros((arm_count, width)) for width in (3, 2, 3, 3, 3, 3)]
-    return GripScratch(*per_arm, np.zeros((2, 3)), asked, np.zeros((3, 3)), np.zeros(1))
+    return GripScratch(*per_arm, np.zeros((2, 3)), command, np.zeros((3, 3)), np.zeros(1))
 
 
 def build_grips(grips, arm_count: int) -> Grips | None:
@@ -163,7 +163,7 @@ def find_grip_forces(grips, plant, pose, states, ws):
     """Fill the grips' forces and the measured pose, after `find_velocities`; pose (3,) and states: in y."""
     if grips is None:
         return
-    _find_told(grips, pose, ws)
+    _find_measured(grips, pose, ws)
     c, s, v, own, loss = ws.arm.trig[0], ws.arm.trig[1], ws.velocity, ws.grips, 0.0
     w, k, b = v[2], grips.stiffness, grips.damping
     for i in range(len(plant.arms)):
@@ -188,15 +188,15 @@ def find_grip_forces(grips, plant, pose, states, ws):
 
 
 @inlined
-def _find_told(grips, pose, ws):
+def _find_measured(grips, pose, ws):
     for a in range(3):
         if grips.by_arms:
             place = rate = 0.0
             for i in range(len(ws.grips.pose)):
                 place, rate = place + ws.grips.pose[i, a], rate + ws.grips.velocity[i, a]
-            ws.grips.told[0, a], ws.grips.told[1, a] = place / len(ws.grips.pose), rate / len(ws.grips.pose)
+            ws.grips.measured[0, a], ws.grips.measured[1, a] = place / len(ws.grips.pose), rate / len(ws.grips.pose)
         else:
-            ws.grips.told[0, a], ws.grips.told[1, a] = pose[a], ws.velocity[a]
+            ws.grips.measured[0, a], ws.grips.measured[1, a] = pose[a], ws.velocity[a]
 
 
 @inlined
@@ -253,9 +253,9 @@ def move_arms(grips, u, ws, rates, start):
 
 
 @inlined
-def see_rigidly(plant, ws):
-    """Fill ws.seen, C̄ included, for rigid grips at the measured pose and rate. Returns a fault code."""
-    pose, v, seen = ws.grips.told[0], ws.grips.told[1], ws.seen
+def find_measured_arms(plant, ws):
+    """Fill ws.measured_arm, C̄ included, for rigid grips at the measured pose and rate. Returns a fault code."""
+    pose, v, seen = ws.grips.measured[0], ws.grips.measured[1], ws.measured_arm
     s, c = sin_cos(pose[2])
     seen.trig[0], seen.trig[1] = c, s
     for i in range(len(plant.arms)):
@@ -272,10 +272,10 @@ def see_rigidly(plant, ws):
 
 @inlined
 def pass_on(arms, ws):
-    """Fill ws.u at the arms' poses with the joint torques of ws.grips.asked, inputs at the measured pose."""
-    seen = ws.seen
+    """Fill ws.u at the arms' poses with the joint torques of ws.grips.command, inputs at the measured pose."""
+    seen = ws.measured_arm
     for i in range(len(arms)):
-        joint_torques(arms[i], seen.trig[0], seen.trig[1], seen.direction[i], ws.grips.asked[i], ws.tau)
+        joint_torques(arms[i], seen.trig[0], seen.trig[1], seen.direction[i], ws.grips.command[i], ws.tau)
         task_input(ws.arm.J[i], ws.tau, ws.u[i])
 
 

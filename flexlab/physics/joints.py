@@ -93,10 +93,10 @@ def turn_joints(joints, grips, arms, states, ws):
             rate = joint_rate(ws.arm, i, vx, vy, w, joint)
             lost = friction_torque(joints.numbers, joint, rate)
             given = possible_torque(joints.numbers, joint, rate, tau[joint])
-            ws.joint_asked[i, joint], ws.joint_wanted[i, joint] = tau[joint], given
+            ws.joint_command[i, joint], ws.joint_feasible[i, joint] = tau[joint], given
             if joints.torque >= 0:
                 place = joints.torque + 3 * i + joint
-                ws.joint_rate[place] = (given - states[place]) * joints.hurry
+                ws.joint_rate[place] = (given - states[place]) * joints.lag_rate
                 given = states[place]
             ws.joint_torque[i, joint], ws.joint_friction[i, joint] = given, lost
             tau[joint] = given - lost
@@ -117,11 +117,11 @@ def motor_torques(joints, grips, arm, i, ws, tau):
 
 
 @inlined
-def drives(joints):
+def has_motors(joints):
     """Whether motors may give another torque than they are asked for."""
     if joints is None:
         return False
-    return joints.drives
+    return joints.has_motors
 
 
 @inlined
@@ -129,19 +129,19 @@ def is_limited(joints, i, joint, limit, ws):
     """Whether a motor is asked for its limit, N·m, or more than its speed allows, after `turn_joints`."""
     if joints is None:
         return False
-    asked = ws.joint_asked[i, joint]
-    return ws.joint_wanted[i, joint] != asked or abs(asked) >= limit
+    asked = ws.joint_command[i, joint]
+    return ws.joint_feasible[i, joint] != asked or abs(asked) >= limit
 
 
 @inlined
-def asked_torques(joints, grips, arm, i, ws, tau):
+def commanded_torques(joints, grips, arm, i, ws, tau):
     """Fill tau (3,) with what the controller asks of arm i's motors, N·m, after `turn_joints`."""
     if joints is None:
         c, s = own_trig(grips, ws, i)
         joint_torques(arm, c, s, ws.arm.direction[i], ws.u[i], tau)
     else:
         for joint in range(3):
-            tau[joint] = ws.joint_asked[i, joint]
+            tau[joint] = ws.joint_command[i, joint]
 
 
 @inlined
@@ -150,10 +150,10 @@ def near_possible(joints, grips, ws, part):
     if joints is None:
         return False
     found = False
-    for i in range(len(ws.joint_asked)):
+    for i in range(len(ws.joint_command)):
         vx, vy, w = own_rate(grips, ws, i)
         for joint in range(3):
-            asked, rate = ws.joint_asked[i, joint], joint_rate(ws.arm, i, vx, vy, w, joint)
+            asked, rate = ws.joint_command[i, joint], joint_rate(ws.arm, i, vx, vy, w, joint)
             fall = joints.numbers[FALL, joint] * rate
             room = joints.numbers[STALL, joint] - (fall if asked > 0 else -fall)
             if abs(asked) > part * room:
@@ -178,11 +178,11 @@ def build_joints(joints, model, arm_count: int) -> Joints | None:
     return Joints(
         numbers,
         size=torque + 3 * arm_count * late,
-        rubs=friction.active,
+        has_friction=friction.active,
         count=encoder_counts(encoders.counts),
         reading=reading if encoders.active else -1,
-        drives=motor.active,
-        hurry=1 / motor.time_constant if late else 0.0,
+        has_motors=motor.active,
+        lag_rate=1 / motor.time_constant if late else 0.0,
         torque=torque if late else -1,
     )
 

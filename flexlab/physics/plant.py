@@ -35,15 +35,15 @@ class Joints(NamedTuple):
     """By joint, rows as `joints` names them, (8, 3)."""
     size: int
     """Number of their states in y."""
-    rubs: bool
+    has_friction: bool
     """Whether there is friction."""
     count: np.ndarray
     """Angle of one count of each encoder, rad; 0: exact, (3,)."""
     reading: int
     """Index among the states of the last encoder reading of the pose, (3,); -1: there are no encoders."""
-    drives: bool
+    has_motors: bool
     """Whether motors may give another torque than they are asked for."""
-    hurry: float
+    lag_rate: float
     """1/T_m, 1/s; 0: at once."""
     torque: int
     """Index among the states of the motors' torques, N·m, (arms · 3,); -1: they follow at once."""
@@ -81,7 +81,7 @@ def memory_start(plant):
     return grips_start(plant) + grip_states(plant.grips)
 
 
-H, G, DH, DG, OMEGA2, MID, BEND, PULL, FELT, FOLLOWED_H, FOLLOWED_G, FOLLOWED_DH, FOLLOWED_DG = range(13)
+H, G, DH, DG, OMEGA2, MID, BEND, PULL, AXIAL, FOLLOWED_H, FOLLOWED_G, FOLLOWED_DH, FOLLOWED_DG = range(13)
 """Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape where the beam bends
 most (mid-span or the free end), shape at the pulled point N(s)V, whether the mode is part of `Plant.axial`, and the first four
 again, zero for modes that the axial load does not follow (`axial_load`)."""
@@ -178,7 +178,7 @@ class Workspace(NamedTuple):
     """`LAW_INPUT` at what a sampled controller measures, (1,)."""
     arm: ArmTerms
     """At the true state: views of `truth`."""
-    seen: ArmTerms
+    measured_arm: ArmTerms
     """At the pose a sampled controller measures: views of `measured`."""
     u: np.ndarray
     """Arm inputs, (arms, 3): a view of `truth`."""
@@ -218,9 +218,9 @@ class Workspace(NamedTuple):
     """hᵀq̇, gᵀq̇, (2,)."""
     joint_torque: np.ndarray
     """Torques τ of the motors, if joints are not ideal, N·m, (arms, 3)."""
-    joint_asked: np.ndarray
+    joint_command: np.ndarray
     """Torques that the controller asks of the motors, N·m, (arms, 3)."""
-    joint_wanted: np.ndarray
+    joint_feasible: np.ndarray
     """The same, clipped to what they can give at their speed, N·m, (arms, 3)."""
     joint_friction: np.ndarray
     """Friction τ_f of the joints, N·m, (arms, 3)."""
@@ -273,7 +273,7 @@ def make_workspace(
         truth=truth,
         measured=measured,
         arm=terms(truth),
-        seen=terms(measured),
+        measured_arm=terms(measured),
         u=truth.view(np.ndarray)["u"][0, :arm_count],
         u_before=np.zeros((arm_count, 3)),
         hand=np.zeros((arm_count, 3)),
@@ -293,8 +293,8 @@ def make_workspace(
         w_bar=np.zeros(1),
         beam_rate=np.zeros(2),
         joint_torque=np.zeros((arm_count, 3)),
-        joint_asked=np.zeros((arm_count, 3)),
-        joint_wanted=np.zeros((arm_count, 3)),
+        joint_command=np.zeros((arm_count, 3)),
+        joint_feasible=np.zeros((arm_count, 3)),
         joint_friction=np.zeros((arm_count, 3)),
         joint_rate=np.zeros(own_size),
         mass_factor=np.full(2, np.nan),

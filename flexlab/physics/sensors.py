@@ -83,11 +83,11 @@ def read_encoders(joints, grips, arms, period, states, ws, now):
     if joints is None:
         return
     if joints.reading >= 0:
-        told, before = ws.momentum, states[joints.reading : joints.reading + 3]
-        pose_of_counts(joints.count, grips, arms, now.x, ws, told)
+        reading, before = ws.momentum, states[joints.reading : joints.reading + 3]
+        pose_of_counts(joints.count, grips, arms, now.x, ws, reading)
         for a in range(3):
-            now.x[a], now.v[a] = told[a], (told[a] - before[a]) / period
-            before[a] = told[a]
+            now.x[a], now.v[a] = reading[a], (reading[a] - before[a]) / period
+            before[a] = reading[a]
 
 
 @compiled
@@ -126,10 +126,10 @@ def _go_back(grips, plant, period, y, ws, before):
 
 
 @compiled
-def told_pose(plant, pose, ws, told):
-    """Fill told (3,) with the encoders' reading at a pose (3,) that the arms can take; returns a fault code."""
+def encoder_pose(plant, pose, ws, reading):
+    """Fill reading (3,) with the encoders' reading at a pose (3,) that the arms can take; returns a fault code."""
     code = configure_arms(plant, pose, ws.arm, ws.fault)
     if code == 0:
         place_rigidly(plant.grips, pose, ws)
-        pose_of_counts(plant.joints.count, plant.grips, plant.arms, pose, ws, told)
+        pose_of_counts(plant.joints.count, plant.grips, plant.arms, pose, ws, reading)
     return code

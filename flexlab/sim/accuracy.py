@@ -246,7 +246,7 @@ def _tick_errors(
     if difference > 0:
         weights = mode_forces(assembly, y - y_again)
         # Overdamped modes do not ring: only what the sample shows of them counts.
-        ringing[:] = np.where(rings(assembly), weights, 0.0)
+        ringing[:] = np.where(oscillates(assembly), weights, 0.0)
         # The force's difference is shared among the modes by the weights of their amplitudes' differences.
         force[:] = difference / (float(weights.sum()) or 1.0) * weights
     return errors
@@ -266,7 +266,7 @@ def mode_forces(assembly: Assembly, difference: np.ndarray) -> np.ndarray:
     return RINGING_SHARE * omega * _length(modal[H], modal[G]) * amplitude
 
 
-def rings(assembly: Assembly) -> np.ndarray:
+def oscillates(assembly: Assembly) -> np.ndarray:
     """Which modes oscillate, (n_m,): the others are overdamped."""
     modes = assembly.beam.modes
     return modes.D.diagonal() < 2 * modes.omega

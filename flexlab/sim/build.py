@@ -10,7 +10,7 @@ from flexlab.control.law import BOUND_ESTIMATES, law_of
 from flexlab.control.law_kernels import BelievedPayload, Control
 from flexlab.control.observers.believed_plant import arm_records
 from flexlab.numerics.linear_algebra import product, solve
-from flexlab.physics.axial_load import buckling_load, felt, followed_loads, geometric_matrices, in_felt_modes
+from flexlab.physics.axial_load import axial_modes, buckling_load, followed_loads, geometric_matrices, in_axial_modes
 from flexlab.physics.beam import (
     BeamMatrices,
     BeamModes,
@@ -64,8 +64,8 @@ def _axial(payload: Payload, modes: BeamModes) -> np.ndarray:
     if payload.axial_load == "none":
         return np.zeros((4, 0, 0))
     matrices = geometric_matrices(payload.length, payload.linear_density, payload.element_count, payload.boundary)
-    felt_by = [in_felt_modes(G, modes.omega, modes.V) for G in matrices]
-    return np.stack([*felt_by, np.zeros_like(felt_by[0])])
+    in_modes = [in_axial_modes(G, modes.omega, modes.V) for G in matrices]
+    return np.stack([*in_modes, np.zeros_like(in_modes[0])])
 
 
 def _matrices(payload: Payload, length: float = 1, density: float = 1) -> BeamMatrices:
@@ -94,7 +94,7 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
     loosest = middle if len(scenario.arms) == 2 else payload_row(payload, payload.length / 2)
     shapes = product(np.stack([middle, loosest]), modes.V)
     damped, stiffness = product(modes.D, loads), modes.omega * modes.omega
-    axial = (felt(modes.omega), *followed_loads(modes.omega, modes.D, loads))
+    axial = (axial_modes(modes.omega), *followed_loads(modes.omega, modes.D, loads))
     further = (stiffness, *shapes, np.zeros_like(stiffness), *axial)
     return Plant(
         arms=arm_records(scenario.arms, payload.length) if arms is None else arms,

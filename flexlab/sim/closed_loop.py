@@ -11,7 +11,7 @@ from flexlab.control.motion import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
 from flexlab.physics.axial_load import find_axial_load, has_axial_load
 from flexlab.physics.dynamics import find_velocities, momentum_rates
-from flexlab.physics.grips import find_grip_forces, own_rate, own_trig, pass_on, see_rigidly
+from flexlab.physics.grips import find_grip_forces, find_measured_arms, own_rate, own_trig, pass_on
 from flexlab.physics.joints import compensate_friction, joint_parts, turn_joints
 from flexlab.physics.mass_change import believed_mass, find_mass
 from flexlab.physics.plant import (
@@ -122,12 +122,12 @@ def limit_torques(limit, tau):
 @inlined
 def find_inputs(system, t, y, ws):
     """Fill C̄_i, the desired motion, u and the rates of controller and joints, after `find_velocities`."""
-    find_asked_inputs(system, t, y, ws)
+    find_commanded_inputs(system, t, y, ws)
     turn_joints(system.plant.joints, system.plant.grips, system.plant.arms, y[joints_start(system.plant) :], ws)
 
 
 @inlined
-def find_asked_inputs(system, t, y, ws):
+def find_commanded_inputs(system, t, y, ws):
     """As `find_inputs`, but with the inputs that are asked of the motors."""
     plant, control = system.plant, system.control
     for i in range(len(plant.arms)):
@@ -143,22 +143,22 @@ def find_asked_inputs(system, t, y, ws):
         for a in range(control.memory_size):
             ws.memory_rate[a] = 0.0
         return
-    _ask(plant.grips, system, t, y, ws)
+    _run_law(plant.grips, system, t, y, ws)
 
 
 @inlined
-def _ask(grips, system, t, y, ws):
+def _run_law(grips, system, t, y, ws):
     """Let the law fill u. It takes compliant grips to be rigid."""
     if grips is None:
-        _ask_at(system, t, y, y[0:3], ws.velocity, ws.truth[0], ws.arm, ws.u, ws)
+        _run_law_at(system, t, y, y[0:3], ws.velocity, ws.truth[0], ws.arm, ws.u, ws)
     else:
-        told = ws.grips.told
-        _ask_at(system, t, y, told[0], told[1], ws.measured[0], ws.seen, ws.grips.asked, ws)
+        measured = ws.grips.measured
+        _run_law_at(system, t, y, measured[0], measured[1], ws.measured[0], ws.measured_arm, ws.grips.command, ws)
         pass_on(system.plant.arms, ws)
 
 
 @inlined
-def _ask_at(system, t, y, x, v, now, terms, u, ws):
+def _run_law_at(system, t, y, x, v, now, terms, u, ws):
     """Fill u (arms, 3), a view of the law's record `now`, and the controller's rates, for the pose x and its rate v.
 
     `terms`: the arm terms of `now`.
@@ -182,12 +182,12 @@ def _ask_at(system, t, y, x, v, now, terms, u, ws):
 
 @inlined
 def _see(grips, system, ws):
-    """Fill ws.seen for a continuous law, which takes compliant grips to be rigid. Returns a fault code."""
+    """Fill ws.measured_arm for a continuous law, which takes compliant grips to be rigid. Returns a fault code."""
     if grips is None:
         return 0
     if system.control.sampled:
         return 0
-    return see_rigidly(system.plant, ws)
+    return find_measured_arms(system.plant, ws)
 
 
 @inlined

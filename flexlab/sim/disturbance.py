@@ -7,9 +7,9 @@ import numpy as np
 from flexlab.errors import ScenarioError
 from flexlab.numerics.elementary import sin_cos
 from flexlab.numerics.linear_algebra import product
-from flexlab.physics.axial_load import HAND, in_felt_modes, part_beyond
+from flexlab.physics.axial_load import HAND, in_axial_modes, part_beyond
 from flexlab.physics.dynamics import velocities_at
-from flexlab.physics.plant import ETA, FELT, NO_HAND, ON_BEAM, PULL, Hand, P, Plant, Workspace, forget_rates
+from flexlab.physics.plant import AXIAL, ETA, NO_HAND, ON_BEAM, PULL, Hand, P, Plant, Workspace, forget_rates
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam, payload_row
 from flexlab.sim.commands import Pull, Tap
@@ -95,7 +95,7 @@ def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:
 def beyond(payload: Payload, beam: Beam, s: float) -> np.ndarray:
     """VᵀG_F V for a hand at s, m, as in `Plant.axial`."""
     whole = part_beyond(payload.length, payload.element_count, payload.boundary, s)
-    return in_felt_modes(whole, beam.modes.omega, beam.modes.V)
+    return in_axial_modes(whole, beam.modes.omega, beam.modes.V)
 
 
 def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap, factor: float = 1.0) -> None:
@@ -146,5 +146,5 @@ def apply_axial_impulse(
         left = c * by_arm[0] + s * by_arm[1] if plant.grips is None else 0.0
     G0, G1, _, _ = plant.axial
     impulse = left * G0 + factor * along * G1 - tapped * beyond(payload, beam, command.beam_position)
-    feels = plant.modal[FELT] > 0
+    feels = plant.modal[AXIAL] > 0
     y[ETA + n : ETA + 2 * n][feels] -= product(impulse, y[ETA : ETA + n][feels]) / factor

@@ -163,12 +163,22 @@ def answer(system, sampling, t, y, ws):
     plant, control, now = system.plant, system.control, ws.measured[0]
     x, v = now.x, now.v
     note_torques(sampling, len(plant.arms), now)
-    code = configure_arms(plant, x, ws.seen, ws.fault)
+    code = configure_arms(plant, x, ws.measured_arm, ws.fault)
     if code != 0:
         return code
-    c, s = ws.seen.trig[0], ws.seen.trig[1]
+    c, s = ws.measured_arm.trig[0], ws.measured_arm.trig[1]
     for i in range(len(plant.arms)):
-        arm_velocity_terms(plant.arms[i], c, s, v[0], v[1], v[2], ws.seen.J[i], ws.seen.direction[i], ws.seen.C[i])
+        arm_velocity_terms(
+            plant.arms[i],
+            c,
+            s,
+            v[0],
+            v[1],
+            v[2],
+            ws.measured_arm.J[i],
+            ws.measured_arm.direction[i],
+            ws.measured_arm.C[i],
+        )
     desired_motion(system.trajectory, t, ws.desired)
     ws.desired_time[0] = t
     desired_motion(system.trajectory, t + sampling.delay * sampling.period, now.coming)
@@ -179,11 +189,11 @@ def answer(system, sampling, t, y, ws):
     control_law(control, plant.gravity, mass, x, v, now.beam_rate, ws.desired, now, memory, ws.memory_rate, y[end:])
     if system.trajectory.bending != 0:
         feed_forward_bending(system.trajectory.bending, now)
-    compensate_friction(plant.joints, plant.arms, ws.seen, v[0], v[1], v[2], now.u, ws.tau)
+    compensate_friction(plant.joints, plant.arms, ws.measured_arm, v[0], v[1], v[2], now.u, ws.tau)
     for a in range(control.memory_size):
         memory[a] += sampling.period * ws.memory_rate[a]
     for i in range(len(plant.arms)):
-        joint_torques(plant.arms[i], c, s, ws.seen.direction[i], now.u[i], ws.tau)
+        joint_torques(plant.arms[i], c, s, ws.measured_arm.direction[i], now.u[i], ws.tau)
         limit_torques(control.torque_limit, ws.tau)
         for joint in range(3):
             for place in range(sampling.delay):
@@ -199,7 +209,7 @@ def _measure(grips, plant, sampling, instant, y, ws, now):
     if grips is None:
         measure_pose(plant, sampling, instant, y, ws.velocity, y, ws, now)
     else:
-        measure_pose(plant, sampling, instant, ws.grips.told[0], ws.grips.told[1], y, ws, now)
+        measure_pose(plant, sampling, instant, ws.grips.measured[0], ws.grips.measured[1], y, ws, now)
 
 
 @pluggable

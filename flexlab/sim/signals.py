@@ -336,11 +336,11 @@ def _write_joints(joints, states, ws, row):
     if joints is None:
         return 0
     count, taken = ws.joint_friction.size, 0
-    if joints.drives:
+    if joints.has_motors:
         taken = count
         for k in range(count):
-            row[len(row) - taken + k] = ws.joint_asked[k // 3, k % 3]
-    if joints.rubs:
+            row[len(row) - taken + k] = ws.joint_command[k // 3, k % 3]
+    if joints.has_friction:
         taken += count + 1
         first = len(row) - taken
         for k in range(count):

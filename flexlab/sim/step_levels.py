@@ -12,7 +12,7 @@ from flexlab.compiled import inlined
 from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.numerics.matrix_functions import Functions
 from flexlab.physics.grips import whole_inertia
-from flexlab.physics.joints import asked_torques, drives, near_possible
+from flexlab.physics.joints import commanded_torques, has_motors, near_possible
 from flexlab.physics.plant import ETA
 from flexlab.sim.build import Beam
 from flexlab.sim.closed_loop import law_places
@@ -56,7 +56,7 @@ def near_limit(system, ws):
     """Whether a joint torque is at its limit or near it, after `find_state`."""
     plant, found = system.plant, False
     for i in range(len(plant.arms)):
-        asked_torques(plant.joints, plant.grips, plant.arms[i], i, ws, ws.tau)
+        commanded_torques(plant.joints, plant.grips, plant.arms[i], i, ws, ws.tau)
         for joint in range(3):
             if abs(ws.tau[joint]) > NEAR_LIMIT * system.control.torque_limit[joint]:
                 found = True
@@ -88,7 +88,7 @@ def wanted_level(system, watch, y, ws):
             step = watch.step
             while level < watch.most and step > longest:
                 step, level = 0.5 * step, level + 1
-        limited = system.control.limited or drives(system.plant.joints)
+        limited = system.control.limited or has_motors(system.plant.joints)
         if limited and not system.control.sampled and near_limit(system, ws):
             step = watch.step
             for _ in range(level):

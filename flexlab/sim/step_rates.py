@@ -112,7 +112,7 @@ def joint_rate(system: System, desired: np.ndarray) -> float:
 
 def motor_rate(system: System) -> float:
     """Rate at which motors follow what they are asked for, 1/s; 0: they follow at once."""
-    return 0.0 if system.plant.joints is None else system.plant.joints.hurry
+    return 0.0 if system.plant.joints is None else system.plant.joints.lag_rate
 
 
 @inlined

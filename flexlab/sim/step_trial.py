@@ -202,7 +202,7 @@ def _excess(assembly: Assembly, coarse: Trial, fine: Trial) -> float:
     force = float(np.abs(forces - finer_forces).max())
     poses = np.abs(coarse.rows[:, POSE] - fine.rows[:, POSE])
     pose = max(float(poses.max()), float((poses[-1] + np.abs(_rate_error(assembly, coarse, fine)) / RATE_DECAY).max()))
-    ringing = np.where(accuracy.rings(assembly), accuracy.mode_forces(assembly, coarse.y - fine.y), 0.0)
+    ringing = np.where(accuracy.oscillates(assembly), accuracy.mode_forces(assembly, coarse.y - fine.y), 0.0)
     # A mode that rings on accumulates as much in each such span.
     decay = np.maximum(ring_decay(assembly.beam), 1e-6 / HORIZON)
     faded, faded_here = (1 - exponentials(-decay * span) for span in (HORIZON, len(coarse.rows) * assembly.tick_period))

@@ -10,7 +10,7 @@ from flexlab.control.path import build_motion
 from flexlab.own.link import address_in
 from flexlab.physics.arm import SINGULAR, SINGULAR_SINE, UNREACHABLE
 from flexlab.physics.grips import arm_poses
-from flexlab.physics.sensors import told_pose
+from flexlab.physics.sensors import encoder_pose
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import BENT
 from flexlab.sim.assembly import Assembly
@@ -98,14 +98,14 @@ def measurement_fault(assembly: Assembly, pose: np.ndarray, pose_rate: np.ndarra
     scenario, sampling, encoders = assembly.scenario, assembly.sampling, assembly.scenario.joints.encoders
     if not (sampling.noise[:3].any() or encoders.active):
         return ""
-    plant, ws, told = assembly.system.plant, scratch_workspace(assembly.system), np.zeros(3)
+    plant, ws, reading = assembly.system.plant, scratch_workspace(assembly.system), np.zeros(3)
     first = math.floor(time / sampling.period + 1e-9) + 1
     for instant in range(first, math.floor((time + assembly.tick_period) / sampling.period + 1e-9) + 1):
         now = instant * sampling.period
         true = pose + (now - time) * pose_rate
         with np.errstate(over="ignore"):  # its counters wrap around
             noise = [sampling.noise[a] * gaussian(sampling.seed, instant, a) for a in range(3)]
-        measured = told if encoders.active and told_pose(plant, true, ws, told) == 0 else true
+        measured = reading if encoders.active and encoder_pose(plant, true, ws, reading) == 0 else true
         fault = pose_fault(scenario, measured + noise, now, "the measured pose")
         if fault is not None and pose_fault(scenario, true, now, "the pose") is None:
             return fault.text.partition(": its wrist")[0]

@@ -248,8 +248,8 @@ arm whose encoders are read: physics/sensors.py
     arm.l2 * s2 - arm.reach
     arm.l2 * s2 + arm.reach
 time constant of a motor: physics/joints.py
-    hurry=1 / motor.time_constant
-    hurry=1.1 / motor.time_constant
+    lag_rate=1 / motor.time_constant
+    lag_rate=1.1 / motor.time_constant
 torque that falls with speed: physics/joints.py
     max(min(torque, numbers[STALL, joint] - fall)
     max(min(torque, numbers[STALL, joint] + fall)
